@@ -1,0 +1,142 @@
+//! The arm: a serial chain of revolute and prismatic joints.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{Body, Frame, numbers};
+
+/// A serial arm on the vehicle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Arm {
+    /// Name, for people.
+    pub name: String,
+    /// How the arm's base is loaded onto the vehicle.
+    #[serde(default)]
+    pub mount: Mount,
+    /// The arm's base, if it has mass of its own; its frame is the mount frame (moved by `mount.joint`, if any).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub base: Option<Body>,
+    /// Links from the base outward, 0 to 8.
+    #[serde(default)]
+    pub links: Vec<Link>,
+    /// End-effector frame in the last link's frame.
+    #[serde(default)]
+    pub end_effector: Frame,
+}
+
+/// Fixed loading (no joint, `[HC eq. 32-34]`) or joint loading through q0 with torque tau0 (`[HC eq. 29-31]`).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mount {
+    /// Mount frame in the vehicle frame.
+    #[serde(default)]
+    pub frame: Frame,
+    /// Joint q0 between vehicle and arm base; its own `frame` is relative to the mount frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub joint: Option<Joint>,
+}
+
+/// One link and the joint that carries it. The link frame sits at the joint and moves with the link.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Link {
+    /// Name, for people and for provenance keys.
+    pub name: String,
+    /// The joint between the parent link and this one.
+    pub joint: Joint,
+    /// Rigid body and hydrodynamics in the link frame.
+    pub body: Body,
+}
+
+/// Kind of joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum JointKind {
+    /// Turns about its axis; q in rad, torque in N m.
+    Revolute,
+    /// Slides along its axis; q in m, "torque" in N.
+    Prismatic,
+}
+
+/// A one-degree-of-freedom joint. Positive torque acts along +q.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Joint {
+    /// Revolute or prismatic.
+    pub kind: JointKind,
+    /// Link frame in the parent frame at q = 0.
+    #[serde(default)]
+    pub frame: Frame,
+    /// Axis in the link frame; normalised on reading.
+    #[serde(with = "numbers::vector3")]
+    pub axis: Vector3<f64>,
+    /// Friction.
+    #[serde(default)]
+    pub friction: Friction,
+    /// Compliant end stops.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits: Option<JointLimits>,
+    /// Greatest actuator torque, N m or N. Unlimited when absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub effort: Option<f64>,
+    /// Greatest speed that references ask for, rad/s or m/s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub speed: Option<f64>,
+    /// Joint servo (the paper's PD on the joints).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub servo: Option<JointServo>,
+    /// Joint coordinate at the start of a run, rad or m.
+    #[serde(default)]
+    pub home: f64,
+}
+
+/// Joint friction `-(viscous qd + coulomb qd / sqrt(qd^2 + coulomb_speed^2))`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Friction {
+    /// N m s/rad or N s/m.
+    #[serde(default)]
+    pub viscous: f64,
+    /// N m or N.
+    #[serde(default)]
+    pub coulomb: f64,
+    /// Speed over which Coulomb friction is smoothed, rad/s or m/s.
+    #[serde(default = "default_coulomb_speed")]
+    pub coulomb_speed: f64,
+}
+
+fn default_coulomb_speed() -> f64 {
+    0.01
+}
+
+impl Default for Friction {
+    fn default() -> Self {
+        Self { viscous: 0.0, coulomb: 0.0, coulomb_speed: default_coulomb_speed() }
+    }
+}
+
+/// End stops: beyond a limit by `p` the joint feels `-(stiffness p + damping |p| qd)`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointLimits {
+    /// Lower limit, rad or m.
+    pub lower: f64,
+    /// Upper limit, rad or m.
+    pub upper: f64,
+    /// N m/rad or N/m.
+    pub stiffness: f64,
+    /// N m s/rad2 or N s/m2.
+    #[serde(default)]
+    pub damping: f64,
+}
+
+/// Joint servo `tau = kp (q_d - q) + kd (qd_d - qd)`, within the joint's effort.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointServo {
+    /// N m/rad or N/m.
+    pub kp: f64,
+    /// N m s/rad or N s/m.
+    pub kd: f64,
+}

@@ -1,0 +1,20 @@
+//! Scenes as plain data: what a user writes, in SI units, before anything is computed from it.
+//!
+//! Axes are REP-103: body x forward, y left, z up; world z up. Every 6-vector and 6x6 matrix is ordered
+//! `[linear; angular]`.
+
+mod arm;
+mod body;
+
+mod numbers;
+mod provenance;
+
+mod scene;
+
+mod vehicle;
+
+pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount};
+pub use body::{Body, Damping, Frame, InertiaPoint};
+pub use provenance::{Origin, Provenance};
+pub use scene::{Payload, Scene, Water};
+pub use vehicle::{Thruster, Vehicle, VehicleServo};

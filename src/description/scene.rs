@@ -1,0 +1,55 @@
+//! A scene: water, vehicle, arm and payload.
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::{Arm, Body, Frame, Provenance, Vehicle, numbers};
+
+/// Everything that is simulated together.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Name: of a shipped scene, or the user's own.
+    pub name: String,
+    /// One paragraph for people: what it is and how far its numbers can be trusted.
+    #[serde(default)]
+    pub summary: String,
+    /// The water.
+    pub water: Water,
+    /// The vehicle.
+    pub vehicle: Vehicle,
+    /// The arm, if any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arm: Option<Arm>,
+    /// A body held by the end effector (by the vehicle if there is no arm), by fixed loading.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub payload: Option<Payload>,
+    /// Where each number comes from.
+    #[serde(default)]
+    pub provenance: Provenance,
+}
+
+/// The water, which fills the world.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Water {
+    /// Density, kg/m3; 0 is a vacuum.
+    pub density: f64,
+    /// Gravity in world axes, m/s2.
+    #[serde(with = "numbers::vector3")]
+    pub gravity: Vector3<f64>,
+    /// Uniform current in world axes, m/s.
+    #[serde(default, with = "numbers::vector3")]
+    pub current: Vector3<f64>,
+}
+
+/// A body carried at the end effector.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Payload {
+    /// Payload frame in the end-effector frame.
+    #[serde(default)]
+    pub frame: Frame,
+    /// Rigid body and hydrodynamics in the payload frame.
+    pub body: Body,
+}

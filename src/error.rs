@@ -1,0 +1,1 @@
+//! Errors, one enum per boundary.

@@ -1,0 +1,22 @@
+//! Underwater vehicle-manipulator systems on SE(3).
+//!
+//! Layers, each of which imports only those above it:
+//!
+//! ```text
+//! lane          numbers, one or many at a time
+//! lie           SO(3), SE(3), dexp
+//! spatial       twists, wrenches, inertia
+//! hydro         drag, restoring
+//! description   scenes as plain data
+//! system        compile(description), state
+//! balance       the principle of dynamical balance: closed form, articulated bodies, ledger
+//! integrate     Munthe-Kaas methods and their rivals
+//! control       thruster allocation, PD
+//! scene         tasks: sampling, observation, reward
+//! batch         blocks of lanes, threads
+//! python        the Python module
+//! ```
+
+pub mod description;
+pub mod error;
+pub mod system;

@@ -1,0 +1,5 @@
+//! A scene compiled for computation, and its state.
+
+mod state;
+
+pub use state::{JOINTS, Joints, State};

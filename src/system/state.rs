@@ -1,0 +1,40 @@
+//! State of one instance.
+
+use nalgebra::{Matrix3, Vector3, Vector6};
+
+/// Greatest number of joints: q0 of joint loading and the eight of an arm.
+pub const JOINTS: usize = 9;
+
+/// One number per joint; entries past the scene's joint count are 0.
+pub type Joints = [f64; JOINTS];
+
+/// State of one instance: `(T, V, q, q')` and the time. `[HC eq. 17]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Vehicle origin in the world, m.
+    pub position: Vector3<f64>,
+    /// Body to world rotation.
+    pub rotation: Matrix3<f64>,
+    /// Absolute body twist `[v; omega]` at the vehicle frame, m/s and rad/s.
+    pub twist: Vector6<f64>,
+    /// Joint coordinates (q0 first where there is joint loading), rad or m.
+    pub q: Joints,
+    /// Joint rates, rad/s or m/s.
+    pub qd: Joints,
+    /// Time since the start, s.
+    pub time: f64,
+}
+
+impl Default for State {
+    /// At the origin, level, at rest, joints at 0.
+    fn default() -> Self {
+        Self {
+            position: Vector3::zeros(),
+            rotation: Matrix3::identity(),
+            twist: Vector6::zeros(),
+            q: [0.0; JOINTS],
+            qd: [0.0; JOINTS],
+            time: 0.0,
+        }
+    }
+}
