@@ -18,6 +18,7 @@
 //! ```
 
 pub mod balance;
+pub mod batch;
 pub mod description;
 pub mod error;
 pub mod hydro;

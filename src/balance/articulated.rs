@@ -12,17 +12,15 @@
 //! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 
-use super::passive::joint_torque;
+use super::joint_torque::joint_torque;
 use crate::lane::{Lane, Param, sin_cos};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::spatial::{Axis, SpatialInertia, screw_x, screw_z};
 use crate::system::{BodyTerms, JOINTS, JointTerms, Stand, System};
 
-/// Forces that act besides those of the system itself; held over a control period.
+/// Forces at the joints and on the links besides those of the system itself; held over a control period.
 #[derive(Debug, Clone, Copy)]
 pub struct Loads<L> {
-    /// Wrench on the vehicle, body frame at its origin: thrusters and the rest.
-    pub vehicle: Vector6<L>,
     /// Actuator torques.
     pub torque: [L; JOINTS],
     /// Whether the joint servos are on.
@@ -40,7 +38,6 @@ impl<L: Lane> Loads<L> {
     #[inline(always)]
     pub fn none() -> Self {
         Self {
-            vehicle: Vector6::zero(),
             torque: [L::zero(); JOINTS],
             servo: false,
             target: [[L::zero(); 4]; JOINTS],
@@ -101,7 +98,7 @@ impl<L: Lane> Default for Scratch<L> {
     }
 }
 
-/// `[V'; q'']`, V relative to the water.
+/// `[V'; q'']`.
 #[derive(Debug, Clone, Copy)]
 pub struct Accelerations<L> {
     /// Rate of the vehicle's body twist.
@@ -184,21 +181,33 @@ fn body_bias<L: Lane, P: Param<L>>(
     bias
 }
 
-/// Accelerations of one instance (per lane). `gravity` is in vehicle axes, `twist` relative to the water, `time` that
-/// of the servo targets.
+/// One instance (per lane) at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Instant<'a, L> {
+    /// Gravity in vehicle axes.
+    pub gravity: Vector3<L>,
+    /// Vehicle twist relative to the water.
+    pub twist: Vector6<L>,
+    /// Joint coordinates.
+    pub q: &'a [L; JOINTS],
+    /// Joint rates.
+    pub qd: &'a [L; JOINTS],
+    /// Wrench on the vehicle, body frame at its origin.
+    pub wrench: Vector6<L>,
+    /// Time on the clock of the servo targets.
+    pub time: L,
+}
+
+/// Accelerations `[V'; q'']`, V relative to the water.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
 pub fn accelerations<L: Lane, P: Param<L>>(
     system: &System<P>,
-    gravity: Vector3<L>,
-    twist: Vector6<L>,
-    q: &[L; JOINTS],
-    qd: &[L; JOINTS],
+    at: &Instant<L>,
     loads: &Loads<L>,
-    time: L,
     scratch: &mut Scratch<L>,
     out: &mut Accelerations<L>,
 ) {
+    let Instant { gravity, twist, q, qd, wrench, time } = *at;
     let joints = system.joints.as_slice();
     let links = &mut scratch.0[..joints.len()];
 
@@ -260,7 +269,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
             inertia = own.plus(carried);
             bias = bias + *wrench;
         }
-        out.twist = inertia.solve(bias.scale_add(L::c(-1.0), loads.vehicle));
+        out.twist = inertia.solve(bias.scale_add(L::c(-1.0), wrench));
     }
 
     let mut parent = out.twist;

@@ -1,6 +1,4 @@
 //! The principle of dynamical balance.
 
-mod articulated;
-mod passive;
-
-pub use articulated::{Accelerations, Loads, Scratch, accelerations};
+pub mod articulated;
+mod joint_torque;

@@ -1,0 +1,1 @@
+//! The batched simulator without any task.
