@@ -17,6 +17,7 @@
 //! python        the Python module
 //! ```
 
+pub mod balance;
 pub mod description;
 pub mod error;
 pub mod system;
