@@ -30,12 +30,7 @@ impl DenseBody {
         let hydrodynamic = Pose::from_frame(&body.hydrodynamic_frame);
         let to_hydrodynamic = hydrodynamic.adjoint_inverse();
         Self {
-            rigid: blocks(
-                Matrix3::identity() * m,
-                c * -m,
-                c * m,
-                inertia_about_com(body) - c * c * m,
-            ),
+            rigid: blocks(Matrix3::identity() * m, c * -m, c * m, inertia_about_com(body) - c * c * m),
             added: to_hydrodynamic.tr_mul(&body.added_mass) * to_hydrodynamic,
             mass: m,
             center_of_mass: body.center_of_mass,
@@ -74,9 +69,7 @@ impl DenseBody {
     pub fn bias(&self, twist: &Vector6<f64>, water: &Vector3<f64>) -> Vector6<f64> {
         let relative = relative_twist(twist, water);
         let turning = stack(&angular(twist).cross(water), &Vector3::zeros());
-        self.added * turning
-            - ad(twist).tr_mul(&(self.rigid * twist))
-            - ad(&relative).tr_mul(&(self.added * relative))
+        self.added * turning - ad(twist).tr_mul(&(self.rigid * twist)) - ad(&relative).tr_mul(&(self.added * relative))
     }
 
     /// Drag `-(D_L V_r + D_Q (V_r * |V_r|))` of the twist through the water, a wrench at the body frame. `[HC eq. 22]`
