@@ -59,7 +59,7 @@ impl Balance {
             }
         };
         if system.joints() > JOINTS {
-            return Err(BalanceError::Joints { joints: system.joints() });
+            return Err(BalanceError::Joints { joints: system.joints(), max: JOINTS });
         }
         Ok(Self {
             system,

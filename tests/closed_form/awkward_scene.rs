@@ -162,20 +162,15 @@ pub fn for_joints(scene: &mut Scene, change: impl Fn(&mut Joint)) {
 
 /// A state in full motion, some joints beyond their limits.
 pub fn state(scene: &Scene, seed: f64) -> State {
-    let joints = joints(scene);
     let mut state = State {
         position: 2.0 * vector(seed),
         rotation: Rotation3::new(1.4 * vector(seed + 0.3)).into_inner(),
         twist: vector6(seed + 0.6),
         ..State::default()
     };
-    for i in 0..joints {
+    for i in 0..scene.joints().count() {
         state.q[i] = number(seed + 0.1, i);
         state.qd[i] = number(seed + 0.2, i);
     }
     state
-}
-
-pub fn joints(scene: &Scene) -> usize {
-    scene.arm.as_ref().map_or(0, |arm| arm.links.len() + usize::from(arm.mount.joint.is_some()))
 }

@@ -8,9 +8,7 @@ use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Joint, JointKind
 use uvms_gym::error::BalanceError;
 use uvms_gym::system::State;
 
-use crate::awkward_scene::{
-    self, LOADINGS, Loading, body, current, for_joints, frame, joint, scene, state, vector, vector6,
-};
+use crate::awkward_scene::{LOADINGS, Loading, body, current, for_joints, frame, joint, scene, state, vector, vector6};
 use crate::motion::advance;
 
 fn relative(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
@@ -167,7 +165,7 @@ fn composing_is_associative() {
         let halves = joined(half, 2, 1, other);
 
         let state = state(&scene, 1.0);
-        let n = awkward_scene::joints(&scene);
+        let n = scene.joints().count();
         let balance = Balance::new(&scene).unwrap();
         let evaluate = |system: &Composite| {
             assert_eq!((system.bodies(), system.joints()), (6, n));
@@ -202,7 +200,7 @@ fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
     let scene = scene(Loading::Fixed);
     let balance = Balance::new(&scene).unwrap();
     let form = balance.at(&state(&scene, 0.0), Vector3::zeros());
-    let n = awkward_scene::joints(&scene);
+    let n = scene.joints().count();
     assert_eq!(form.wrench_influence().shape(), (6 + n, 6 * (n + 1)));
     assert_eq!(form.torque_influence().shape(), (6 + n, n));
     assert_eq!(form.body_poses().len(), n + 1);
@@ -267,7 +265,7 @@ fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
         let scene = scene(loading);
         let balance = Balance::new(&scene).unwrap();
         let at = state(&scene, 5.0);
-        let n = awkward_scene::joints(&scene);
+        let n = scene.joints().count();
         let acceleration = DVector::from_fn(6 + n, |i, _| (i as f64).cos());
         let h = 1e-5;
         let (before, after) = (advance(&at, &acceleration, -h), advance(&at, &acceleration, h));
@@ -370,7 +368,7 @@ fn bad_input_is_refused_with_its_numbers() {
 
     let link = bad.arm.as_ref().unwrap().links[0].clone();
     bad.arm.as_mut().unwrap().links = vec![link; 9];
-    assert_eq!(Balance::new(&bad).unwrap_err(), BalanceError::Joints { joints: 10 });
+    assert_eq!(Balance::new(&bad).unwrap_err(), BalanceError::Joints { joints: 10, max: 9 });
 }
 
 #[test]

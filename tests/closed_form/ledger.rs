@@ -5,7 +5,7 @@ use uvms_gym::balance::{Balance, Loads, seen_from_water};
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
-use crate::awkward_scene::{LOADINGS, current, dry, for_joints, joints, lossless, scene, state, vector6};
+use crate::awkward_scene::{LOADINGS, current, dry, for_joints, lossless, scene, state, vector6};
 use crate::motion::advance;
 
 const H: f64 = 1e-5;
@@ -23,7 +23,7 @@ fn rate<const N: usize>(
 
 /// Everything pushes at once.
 fn external(scene: &Scene) -> Vec<Vector6<f64>> {
-    (0..=joints(scene)).map(|i| 10.0 * vector6(0.3 + i as f64)).collect()
+    (0..=scene.joints().count()).map(|i| 10.0 * vector6(0.3 + i as f64)).collect()
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn energy_changes_by_the_powers_put_in() {
             if held {
                 state.twist = Vector6::zeros();
             }
-            let command: Vec<f64> = (0..joints(&scene)).map(|i| 4.0 - 3.0 * i as f64).collect();
+            let command: Vec<f64> = (0..scene.joints().count()).map(|i| 4.0 - 3.0 * i as f64).collect();
             let external = external(&scene);
             let loads = Loads { thrust: &[15.0, -8.0], external: &external, joint_command: &command };
             let form = balance.at(&state, Vector3::zeros());
@@ -78,7 +78,7 @@ fn kinetic_energy_is_half_the_mass_matrix_form() {
     let scene = scene(LOADINGS[1]);
     let balance = Balance::new(&scene).unwrap();
     let state = state(&scene, 4.5);
-    let n = joints(&scene);
+    let n = scene.joints().count();
     let form = balance.at(&state, Vector3::zeros());
     let nu = DVector::from_iterator(6 + n, state.twist.iter().chain(&state.qd[..n]).copied());
     let energy = form.energy();
@@ -110,7 +110,7 @@ fn conserves(
 ) {
     let balance = Balance::new(scene).unwrap();
     let state = state(scene, 5.5);
-    let command: Vec<f64> = (0..joints(scene)).map(|i| 6.0 - 5.0 * i as f64).collect();
+    let command: Vec<f64> = (0..scene.joints().count()).map(|i| 6.0 - 5.0 * i as f64).collect();
     let form = balance.at(&state, Vector3::zeros());
     let accelerations = form.accelerations(&Loads { joint_command: &command, ..Loads::default() }).unwrap();
     let drift = rate(&balance, &state, &accelerations, &momentum);

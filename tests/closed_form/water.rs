@@ -143,7 +143,7 @@ fn system_in_a_current_is_the_one_in_still_water_seen_from_the_moving_frame() {
         let scene = scene(loading);
         let state = state(&scene, 1.5);
         let balance = Balance::new(&scene).unwrap();
-        let n = crate::awkward_scene::joints(&scene);
+        let n = scene.joints().count();
         let external: Vec<_> = (0..=n).map(|i| 4.0 * vector6(i as f64)).collect();
         let loads = Loads { thrust: &[9.0, -4.0], external: &external, ..Loads::default() };
         let flowing = balance.at(&state, current()).accelerations(&loads).unwrap();
