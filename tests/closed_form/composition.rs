@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::balance::body::DenseBody;
 use uvms_gym::balance::dense::{Pose, cross};
+use uvms_gym::balance::joint::joint_pose;
 use uvms_gym::balance::{Balance, ClosedForm, Composite, Loads};
 use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Joint, JointKind, Link, Scene, Water};
 use uvms_gym::error::BalanceError;
@@ -211,6 +212,66 @@ fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
     let net = |body: &Body| body.mass - scene.water.density * body.volume.unwrap();
     let expected = scene.water.gravity.norm() * (net(link) + net(payload)).abs();
     assert!((restoring[n].fixed_rows::<3>(0).norm() - expected).abs() < 1e-12 * expected);
+}
+
+#[test]
+fn what_is_screwed_onto_the_screwed_belongs_to_the_vehicle() {
+    let mut scene = scene(Loading::Fixed);
+    scene.arm.as_mut().unwrap().links.clear();
+    let balance = Balance::new(&scene).unwrap();
+    let form = balance.at(&state(&scene, 0.0), current());
+    // The vehicle's block of W is the identity, so its merged wrenches are the sum over all bodies' own columns.
+    let still = balance.system.at(&Vector6::zeros(), &[], &[], &Vector3::zeros());
+    let gravity = state(&scene, 0.0).rotation.tr_mul(&scene.water.gravity);
+    let expected: Vector6<f64> = (still.bodies.iter().enumerate())
+        .map(|(k, motion)| {
+            still.body_jacobian(k).tr_mul(&motion.body.restoring(&motion.pose.rotation.tr_mul(&gravity)))
+        })
+        .map(|wrench| Vector6::from_column_slice(wrench.as_slice()))
+        .sum();
+    let restoring = form.restoring();
+    assert_eq!((restoring.len(), still.bodies.len()), (1, 3));
+    assert!((restoring[0] - expected).norm() < 1e-13 * expected.norm());
+
+    // Screwed on one after the other, from the vehicle outwards: everything is where it was.
+    let (arm, payload) = (scene.arm.as_ref().unwrap(), scene.payload.as_ref().unwrap());
+    let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
+    let grip = Pose::from_frame(&arm.end_effector) * Pose::from_frame(&payload.frame);
+    let outwards = rigid(&scene.vehicle.body)
+        .fixed_loading(0, Pose::from_frame(&arm.mount.frame), rigid(arm.base.as_ref().unwrap()))
+        .fixed_loading(1, grip, rigid(&payload.body));
+    for motion in &outwards.at(&Vector6::zeros(), &[], &[], &Vector3::zeros()).bodies {
+        assert_eq!(motion.carrier, 0);
+        assert!((motion.in_carrier.adjoint() - motion.pose.adjoint()).norm() < 1e-14);
+    }
+}
+
+#[test]
+fn end_effector_sits_on_the_last_body() {
+    for loading in LOADINGS {
+        let mut scene = scene(loading);
+        let state = state(&scene, 8.0);
+        let end_effector = Pose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
+        let end = |scene: &Scene| {
+            let balance = Balance::new(scene).unwrap();
+            let form = balance.at(&state, Vector3::zeros());
+            (form.body_poses(), form.end_effector_pose())
+        };
+        let (poses, pose) = end(&scene);
+        assert_eq!(pose, *poses.last().unwrap() * end_effector);
+        // Of the arm's base without links, of the vehicle without an arm.
+        let arm = scene.arm.as_mut().unwrap();
+        arm.links.clear();
+        let mount = Pose::from_frame(&arm.mount.frame);
+        let motion = arm.mount.joint.as_ref().map_or(Pose::identity(), |joint| joint_pose(joint, state.q[0]));
+        let (poses, pose) = end(&scene);
+        let base = poses[0] * (mount * motion);
+        assert!((pose.position - (base * end_effector).position).norm() < 1e-14);
+        assert!((pose.rotation - (base * end_effector).rotation).norm() < 1e-14);
+        scene.arm = None;
+        let (poses, pose) = end(&scene);
+        assert_eq!(pose, poses[0]);
+    }
 }
 
 #[test]
