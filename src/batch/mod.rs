@@ -2,10 +2,11 @@
 
 mod blocks;
 mod dynamics;
+mod inputs;
 mod layout;
-
+mod simulator;
 mod step;
 mod threads;
 
-pub use layout::Layout;
-
+pub use inputs::Inputs;
+pub use simulator::{Precision, Simulator, SimulatorOptions};
