@@ -17,6 +17,8 @@
 //! python        the Python module
 //! ```
 
+pub mod control;
 pub mod description;
 pub mod error;
+pub mod scene;
 pub mod system;
