@@ -5,10 +5,12 @@
 mod episode;
 mod layout;
 mod metrics;
+mod observation;
 mod options;
 mod pose;
 mod random;
 mod reference;
+mod start;
 mod station_keep;
 
 #[cfg(test)]

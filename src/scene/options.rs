@@ -95,7 +95,7 @@ impl StationKeepOptions {
                 return refuse(name, value, "finite and >= 0");
             }
         }
-        if !(self.start_distance >= 0.0 && self.start_distance < super::station_keep::POSITION_BOUND) {
+        if !(self.start_distance >= 0.0 && self.start_distance < super::observation::POSITION_BOUND) {
             return refuse("start_distance", self.start_distance, "in [0, 10) m");
         }
         Ok(())

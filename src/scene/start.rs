@@ -1,5 +1,7 @@
 //! How episodes of station keeping start.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6};
 
 use super::episode::Episode;
@@ -81,7 +83,7 @@ impl StationKeep {
 
         let draw = Stream::new(key, Purpose::Current);
         let current = given.current.map(Vector3::from).unwrap_or_else(|| {
-            let azimuth = draw.uniform_in(0, 0.0, std::f64::consts::TAU);
+            let azimuth = draw.uniform_in(0, 0.0, TAU);
             let elevation = draw.uniform_in(1, -CURRENT_ELEVATION, CURRENT_ELEVATION);
             let level = forward * azimuth.cos() + left * azimuth.sin();
             self.scene_current
@@ -89,17 +91,16 @@ impl StationKeep {
         });
 
         let draw = Stream::new(key, Purpose::Start);
-        let mut state = State::default();
-        state.position = given.position.map_or_else(
+        let position = given.position.map_or_else(
             || target.position + draw.unit_vector(0) * (options.start_distance * draw.uniform(1)),
             Vector3::from,
         );
-        state.rotation = given.attitude.map_or_else(
+        let attitude = given.attitude.map_or_else(
             || target.rotation * turn(draw.unit_vector(2) * (options.start_angle * draw.uniform(3))),
             rotation,
         );
-        state.twist = given.twist.map_or_else(Vector6::zeros, Vector6::from);
-        state.q = self.home;
+        let twist = given.twist.map_or_else(Vector6::zeros, Vector6::from);
+        let mut state = State { position, rotation: attitude, twist, q: self.home, ..State::default() };
         state.q.iter_mut().zip(given.q.iter().flatten()).for_each(|(q, x)| *q = *x);
         state.qd.iter_mut().zip(given.qd.iter().flatten()).for_each(|(qd, x)| *qd = *x);
 
