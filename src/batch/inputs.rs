@@ -2,7 +2,7 @@
 
 use super::blocks::InstanceLoads;
 use super::step::Switches;
-use crate::control::Allocation;
+use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::error::SimulatorError;
 
 /// Loads on all instances over one call, row-major by instance; an absent one is zero.
@@ -26,7 +26,7 @@ pub struct Inputs<'a> {
 /// Checked inputs, one instance at a time.
 pub(super) struct Applied<'a> {
     inputs: Inputs<'a>,
-    allocation: Option<&'a Allocation>,
+    allocation: &'a Allocation,
     joints: usize,
     terms: usize,
 }
@@ -35,11 +35,11 @@ impl<'a> Applied<'a> {
     /// Checks lengths and that all numbers are finite.
     pub fn new(
         inputs: &Inputs<'a>,
-        allocation: Option<&'a Allocation>,
+        allocation: &'a Allocation,
         instances: usize,
         joints: usize,
     ) -> Result<Self, SimulatorError> {
-        let thrusters = allocation.map_or(0, Allocation::count);
+        let thrusters = allocation.count();
         let terms = inputs.joint_target.map_or(0, |t| t.len() / (instances * joints).max(1));
         let expected = [
             ("thrust", inputs.thrust, thrusters),
@@ -71,25 +71,23 @@ impl<'a> Applied<'a> {
     }
 
     /// Thrust of instance `i` within limits.
-    pub fn thrust(&self, i: usize) -> Vec<f64> {
-        let Some(allocation) = self.allocation else { return Vec::new() };
-        let m = allocation.count();
-        let Some(thrust) = self.inputs.thrust else { return vec![0.0; m] };
-        let within = |k: usize| {
-            let [low, high] = allocation.limits(k);
-            thrust[i * m + k].clamp(low, high)
-        };
-        (0..m).map(within).collect()
+    pub fn thrust(&self, i: usize) -> Thrusts {
+        let m = self.allocation.count();
+        let mut thrusts = [0.0; THRUSTERS];
+        if let Some(given) = self.inputs.thrust {
+            for k in 0..m {
+                let [low, high] = self.allocation.limits(k);
+                thrusts[k] = given[i * m + k].clamp(low, high);
+            }
+        }
+        thrusts
     }
 
     /// Loads of instance `i`.
     pub fn fill(&self, i: usize, loads: &mut InstanceLoads) {
         let (n, inputs) = (self.joints, &self.inputs);
         let row = |values: Option<&'a [f64]>, width: usize| values.map(|v| &v[i * width..(i + 1) * width]);
-        loads.wrench = [0.0; 6];
-        if let (Some(allocation), Some(_)) = (self.allocation, inputs.thrust) {
-            loads.wrench = allocation.wrench_of(&self.thrust(i));
-        }
+        loads.wrench = if inputs.thrust.is_some() { self.allocation.wrench(&self.thrust(i)).into() } else { [0.0; 6] };
         let external = row(inputs.external, 6 * (n + 1));
         for extra in [row(inputs.wrench, 6), external.map(|e| &e[..6])].into_iter().flatten() {
             for k in 0..6 {

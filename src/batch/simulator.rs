@@ -5,7 +5,7 @@ use nalgebra as na;
 use super::blocks::{Blocks, InstanceLoads, Run, Storage};
 use super::inputs::{Applied, Inputs};
 use crate::balance::{Balance, ClosedForm};
-use crate::control::Allocation;
+use crate::control::{Allocation, Thrusts};
 use crate::description::Scene;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
@@ -57,7 +57,7 @@ pub struct Simulator {
     scene: Scene,
     balance: Balance,
     compiled: Compiled,
-    allocation: Option<Allocation>,
+    allocation: Allocation,
     options: SimulatorOptions,
     integrator: Integrator,
     threads: usize,
@@ -114,7 +114,7 @@ impl Simulator {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self {
             balance: Balance::new(&scene)?,
-            allocation: Allocation::new(&scene.vehicle).ok(),
+            allocation: Allocation::new(&scene.vehicle)?,
             threads: options.threads.unwrap_or_else(cores),
             scene,
             compiled,
@@ -150,9 +150,9 @@ impl Simulator {
         self.compiled.links.len()
     }
 
-    /// Thruster allocation, if the vehicle has thrusters.
-    pub fn allocation(&self) -> Option<&Allocation> {
-        self.allocation.as_ref()
+    /// Thruster allocation.
+    pub fn allocation(&self) -> &Allocation {
+        &self.allocation
     }
 
     /// Instruction set that the kernel runs on.
@@ -229,7 +229,7 @@ impl Simulator {
     ///
     /// # Errors
     /// As [`Self::step`].
-    pub fn applied_thrust(&self, inputs: &Inputs, i: usize) -> Result<Vec<f64>, SimulatorError> {
+    pub fn applied_thrust(&self, inputs: &Inputs, i: usize) -> Result<Thrusts, SimulatorError> {
         Ok(Applied::new(inputs, self.allocation(), self.instances(), self.joints())?.thrust(i))
     }
 
@@ -237,7 +237,7 @@ impl Simulator {
         if inputs.station.is_some() && self.compiled.system.vehicle_servo.is_none() {
             return Err(SimulatorError::NoVehicleServo { scene: self.scene.name.clone() });
         }
-        let applied = Applied::new(inputs, self.allocation.as_ref(), self.options.instances, self.joints())?;
+        let applied = Applied::new(inputs, &self.allocation, self.options.instances, self.joints())?;
         let switches = applied.switches();
         let mut loads = InstanceLoads::default();
         for i in 0..self.options.instances {
