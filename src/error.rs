@@ -227,3 +227,92 @@ impl fmt::Display for Numbers {
         write!(f, "[{}]", text.join(", "))
     }
 }
+
+/// What the closed form refuses.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum BalanceError {
+    /// A system whose mass matrix does not determine its accelerations.
+    #[error("the mass matrix is not positive definite: some motion of the system meets no inertia")]
+    NotPositiveDefinite,
+    /// An array of the wrong length.
+    #[error("{what}: expected {expected} entries, got {got}")]
+    Length {
+        /// What the array is.
+        what: &'static str,
+        /// Length that fits the scene.
+        expected: usize,
+        /// Its length.
+        got: usize,
+    },
+    /// More joints than a state holds.
+    #[error("{joints} joints, but a state holds at most {max}")]
+    Joints {
+        /// Joints of the scene.
+        joints: usize,
+        /// Joints of a state.
+        max: usize,
+    },
+}
+
+/// A simulator that cannot be made, or an input that it cannot take.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimulatorError {
+    /// No instances.
+    #[error("num_envs must be at least 1")]
+    NoInstances,
+    /// No threads.
+    #[error("threads must be at least 1 (or None for one per core)")]
+    NoThreads,
+    /// A step that is no step.
+    #[error("dt is {dt}, but must be a positive number of seconds")]
+    Step {
+        /// As given.
+        dt: f64,
+    },
+    /// A gain of eq. 14 that is none.
+    #[error("gamma is {gamma}, but must be a number >= 0")]
+    Gamma {
+        /// As given.
+        gamma: f64,
+    },
+    /// No such integrator.
+    #[error("no integrator named '{name}': one of {}", crate::integrate::Integrator::NAMES.map(|(name, _)| name).join(", "))]
+    UnknownIntegrator {
+        /// As given.
+        name: String,
+    },
+    /// Too many or too few numbers.
+    #[error("{name} has {got} numbers, but {expected} are needed")]
+    Length {
+        /// Name of the input.
+        name: &'static str,
+        /// Numbers needed.
+        expected: usize,
+        /// Numbers given.
+        got: usize,
+    },
+    /// NaN or infinite.
+    #[error("{name} of instance {instance}, entry {entry}, is {value}: it must be finite")]
+    NotFinite {
+        /// Name of the input.
+        name: &'static str,
+        /// Instance.
+        instance: usize,
+        /// Entry within the instance's row.
+        entry: usize,
+        /// The number.
+        value: f64,
+    },
+    /// A station for a vehicle without servo.
+    #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot keep a station")]
+    NoVehicleServo {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// The instruction set asked for is not there.
+    #[error(transparent)]
+    Lanes(#[from] crate::lane::UnknownIsa),
+    /// The scene does not compose.
+    #[error(transparent)]
+    Balance(#[from] BalanceError),
+}

@@ -17,6 +17,13 @@
 //! python        the Python module
 //! ```
 
+pub mod balance;
+pub mod batch;
 pub mod description;
 pub mod error;
+pub mod hydro;
+pub mod integrate;
+pub mod lane;
+pub mod lie;
+pub mod spatial;
 pub mod system;

@@ -1,0 +1,101 @@
+//! One rigid body in water: inertia, bias, drag and restoring wrenches, densely.
+
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+
+use super::dense::{Pose, ad, angular, blocks, cross, force_at, linear, stack};
+use crate::description::{Body, Water};
+
+/// A body's constants in its own frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DenseBody {
+    /// Rigid inertia A about the frame origin, kg, kg m, kg m2. `[HC eq. 5]`
+    pub rigid: Matrix6<f64>,
+    /// Added mass A_A, moved to the body frame as inertia. `[HC eq. 22]`
+    pub added: Matrix6<f64>,
+    mass: f64,
+    center_of_mass: Vector3<f64>,
+    /// Mass of the displaced water, kg.
+    displaced: f64,
+    center_of_buoyancy: Vector3<f64>,
+    hydrodynamic: Pose,
+    linear_drag: Matrix6<f64>,
+    quadratic_drag: Matrix6<f64>,
+}
+
+impl DenseBody {
+    /// The constants of `body` in `water`.
+    pub fn new(body: &Body, water: &Water) -> Self {
+        let c = cross(&body.center_of_mass);
+        let m = body.mass;
+        let hydrodynamic = Pose::from_frame(&body.hydrodynamic_frame);
+        let to_hydrodynamic = hydrodynamic.adjoint_inverse();
+        Self {
+            rigid: blocks(Matrix3::identity() * m, c * -m, c * m, body.inertia_about_com() - c * c * m),
+            added: to_hydrodynamic.tr_mul(&body.added_mass) * to_hydrodynamic,
+            mass: m,
+            center_of_mass: body.center_of_mass,
+            displaced: water.density * body.displaced_volume(water),
+            center_of_buoyancy: body.center_of_buoyancy,
+            hydrodynamic,
+            linear_drag: body.damping.linear,
+            quadratic_drag: body.damping.quadratic,
+        }
+    }
+
+    /// A frame without mass.
+    pub fn massless() -> Self {
+        Self {
+            rigid: Matrix6::zeros(),
+            added: Matrix6::zeros(),
+            mass: 0.0,
+            center_of_mass: Vector3::zeros(),
+            displaced: 0.0,
+            center_of_buoyancy: Vector3::zeros(),
+            hydrodynamic: Pose::identity(),
+            linear_drag: Matrix6::zeros(),
+            quadratic_drag: Matrix6::zeros(),
+        }
+    }
+
+    /// A + A_A. `[HC eq. 26]`
+    pub fn inertia(&self) -> Matrix6<f64> {
+        self.rigid + self.added
+    }
+
+    /// Everything of `A V' + B V + A_A V_r' + B_A V_r` that is not `(A + A_A) V'`; `water` is the current in body axes.
+    ///
+    /// `B V = -ad_V^T A V`, and likewise for added mass with `V_r`, whose derivative under a current that is
+    /// constant in the world is `V_r' = V' + [omega x R^T v_c; 0]`.
+    pub fn bias(&self, twist: &Vector6<f64>, water: &Vector3<f64>) -> Vector6<f64> {
+        let relative = relative_twist(twist, water);
+        let turning = stack(&angular(twist).cross(water), &Vector3::zeros());
+        self.added * turning - ad(twist).tr_mul(&(self.rigid * twist)) - ad(&relative).tr_mul(&(self.added * relative))
+    }
+
+    /// Drag `-(D_L V_r + D_Q (V_r * |V_r|))` of the twist through the water, a wrench at the body frame. `[HC eq. 22]`
+    ///
+    /// The law holds in the frame that its coefficients were given for, so the twist goes there and the wrench back.
+    pub fn drag(&self, relative: &Vector6<f64>) -> Vector6<f64> {
+        let there = self.hydrodynamic.adjoint_inverse() * relative;
+        let squared = there.component_mul(&there.abs());
+        let drag = self.linear_drag * there + self.quadratic_drag * squared;
+        self.hydrodynamic.wrench_to_parent(&-drag)
+    }
+
+    /// Weight at the centre of mass and buoyancy at the centre of buoyancy; `gravity` in body axes. `[HC eq. 24]`
+    pub fn restoring(&self, gravity: &Vector3<f64>) -> Vector6<f64> {
+        force_at(&(gravity * self.mass), &self.center_of_mass)
+            - force_at(&(gravity * self.displaced), &self.center_of_buoyancy)
+    }
+
+    /// Potential energy of weight and buoyancy, J, 0 at the world origin; `pose` and `gravity` in the world.
+    pub fn potential(&self, pose: &Pose, gravity: &Vector3<f64>) -> f64 {
+        let at = |point: &Vector3<f64>| gravity.dot(&(pose.rotation * point + pose.position));
+        self.displaced * at(&self.center_of_buoyancy) - self.mass * at(&self.center_of_mass)
+    }
+}
+
+/// `V_r = V - [R^T v_c; 0]`; `water` is the current in body axes. `[HC eq. 23]`
+pub fn relative_twist(twist: &Vector6<f64>, water: &Vector3<f64>) -> Vector6<f64> {
+    stack(&(linear(twist) - water), &angular(twist))
+}

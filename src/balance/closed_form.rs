@@ -1,0 +1,325 @@
+//! The closed form of a scene at a state: M, C [V; q'], W, L, the wrenches and torques that enter it, and its solve.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
+
+use super::body::{DenseBody, relative_twist};
+use super::composite::{Composite, Equations};
+use super::dense::{Pose, force_at};
+use super::joint::{EndStop, friction};
+use crate::description::{Arm, Scene, Thruster};
+use crate::error::BalanceError;
+use crate::system::{JOINTS, State};
+
+/// A scene as systems composed of systems; made once, evaluated at any state.
+#[derive(Debug, Clone)]
+pub struct Balance {
+    /// Vehicle, arm and payload.
+    pub system: Composite,
+    /// The arm with its payload as a free-base system of its own, base frame first. `[HC eq. 28]`
+    pub arm: Option<Composite>,
+    /// T_TCM, (6, thrusters): wrench on the vehicle per thrust. `[HC eq. 25]`
+    pub thruster_configuration: DMatrix<f64>,
+    /// Whether the vehicle is held. `[HC eq. 27]`
+    pub fixed: bool,
+    pub(super) gravity: Vector3<f64>,
+    /// Body of `system` that carries the end effector, and the end effector in its frame.
+    pub(super) end_effector: (usize, Pose),
+}
+
+impl Balance {
+    /// Composes the scene.
+    ///
+    /// # Errors
+    /// [`BalanceError::Joints`] where the scene has more joints than a [`State`] holds.
+    pub fn new(scene: &Scene) -> Result<Self, BalanceError> {
+        let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
+        let payload = scene.payload.as_ref().map(|payload| (Pose::from_frame(&payload.frame), rigid(&payload.body)));
+        let vehicle = rigid(&scene.vehicle.body);
+        let (system, arm, end_effector) = match &scene.arm {
+            None => {
+                let system = match payload {
+                    None => vehicle,
+                    Some((frame, payload)) => vehicle.fixed_loading(0, frame, payload),
+                };
+                (system, None, (0, Pose::identity()))
+            }
+            Some(description) => {
+                let end_effector = Pose::from_frame(&description.end_effector);
+                let last = description.links.len();
+                let mut arm = compose_arm(description, scene);
+                if let Some((frame, payload)) = payload {
+                    arm = arm.fixed_loading(last, end_effector * frame, payload);
+                }
+                let mount = Pose::from_frame(&description.mount.frame);
+                let system = match &description.mount.joint {
+                    None => vehicle.fixed_loading(0, mount, arm.clone()),
+                    Some(joint) => vehicle.joint_loading(0, mount, joint.clone(), arm.clone()),
+                };
+                (system, Some(arm), (1 + last, end_effector))
+            }
+        };
+        if system.joints() > JOINTS {
+            return Err(BalanceError::Joints { joints: system.joints(), max: JOINTS });
+        }
+        Ok(Self {
+            system,
+            arm,
+            thruster_configuration: thruster_configuration(&scene.vehicle.thrusters),
+            fixed: scene.vehicle.fixed,
+            gravity: scene.water.gravity,
+            end_effector,
+        })
+    }
+
+    /// The closed form at `state` in water that moves at `current` (world axes, m/s).
+    pub fn at(&self, state: &State, current: Vector3<f64>) -> ClosedForm<'_> {
+        let n = self.system.joints();
+        let water = state.rotation.tr_mul(&current);
+        let equations = self.system.at(&state.twist, &state.q[..n], &state.qd[..n], &water);
+        let moving: Vec<usize> =
+            equations.bodies.iter().enumerate().filter(|(k, body)| body.carrier == *k).map(|(k, _)| k).collect();
+        ClosedForm {
+            balance: self,
+            equations,
+            moving,
+            pose: Pose { rotation: state.rotation, position: state.position },
+            q: DVector::from_column_slice(&state.q[..n]),
+            qd: DVector::from_column_slice(&state.qd[..n]),
+            current,
+        }
+    }
+}
+
+/// Base and links, one joint loading after the other. `[HC eq. 28]`
+fn compose_arm(arm: &Arm, scene: &Scene) -> Composite {
+    let base = arm.base.as_ref().map_or_else(DenseBody::massless, |body| DenseBody::new(body, &scene.water));
+    arm.links.iter().enumerate().fold(Composite::rigid_body(base), |arm, (carrier, link)| {
+        let body = Composite::rigid_body(DenseBody::new(&link.body, &scene.water));
+        arm.joint_loading(carrier, Pose::identity(), link.joint.clone(), body)
+    })
+}
+
+fn thruster_configuration(thrusters: &[Thruster]) -> DMatrix<f64> {
+    let mut map = DMatrix::zeros(6, thrusters.len());
+    for (mut column, thruster) in map.column_iter_mut().zip(thrusters) {
+        column.copy_from(&force_at(&thruster.axis, &thruster.position));
+    }
+    map
+}
+
+/// What is applied to the system; an empty slice stands for zeros.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Loads<'a> {
+    /// Thrust per thruster, N, within its limits.
+    pub thrust: &'a [f64],
+    /// Wrench per moving body (vehicle first) at its frame origin, body axes, N and N m.
+    pub external: &'a [Vector6<f64>],
+    /// Actuator torque per joint, N m or N, within its effort.
+    pub joint_command: &'a [f64],
+}
+
+/// Wrenches on the moving bodies (vehicle first), body axes at their frame origins, N and N m. `[HC eqs. 21, 26]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyWrenches {
+    /// Linear and quadratic drag.
+    pub drag: Vec<Vector6<f64>>,
+    /// Weight and buoyancy.
+    pub restoring: Vec<Vector6<f64>>,
+    /// Thrusters, on the vehicle.
+    pub thrust: Vector6<f64>,
+    /// External wrenches.
+    pub external: Vec<Vector6<f64>>,
+    /// Sum of all the above.
+    pub sum: Vec<Vector6<f64>>,
+}
+
+/// Torques on the joints, N m or N, (n) each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointTorques {
+    /// Viscous and Coulomb friction.
+    pub friction: DVector<f64>,
+    /// End stops, elastic and damping.
+    pub end_stop: DVector<f64>,
+    /// Actuators.
+    pub command: DVector<f64>,
+    /// Sum of all the above.
+    pub sum: DVector<f64>,
+}
+
+/// How well an acceleration satisfies the equations of motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residual {
+    /// `|M a + c - f|`.
+    pub norm: f64,
+    /// `|M| |a| + |c| + |f|`, Frobenius and Euclidean norms.
+    pub scale: f64,
+}
+
+/// `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state; M, C, W and L are in `equations`, whose columns of W
+/// are per body, screwed ones apart. `[HC eqs. 13, 31, 34]`
+#[derive(Debug, Clone)]
+pub struct ClosedForm<'a> {
+    pub(super) balance: &'a Balance,
+    pub(super) equations: Equations<'a>,
+    /// Bodies of `equations` that move on their own: the vehicle, and one per joint.
+    pub(super) moving: Vec<usize>,
+    /// Vehicle in the world.
+    pub(super) pose: Pose,
+    pub(super) q: DVector<f64>,
+    pub(super) qd: DVector<f64>,
+    pub(super) current: Vector3<f64>,
+}
+
+impl ClosedForm<'_> {
+    /// Number of joints n.
+    pub fn joints(&self) -> usize {
+        self.q.len()
+    }
+
+    /// M, (6+n, 6+n), added mass included.
+    pub fn mass_matrix(&self) -> &DMatrix<f64> {
+        &self.equations.mass_matrix
+    }
+
+    /// The product `C [V; q']`, (6+n): rigid and added mass, current included; no drag, no restoring.
+    pub fn bias(&self) -> &DVector<f64> {
+        &self.equations.bias
+    }
+
+    /// W, (6+n, 6(n+1)): columns per moving body, vehicle first.
+    pub fn wrench_influence(&self) -> DMatrix<f64> {
+        let columns: Vec<usize> = self.moving.iter().flat_map(|k| 6 * k..6 * k + 6).collect();
+        self.equations.wrench_influence.select_columns(&columns)
+    }
+
+    /// L, (6+n, n).
+    pub fn torque_influence(&self) -> &DMatrix<f64> {
+        &self.equations.torque_influence
+    }
+
+    /// Wrenches on the moving bodies.
+    ///
+    /// # Errors
+    /// [`BalanceError::Length`] where `loads.thrust` or `loads.external` fit neither the scene nor "none".
+    pub fn body_wrenches(&self, loads: &Loads) -> Result<BodyWrenches, BalanceError> {
+        let thrusters = self.balance.thruster_configuration.ncols();
+        let thrust = DVector::from_vec(filled("thrust", loads.thrust, thrusters, 0.0)?);
+        let external = filled("external wrench", loads.external, self.moving.len(), Vector6::zeros())?;
+        let (drag, restoring) = (self.drag(), self.restoring());
+        let thrust = Vector6::from_column_slice((&self.balance.thruster_configuration * thrust).as_slice());
+        let mut sum: Vec<_> = drag.iter().zip(&restoring).zip(&external).map(|((d, r), e)| d + r + e).collect();
+        sum[0] += thrust;
+        Ok(BodyWrenches { drag, restoring, thrust, external, sum })
+    }
+
+    /// Drag per moving body. `[HC eq. 22]`
+    pub fn drag(&self) -> Vec<Vector6<f64>> {
+        self.merged(|k| {
+            let motion = &self.equations.bodies[k];
+            motion.body.drag(&self.relative_twist(k))
+        })
+    }
+
+    /// Weight and buoyancy per moving body. `[HC eq. 24]`
+    pub fn restoring(&self) -> Vec<Vector6<f64>> {
+        self.merged(|k| {
+            let rotation = self.world_pose(k).rotation;
+            self.equations.bodies[k].body.restoring(&rotation.tr_mul(&self.balance.gravity))
+        })
+    }
+
+    /// Torques on the joints.
+    ///
+    /// # Errors
+    /// [`BalanceError::Length`] where `loads.joint_command` fits neither the scene nor "none".
+    pub fn joint_torques(&self, loads: &Loads) -> Result<JointTorques, BalanceError> {
+        let n = self.joints();
+        let command = DVector::from_vec(filled("joint command", loads.joint_command, n, 0.0)?);
+        let joints = &self.equations.joints;
+        let friction = DVector::from_fn(n, |i, _| friction(joints[i], self.qd[i]));
+        let end_stop = DVector::from_fn(n, |i, _| {
+            let stop = EndStop::new(joints[i], self.q[i], self.qd[i]);
+            stop.elastic + stop.damping
+        });
+        let sum = &friction + &end_stop + &command;
+        Ok(JointTorques { friction, end_stop, command, sum })
+    }
+
+    /// `W F + L tau`, (6+n).
+    ///
+    /// # Errors
+    /// [`BalanceError::Length`] where a load fits neither the scene nor "none".
+    pub fn generalized_force(&self, loads: &Loads) -> Result<DVector<f64>, BalanceError> {
+        let wrenches = self.body_wrenches(loads)?.sum;
+        let stacked = DVector::from_iterator(6 * wrenches.len(), wrenches.iter().flatten().copied());
+        Ok(self.wrench_influence() * stacked + self.torque_influence() * self.joint_torques(loads)?.sum)
+    }
+
+    /// `[V'; q'']`, (6+n): forward dynamics by Cholesky's factorisation of M; V' = 0 where the vehicle is held.
+    ///
+    /// # Errors
+    /// [`BalanceError::NotPositiveDefinite`] where M has no such factorisation, [`BalanceError::Length`] as
+    /// [`Self::generalized_force`].
+    pub fn accelerations(&self, loads: &Loads) -> Result<DVector<f64>, BalanceError> {
+        let first = self.first_free_row();
+        let free = self.bias().len() - first;
+        let net = self.generalized_force(loads)? - self.bias();
+        let mass = self.mass_matrix().view((first, first), (free, free)).into_owned();
+        let factor = Cholesky::new(mass).ok_or(BalanceError::NotPositiveDefinite)?;
+        let mut accelerations = DVector::zeros(net.len());
+        accelerations.rows_mut(first, free).copy_from(&factor.solve(&net.rows(first, free)));
+        Ok(accelerations)
+    }
+
+    /// How well `accelerations`, (6+n), satisfies the equations of motion; the joints' rows where the vehicle is held.
+    ///
+    /// # Errors
+    /// [`BalanceError::Length`] as [`Self::generalized_force`], or where `accelerations` has another length than 6+n.
+    pub fn residual(&self, accelerations: &DVector<f64>, loads: &Loads) -> Result<Residual, BalanceError> {
+        self.check_size("acceleration", accelerations)?;
+        let first = self.first_free_row();
+        let force = self.generalized_force(loads)?;
+        let tail = |v: &DVector<f64>| v.rows(first, v.len() - first).into_owned();
+        let (a, c, f) = (tail(accelerations), tail(self.bias()), tail(&force));
+        let mass = self.mass_matrix().view((first, first), (a.len(), a.len()));
+        Ok(Residual { norm: (mass * &a + &c - &f).norm(), scale: mass.norm() * a.norm() + c.norm() + f.norm() })
+    }
+
+    pub(super) fn check_size(&self, what: &'static str, vector: &DVector<f64>) -> Result<(), BalanceError> {
+        let expected = self.bias().len();
+        if vector.len() == expected { Ok(()) } else { Err(BalanceError::Length { what, expected, got: vector.len() }) }
+    }
+
+    fn first_free_row(&self) -> usize {
+        if self.balance.fixed { 6 } else { 0 }
+    }
+
+    /// Body `k` of `equations` in the world.
+    pub(super) fn world_pose(&self, k: usize) -> Pose {
+        self.pose * self.equations.bodies[k].pose
+    }
+
+    /// V_r of body `k` of `equations`. `[HC eq. 23]`
+    pub(super) fn relative_twist(&self, k: usize) -> Vector6<f64> {
+        let water = self.world_pose(k).rotation.tr_mul(&self.current);
+        relative_twist(&self.equations.bodies[k].twist, &water)
+    }
+
+    /// Wrenches of all bodies of `equations`, added up per moving body in its frame.
+    fn merged(&self, wrench: impl Fn(usize) -> Vector6<f64>) -> Vec<Vector6<f64>> {
+        let mut per_body = vec![Vector6::zeros(); self.equations.bodies.len()];
+        for (k, motion) in self.equations.bodies.iter().enumerate() {
+            per_body[motion.carrier] += motion.in_carrier.wrench_to_parent(&wrench(k));
+        }
+        self.moving.iter().map(|&k| per_body[k]).collect()
+    }
+}
+
+/// `given`, or zeros where nothing is given.
+fn filled<T: Clone>(what: &'static str, given: &[T], expected: usize, zero: T) -> Result<Vec<T>, BalanceError> {
+    match given.len() {
+        0 => Ok(vec![zero; expected]),
+        got if got == expected => Ok(given.to_vec()),
+        got => Err(BalanceError::Length { what, expected, got }),
+    }
+}

@@ -1,0 +1,161 @@
+//! SE(3) as dense f64 matrices: slow, plain, and independent of the lane kernel that it checks.
+
+use std::ops::Mul;
+
+use nalgebra::{Matrix3, Matrix6, Rotation3, Unit, Vector3, Vector6};
+
+use crate::description::Frame;
+
+/// A pose `(R, r)` of one frame in another. `[HC eq. 1]`
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// Rotation from the frame's axes to the parent's.
+    pub rotation: Matrix3<f64>,
+    /// Origin in the parent frame, m.
+    pub position: Vector3<f64>,
+}
+
+impl Pose {
+    /// The frame itself.
+    pub fn identity() -> Self {
+        Self { rotation: Matrix3::identity(), position: Vector3::zeros() }
+    }
+
+    /// A constant frame of a scene: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+    pub fn from_frame(frame: &Frame) -> Self {
+        Self { rotation: frame.rotation(), position: frame.position }
+    }
+
+    /// Turned by `angle` (rad) about the unit vector `axis` through the origin.
+    pub fn turn(axis: &Vector3<f64>, angle: f64) -> Self {
+        let rotation = Rotation3::from_axis_angle(&Unit::new_unchecked(*axis), angle);
+        Self { rotation: rotation.into_inner(), position: Vector3::zeros() }
+    }
+
+    /// Moved by `displacement`, m.
+    pub fn shift(displacement: Vector3<f64>) -> Self {
+        Self { rotation: Matrix3::identity(), position: displacement }
+    }
+
+    /// The parent in this frame.
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.transpose();
+        Self { rotation, position: -(rotation * self.position) }
+    }
+
+    /// `Ad = [[R, [r] R], [0, R]]`: twists of this frame to twists of the parent. `[HC eq. 8]`
+    pub fn adjoint(&self) -> Matrix6<f64> {
+        blocks(self.rotation, cross(&self.position) * self.rotation, Matrix3::zeros(), self.rotation)
+    }
+
+    /// `Ad^-1`: twists of the parent to twists of this frame. `[HC eq. 7]`
+    pub fn adjoint_inverse(&self) -> Matrix6<f64> {
+        self.inverse().adjoint()
+    }
+
+    /// `Ad^-T F`: a wrench at this frame, moved to the parent frame. `[HC eq. 12]`
+    pub fn wrench_to_parent(&self, wrench: &Vector6<f64>) -> Vector6<f64> {
+        self.adjoint_inverse().tr_mul(wrench)
+    }
+}
+
+impl Mul for Pose {
+    type Output = Self;
+
+    fn mul(self, child: Self) -> Self {
+        Self { rotation: self.rotation * child.rotation, position: self.rotation * child.position + self.position }
+    }
+}
+
+/// `[a]`, the matrix of `a x`.
+pub fn cross(a: &Vector3<f64>) -> Matrix3<f64> {
+    a.cross_matrix()
+}
+
+/// `ad_V = [[ [omega], [v] ], [0, [omega]]]`. `[MLS94]`
+pub fn ad(twist: &Vector6<f64>) -> Matrix6<f64> {
+    let omega = cross(&angular(twist));
+    blocks(omega, cross(&linear(twist)), Matrix3::zeros(), omega)
+}
+
+/// First three entries of a 6-vector.
+pub fn linear(x: &Vector6<f64>) -> Vector3<f64> {
+    x.fixed_rows::<3>(0).into_owned()
+}
+
+/// Last three entries of a 6-vector.
+pub fn angular(x: &Vector6<f64>) -> Vector3<f64> {
+    x.fixed_rows::<3>(3).into_owned()
+}
+
+/// `[linear; angular]`.
+pub fn stack(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
+    Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
+}
+
+/// The wrench at the origin of `force` acting at `point`.
+pub fn force_at(force: &Vector3<f64>, point: &Vector3<f64>) -> Vector6<f64> {
+    stack(force, &point.cross(force))
+}
+
+/// `[[a, b], [c, d]]`.
+pub fn blocks(a: Matrix3<f64>, b: Matrix3<f64>, c: Matrix3<f64>, d: Matrix3<f64>) -> Matrix6<f64> {
+    let mut m = Matrix6::zeros();
+    m.fixed_view_mut::<3, 3>(0, 0).copy_from(&a);
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&b);
+    m.fixed_view_mut::<3, 3>(3, 0).copy_from(&c);
+    m.fixed_view_mut::<3, 3>(3, 3).copy_from(&d);
+    m
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pose() -> Pose {
+        let frame = Frame { position: Vector3::new(0.3, -0.7, 1.1), rpy: Vector3::new(0.4, -1.2, 2.3) };
+        Pose::from_frame(&frame)
+    }
+
+    #[test]
+    fn adjoints_compose_as_poses_do() {
+        let other = Pose { position: Vector3::new(-2.0, 0.1, 0.4), ..Pose::turn(&Vector3::y(), 0.8) };
+        let difference = (pose() * other).adjoint() - pose().adjoint() * other.adjoint();
+        assert!(difference.norm() < 1e-14);
+        assert!((pose().adjoint() * pose().adjoint_inverse() - Matrix6::identity()).norm() < 1e-14);
+    }
+
+    #[test]
+    fn rpy_is_yaw_after_pitch_after_roll() {
+        let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+        let expected = Pose::turn(&z, 2.3) * Pose::turn(&y, -1.2) * Pose::turn(&x, 0.4);
+        assert!((pose().rotation - expected.rotation).norm() < 1e-14);
+        // A quarter turn of yaw takes x to y.
+        assert!((Pose::turn(&z, std::f64::consts::FRAC_PI_2).rotation * x - y).norm() < 1e-15);
+    }
+
+    #[test]
+    fn wrenches_are_dual_to_twists() {
+        let twist = Vector6::new(0.1, 0.2, -0.3, 0.4, 0.5, 0.6);
+        let wrench = Vector6::new(3.0, -1.0, 2.0, 0.7, 0.2, -0.9);
+        let here = wrench.dot(&twist);
+        let there = pose().wrench_to_parent(&wrench).dot(&(pose().adjoint() * twist));
+        assert!((here - there).abs() < 1e-13);
+        // A force has the lever arm that it should.
+        let moved = Pose::shift(Vector3::x()).wrench_to_parent(&Vector6::new(0.0, 2.0, 0.0, 0.0, 0.0, 0.0));
+        assert_eq!(moved, Vector6::new(0.0, 2.0, 0.0, 0.0, 0.0, 2.0));
+    }
+
+    #[test]
+    fn ad_is_the_derivative_of_the_adjoint() {
+        let twist = Vector6::new(0.1, 0.2, -0.3, 0.4, 0.5, 0.6);
+        let h = 1e-6;
+        let step = |s: f64| {
+            let omega = angular(&twist);
+            let turned = Pose::turn(&omega.normalize(), s * omega.norm());
+            Pose { position: linear(&twist) * s, ..turned }.adjoint()
+        };
+        let derivative = (step(h) - step(-h)) / (2.0 * h);
+        assert!((derivative - ad(&twist)).norm() < 1e-9);
+    }
+}

@@ -1,0 +1,55 @@
+//! One joint: the motion it allows and the torques it makes by itself.
+
+use nalgebra::{Vector3, Vector6};
+
+use super::dense::{Pose, stack};
+use crate::description::{Joint, JointKind};
+
+/// The joint matrix E: twist of the child in the child's own frame per joint rate. `[HC eq. 9]`
+pub fn joint_axis(joint: &Joint) -> Vector6<f64> {
+    match joint.kind {
+        JointKind::Revolute => stack(&Vector3::zeros(), &joint.axis),
+        JointKind::Prismatic => stack(&joint.axis, &Vector3::zeros()),
+    }
+}
+
+/// Child frame in the parent frame at joint coordinate `q`.
+pub fn joint_pose(joint: &Joint, q: f64) -> Pose {
+    let motion = match joint.kind {
+        JointKind::Revolute => Pose::turn(&joint.axis, q),
+        JointKind::Prismatic => Pose::shift(joint.axis * q),
+    };
+    Pose::from_frame(&joint.frame) * motion
+}
+
+/// Friction `-(viscous qd + coulomb qd / sqrt(qd^2 + coulomb_speed^2))`, N m or N.
+pub fn friction(joint: &Joint, qd: f64) -> f64 {
+    let friction = &joint.friction;
+    let direction = if qd == 0.0 { 0.0 } else { qd / qd.hypot(friction.coulomb_speed) };
+    -(friction.viscous * qd + friction.coulomb * direction)
+}
+
+/// End stop of a joint that is beyond a limit by the signed excess `p`: elastic torque `-stiffness p`, damping torque
+/// `-damping |p| qd`, and the elastic energy `stiffness p^2 / 2`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct EndStop {
+    /// N m or N.
+    pub elastic: f64,
+    /// N m or N.
+    pub damping: f64,
+    /// J.
+    pub energy: f64,
+}
+
+impl EndStop {
+    /// The end stop of `joint` at `(q, qd)`.
+    pub fn new(joint: &Joint, q: f64, qd: f64) -> Self {
+        let Some(limits) = &joint.limits else { return Self::default() };
+        let p = (q - limits.upper).max(0.0) + (q - limits.lower).min(0.0);
+        Self {
+            elastic: -limits.stiffness * p,
+            damping: -limits.damping * p.abs() * qd,
+            energy: 0.5 * limits.stiffness * p * p,
+        }
+    }
+}
