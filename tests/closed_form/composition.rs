@@ -1,6 +1,6 @@
 //! Laws of the closed form: what composing systems must give.
 
-use nalgebra::{DVector, Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::balance::body::DenseBody;
 use uvms_gym::balance::dense::{Pose, cross};
 use uvms_gym::balance::joint::joint_pose;
@@ -8,8 +8,9 @@ use uvms_gym::balance::{Balance, ClosedForm, Composite, Loads};
 use uvms_gym::description::{Body, InertiaPoint, Link, Scene, Water};
 use uvms_gym::system::State;
 
-use crate::awkward_scene::{LOADINGS, Loading, body, current, frame, scene, state, vector6};
+use crate::cases::{current, dry, scene, scenes, vector6, velocities};
 use crate::motion::advance;
+use crate::random_scene::random_state;
 use crate::relative;
 
 /// The largest relative difference of M, C [V; q'], W and accelerations.
@@ -28,8 +29,11 @@ fn difference(a: &ClosedForm, b: &ClosedForm) -> f64 {
 #[test]
 fn two_bodies_screwed_together_are_one_body_of_their_summed_inertia() {
     let water = Water { density: 0.0, gravity: Vector3::zeros(), current: Vector3::zeros() };
-    let dry = |seed, mass| Body { added_mass: Matrix6::zeros(), ..body(seed, mass) };
-    let (a, b, mount) = (dry(0.3, 4.0), dry(0.8, 7.0), Pose::from_frame(&frame(2.0)));
+    let scene = scene(false);
+    let arm = scene.arm.as_ref().unwrap();
+    let in_com = |body: &Body| Body { inertia: body.inertia_about_com(), inertia_at: InertiaPoint::Com, ..dry(body) };
+    let (a, b) = (in_com(&arm.links[0].body), in_com(&arm.links[1].body));
+    let mount = Pose::from_frame(&arm.mount.frame);
 
     let b_center = mount.rotation * b.center_of_mass + mount.position;
     let mass = a.mass + b.mass;
@@ -43,13 +47,12 @@ fn two_bodies_screwed_together_are_one_body_of_their_summed_inertia() {
         center_of_mass: center,
         inertia: about(a.inertia, a.mass, a.center_of_mass)
             + about(mount.rotation * b.inertia * mount.rotation.transpose(), b.mass, b_center),
-        inertia_at: InertiaPoint::Com,
         ..a.clone()
     };
 
     let rigid = |body| Composite::rigid_body(DenseBody::new(body, &water));
     let (parts, whole) = (rigid(&a).fixed_loading(0, mount, rigid(&b)), rigid(&whole));
-    let twist = vector6(0.4);
+    let twist = vector6(4);
     let (parts, whole) = (parts.at(&twist, &[], &[], &current()), whole.at(&twist, &[], &[], &current()));
     assert!(relative(&parts.mass_matrix, &whole.mass_matrix) < 1e-14);
     assert!(relative(&parts.bias, &whole.bias) < 1e-13);
@@ -57,8 +60,8 @@ fn two_bodies_screwed_together_are_one_body_of_their_summed_inertia() {
 
 #[test]
 fn composing_is_associative() {
-    for loading in LOADINGS {
-        let scene = scene(loading);
+    for joint_loading in [false, true] {
+        let scene = scene(joint_loading);
         let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
         let arm = scene.arm.as_ref().unwrap();
         let links = &arm.links;
@@ -91,7 +94,7 @@ fn composing_is_associative() {
         let other = other.fixed_loading(1, grip, rigid(&payload.body));
         let halves = joined(half, 2, 1, other);
 
-        let state = state(&scene, 1.0);
+        let state = random_state(1, &scene);
         let n = scene.joints().count();
         let balance = Balance::new(&scene).unwrap();
         let evaluate = |system: &Composite| {
@@ -124,9 +127,9 @@ fn composing_is_associative() {
 
 #[test]
 fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
-    let scene = scene(Loading::Fixed);
+    let scene = scene(false);
     let balance = Balance::new(&scene).unwrap();
-    let form = balance.at(&state(&scene, 0.0), Vector3::zeros());
+    let form = balance.at(&random_state(0, &scene), Vector3::zeros());
     let n = scene.joints().count();
     assert_eq!(form.wrench_influence().shape(), (6 + n, 6 * (n + 1)));
     assert_eq!(form.torque_influence().shape(), (6 + n, n));
@@ -135,20 +138,21 @@ fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
     let restoring = form.restoring();
     let link = &scene.arm.as_ref().unwrap().links[n - 1].body;
     let payload = &scene.payload.as_ref().unwrap().body;
-    let net = |body: &Body| body.mass - scene.water.density * body.volume.unwrap();
+    let net = |body: &Body| body.mass - scene.water.density * body.displaced_volume(&scene.water);
     let expected = scene.water.gravity.norm() * (net(link) + net(payload)).abs();
     assert!((restoring[n].fixed_rows::<3>(0).norm() - expected).abs() < 1e-12 * expected);
 }
 
 #[test]
 fn what_is_screwed_onto_the_screwed_belongs_to_the_vehicle() {
-    let mut scene = scene(Loading::Fixed);
+    let mut scene = scene(false);
     scene.arm.as_mut().unwrap().links.clear();
+    let state = random_state(0, &scene);
     let balance = Balance::new(&scene).unwrap();
-    let form = balance.at(&state(&scene, 0.0), current());
+    let form = balance.at(&state, current());
     // The vehicle's block of W is the identity, so its merged wrenches are the sum over all bodies' own columns.
     let still = balance.system.at(&Vector6::zeros(), &[], &[], &Vector3::zeros());
-    let gravity = state(&scene, 0.0).rotation.tr_mul(&scene.water.gravity);
+    let gravity = state.rotation.tr_mul(&scene.water.gravity);
     let expected: Vector6<f64> = (still.bodies.iter().enumerate())
         .map(|(k, motion)| {
             still.body_jacobian(k).tr_mul(&motion.body.restoring(&motion.pose.rotation.tr_mul(&gravity)))
@@ -174,9 +178,9 @@ fn what_is_screwed_onto_the_screwed_belongs_to_the_vehicle() {
 
 #[test]
 fn end_effector_sits_on_the_last_body() {
-    for loading in LOADINGS {
-        let mut scene = scene(loading);
-        let state = state(&scene, 8.0);
+    for joint_loading in [false, true] {
+        let mut scene = scene(joint_loading);
+        let state = random_state(8, &scene);
         let end_effector = Pose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
         let end = |scene: &Scene| {
             let balance = Balance::new(scene).unwrap();
@@ -202,9 +206,9 @@ fn end_effector_sits_on_the_last_body() {
 
 #[test]
 fn arm_alone_has_the_rows_of_the_arm_on_a_held_vehicle() {
-    let scene = scene(Loading::Fixed);
+    let scene = scene(false);
     let balance = Balance::new(&scene).unwrap();
-    let at = State { twist: Vector6::zeros(), rotation: Matrix3::identity(), ..state(&scene, 3.0) };
+    let at = State { twist: Vector6::zeros(), ..random_state(3, &scene) };
     let whole = balance.at(&at, Vector3::zeros());
     let arm = balance.arm.as_ref().unwrap().at(&Vector6::zeros(), &at.q[..3], &at.qd[..3], &Vector3::zeros());
     let whole_mass = whole.mass_matrix().view((6, 6), (3, 3)).into_owned();
@@ -214,22 +218,21 @@ fn arm_alone_has_the_rows_of_the_arm_on_a_held_vehicle() {
 
 #[test]
 fn joint_loading_is_one_more_link() {
-    let loaded = scene(Loading::Joint);
+    let loaded = scene(true);
     let mut linked = loaded.clone();
     let arm = linked.arm.as_mut().unwrap();
     let link = Link { name: "base".into(), joint: arm.mount.joint.take().unwrap(), body: arm.base.take().unwrap() };
     arm.links.insert(0, link);
-    let at = state(&loaded, 4.0);
+    let at = random_state(4, &loaded);
     let (loaded, linked) = (Balance::new(&loaded).unwrap(), Balance::new(&linked).unwrap());
     assert!(difference(&loaded.at(&at, current()), &linked.at(&at, current())) < 1e-13);
 }
 
 #[test]
 fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
-    for loading in LOADINGS {
-        let scene = scene(loading);
+    for (seed, scene) in scenes() {
         let balance = Balance::new(&scene).unwrap();
-        let at = state(&scene, 5.0);
+        let at = random_state(seed, &scene);
         let n = scene.joints().count();
         let acceleration = DVector::from_fn(6 + n, |i, _| (i as f64).cos());
         let h = 1e-5;
@@ -247,9 +250,8 @@ fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
             let twist = twist_of(&poses[k], &before.body_poses()[k], &after.body_poses()[k]);
             assert!((twist - twists[k]).norm() < 1e-8);
         }
-        let rates = DVector::from_iterator(6 + n, at.twist.iter().chain(&at.qd[..n]).copied());
         let end = twist_of(&now.end_effector_pose(), &before.end_effector_pose(), &after.end_effector_pose());
-        assert!((end - now.jacobian() * rates).norm() < 1e-8);
+        assert!((end - now.jacobian() * velocities(&at, n)).norm() < 1e-8);
 
         let equations =
             |state: &State| balance.system.at(&state.twist, &state.q[..n], &state.qd[..n], &Vector3::zeros());

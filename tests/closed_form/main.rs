@@ -3,7 +3,10 @@
 use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, OMatrix};
 
-mod awkward_scene;
+#[path = "../common/random_scene.rs"]
+mod random_scene;
+
+mod cases;
 mod composition;
 mod ledger;
 mod motion;

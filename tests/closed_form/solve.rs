@@ -1,34 +1,33 @@
 //! Forward and inverse dynamics, trim, and what they refuse.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::balance::{Balance, Loads};
-use uvms_gym::description::{Body, Damping, Frame, Joint, JointKind, Link, Scene};
+use uvms_gym::description::{Body, Frame, Friction, InertiaPoint, JointKind, JointLimits, Link, Scene};
 use uvms_gym::error::BalanceError;
 use uvms_gym::system::State;
 
-use crate::awkward_scene::{LOADINGS, Loading, body, current, for_joints, joint, scene, state, vector, vector6};
+use crate::cases::{Push, current, dry, scene, scenes};
+use crate::random_scene::random_state;
 use crate::relative;
 
 /// A slender dry link along x with its joint about `axis` at `x`.
 fn planar_link(x: f64, axis: Vector3<f64>, center: f64, inertia: f64, mass: f64) -> Link {
-    let mut joint: Joint = joint(0.0, JointKind::Revolute);
-    joint.frame = Frame { position: Vector3::new(x, 0.0, 0.0), rpy: Vector3::zeros() };
-    joint.axis = axis;
-    joint.friction = Default::default();
-    joint.limits = None;
-    let body = Body {
+    let mut link = scene(false).arm.unwrap().links.remove(0);
+    link.joint.kind = JointKind::Revolute;
+    link.joint.frame = Frame { position: Vector3::new(x, 0.0, 0.0), rpy: Vector3::zeros() };
+    link.joint.axis = axis;
+    link.body = Body {
+        mass,
         center_of_mass: Vector3::new(center, 0.0, 0.0),
         inertia: Matrix3::from_diagonal_element(inertia),
-        volume: None,
-        added_mass: Matrix6::zeros(),
-        damping: Damping::default(),
-        ..body(0.0, mass)
+        inertia_at: InertiaPoint::Com,
+        ..dry(&link.body)
     };
-    Link { name: String::new(), joint, body }
+    link
 }
 
 fn planar_arm(links: Vec<Link>) -> Scene {
-    let mut scene = scene(Loading::Fixed);
+    let mut scene = scene(false);
     scene.vehicle.fixed = true;
     scene.water.gravity = Vector3::new(0.0, 0.0, -9.81);
     scene.payload = None;
@@ -77,9 +76,8 @@ fn val_planar_two_link_arm() {
 
 #[test]
 fn arm_with_a_fixed_base_is_the_lower_rows_of_the_free_one() {
-    let mut scene = scene(Loading::Joint);
-    let mut at = state(&scene, 2.0);
-    at.twist = Vector6::zeros();
+    let mut scene = scene(true);
+    let at = State { twist: Vector6::zeros(), ..random_state(2, &scene) };
     let free = Balance::new(&scene).unwrap();
     scene.vehicle.fixed = true;
     let held = Balance::new(&scene).unwrap();
@@ -99,33 +97,29 @@ fn arm_with_a_fixed_base_is_the_lower_rows_of_the_free_one() {
 
 #[test]
 fn inverse_dynamics_undoes_forward_dynamics() {
-    for loading in LOADINGS {
-        let scene = scene(loading);
+    for (seed, scene) in scenes() {
         let balance = Balance::new(&scene).unwrap();
-        let form = balance.at(&state(&scene, 6.0), current());
-        let n = form.joints();
-        let command: Vec<f64> = (0..n).map(|i| 3.0 * (i as f64).sin() + 1.0).collect();
-        let external: Vec<_> = (0..=n).map(|i| 5.0 * vector6(i as f64)).collect();
-        let thrust = [12.0, -7.0];
-        let loads = Loads { thrust: &thrust, external: &external, joint_command: &command };
+        let form = balance.at(&random_state(seed, &scene), current());
+        let push = Push::new(seed, &scene);
+        let loads = push.loads();
         let acceleration = form.accelerations(&loads).unwrap();
         let residual = form.residual(&acceleration, &loads).unwrap();
         assert!(residual.norm < 1e-14 * residual.scale);
 
-        let mut passive = external.clone();
+        let mut passive = push.external.clone();
         passive[0] = Vector6::zeros();
         let effort = form.inverse_dynamics(&acceleration, &Loads { external: &passive, ..Loads::default() }).unwrap();
-        let wrench = external[0] + form.body_wrenches(&loads).unwrap().thrust;
+        let wrench = push.external[0] + form.body_wrenches(&loads).unwrap().thrust;
         assert!((effort.wrench - wrench).norm() < 1e-11 * wrench.norm());
-        assert!((effort.joint_torques - DVector::from_vec(command)).norm() < 1e-10);
+        assert!((effort.joint_torques - DVector::from_vec(push.joint_command)).norm() < 1e-10);
     }
 }
 
 #[test]
 fn trim_holds_the_system_at_rest() {
-    let scene = scene(Loading::Joint);
+    let scene = scene(true);
     let balance = Balance::new(&scene).unwrap();
-    let moving = state(&scene, 7.0);
+    let moving = random_state(7, &scene);
     for water in [Vector3::zeros(), current()] {
         let effort = balance.trim(&moving, water).unwrap();
         let mut external = vec![Vector6::zeros(); 5];
@@ -139,13 +133,13 @@ fn trim_holds_the_system_at_rest() {
 
 #[test]
 fn bad_input_is_refused_with_its_numbers() {
-    let mut bad = scene(Loading::Joint);
+    let mut bad = scene(true);
     let balance = Balance::new(&bad).unwrap();
-    let form = balance.at(&state(&bad, 0.0), Vector3::zeros());
+    let form = balance.at(&random_state(0, &bad), Vector3::zeros());
     let wrong = |loads: Loads| form.accelerations(&loads).unwrap_err();
     assert_eq!(
         wrong(Loads { thrust: &[1.0], ..Loads::default() }),
-        BalanceError::Length { what: "thrust", expected: 2, got: 1 }
+        BalanceError::Length { what: "thrust", expected: 6, got: 1 }
     );
     assert!(matches!(
         wrong(Loads { external: &[Vector6::zeros()], ..Loads::default() }),
@@ -159,10 +153,10 @@ fn bad_input_is_refused_with_its_numbers() {
 
     let arm = bad.arm.as_mut().unwrap();
     arm.links.truncate(1);
-    arm.links[0].body = Body { mass: 0.0, inertia: Matrix3::zeros(), added_mass: Matrix6::zeros(), ..body(0.0, 0.0) };
+    arm.links[0].body = Body { mass: 0.0, inertia: Matrix3::zeros(), ..dry(&arm.links[0].body) };
     bad.payload = None;
     let massless = Balance::new(&bad).unwrap();
-    let form = massless.at(&state(&bad, 0.0), Vector3::zeros());
+    let form = massless.at(&random_state(0, &bad), Vector3::zeros());
     assert_eq!(form.accelerations(&Loads::default()).unwrap_err(), BalanceError::NotPositiveDefinite);
 
     let link = bad.arm.as_ref().unwrap().links[0].clone();
@@ -172,8 +166,11 @@ fn bad_input_is_refused_with_its_numbers() {
 
 #[test]
 fn joints_resist_as_described() {
-    let mut scene = scene(Loading::Fixed);
-    for_joints(&mut scene, |joint| joint.axis = vector(0.2).normalize());
+    let mut scene = scene(false);
+    for link in &mut scene.arm.as_mut().unwrap().links {
+        link.joint.friction = Friction { viscous: 0.5, coulomb: 0.2, coulomb_speed: 0.05 };
+        link.joint.limits = Some(JointLimits { lower: -0.5, upper: 0.4, stiffness: 40.0, damping: 3.0 });
+    }
     let mut at = State::default();
     at.q[..3].copy_from_slice(&[0.6, 0.1, -0.9]);
     at.qd[..3].copy_from_slice(&[-2.0, 0.0, 0.5]);
