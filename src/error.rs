@@ -64,7 +64,7 @@ pub enum Problem {
         value: String,
     },
     /// NaN, infinite, or too large to compute with.
-    #[error("{value} is not a finite number of magnitude up to {max:e}")]
+    #[error("{value:?} is not a finite number of magnitude up to {max:e}")]
     NotFinite {
         /// The number.
         value: f64,
@@ -72,7 +72,7 @@ pub enum Problem {
         max: f64,
     },
     /// Out of the range of physical values.
-    #[error("is {value}, but must be {rule}")]
+    #[error("is {value:?}, but must be {rule}")]
     Range {
         /// The number.
         value: f64,
@@ -80,7 +80,7 @@ pub enum Problem {
         rule: &'static str,
     },
     /// A pair of limits that does not enclose what it must.
-    #[error("is [{lower}, {upper}], which must {rule}")]
+    #[error("is [{lower:?}, {upper:?}], which must {rule}")]
     Limits {
         /// Lower limit.
         lower: f64,
@@ -90,7 +90,7 @@ pub enum Problem {
         rule: &'static str,
     },
     /// A start outside of the joint's limits.
-    #[error("{home} is outside of the limits [{lower}, {upper}]")]
+    #[error("{home:?} is outside of the limits [{lower:?}, {upper:?}]")]
     HomeOutside {
         /// Start.
         home: f64,
@@ -107,7 +107,7 @@ pub enum Problem {
     },
     /// Asymmetric beyond rounding.
     #[error(
-        "not symmetric: entries [{row}][{column}] and [{column}][{row}] are {upper} and {lower}, which differ by more \
+        "not symmetric: entries [{row}][{column}] and [{column}][{row}] are {upper:?} and {lower:?}, which differ by more \
          than {tolerance:e} of the largest entry"
     )]
     Asymmetric {
@@ -143,7 +143,7 @@ pub enum Problem {
         moments: Numbers,
     },
     /// A negative diagonal entry.
-    #[error("entry [{index}][{index}] is {value}, but drag must oppose motion: it must be >= 0")]
+    #[error("entry [{index}][{index}] is {value:?}, but drag must oppose motion: it must be >= 0")]
     NegativeDiagonal {
         /// Row and column.
         index: usize,
@@ -151,7 +151,9 @@ pub enum Problem {
         value: f64,
     },
     /// A stated weight that is not mass times gravity.
-    #[error("{weight} N contradicts mass {mass} kg x gravity {gravity} m/s2 = {expected} N by more than {percent} %")]
+    #[error(
+        "{weight:?} N contradicts mass {mass:?} kg x gravity {gravity} m/s2 = {expected} N by more than {percent} %"
+    )]
     Weight {
         /// As stated, N.
         weight: f64,
@@ -165,7 +167,7 @@ pub enum Problem {
         percent: f64,
     },
     /// Both ways to state one thing.
-    #[error("{buoyancy} N is given besides volume {volume} m3: give one of them")]
+    #[error("{buoyancy:?} N is given besides volume {volume:?} m3: give one of them")]
     TwoBuoyancies {
         /// N.
         buoyancy: f64,
@@ -173,7 +175,7 @@ pub enum Problem {
         volume: f64,
     },
     /// Buoyancy that no water can give.
-    #[error("{buoyancy} N cannot be without weight of water: density is {density} kg/m3, gravity {gravity} m/s2")]
+    #[error("{buoyancy:?} N cannot be without weight of water: density is {density} kg/m3, gravity {gravity} m/s2")]
     BuoyancyWithoutWater {
         /// N.
         buoyancy: f64,
