@@ -11,8 +11,11 @@ fn heavy() -> Vehicle {
     Scene::shipped("bluerov2-heavy").unwrap().vehicle
 }
 
-fn with_thrusters(thrusters: &[([f64; 3], [f64; 3], [f64; 2])]) -> Vehicle {
-    let thruster = |(i, (position, axis, limits)): (usize, &([f64; 3], [f64; 3], [f64; 2]))| Thruster {
+/// Position, axis and limits.
+type Short = ([f64; 3], [f64; 3], [f64; 2]);
+
+fn with_thrusters(thrusters: &[Short]) -> Vehicle {
+    let thruster = |(i, (position, axis, limits)): (usize, &Short)| Thruster {
         name: format!("t{i}"),
         position: Vector3::from(*position),
         axis: Vector3::from(*axis),
@@ -170,7 +173,7 @@ fn impossible_thrusters_are_refused() {
 fn pd(kind: ActionKind) -> Pd {
     let reading =
         Reading { width: 12, error: std::array::from_fn(|k| (k, 0.1)), twist: std::array::from_fn(|k| (6 + k, 0.2)) };
-    let gains = VehicleServo { kp: [100.0; 6], kd: [50.0; 6] };
+    let gains = VehicleServo { kp: [100.0; 6], kd: [30.0; 6] };
     Pd::new(reading, gains, ActionMap::new(kind, allocation())).unwrap()
 }
 
@@ -180,7 +183,7 @@ fn pd_pushes_back_along_every_axis() {
         let mut observation = [0.0f32; 12];
         observation[k] = 0.5;
         let asked = pd(ActionKind::Wrench).wrench(&observation);
-        let expected = if k < 6 { -100.0 * 0.05 } else { -50.0 * 0.1 };
+        let expected = if k < 6 { -100.0 * 0.05 } else { -30.0 * 0.1 };
         assert!((asked - Vector6::ith(k % 6, expected)).norm() < 1e-12);
         for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
             let map = ActionMap::new(kind, allocation());
