@@ -58,7 +58,11 @@ proptest! {
 
     #[test]
     fn no_other_thrusts_take_less_relative_effort(wrench in wrench(), null in prop::array::uniform8(-5.0..5.0f64)) {
-        let a = allocation();
+        let mut uneven = heavy();
+        for (i, thruster) in uneven.thrusters.iter_mut().enumerate() {
+            thruster.limits = [-10.0 * (i + 1) as f64, 20.0];
+        }
+        let a = Allocation::new(&uneven).unwrap();
         let best = a.unsaturated(&wrench);
         // Thrusts that change no wrench: what is left of random ones once their own wrench is taken out.
         let mut other = Thrusts::default();
