@@ -17,7 +17,7 @@ pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// Singular values below this share of the greatest count as 0: such an axis would take a million times the thrust.
 const RANK_TOLERANCE: f64 = 1e-6;
 
-/// Relative thrusts below this share of the greatest are rounding, and saturate nothing.
+/// Relative thrusts below this share of the greatest are rounding: they are left out, or saturate nothing.
 const ROUNDING: f64 = 1e-12;
 
 /// Weighted least-squares allocation of a body wrench to the thrusters of one vehicle.
@@ -83,6 +83,8 @@ impl Allocation {
             let svd = scaled.svd(true, true);
             let least = RANK_TOLERANCE * svd.singular_values.max();
             let inverse = svd.pseudo_inverse(least).expect("both factors were asked for, and the tolerance is >= 0");
+            let noise = ROUNDING * inverse.amax();
+            let inverse = inverse.map(|x| if x.abs() > noise { x } else { 0.0 });
             for i in 0..count {
                 this.pseudo_inverse[i] = Vector6::from_fn(|r, _| this.range(i) * inverse[(i, r)] * row[r]);
             }

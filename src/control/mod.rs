@@ -4,6 +4,9 @@ mod action;
 mod allocation;
 mod pd;
 
+#[cfg(test)]
+mod tests;
+
 pub use action::{ActionKind, ActionMap, ActionRange};
 pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
 pub use pd::{Pd, Reading};

@@ -24,6 +24,11 @@ const RADIAN: f64 = 0.5;
 const FINE: f64 = 0.02;
 const COARSE: f64 = 0.3;
 /// The station-keeping task on one scene; the same for all instances and episodes.
+///
+/// A run goes: [`Self::begin`]; then per control period [`Self::observe`], [`Self::act`], the physics with that
+/// [`Command`], [`Self::advance`]. With the pose error `p = sqrt(|e|^2 + (0.5 m angle)^2)` the reward is
+/// `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean((T / T_max)^2) - 0.1 mean((a - a_prev)^2)`,
+/// its three weights being options. It is never positive, yet fleeing beyond the bounds to end an episode costs more than holding station.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StationKeep {
     pub(super) options: StationKeepOptions,
