@@ -15,7 +15,6 @@ x forward, y left, z up at the end by S = diag(1, -1, -1, 1, -1, -1):
 import platform
 
 import numpy as np
-
 from scene_model import HERE, random_state, read, save
 
 SCENES = ["rexrov-frozen", "bluerov2-heavy-frozen"]

@@ -19,8 +19,13 @@ OUT = Path("tests/golden/scenes")
 
 def toml(table, path=()):
     """TOML text of nested dicts, lists of dicts, and plain values."""
-    value = lambda v: repr(v).lower() if isinstance(v, bool) else repr(v).replace("'", '"')  # noqa: E731
-    leaf = lambda v: not isinstance(v, dict) and not (isinstance(v, list) and v and isinstance(v[0], dict))  # noqa: E731
+
+    def value(v):
+        return repr(v).lower() if isinstance(v, bool) else repr(v).replace("'", '"')
+
+    def leaf(v):
+        return not isinstance(v, dict) and not (isinstance(v, list) and v and isinstance(v[0], dict))
+
     lines = []
     for key, v in table.items():
         if leaf(v) and isinstance(v, list) and v and isinstance(v[0], list):
@@ -193,15 +198,15 @@ class Random:
 
 
 RANDOM = {
-    "random-fixed-loading": (11, dict(mass=60.0, kinds="rprp")),
+    "random-fixed-loading": (11, {"mass": 60.0, "kinds": "rprp"}),
     "random-joint-loading": (
         12,
-        dict(mass=40.0, kinds="rrr", mount="revolute", payload=False, gravity=(1.2, -2.5, -9.1)),
+        {"mass": 40.0, "kinds": "rrr", "mount": "revolute", "payload": False, "gravity": (1.2, -2.5, -9.1)},
     ),
-    "random-nine-joints": (13, dict(mass=80.0, kinds="rrprrrpr", mount="prismatic")),
-    "random-fixed-base": (14, dict(mass=30.0, kinds="rpr", fixed=True)),
-    "random-no-links": (15, dict(mass=20.0, kinds="", mount="revolute", base=True)),
-    "random-no-arm": (16, dict(mass=25.0, kinds=None)),
+    "random-nine-joints": (13, {"mass": 80.0, "kinds": "rrprrrpr", "mount": "prismatic"}),
+    "random-fixed-base": (14, {"mass": 30.0, "kinds": "rpr", "fixed": True}),
+    "random-no-links": (15, {"mass": 20.0, "kinds": "", "mount": "revolute", "base": True}),
+    "random-no-arm": (16, {"mass": 25.0, "kinds": None}),
 }
 FROZEN = ("petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov")
 

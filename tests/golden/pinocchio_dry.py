@@ -15,7 +15,6 @@ import platform
 
 import numpy as np
 import pinocchio as pin
-
 from scene_model import HERE, random_state, read, save
 
 SCENES = [

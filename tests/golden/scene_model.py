@@ -218,8 +218,15 @@ def read(name, number=float, lib=math):
 
 def random_state(rng, model, beyond_limits=False):
     """A random state and inputs, in short decimals but for the rotation matrix."""
-    short = lambda values: np.round(np.asarray(values, dtype=float), 4)  # noqa: E731
-    w, x, y, z = (lambda s: s / np.linalg.norm(s))(rng.normal(size=4))
+
+    def short(values):
+        return np.round(np.asarray(values, dtype=float), 4)
+
+    def wrench(size):
+        return short(rng.normal(size=6) * size * np.array([1, 1, 1, 0.3, 0.3, 0.3]))
+
+    quaternion = rng.normal(size=4)
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
     rotation = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -234,7 +241,6 @@ def random_state(rng, model, beyond_limits=False):
         most = 10.0 if joint.effort is None else 0.9 * float(joint.effort)
         torque.append(rng.uniform(-most, most))
     scale = float(model.items[0].mass)
-    wrench = lambda size: rng.normal(size=6) * size * np.array([1, 1, 1, 0.3, 0.3, 0.3])  # noqa: E731
     return {
         "position": short(rng.normal(size=3)),
         "rotation": rotation,
@@ -242,8 +248,8 @@ def random_state(rng, model, beyond_limits=False):
         "q": short(q),
         "qd": short(rng.normal(size=len(q)) * 0.7),
         "joint_torque": short(torque),
-        "wrench": short(wrench(scale)),
-        "external": [short(wrench(5.0)) for _ in range(1 + len(q))],
+        "wrench": wrench(scale),
+        "external": [wrench(5.0) for _ in range(1 + len(q))],
     }
 
 

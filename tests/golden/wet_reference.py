@@ -27,9 +27,18 @@ import sys
 import mpmath
 import numpy as np
 from mpmath import mp, mpf
-
-from scene_model import HERE, homogeneous, random_state, read, rotation_about, rotation_x, rotation_y, rotation_z
-from scene_model import save, translation
+from scene_model import (
+    HERE,
+    homogeneous,
+    random_state,
+    read,
+    rotation_about,
+    rotation_x,
+    rotation_y,
+    rotation_z,
+    save,
+    translation,
+)
 
 mp.dps = 90
 STEP = mpf(10) ** -22
