@@ -1,11 +1,233 @@
 //! Errors, one enum per boundary.
 
-use thiserror::Error;
+use std::fmt;
 
-use crate::system::JOINTS;
+/// A scene that cannot be read or that no physical system can have.
+#[derive(Debug, thiserror::Error)]
+pub enum DescriptionError {
+    /// The file cannot be read.
+    #[error("{path}: {error}")]
+    File {
+        /// Path as given.
+        path: String,
+        /// What the system said.
+        error: std::io::Error,
+    },
+    /// Neither a shipped scene nor a path to a TOML file.
+    #[error("no scene named '{name}': give a path ending in .toml, or one of {}", shipped.join(", "))]
+    UnknownScene {
+        /// Name as given.
+        name: String,
+        /// Names of the shipped scenes.
+        shipped: Vec<&'static str>,
+    },
+    /// Not TOML.
+    #[error("{source_name}: {message}")]
+    Syntax {
+        /// File, or `<dict>`.
+        source_name: String,
+        /// The parser's message, with line and column.
+        message: String,
+    },
+    /// One key has a value that cannot be.
+    #[error("{source_name}: {key}: {problem}")]
+    Value {
+        /// File, or `<dict>`, or the scene's name.
+        source_name: String,
+        /// Path of the key, such as `arm.links[2].body.mass`, followed by ` (name)` of the list element if it has one.
+        key: String,
+        /// What is wrong.
+        problem: Problem,
+    },
+}
+
+/// What is wrong with the value of one key.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Problem {
+    /// Required, but not there.
+    #[error("missing")]
+    Missing,
+    /// No such key.
+    #[error("unknown key with value {value}; expected {expected}")]
+    UnknownKey {
+        /// The value found there.
+        value: String,
+        /// The keys that there may be.
+        expected: String,
+    },
+    /// Wrong type or wrong length.
+    #[error("{reason}; the value is {value}")]
+    Form {
+        /// What was expected.
+        reason: String,
+        /// The value found there.
+        value: String,
+    },
+    /// NaN, infinite, or too large to compute with.
+    #[error("{value} is not a finite number of magnitude up to {max:e}")]
+    NotFinite {
+        /// The number.
+        value: f64,
+        /// Greatest magnitude.
+        max: f64,
+    },
+    /// Out of the range of physical values.
+    #[error("is {value}, but must be {rule}")]
+    Range {
+        /// The number.
+        value: f64,
+        /// The rule it breaks.
+        rule: &'static str,
+    },
+    /// A pair of limits that does not enclose what it must.
+    #[error("is [{lower}, {upper}], which must {rule}")]
+    Limits {
+        /// Lower limit.
+        lower: f64,
+        /// Upper limit.
+        upper: f64,
+        /// The rule it breaks.
+        rule: &'static str,
+    },
+    /// A start outside of the joint's limits.
+    #[error("{home} is outside of the limits [{lower}, {upper}]")]
+    HomeOutside {
+        /// Start.
+        home: f64,
+        /// Lower limit.
+        lower: f64,
+        /// Upper limit.
+        upper: f64,
+    },
+    /// A direction without length.
+    #[error("{axis:?} has no direction")]
+    ZeroAxis {
+        /// The vector.
+        axis: [f64; 3],
+    },
+    /// Asymmetric beyond rounding.
+    #[error(
+        "not symmetric: entries [{row}][{column}] and [{column}][{row}] are {upper} and {lower}, which differ by more \
+         than {tolerance:e} of the largest entry"
+    )]
+    Asymmetric {
+        /// Row.
+        row: usize,
+        /// Column.
+        column: usize,
+        /// Entry above the diagonal.
+        upper: f64,
+        /// Entry below the diagonal.
+        lower: f64,
+        /// Relative tolerance.
+        tolerance: f64,
+    },
+    /// A matrix with an eigenvalue of the wrong sign.
+    #[error("{what} must be positive {}definite, but has the eigenvalue {eigenvalue:.6e} (eigenvalues {eigenvalues})", if *.semi { "semi-" } else { "" })]
+    Indefinite {
+        /// Which matrix.
+        what: &'static str,
+        /// Whether zero is allowed.
+        semi: bool,
+        /// The least eigenvalue.
+        eigenvalue: f64,
+        /// All of them, in ascending order.
+        eigenvalues: Numbers,
+    },
+    /// No mass distribution has such moments.
+    #[error(
+        "principal moments {moments} about the centre of mass break the triangle inequality: the largest exceeds the sum of the others"
+    )]
+    Triangle {
+        /// Principal moments in ascending order, kg m2.
+        moments: Numbers,
+    },
+    /// A negative diagonal entry.
+    #[error("entry [{index}][{index}] is {value}, but drag must oppose motion: it must be >= 0")]
+    NegativeDiagonal {
+        /// Row and column.
+        index: usize,
+        /// The entry.
+        value: f64,
+    },
+    /// A stated weight that is not mass times gravity.
+    #[error("{weight} N contradicts mass {mass} kg x gravity {gravity} m/s2 = {expected} N by more than {percent} %")]
+    Weight {
+        /// As stated, N.
+        weight: f64,
+        /// Mass, kg.
+        mass: f64,
+        /// Magnitude of gravity, m/s2.
+        gravity: f64,
+        /// Mass times gravity, N.
+        expected: f64,
+        /// Tolerance.
+        percent: f64,
+    },
+    /// Both ways to state one thing.
+    #[error("{buoyancy} N is given besides volume {volume} m3: give one of them")]
+    TwoBuoyancies {
+        /// N.
+        buoyancy: f64,
+        /// m3.
+        volume: f64,
+    },
+    /// Buoyancy that no water can give.
+    #[error("{buoyancy} N cannot be without weight of water: density is {density} kg/m3, gravity {gravity} m/s2")]
+    BuoyancyWithoutWater {
+        /// N.
+        buoyancy: f64,
+        /// kg/m3.
+        density: f64,
+        /// Magnitude of gravity, m/s2.
+        gravity: f64,
+    },
+    /// More list elements than there may be.
+    #[error("{found} elements, of which there may be at most {max}")]
+    TooMany {
+        /// How many there are.
+        found: usize,
+        /// How many there may be.
+        max: usize,
+    },
+    /// A name that is empty, reserved or taken.
+    #[error("the name '{name}' is {reason}")]
+    Name {
+        /// The name.
+        name: String,
+        /// Why it cannot be.
+        reason: &'static str,
+    },
+    /// A joint that would move a massless base.
+    #[error("missing: mount.joint moves the arm's base, which therefore needs a mass")]
+    MasslessBase,
+    /// Provenance of something that the scene does not have.
+    #[error("'{text}' describes no key of this scene")]
+    ProvenanceOfNothing {
+        /// The text.
+        text: String,
+    },
+    /// Provenance in other words than the four.
+    #[error("'{text}' must be 'measured: ...', 'cited: ...', 'derived: ...' or 'assumed: ...'")]
+    Provenance {
+        /// The text.
+        text: String,
+    },
+}
+
+/// Numbers shown with few digits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Numbers(pub Vec<f64>);
+
+impl fmt::Display for Numbers {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text: Vec<_> = self.0.iter().map(|x| format!("{x:.4e}")).collect();
+        write!(f, "[{}]", text.join(", "))
+    }
+}
 
 /// What the closed form refuses.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BalanceError {
     /// A system whose mass matrix does not determine its accelerations.
     #[error("the mass matrix is not positive definite: some motion of the system meets no inertia")]
@@ -21,9 +243,11 @@ pub enum BalanceError {
         got: usize,
     },
     /// More joints than a state holds.
-    #[error("{joints} joints, but a state holds at most {JOINTS}")]
+    #[error("{joints} joints, but a state holds at most {max}")]
     Joints {
         /// Joints of the scene.
         joints: usize,
+        /// Joints of a state.
+        max: usize,
     },
 }

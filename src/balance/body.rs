@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::dense::{Pose, ad, angular, blocks, cross, force_at, linear, stack};
-use crate::description::{Body, InertiaPoint, Water};
+use crate::description::{Body, Water};
 
 /// A body's constants in its own frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,16 +30,11 @@ impl DenseBody {
         let hydrodynamic = Pose::from_frame(&body.hydrodynamic_frame);
         let to_hydrodynamic = hydrodynamic.adjoint_inverse();
         Self {
-            rigid: blocks(
-                Matrix3::identity() * m,
-                c * -m,
-                c * m,
-                inertia_about_com(body) - c * c * m,
-            ),
+            rigid: blocks(Matrix3::identity() * m, c * -m, c * m, body.inertia_about_com() - c * c * m),
             added: to_hydrodynamic.tr_mul(&body.added_mass) * to_hydrodynamic,
             mass: m,
             center_of_mass: body.center_of_mass,
-            displaced: displaced_mass(body, water),
+            displaced: water.density * body.displaced_volume(water),
             center_of_buoyancy: body.center_of_buoyancy,
             hydrodynamic,
             linear_drag: body.damping.linear,
@@ -74,9 +69,7 @@ impl DenseBody {
     pub fn bias(&self, twist: &Vector6<f64>, water: &Vector3<f64>) -> Vector6<f64> {
         let relative = relative_twist(twist, water);
         let turning = stack(&angular(twist).cross(water), &Vector3::zeros());
-        self.added * turning
-            - ad(twist).tr_mul(&(self.rigid * twist))
-            - ad(&relative).tr_mul(&(self.added * relative))
+        self.added * turning - ad(twist).tr_mul(&(self.rigid * twist)) - ad(&relative).tr_mul(&(self.added * relative))
     }
 
     /// Drag `-(D_L V_r + D_Q (V_r * |V_r|))` of the twist through the water, a wrench at the body frame. `[HC eq. 22]`
@@ -105,21 +98,4 @@ impl DenseBody {
 /// `V_r = V - [R^T v_c; 0]`; `water` is the current in body axes. `[HC eq. 23]`
 pub fn relative_twist(twist: &Vector6<f64>, water: &Vector3<f64>) -> Vector6<f64> {
     stack(&(linear(twist) - water), &angular(twist))
-}
-
-fn inertia_about_com(body: &Body) -> Matrix3<f64> {
-    let c = cross(&body.center_of_mass);
-    match body.inertia_at {
-        InertiaPoint::Com => body.inertia,
-        InertiaPoint::Origin => body.inertia + c * c * body.mass,
-    }
-}
-
-fn displaced_mass(body: &Body, water: &Water) -> f64 {
-    let gravity = water.gravity.norm();
-    match (body.volume, body.buoyancy) {
-        (Some(volume), _) => water.density * volume,
-        (None, Some(buoyancy)) if gravity > 0.0 => buoyancy / gravity,
-        _ => 0.0,
-    }
 }

@@ -59,7 +59,7 @@ impl Balance {
             }
         };
         if system.joints() > JOINTS {
-            return Err(BalanceError::Joints { joints: system.joints() });
+            return Err(BalanceError::Joints { joints: system.joints(), max: JOINTS });
         }
         Ok(Self {
             system,
@@ -282,19 +282,12 @@ impl ClosedForm<'_> {
         let tail = |v: &DVector<f64>| v.rows(first, v.len() - first).into_owned();
         let (a, c, f) = (tail(accelerations), tail(self.bias()), tail(&force));
         let mass = self.mass_matrix().view((first, first), (a.len(), a.len()));
-        Ok(Residual {
-            norm: (mass * &a + &c - &f).norm(),
-            scale: mass.norm() * a.norm() + c.norm() + f.norm(),
-        })
+        Ok(Residual { norm: (mass * &a + &c - &f).norm(), scale: mass.norm() * a.norm() + c.norm() + f.norm() })
     }
 
     pub(super) fn check_size(&self, what: &'static str, vector: &DVector<f64>) -> Result<(), BalanceError> {
         let expected = self.bias().len();
-        if vector.len() == expected {
-            Ok(())
-        } else {
-            Err(BalanceError::Length { what, expected, got: vector.len() })
-        }
+        if vector.len() == expected { Ok(()) } else { Err(BalanceError::Length { what, expected, got: vector.len() }) }
     }
 
     fn first_free_row(&self) -> usize {

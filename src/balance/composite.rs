@@ -212,14 +212,11 @@ impl<'a> Equations<'a> {
         let mut drift_c = DVector::zeros(size_c);
         drift_c.rows_mut(0, 6).copy_from(&drift);
 
-        let mass_matrix = jacobian_p.tr_mul(&parent.mass_matrix) * &jacobian_p
-            + jacobian_c.tr_mul(&child.mass_matrix) * &jacobian_c;
-        let bias =
-            jacobian_p.tr_mul(&parent.bias) + jacobian_c.tr_mul(&(&child.bias + &child.mass_matrix * &drift_c));
-        let wrench_influence = side_by_side(&[
-            jacobian_p.tr_mul(&parent.wrench_influence),
-            jacobian_c.tr_mul(&child.wrench_influence),
-        ]);
+        let mass_matrix =
+            jacobian_p.tr_mul(&parent.mass_matrix) * &jacobian_p + jacobian_c.tr_mul(&child.mass_matrix) * &jacobian_c;
+        let bias = jacobian_p.tr_mul(&parent.bias) + jacobian_c.tr_mul(&(&child.bias + &child.mass_matrix * &drift_c));
+        let wrench_influence =
+            side_by_side(&[jacobian_p.tr_mul(&parent.wrench_influence), jacobian_c.tr_mul(&child.wrench_influence)]);
         let mut torque_influence = DMatrix::zeros(size, n_p + own + n_c);
         torque_influence.columns_mut(0, n_p).copy_from(&jacobian_p.tr_mul(&parent.torque_influence));
         torque_influence.view_mut((size_p, n_p), (own, own)).fill_with_identity();

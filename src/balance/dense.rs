@@ -23,11 +23,7 @@ impl Pose {
 
     /// A constant frame of a scene: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
     pub fn from_frame(frame: &Frame) -> Self {
-        let rpy = frame.rpy;
-        Self {
-            rotation: Rotation3::from_euler_angles(rpy.x, rpy.y, rpy.z).into_inner(),
-            position: frame.position,
-        }
+        Self { rotation: frame.rotation(), position: frame.position }
     }
 
     /// Turned by `angle` (rad) about the unit vector `axis` through the origin.
@@ -67,10 +63,7 @@ impl Mul for Pose {
     type Output = Self;
 
     fn mul(self, child: Self) -> Self {
-        Self {
-            rotation: self.rotation * child.rotation,
-            position: self.rotation * child.position + self.position,
-        }
+        Self { rotation: self.rotation * child.rotation, position: self.rotation * child.position + self.position }
     }
 }
 

@@ -5,16 +5,21 @@
 
 mod arm;
 mod body;
-
+mod check;
+mod check_body;
+mod derived;
 mod numbers;
+mod path;
 mod provenance;
-
+mod read;
 mod scene;
-
 mod vehicle;
 
 pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount};
 pub use body::{Body, Damping, Frame, InertiaPoint};
-pub use provenance::{Origin, Provenance};
+use check::Fault;
+pub use check::Warning;
+pub use derived::{BASE, MAX_LINKS, VEHICLE};
+pub use provenance::{Number, Origin, Provenance};
 pub use scene::{Payload, Scene, Water};
 pub use vehicle::{Thruster, Vehicle, VehicleServo};

@@ -1,50 +1,167 @@
 //! Reading vectors and matrices from the short forms that people write.
 
-use nalgebra::Matrix6;
+use nalgebra::{Matrix6, SMatrix};
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// All zeros.
 pub fn zero6() -> Matrix6<f64> {
     Matrix6::zeros()
 }
 
-/// Three numbers.
+/// One entry of a list that is either a diagonal (numbers) or a matrix (rows).
+enum Entry {
+    Number(f64),
+    Row(Vec<f64>),
+}
+
+impl<'de> Deserialize<'de> for Entry {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct EntryVisitor;
+        impl<'de> Visitor<'de> for EntryVisitor {
+            type Value = Entry;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("a number or a row of numbers")
+            }
+
+            fn visit_f64<E: Error>(self, x: f64) -> Result<Entry, E> {
+                Ok(Entry::Number(x))
+            }
+
+            fn visit_i64<E: Error>(self, x: i64) -> Result<Entry, E> {
+                Ok(Entry::Number(x as f64))
+            }
+
+            fn visit_u64<E: Error>(self, x: u64) -> Result<Entry, E> {
+                Ok(Entry::Number(x as f64))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Entry, A::Error> {
+                let mut row = Vec::new();
+                while let Some(x) = seq.next_element()? {
+                    row.push(x);
+                }
+                Ok(Entry::Row(row))
+            }
+        }
+        d.deserialize_any(EntryVisitor)
+    }
+}
+
+/// All numbers of a list, if it holds no rows.
+fn all_numbers(entries: &[Entry]) -> Option<Vec<f64>> {
+    entries.iter().map(|e| if let Entry::Number(x) = e { Some(*x) } else { None }).collect()
+}
+
+/// N rows of N numbers, if that is what the list holds.
+fn all_rows<const N: usize>(entries: &[Entry]) -> Option<SMatrix<f64, N, N>> {
+    let mut m = SMatrix::zeros();
+    for (i, entry) in entries.iter().enumerate() {
+        let Entry::Row(row) = entry else { return None };
+        if row.len() != N || i >= N {
+            return None;
+        }
+        row.iter().enumerate().for_each(|(j, x)| m[(i, j)] = *x);
+    }
+    (entries.len() == N).then_some(m)
+}
+
+/// What a list of the wrong shape holds, for its error message.
+fn shape(entries: &[Entry]) -> String {
+    let lengths: Vec<_> = entries
+        .iter()
+        .filter_map(|e| if let Entry::Row(row) = e { Some(row.len().to_string()) } else { None })
+        .collect();
+    match (entries.len(), lengths.len()) {
+        (n, 0) => format!("{n} numbers"),
+        (n, rows) if n == rows => format!("rows of lengths {}", lengths.join(", ")),
+        _ => "numbers and rows mixed".to_owned(),
+    }
+}
+
+/// Writes a diagonal matrix as its diagonal, any other as rows.
+fn write_square<S: Serializer, const N: usize>(m: &SMatrix<f64, N, N>, s: S) -> Result<S::Ok, S::Error> {
+    let diagonal = SMatrix::<f64, N, N>::from_diagonal(&m.diagonal());
+    if *m == diagonal {
+        m.diagonal().as_slice().serialize(s)
+    } else {
+        m.row_iter().map(|row| row.iter().copied().collect()).collect::<Vec<Vec<f64>>>().serialize(s)
+    }
+}
+
+/// Exactly N numbers, as an array.
+pub mod array {
+    use super::*;
+
+    pub fn serialize<S: Serializer, const N: usize>(a: &[f64; N], s: S) -> Result<S::Ok, S::Error> {
+        a.as_slice().serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<[f64; N], D::Error> {
+        <Vec<f64>>::deserialize(d)?
+            .try_into()
+            .map_err(|list: Vec<f64>| D::Error::custom(format!("expected {N} numbers, found {}", list.len())))
+    }
+}
+
+/// Three numbers, as a vector.
 pub mod vector3 {
     use nalgebra::Vector3;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::*;
 
     pub fn serialize<S: Serializer>(v: &Vector3<f64>, s: S) -> Result<S::Ok, S::Error> {
-        [v.x, v.y, v.z].serialize(s)
+        v.as_slice().serialize(s)
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Vector3<f64>, D::Error> {
-        <[f64; 3]>::deserialize(d).map(Vector3::from)
+        array::deserialize::<D, 3>(d).map(Vector3::from)
     }
 }
 
-/// Moments of inertia.
+/// Moments of inertia: `[xx, yy, zz]`, `[xx, xy, xz, yy, yz, zz]` or three rows of three.
 pub mod inertia {
     use nalgebra::Matrix3;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::*;
 
     pub fn serialize<S: Serializer>(m: &Matrix3<f64>, s: S) -> Result<S::Ok, S::Error> {
-        <[[f64; 3]; 3]>::from(m.transpose()).serialize(s)
+        write_square(m, s)
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Matrix3<f64>, D::Error> {
-        <[[f64; 3]; 3]>::deserialize(d).map(|rows| Matrix3::from(rows).transpose())
+        let entries = <Vec<Entry>>::deserialize(d)?;
+        match all_numbers(&entries).as_deref() {
+            Some(&[xx, yy, zz]) => Ok(Matrix3::from_diagonal(&[xx, yy, zz].into())),
+            Some(&[xx, xy, xz, yy, yz, zz]) => Ok(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)),
+            _ => all_rows(&entries).ok_or_else(|| {
+                D::Error::custom(format!(
+                    "expected 3 numbers (xx, yy, zz), 6 numbers (xx, xy, xz, yy, yz, zz) or 3 rows of 3, found {}",
+                    shape(&entries)
+                ))
+            }),
+        }
     }
 }
 
-/// A 6x6 matrix.
+/// A 6x6 matrix: six diagonal numbers or six rows of six.
 pub mod matrix6 {
-    use nalgebra::Matrix6;
-    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use nalgebra::Vector6;
+
+    use super::*;
 
     pub fn serialize<S: Serializer>(m: &Matrix6<f64>, s: S) -> Result<S::Ok, S::Error> {
-        <[[f64; 6]; 6]>::from(m.transpose()).serialize(s)
+        write_square(m, s)
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Matrix6<f64>, D::Error> {
-        <[[f64; 6]; 6]>::deserialize(d).map(|rows| Matrix6::from(rows).transpose())
+        let entries = <Vec<Entry>>::deserialize(d)?;
+        match all_numbers(&entries) {
+            Some(diagonal) if diagonal.len() == 6 => Ok(Matrix6::from_diagonal(&Vector6::from_vec(diagonal))),
+            _ => all_rows(&entries).ok_or_else(|| {
+                D::Error::custom(format!("expected 6 diagonal numbers or 6 rows of 6, found {}", shape(&entries)))
+            }),
+        }
     }
 }

@@ -3,6 +3,11 @@
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
+use toml::Value;
+
+use super::path::{self, Step};
+use super::{Fault, Scene};
+use crate::error::Problem;
 
 /// Origin of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -18,7 +23,77 @@ pub enum Origin {
     Assumed,
 }
 
-/// Provenance per key of the scene.
+/// Provenance per key of the scene, as `"origin: text"`.
+///
+/// A key is a path into the scene and holds for all that lies below it; the longest key that matches counts.
+/// `arm.links.body.mass` is the mass of every link, `arm.links[elbow].body.mass` (or `[2]`) that of one.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Provenance(pub BTreeMap<String, String>);
+
+/// Path, value and origin of one number of a scene.
+pub type Number = (String, f64, Option<(Origin, String)>);
+
+/// Splits `"cited: a book"`.
+fn split(text: &str) -> Option<(Origin, &str)> {
+    let (origin, rest) = text.split_once(':')?;
+    let origin = match origin {
+        "measured" => Origin::Measured,
+        "cited" => Origin::Cited,
+        "derived" => Origin::Derived,
+        "assumed" => Origin::Assumed,
+        _ => return None,
+    };
+    Some((origin, rest.trim())).filter(|(_, rest)| !rest.is_empty())
+}
+
+impl Provenance {
+    fn lookup(&self, root: &Value, steps: &[Step]) -> Option<(Origin, &str)> {
+        let matching =
+            self.0.iter().filter_map(|(key, text)| Some((path::coverage(&path::parse(key), steps, root)?, text)));
+        matching.max_by_key(|(coverage, _)| *coverage).and_then(|(_, text)| split(text))
+    }
+
+    /// Refuses texts of unknown origin and keys that describe nothing.
+    pub(super) fn check(&self, root: &Value) -> Result<(), Fault> {
+        for (key, text) in &self.0 {
+            let fault = |problem| Err(Fault::new(format!("provenance.\"{key}\""), problem));
+            if split(text).is_none() {
+                return fault(Problem::Provenance { text: text.clone() });
+            }
+            if !path::describes_anything(&path::parse(key), root) {
+                return fault(Problem::ProvenanceOfNothing { text: text.clone() });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Scene {
+    /// The scene as a tree of TOML values, without its provenance.
+    pub(super) fn to_tree(&self) -> Value {
+        let bare = Scene { provenance: Provenance::default(), ..self.clone() };
+        let mut tree = Value::try_from(bare).expect("a scene is plain data");
+        tree.as_table_mut().expect("a scene is a table").remove("provenance");
+        tree
+    }
+
+    /// Where the numbers at `path` come from, such as `arm.links[elbow].body.mass`; None if that is not said.
+    pub fn provenance_of(&self, path: &str) -> Option<(Origin, &str)> {
+        let root = self.to_tree();
+        let (steps, _) = path::resolve(&root, path)?;
+        self.provenance.lookup(&root, &steps)
+    }
+
+    /// Every number of the scene, defaults included: its path, its value and where it comes from.
+    pub fn numbers(&self) -> Vec<Number> {
+        let root = self.to_tree();
+        let numbers = path::numbers(&root).into_iter();
+        numbers
+            .map(|(path, x)| {
+                let origin = self.provenance.lookup(&root, &path::parse(&path));
+                (path, x, origin.map(|(origin, text)| (origin, text.to_owned())))
+            })
+            .collect()
+    }
+}

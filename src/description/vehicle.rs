@@ -37,6 +37,7 @@ pub struct Thruster {
     #[serde(with = "numbers::vector3")]
     pub axis: Vector3<f64>,
     /// Least and greatest thrust, N.
+    #[serde(with = "numbers::array")]
     pub limits: [f64; 2],
 }
 
@@ -45,7 +46,9 @@ pub struct Thruster {
 #[serde(deny_unknown_fields)]
 pub struct VehicleServo {
     /// Proportional gains, N/m and N m/rad.
+    #[serde(with = "numbers::array")]
     pub kp: [f64; 6],
     /// Derivative gains, N s/m and N m s/rad.
+    #[serde(with = "numbers::array")]
     pub kd: [f64; 6],
 }

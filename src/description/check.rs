@@ -1,0 +1,213 @@
+//! Physical validity of a scene.
+
+use std::fmt;
+
+use nalgebra::Vector3;
+use toml::Value;
+
+use super::{Joint, MAX_LINKS, Scene, Thruster, Water, check_body, path};
+use crate::error::{DescriptionError, Problem};
+
+/// Greatest magnitude of any number, so that no arithmetic on a scene overflows.
+const MAX_MAGNITUDE: f64 = 1e12;
+
+/// Names that bodies outside of the list of links have.
+const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
+
+/// A problem and the key that has it.
+#[derive(Debug)]
+pub struct Fault {
+    pub key: String,
+    pub problem: Problem,
+}
+
+impl Fault {
+    pub fn new(key: impl Into<String>, problem: Problem) -> Self {
+        Self { key: key.into(), problem }
+    }
+}
+
+/// Something that is possible, but hardly meant.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Warning {
+    /// Quadratic drag that drives the body at some twist. `[HC eq. 22]`
+    DragDrives {
+        /// Path of the matrix.
+        key: String,
+        /// Relative twist `[v; omega]` in the hydrodynamic frame, m/s and rad/s.
+        twist: [f64; 6],
+        /// Power put into the body there, W.
+        power: f64,
+    },
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::DragDrives { key, twist, power } = self;
+        write!(f, "{key}: this drag puts {power:.3e} W into the body at the relative twist {twist:?}")
+    }
+}
+
+/// A fault unless the number keeps the rule.
+pub fn range(ok: bool, value: f64, rule: &'static str, key: impl FnOnce() -> String) -> Result<(), Fault> {
+    if ok { Ok(()) } else { Err(Fault::new(key(), Problem::Range { value, rule })) }
+}
+
+/// A fault for a number that is not finite or out of all bounds.
+pub fn magnitudes(root: &Value) -> Result<(), Fault> {
+    match path::numbers(root).into_iter().find(|(_, x)| x.is_nan() || x.abs() > MAX_MAGNITUDE) {
+        Some((key, value)) => Err(Fault::new(key, Problem::NotFinite { value, max: MAX_MAGNITUDE })),
+        None => Ok(()),
+    }
+}
+
+fn axis(axis: &Vector3<f64>, key: impl FnOnce() -> String) -> Result<(), Fault> {
+    if axis.norm() > 1e-9 { Ok(()) } else { Err(Fault::new(key(), Problem::ZeroAxis { axis: (*axis).into() })) }
+}
+
+fn water(water: &Water) -> Result<(), Fault> {
+    range(water.density >= 0.0, water.density, ">= 0", || "water.density".to_owned())
+}
+
+fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
+    axis(&thruster.axis, || format!("{key}.axis"))?;
+    let [lower, upper] = thruster.limits;
+    if !(lower <= 0.0 && 0.0 <= upper && lower < upper) {
+        let rule = "enclose 0, the lower below the upper";
+        return Err(Fault::new(format!("{key}.limits"), Problem::Limits { lower, upper, rule }));
+    }
+    Ok(())
+}
+
+fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
+    axis(&joint.axis, || format!("{key}.axis"))?;
+    let at_least_zero = |name: &str, x: f64| range(x >= 0.0, x, ">= 0", || format!("{key}.{name}"));
+    let above_zero = |name: &str, x: f64| range(x > 0.0, x, "> 0", || format!("{key}.{name}"));
+    at_least_zero("friction.viscous", joint.friction.viscous)?;
+    at_least_zero("friction.coulomb", joint.friction.coulomb)?;
+    above_zero("friction.coulomb_speed", joint.friction.coulomb_speed)?;
+    if let Some(effort) = joint.effort {
+        at_least_zero("effort", effort)?;
+    }
+    if let Some(speed) = joint.speed {
+        above_zero("speed", speed)?;
+    }
+    if let Some(servo) = &joint.servo {
+        at_least_zero("servo.kp", servo.kp)?;
+        at_least_zero("servo.kd", servo.kd)?;
+    }
+    if let Some(limits) = &joint.limits {
+        let (lower, upper, home) = (limits.lower, limits.upper, joint.home);
+        if lower >= upper {
+            let problem = Problem::Limits { lower, upper, rule: "ascend" };
+            return Err(Fault::new(format!("{key}.limits"), problem));
+        }
+        at_least_zero("limits.stiffness", limits.stiffness)?;
+        at_least_zero("limits.damping", limits.damping)?;
+        if !(lower..=upper).contains(&home) {
+            return Err(Fault::new(format!("{key}.home"), Problem::HomeOutside { home, lower, upper }));
+        }
+    }
+    Ok(())
+}
+
+/// Names in a list: not empty, without brackets (which paths need), each but once.
+fn names<'a>(list: impl Iterator<Item = &'a str>, reserved: &[&str], key: &str) -> Result<(), Fault> {
+    let mut seen = Vec::new();
+    for (i, name) in list.enumerate() {
+        let reason = match name {
+            "" => Some("empty"),
+            _ if name.contains(['[', ']']) => Some("a name with brackets, which keys cannot address"),
+            _ if reserved.contains(&name) => Some("reserved"),
+            _ if seen.contains(&name) => Some("taken by an element before"),
+            _ => None,
+        };
+        if let Some(reason) = reason {
+            let problem = Problem::Name { name: name.to_owned(), reason };
+            return Err(Fault::new(format!("{key}[{i}].name"), problem));
+        }
+        seen.push(name);
+    }
+    Ok(())
+}
+
+impl Scene {
+    /// Checks that the scene can exist; what can but is hardly meant comes back as warnings.
+    ///
+    /// # Errors
+    /// [`DescriptionError::Value`] with the scene's name as its source.
+    pub fn check(&self) -> Result<Vec<Warning>, DescriptionError> {
+        self.validate().map_err(|fault| DescriptionError::Value {
+            source_name: format!("scene '{}'", self.name),
+            key: path::with_names(&self.to_tree(), &fault.key),
+            problem: fault.problem,
+        })
+    }
+
+    pub(super) fn validate(&self) -> Result<Vec<Warning>, Fault> {
+        let tree = self.to_tree();
+        magnitudes(&tree)?;
+        water(&self.water)?;
+        self.validate_vehicle()?;
+        self.validate_arm()?;
+        self.provenance.check(&tree)?;
+
+        let mut warnings = Vec::new();
+        for (key, body) in self.bodies() {
+            let fixed = key == "vehicle.body" && self.vehicle.fixed;
+            check_body::validate(body, &key, &self.water, fixed, &mut warnings)?;
+        }
+        Ok(warnings)
+    }
+
+    fn validate_vehicle(&self) -> Result<(), Fault> {
+        names(self.vehicle.thrusters.iter().map(|t| t.name.as_str()), &[], "vehicle.thrusters")?;
+        for (i, t) in self.vehicle.thrusters.iter().enumerate() {
+            thruster(t, &format!("vehicle.thrusters[{i}]"))?;
+        }
+        if let Some(servo) = &self.vehicle.servo {
+            for (name, gains) in [("kp", servo.kp), ("kd", servo.kd)] {
+                for (i, gain) in gains.into_iter().enumerate() {
+                    range(gain >= 0.0, gain, ">= 0", || format!("vehicle.servo.{name}[{i}]"))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn validate_arm(&self) -> Result<(), Fault> {
+        let Some(arm) = &self.arm else { return Ok(()) };
+        if arm.links.len() > MAX_LINKS {
+            return Err(Fault::new("arm.links", Problem::TooMany { found: arm.links.len(), max: MAX_LINKS }));
+        }
+        names(arm.links.iter().map(|link| link.name.as_str()), &RESERVED, "arm.links")?;
+        if let Some(q0) = &arm.mount.joint {
+            joint(q0, "arm.mount.joint")?;
+            if arm.base.is_none() {
+                return Err(Fault::new("arm.base", Problem::MasslessBase));
+            }
+        }
+        for (i, link) in arm.links.iter().enumerate() {
+            joint(&link.joint, &format!("arm.links[{i}].joint"))?;
+        }
+        Ok(())
+    }
+
+    /// Makes axes unit vectors and symmetric matrices exactly symmetric. Doing it twice changes nothing more.
+    pub(super) fn make_canonical(&mut self) {
+        fn normalise(axis: &mut Vector3<f64>) {
+            if (axis.norm() - 1.0).abs() > 4.0 * f64::EPSILON {
+                axis.normalize_mut();
+            }
+        }
+        self.vehicle.thrusters.iter_mut().for_each(|t| normalise(&mut t.axis));
+        if let Some(arm) = &mut self.arm {
+            let joints = arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint));
+            joints.for_each(|joint| normalise(&mut joint.axis));
+        }
+        for body in self.bodies_mut() {
+            body.inertia = (body.inertia + body.inertia.transpose()) / 2.0;
+            body.added_mass = (body.added_mass + body.added_mass.transpose()) / 2.0;
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Physical validity of one body: the checks that catch published errors.
+
+use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector6};
+
+use super::check::{Fault, Warning, range};
+use super::{Body, Water};
+use crate::error::{Numbers, Problem};
+
+/// Asymmetry, relative to the largest entry, that counts as rounding.
+const SYMMETRY: f64 = 1e-9;
+/// Excess over the triangle inequality, relative to the largest moment, that rounded tables may have.
+const TRIANGLE: f64 = 1e-6;
+/// Least eigenvalue of a positive definite matrix, relative to the greatest.
+const DEFINITE: f64 = 1e-12;
+/// Negative eigenvalue, relative to the greatest, that rounded tables of semi-definite matrices may have.
+const SEMI_DEFINITE: f64 = 1e-6;
+/// How far a stated weight may be from mass times gravity, %.
+const WEIGHT_PERCENT: f64 = 0.5;
+
+/// Faults and warnings of one body. A fixed vehicle never moves, so its inertia may be anything.
+pub fn validate(body: &Body, key: &str, water: &Water, fixed: bool, warnings: &mut Vec<Warning>) -> Result<(), Fault> {
+    let key = |name: &str| format!("{key}.{name}");
+    symmetric(&body.inertia, || key("inertia"))?;
+    symmetric(&body.added_mass, || key("added_mass"))?;
+    if fixed {
+        range(body.mass >= 0.0, body.mass, ">= 0", || key("mass"))?;
+    } else {
+        range(body.mass > 0.0, body.mass, "> 0", || key("mass"))?;
+        rigid_inertia(&body.inertia_about_com(), || key("inertia"))?;
+    }
+    weight(body, water, || key("weight"))?;
+    buoyancy(body, water, key)?;
+
+    let added = eigenvalues(&((body.added_mass + body.added_mass.transpose()) / 2.0));
+    definite("added mass", &added, true, || key("added_mass"))?;
+    if !fixed {
+        let total = eigenvalues(&total_inertia(body));
+        definite("rigid-body plus added mass", &total, false, || key("added_mass"))?;
+    }
+    linear_drag(&body.damping.linear, || key("damping.linear"))?;
+    warnings.extend(quadratic_drag(&body.damping.quadratic, key("damping.quadratic"))?);
+    Ok(())
+}
+
+fn symmetric<const N: usize>(m: &SMatrix<f64, N, N>, key: impl FnOnce() -> String) -> Result<(), Fault> {
+    let pairs = (0..N).flat_map(|row| (row + 1..N).map(move |column| (row, column)));
+    for (row, column) in pairs {
+        let (upper, lower) = (m[(row, column)], m[(column, row)]);
+        if (upper - lower).abs() > SYMMETRY * m.amax() {
+            return Err(Fault::new(key(), Problem::Asymmetric { row, column, upper, lower, tolerance: SYMMETRY }));
+        }
+    }
+    Ok(())
+}
+
+/// Eigenvalues in ascending order of a symmetric matrix.
+fn eigenvalues<const N: usize>(m: &SMatrix<f64, N, N>) -> Vec<f64> {
+    let scale = m.amax();
+    if scale == 0.0 {
+        return vec![0.0; N];
+    }
+    let scaled = DMatrix::from_iterator(N, N, m.iter().map(|x| x / scale));
+    let mut values: Vec<f64> = scaled.symmetric_eigenvalues().iter().map(|x| x * scale).collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+fn definite(what: &'static str, values: &[f64], semi: bool, key: impl FnOnce() -> String) -> Result<(), Fault> {
+    let (least, greatest) = (values[0], values[values.len() - 1]);
+    let ok = if semi { least >= -SEMI_DEFINITE * greatest.max(0.0) } else { least > DEFINITE * greatest };
+    if ok {
+        return Ok(());
+    }
+    let eigenvalues = Numbers(values.to_vec());
+    Err(Fault::new(key(), Problem::Indefinite { what, semi, eigenvalue: least, eigenvalues }))
+}
+
+fn rigid_inertia(about_com: &Matrix3<f64>, key: impl Fn() -> String) -> Result<(), Fault> {
+    let moments = eigenvalues(&((about_com + about_com.transpose()) / 2.0));
+    definite("inertia about the centre of mass", &moments, false, &key)?;
+    if moments[2] > moments[0] + moments[1] + TRIANGLE * moments[2] {
+        return Err(Fault::new(key(), Problem::Triangle { moments: Numbers(moments) }));
+    }
+    Ok(())
+}
+
+/// M_RB + M_A about the centre of mass, in body axes.
+fn total_inertia(body: &Body) -> Matrix6<f64> {
+    let mut total = Matrix6::zeros();
+    total.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(body.mass);
+    total.fixed_view_mut::<3, 3>(3, 3).copy_from(&body.inertia_about_com());
+    // Twist at the hydrodynamic frame from the twist at the centre of mass: R^T [I, -[r]; 0, I].
+    let r_t = body.hydrodynamic_frame.rotation().transpose();
+    let arm = body.hydrodynamic_frame.position - body.center_of_mass;
+    let mut x = Matrix6::zeros();
+    x.fixed_view_mut::<3, 3>(0, 0).copy_from(&r_t);
+    x.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-r_t * arm.cross_matrix()));
+    x.fixed_view_mut::<3, 3>(3, 3).copy_from(&r_t);
+    total += x.transpose() * body.added_mass * x;
+    (total + total.transpose()) / 2.0
+}
+
+fn weight(body: &Body, water: &Water, key: impl FnOnce() -> String) -> Result<(), Fault> {
+    let Some(weight) = body.weight else { return Ok(()) };
+    let (mass, gravity, percent) = (body.mass, water.gravity.norm(), WEIGHT_PERCENT);
+    let expected = mass * gravity;
+    if (weight - expected).abs() > percent / 100.0 * expected {
+        return Err(Fault::new(key(), Problem::Weight { weight, mass, gravity, expected, percent }));
+    }
+    Ok(())
+}
+
+fn buoyancy(body: &Body, water: &Water, key: impl Fn(&str) -> String) -> Result<(), Fault> {
+    if let Some(volume) = body.volume {
+        range(volume >= 0.0, volume, ">= 0", || key("volume"))?;
+    }
+    let Some(buoyancy) = body.buoyancy else { return Ok(()) };
+    range(buoyancy >= 0.0, buoyancy, ">= 0", || key("buoyancy"))?;
+    if let Some(volume) = body.volume {
+        return Err(Fault::new(key("buoyancy"), Problem::TwoBuoyancies { buoyancy, volume }));
+    }
+    let (density, gravity) = (water.density, water.gravity.norm());
+    if density * gravity == 0.0 {
+        return Err(Fault::new(key("buoyancy"), Problem::BuoyancyWithoutWater { buoyancy, density, gravity }));
+    }
+    Ok(())
+}
+
+fn diagonal_opposes(m: &Matrix6<f64>, key: impl FnOnce() -> String) -> Result<(), Fault> {
+    match (0..6).find(|&i| m[(i, i)] < 0.0) {
+        Some(index) => Err(Fault::new(key(), Problem::NegativeDiagonal { index, value: m[(index, index)] })),
+        None => Ok(()),
+    }
+}
+
+fn linear_drag(m: &Matrix6<f64>, key: impl Fn() -> String) -> Result<(), Fault> {
+    diagonal_opposes(m, &key)?;
+    // The skew part is lift and takes no power.
+    definite("symmetric part of linear drag", &eigenvalues(&((m + m.transpose()) / 2.0)), true, key)
+}
+
+/// Samples the power `-V . D_Q (V * |V|)` over twists; a diagonal matrix without negative entries needs no sampling.
+fn quadratic_drag(m: &Matrix6<f64>, key: String) -> Result<Option<Warning>, Fault> {
+    diagonal_opposes(m, || key.clone())?;
+    if *m == Matrix6::from_diagonal(&m.diagonal()) {
+        return Ok(None);
+    }
+    const LEVELS: [f64; 5] = [-1.0, -0.3, 0.0, 0.3, 1.0];
+    let twists = (0..LEVELS.len().pow(6))
+        .map(|n| Vector6::from_fn(|i, _| LEVELS[n / LEVELS.len().pow(i as u32) % LEVELS.len()]));
+    let power = |v: &Vector6<f64>| -v.dot(&(m * v.component_mul(&v.abs())));
+    let worst = twists.map(|v| (power(&v), v)).max_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(worst.filter(|(power, _)| *power > SYMMETRY * m.amax()).map(|(power, v)| Warning::DragDrives {
+        key,
+        twist: v.into(),
+        power,
+    }))
+}

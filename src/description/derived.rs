@@ -1,0 +1,94 @@
+//! What follows from a scene without computing dynamics.
+
+use nalgebra::{Matrix3, Rotation3};
+
+use super::{Body, Frame, InertiaPoint, Joint, Scene, Water};
+
+/// Greatest number of links of an arm.
+pub const MAX_LINKS: usize = 8;
+/// Name of the vehicle among the moving bodies.
+pub const VEHICLE: &str = "vehicle";
+/// Name of the joint-loaded arm base among the moving bodies, and of its joint q0.
+pub const BASE: &str = "base";
+
+impl Frame {
+    /// Rotation from this frame to its parent: `Rz(yaw) Ry(pitch) Rx(roll)`.
+    pub fn rotation(&self) -> Matrix3<f64> {
+        Rotation3::from_euler_angles(self.rpy.x, self.rpy.y, self.rpy.z).into_inner()
+    }
+}
+
+impl Body {
+    /// Inertia about the centre of mass, body axes, kg m2: `I_c = I_o + m [c][c]` where it is given at the origin.
+    pub fn inertia_about_com(&self) -> Matrix3<f64> {
+        match self.inertia_at {
+            InertiaPoint::Com => self.inertia,
+            InertiaPoint::Origin => {
+                let c = self.center_of_mass.cross_matrix();
+                self.inertia + self.mass * c * c
+            }
+        }
+    }
+
+    /// Displaced volume, m3: as given, or from the buoyancy, or none.
+    pub fn displaced_volume(&self, water: &Water) -> f64 {
+        match (self.volume, self.buoyancy) {
+            (Some(volume), _) => volume,
+            (None, Some(buoyancy)) => buoyancy / (water.density * water.gravity.norm()),
+            (None, None) => 0.0,
+        }
+    }
+}
+
+impl Scene {
+    /// Joints in the order of every joint array: q0 of joint loading first.
+    pub fn joints(&self) -> impl Iterator<Item = &Joint> {
+        self.arm.iter().flat_map(|arm| arm.mount.joint.iter().chain(arm.links.iter().map(|link| &link.joint)))
+    }
+
+    /// Names of the joints, which are those of the bodies they carry: `base` for q0, else the link's.
+    pub fn joint_names(&self) -> Vec<String> {
+        self.arm
+            .iter()
+            .flat_map(|arm| {
+                let base = arm.mount.joint.iter().map(|_| BASE.to_owned());
+                base.chain(arm.links.iter().map(|link| link.name.clone()))
+            })
+            .collect()
+    }
+
+    /// Names of the bodies that move by themselves: `vehicle`, then one per joint. A fixed-loaded arm base belongs to
+    /// the vehicle, and the payload to the last body.
+    pub fn body_names(&self) -> Vec<String> {
+        std::iter::once(VEHICLE.to_owned()).chain(self.joint_names()).collect()
+    }
+
+    /// Names of the thrusters.
+    pub fn thruster_names(&self) -> Vec<String> {
+        self.vehicle.thrusters.iter().map(|thruster| thruster.name.clone()).collect()
+    }
+
+    /// Joint coordinates at the start of a run, rad or m; 0 past the last joint.
+    pub fn home(&self) -> [f64; MAX_LINKS + 1] {
+        let mut home = [0.0; MAX_LINKS + 1];
+        home.iter_mut().zip(self.joints()).for_each(|(home, joint)| *home = joint.home);
+        home
+    }
+
+    /// Every body of the scene with its path.
+    pub(super) fn bodies(&self) -> impl Iterator<Item = (String, &Body)> {
+        let base = self.arm.iter().flat_map(|arm| &arm.base).map(|body| ("arm.base".to_owned(), body));
+        let links = self.arm.iter().flat_map(|arm| arm.links.iter().enumerate());
+        let links = links.map(|(i, link)| (format!("arm.links[{i}].body"), &link.body));
+        let payload = self.payload.iter().map(|payload| ("payload.body".to_owned(), &payload.body));
+        std::iter::once(("vehicle.body".to_owned(), &self.vehicle.body)).chain(base).chain(links).chain(payload)
+    }
+
+    /// Every body of the scene.
+    pub(super) fn bodies_mut(&mut self) -> impl Iterator<Item = &mut Body> {
+        let arm = self.arm.iter_mut();
+        let arm = arm.flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.body)));
+        let payload = self.payload.iter_mut().map(|payload| &mut payload.body);
+        std::iter::once(&mut self.vehicle.body).chain(arm).chain(payload)
+    }
+}

@@ -1,0 +1,176 @@
+//! Dotted paths into a scene: `vehicle.body.mass`, `arm.links[2].body.added_mass[0]`, `arm.links[elbow].body`.
+
+use toml::Value;
+
+/// One step of a path.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Step {
+    /// A table's key.
+    Key(String),
+    /// A list element, by index or by its `name`.
+    Element(String),
+}
+
+/// Splits `a.b[2].c` into its steps.
+pub fn parse(path: &str) -> Vec<Step> {
+    let mut steps = Vec::new();
+    let mut rest = path;
+    while !rest.is_empty() {
+        if let Some((element, after)) = rest.strip_prefix('[').and_then(|r| r.split_once(']')) {
+            steps.push(Step::Element(element.to_owned()));
+            rest = after;
+        } else {
+            rest = rest.strip_prefix('.').unwrap_or(rest);
+            let end = rest.find(['.', '[']).filter(|&end| end > 0).unwrap_or(rest.len());
+            steps.push(Step::Key(rest[..end].to_owned()));
+            rest = &rest[end..];
+        }
+    }
+    steps
+}
+
+/// `name` of a list element.
+fn name_of(element: &Value) -> Option<&str> {
+    element.get("name").and_then(Value::as_str)
+}
+
+/// Index of a list element given by index or name.
+fn index_of(list: &[Value], element: &str) -> Option<usize> {
+    element.parse().ok().filter(|&i| i < list.len()).or_else(|| list.iter().position(|e| name_of(e) == Some(element)))
+}
+
+/// What one step leads to, and the step with its name replaced by an index.
+fn child<'a>(node: &'a Value, step: &Step) -> Option<(&'a Value, Step)> {
+    match (step, node) {
+        (Step::Key(key), Value::Table(table)) => Some((table.get(key)?, step.clone())),
+        (Step::Element(element), Value::Array(list)) => {
+            let i = index_of(list, element)?;
+            Some((&list[i], Step::Element(i.to_string())))
+        }
+        _ => None,
+    }
+}
+
+/// The path with every name replaced by an index, and the value there, if there is one.
+pub fn resolve<'a>(root: &'a Value, path: &str) -> Option<(Vec<Step>, &'a Value)> {
+    let mut node = root;
+    let mut steps = Vec::new();
+    for step in parse(path) {
+        let (next, step) = child(node, &step)?;
+        node = next;
+        steps.push(step);
+    }
+    Some((steps, node))
+}
+
+/// Whether a pattern, in which a list without an element stands for all of its elements, describes anything.
+pub fn describes_anything(pattern: &[Step], node: &Value) -> bool {
+    match (pattern.split_first(), node) {
+        (None, _) => true,
+        (Some((Step::Key(_), _)), Value::Array(list)) => list.iter().any(|e| describes_anything(pattern, e)),
+        (Some((step, rest)), _) => child(node, step).is_some_and(|(next, _)| describes_anything(rest, next)),
+    }
+}
+
+/// How many steps of the resolved path `pattern` covers as a prefix, and how many elements it names; None if it does not match.
+pub fn coverage(pattern: &[Step], path: &[Step], root: &Value) -> Option<(usize, usize)> {
+    let mut node = root;
+    let mut covered = 0;
+    let mut elements = 0;
+    for step in pattern {
+        if let (Step::Key(_), Some(element @ Step::Element(_))) = (step, path.get(covered)) {
+            node = child(node, element)?.0;
+            covered += 1;
+        }
+        let (next, resolved) = child(node, step)?;
+        if path.get(covered) != Some(&resolved) {
+            return None;
+        }
+        node = next;
+        covered += 1;
+        elements += usize::from(matches!(step, Step::Element(_)));
+    }
+    Some((covered, elements))
+}
+
+/// Every number below `node`, with its path.
+pub fn numbers(node: &Value) -> Vec<(String, f64)> {
+    fn walk(node: &Value, path: String, out: &mut Vec<(String, f64)>) {
+        match node {
+            Value::Float(x) => out.push((path, *x)),
+            Value::Integer(i) => out.push((path, *i as f64)),
+            Value::Array(list) => list.iter().enumerate().for_each(|(i, e)| walk(e, format!("{path}[{i}]"), out)),
+            Value::Table(table) => table.iter().for_each(|(key, e)| walk(e, join(&path, key), out)),
+            _ => {}
+        }
+    }
+    let mut out = Vec::new();
+    walk(node, String::new(), &mut out);
+    out
+}
+
+/// `path.key`.
+pub fn join(path: &str, key: &str) -> String {
+    if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
+}
+
+/// The path, followed by the names of the list elements on it: `arm.links[2].body.mass (elbow)`.
+pub fn with_names(root: &Value, path: &str) -> String {
+    let mut node = root;
+    let mut names = Vec::new();
+    for step in parse(path) {
+        let Some((next, _)) = child(node, &step) else { break };
+        node = next;
+        if matches!(step, Step::Element(_)) {
+            names.extend(name_of(node));
+        }
+    }
+    if names.is_empty() { path.to_owned() } else { format!("{path} ({})", names.join(", ")) }
+}
+
+/// A value in one short line, for messages.
+pub fn short(value: &Value) -> String {
+    const LONGEST: usize = 100;
+    let text = value.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+    match text.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{} ...", &text[..end]),
+        None => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example() -> Value {
+        toml::from_str("a = 1\n[[list]]\nname = 'one'\nx = [1, 2]\n[[list]]\nname = 'two'\nx = [3, 4]").unwrap()
+    }
+
+    #[test]
+    fn a_name_and_an_index_lead_to_the_same_element() {
+        let root = example();
+        assert_eq!(resolve(&root, "list[two].x[0]"), resolve(&root, "list[1].x[0]"));
+        assert_eq!(resolve(&root, "list[1].x[0]").unwrap().1, &Value::Integer(3));
+        assert_eq!(resolve(&root, "list[three]"), None);
+    }
+
+    #[test]
+    fn a_pattern_covers_what_it_is_a_prefix_of() {
+        let root = example();
+        let path = resolve(&root, "list[1].x[0]").unwrap().0;
+        assert_eq!(coverage(&parse("list"), &path, &root), Some((1, 0)));
+        assert_eq!(coverage(&parse("list.x"), &path, &root), Some((3, 0)));
+        assert_eq!(coverage(&parse("list[two].x"), &path, &root), Some((3, 1)));
+        assert_eq!(coverage(&parse("list[one].x"), &path, &root), None);
+        assert_eq!(coverage(&parse("a"), &path, &root), None);
+    }
+
+    #[test]
+    fn any_text_parses() {
+        for text in ["", ".", "[", "]", "a[", "a]b", "..[[]].", "a[b.c].d", "\u{e9}.[\u{e9}]"] {
+            parse(text);
+            resolve(&example(), text);
+        }
+        assert_eq!(parse("a[b.c].d").len(), 3);
+    }
+}

@@ -1,0 +1,118 @@
+//! Scenes from TOML text, files and dicts, and back.
+
+use std::path::Path;
+
+use toml::Value;
+
+use super::{Fault, Scene, check, path};
+use crate::error::{DescriptionError, Problem};
+
+/// Scenes that come with the package.
+const SHIPPED: [(&str, &str); 5] = [
+    ("petasus-pum", include_str!("../../uvms_gym/scenes/petasus-pum.toml")),
+    ("bluerov2-heavy-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5.toml")),
+    ("bluerov2-heavy", include_str!("../../uvms_gym/scenes/bluerov2-heavy.toml")),
+    ("free-body", include_str!("../../uvms_gym/scenes/free-body.toml")),
+    ("rexrov", include_str!("../../uvms_gym/scenes/rexrov.toml")),
+];
+
+impl Scene {
+    /// Names of the shipped scenes.
+    pub fn shipped_names() -> Vec<&'static str> {
+        SHIPPED.iter().map(|(name, _)| *name).collect()
+    }
+
+    /// A shipped scene.
+    ///
+    /// # Errors
+    /// [`DescriptionError::UnknownScene`] lists the names that there are.
+    pub fn shipped(name: &str) -> Result<Self, DescriptionError> {
+        match SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
+            Some((_, text)) => Self::from_toml_str(text, &format!("{name}.toml")),
+            None => Err(DescriptionError::UnknownScene { name: name.to_owned(), shipped: Self::shipped_names() }),
+        }
+    }
+
+    /// A shipped scene by name, or a file by a path that ends in `.toml`.
+    ///
+    /// # Errors
+    /// As [`Scene::shipped`] and [`Scene::from_file`].
+    pub fn load(name_or_path: &str) -> Result<Self, DescriptionError> {
+        if name_or_path.ends_with(".toml") { Self::from_file(name_or_path) } else { Self::shipped(name_or_path) }
+    }
+
+    /// Reads and checks a TOML file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or as [`Scene::from_toml_str`].
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
+        let path = path.as_ref();
+        let source_name = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::from_toml_str(&text, &source_name),
+            Err(error) => Err(DescriptionError::File { path: source_name, error }),
+        }
+    }
+
+    /// Reads and checks TOML text; `source_name` (a file's name) appears in errors.
+    ///
+    /// # Errors
+    /// Text that is not TOML, by line and column, or as [`Scene::from_value`].
+    pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, DescriptionError> {
+        let value = text.parse::<toml::Table>().map_err(|error| {
+            let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+            let line = before.matches('\n').count() + 1;
+            let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+            DescriptionError::Syntax {
+                source_name: source_name.to_owned(),
+                message: format!("line {line}, column {column}: {}", error.message().replace('\n', " ")),
+            }
+        })?;
+        Self::from_value(value.into(), source_name)
+    }
+
+    /// Reads and checks a tree of values, whose integers may stand for floats; `source_name` appears in errors.
+    ///
+    /// The scene comes out canonical: axes of unit length, inertia and added mass exactly symmetric.
+    ///
+    /// # Errors
+    /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.
+    pub fn from_value(value: Value, source_name: &str) -> Result<Self, DescriptionError> {
+        Self::from_tree(&value).map_err(|fault| DescriptionError::Value {
+            source_name: source_name.to_owned(),
+            key: path::with_names(&value, &fault.key),
+            problem: fault.problem,
+        })
+    }
+
+    fn from_tree(value: &Value) -> Result<Self, Fault> {
+        // Before the forms are lost: a NaN is reported at the very list entry that holds it.
+        check::magnitudes(value)?;
+        let mut scene: Self = serde_path_to_error::deserialize(value.clone())
+            .map_err(|error| explain(value, &error.path().to_string(), error.inner().message()))?;
+        scene.validate()?;
+        scene.make_canonical();
+        Ok(scene)
+    }
+
+    /// The scene as TOML text, from which [`Scene::from_toml_str`] makes an equal scene.
+    pub fn to_toml_string(&self) -> String {
+        toml::to_string(self).expect("a scene is plain data")
+    }
+}
+
+/// Puts serde's complaint about `at` into our words.
+fn explain(root: &Value, at: &str, message: &str) -> Fault {
+    let at = if at == "." { "" } else { at };
+    let quoted = |prefix| message.strip_prefix(prefix).and_then(|rest: &str| rest.split_once('`'));
+    if let Some((field, _)) = quoted("missing field `") {
+        return Fault::new(path::join(at, field), Problem::Missing);
+    }
+    let value = |key: &str| path::resolve(root, key).map_or_else(|| "absent".to_owned(), |(_, v)| path::short(v));
+    if let Some((field, rest)) = quoted("unknown field `") {
+        let key = if at.ends_with(field) { at.to_owned() } else { path::join(at, field) };
+        let expected = rest.trim_start_matches(", expected ").replace('`', "");
+        return Fault::new(key.clone(), Problem::UnknownKey { value: value(&key), expected });
+    }
+    Fault::new(at, Problem::Form { reason: message.replace('\n', " "), value: value(at) })
+}

@@ -1,0 +1,7 @@
+//! The closed form against laws, hand calculation and the literature.
+
+mod awkward_scene;
+mod composition;
+mod ledger;
+mod motion;
+mod water;
