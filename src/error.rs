@@ -64,7 +64,7 @@ pub enum Problem {
         value: String,
     },
     /// NaN, infinite, or too large to compute with.
-    #[error("{value} is not a finite number of magnitude up to {max:e}")]
+    #[error("{value:?} is not a finite number of magnitude up to {max:e}")]
     NotFinite {
         /// The number.
         value: f64,
@@ -72,7 +72,7 @@ pub enum Problem {
         max: f64,
     },
     /// Out of the range of physical values.
-    #[error("is {value}, but must be {rule}")]
+    #[error("is {value:?}, but must be {rule}")]
     Range {
         /// The number.
         value: f64,
@@ -80,7 +80,7 @@ pub enum Problem {
         rule: &'static str,
     },
     /// A pair of limits that does not enclose what it must.
-    #[error("is [{lower}, {upper}], which must {rule}")]
+    #[error("is [{lower:?}, {upper:?}], which must {rule}")]
     Limits {
         /// Lower limit.
         lower: f64,
@@ -90,7 +90,7 @@ pub enum Problem {
         rule: &'static str,
     },
     /// A start outside of the joint's limits.
-    #[error("{home} is outside of the limits [{lower}, {upper}]")]
+    #[error("{home:?} is outside of the limits [{lower:?}, {upper:?}]")]
     HomeOutside {
         /// Start.
         home: f64,
@@ -107,7 +107,7 @@ pub enum Problem {
     },
     /// Asymmetric beyond rounding.
     #[error(
-        "not symmetric: entries [{row}][{column}] and [{column}][{row}] are {upper} and {lower}, which differ by more \
+        "not symmetric: entries [{row}][{column}] and [{column}][{row}] are {upper:?} and {lower:?}, which differ by more \
          than {tolerance:e} of the largest entry"
     )]
     Asymmetric {
@@ -143,7 +143,7 @@ pub enum Problem {
         moments: Numbers,
     },
     /// A negative diagonal entry.
-    #[error("entry [{index}][{index}] is {value}, but drag must oppose motion: it must be >= 0")]
+    #[error("entry [{index}][{index}] is {value:?}, but drag must oppose motion: it must be >= 0")]
     NegativeDiagonal {
         /// Row and column.
         index: usize,
@@ -151,7 +151,9 @@ pub enum Problem {
         value: f64,
     },
     /// A stated weight that is not mass times gravity.
-    #[error("{weight} N contradicts mass {mass} kg x gravity {gravity} m/s2 = {expected} N by more than {percent} %")]
+    #[error(
+        "{weight:?} N contradicts mass {mass:?} kg x gravity {gravity} m/s2 = {expected} N by more than {percent} %"
+    )]
     Weight {
         /// As stated, N.
         weight: f64,
@@ -165,7 +167,7 @@ pub enum Problem {
         percent: f64,
     },
     /// Both ways to state one thing.
-    #[error("{buoyancy} N is given besides volume {volume} m3: give one of them")]
+    #[error("{buoyancy:?} N is given besides volume {volume:?} m3: give one of them")]
     TwoBuoyancies {
         /// N.
         buoyancy: f64,
@@ -173,7 +175,7 @@ pub enum Problem {
         volume: f64,
     },
     /// Buoyancy that no water can give.
-    #[error("{buoyancy} N cannot be without weight of water: density is {density} kg/m3, gravity {gravity} m/s2")]
+    #[error("{buoyancy:?} N cannot be without weight of water: density is {density} kg/m3, gravity {gravity} m/s2")]
     BuoyancyWithoutWater {
         /// N.
         buoyancy: f64,
@@ -250,4 +252,113 @@ pub enum BalanceError {
         /// Joints of a state.
         max: usize,
     },
+}
+
+/// A simulator that cannot be made, or an input that it cannot take.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimulatorError {
+    /// No instances.
+    #[error("num_envs must be at least 1")]
+    NoInstances,
+    /// No threads.
+    #[error("threads must be at least 1 (or None for one per core)")]
+    NoThreads,
+    /// A step that is no step.
+    #[error("dt is {dt}, but must be a positive number of seconds")]
+    Step {
+        /// As given.
+        dt: f64,
+    },
+    /// A gain of eq. 14 that is none.
+    #[error("gamma is {gamma}, but must be a number >= 0")]
+    Gamma {
+        /// As given.
+        gamma: f64,
+    },
+    /// No such integrator.
+    #[error("no integrator named '{name}': one of {}", crate::integrate::Integrator::NAMES.map(|(name, _)| name).join(", "))]
+    UnknownIntegrator {
+        /// As given.
+        name: String,
+    },
+    /// Too many or too few numbers.
+    #[error("{name} has {got} numbers, but {expected} are needed")]
+    Length {
+        /// Name of the input.
+        name: &'static str,
+        /// Numbers needed.
+        expected: usize,
+        /// Numbers given.
+        got: usize,
+    },
+    /// NaN or infinite.
+    #[error("{name} of instance {instance}, entry {entry}, is {value}: it must be finite")]
+    NotFinite {
+        /// Name of the input.
+        name: &'static str,
+        /// Instance.
+        instance: usize,
+        /// Entry within the instance's row.
+        entry: usize,
+        /// The number.
+        value: f64,
+    },
+    /// A station for a vehicle without servo.
+    #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot keep a station")]
+    NoVehicleServo {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// The instruction set asked for is not there.
+    #[error(transparent)]
+    Lanes(#[from] crate::lane::UnknownIsa),
+    /// The scene does not compose.
+    #[error(transparent)]
+    Balance(#[from] BalanceError),
+    /// The vehicle's thrusters cannot be allocated.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+}
+
+/// A vehicle that cannot be controlled as described, or arguments of the wrong shape.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ControlError {
+    /// Saturation by uniform scaling needs zero thrust to be possible.
+    #[error("thruster \"{name}\": limits [{lower}, {upper}] N must be finite, with lower <= 0 <= upper")]
+    ThrusterLimits { name: String, lower: f64, upper: f64 },
+    /// No direction, or no place.
+    #[error("thruster \"{name}\": position {position:?} and axis {axis:?} must be finite, and the axis not zero")]
+    ThrusterGeometry { name: String, position: [f64; 3], axis: [f64; 3] },
+    /// More than the arrays hold.
+    #[error("{count} thrusters: at most {greatest} are supported")]
+    TooManyThrusters { count: usize, greatest: usize },
+    /// A gain that is no number, or that would drive the vehicle away.
+    #[error("gain {name}[{index}] = {value}: must be finite and not negative")]
+    Gain { name: &'static str, index: usize, value: f64 },
+    /// Arrays that do not fit together.
+    #[error("{what}: {got} numbers, expected {expected}")]
+    Shape { what: &'static str, got: usize, expected: usize },
+}
+
+/// A task that cannot be set up, or started, as asked.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum TaskError {
+    /// Thrusters, gains, shapes.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+    /// The scene lacks what the task needs.
+    #[error("scene \"{scene}\" cannot keep station: {reason}")]
+    Scene { scene: String, reason: String },
+    /// An option out of its range.
+    #[error("option {name} = {value}: must be {allowed}")]
+    Option { name: &'static str, value: f64, allowed: &'static str },
+    /// A start override that is no start.
+    #[error("start {name} = {value}: must be {allowed}")]
+    Start { name: &'static str, value: f64, allowed: String },
+    /// An action that is no number; out of range is clipped instead.
+    #[error("action {index} of instance {instance} is {value}: must be finite")]
+    Action { instance: usize, index: usize, value: f32 },
+    /// Numbers that are not a saved episode.
+    #[error("saved episode: {0}")]
+    Saved(String),
 }

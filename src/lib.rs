@@ -18,6 +18,14 @@
 //! ```
 
 pub mod balance;
+pub mod batch;
+pub mod control;
 pub mod description;
 pub mod error;
+pub mod hydro;
+pub mod integrate;
+pub mod lane;
+pub mod lie;
+pub mod scene;
+pub mod spatial;
 pub mod system;

@@ -2,14 +2,17 @@
 //!
 //! [`Composite`] composes; [`Balance`] composes a scene; [`ClosedForm`] is the scene's
 //! `W F + L tau = M [V'; q''] + C [V; q']` at a state, with its solve, kinematics and books. All of it is plain
-//! f64 with dense matrices, so that it checks the kernel that steps the simulation.
+//! f64 with dense matrices. [`articulated`] solves the same balance in lanes and is what steps the simulation; each
+//! checks the other.
 
+pub mod articulated;
 pub mod body;
 mod closed_form;
 mod composite;
 pub mod dense;
 mod inverse;
 pub mod joint;
+mod joint_torque;
 mod kinematics;
 mod ledger;
 

@@ -32,7 +32,8 @@ pub struct Mount {
     /// Mount frame in the vehicle frame.
     #[serde(default)]
     pub frame: Frame,
-    /// Joint q0 between vehicle and arm base; its own `frame` is relative to the mount frame.
+    /// Joint q0 between vehicle and arm base; its own `frame` is relative to the mount frame. It needs
+    /// an arm base with mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
 }

@@ -73,7 +73,8 @@ impl Scene {
 
     /// Reads and checks a tree of values, whose integers may stand for floats; `source_name` appears in errors.
     ///
-    /// The scene comes out canonical: axes of unit length, inertia and added mass exactly symmetric.
+    /// The scene comes out canonical: axes of unit length, inertia and added mass exactly symmetric. Warnings are
+    /// left to [`Scene::check`].
     ///
     /// # Errors
     /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.

@@ -1,5 +1,12 @@
 //! A scene compiled for computation, and its state.
 
+mod attitude;
+mod chain;
+mod compile;
+mod model;
 mod state;
 
+pub use attitude::{quaternion, rotation, rotation_vector};
+pub use compile::{Compiled, compile};
+pub use model::{BodyTerms, Friction, JointTerms, Limits, Servo, Stand, System, VehicleServo};
 pub use state::{JOINTS, Joints, State};

@@ -1,109 +1,39 @@
 //! Laws of the closed form: what composing systems must give.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::balance::body::DenseBody;
 use uvms_gym::balance::dense::{Pose, cross};
 use uvms_gym::balance::joint::joint_pose;
 use uvms_gym::balance::{Balance, ClosedForm, Composite, Loads};
-use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Joint, JointKind, Link, Scene, Water};
-use uvms_gym::error::BalanceError;
+use uvms_gym::description::{Body, InertiaPoint, Link, Scene, Water};
 use uvms_gym::system::State;
 
-use crate::awkward_scene::{LOADINGS, Loading, body, current, for_joints, frame, joint, scene, state, vector, vector6};
+use crate::cases::{current, dry, scene, scenes, vector6, velocities};
 use crate::motion::advance;
-
-fn relative(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
-    (a - b).norm() / b.norm()
-}
-
-fn relative_v(a: &DVector<f64>, b: &DVector<f64>) -> f64 {
-    (a - b).norm() / b.norm()
-}
+use crate::random_scene::random_state;
+use crate::relative;
 
 /// The largest relative difference of M, C [V; q'], W and accelerations.
 fn difference(a: &ClosedForm, b: &ClosedForm) -> f64 {
     let loads = Loads::default();
     [
         relative(a.mass_matrix(), b.mass_matrix()),
-        relative_v(a.bias(), b.bias()),
+        relative(a.bias(), b.bias()),
         relative(&a.wrench_influence(), &b.wrench_influence()),
-        relative_v(&a.accelerations(&loads).unwrap(), &b.accelerations(&loads).unwrap()),
+        relative(&a.accelerations(&loads).unwrap(), &b.accelerations(&loads).unwrap()),
     ]
     .into_iter()
     .fold(0.0, f64::max)
 }
 
-/// A slender dry link along x with its joint about `axis` at `x`.
-fn planar_link(x: f64, axis: Vector3<f64>, center: f64, inertia: f64, mass: f64) -> Link {
-    let mut joint: Joint = joint(0.0, JointKind::Revolute);
-    joint.frame = Frame { position: Vector3::new(x, 0.0, 0.0), rpy: Vector3::zeros() };
-    joint.axis = axis;
-    joint.friction = Default::default();
-    joint.limits = None;
-    let body = Body {
-        center_of_mass: Vector3::new(center, 0.0, 0.0),
-        inertia: Matrix3::from_diagonal_element(inertia),
-        volume: None,
-        added_mass: Matrix6::zeros(),
-        damping: Damping::default(),
-        ..body(0.0, mass)
-    };
-    Link { name: String::new(), joint, body }
-}
-
-fn planar_arm(links: Vec<Link>) -> Scene {
-    let mut scene = scene(Loading::Fixed);
-    scene.vehicle.fixed = true;
-    scene.water.gravity = Vector3::new(0.0, 0.0, -9.81);
-    scene.payload = None;
-    let arm = scene.arm.as_mut().unwrap();
-    arm.mount.frame = Frame::default();
-    arm.links = links;
-    scene
-}
-
-#[test]
-fn compound_pendulum_falls_as_by_hand() {
-    let (mass, center, inertia) = (2.0, 0.3, 0.05);
-    let scene = planar_arm(vec![planar_link(0.0, Vector3::y(), center, inertia, mass)]);
-    let mut state = State::default();
-    (state.q[0], state.qd[0]) = (0.6, 1.7);
-    let balance = Balance::new(&scene).unwrap();
-    let acceleration = balance.at(&state, Vector3::zeros()).accelerations(&Loads::default()).unwrap();
-    // +q about y dips the link below the horizon: its weight speeds that up.
-    let expected = mass * 9.81 * center * 0.6_f64.cos() / (inertia + mass * center * center);
-    assert!((acceleration[6] - expected).abs() < 1e-13 * expected);
-    assert_eq!(acceleration.rows(0, 6).norm(), 0.0);
-}
-
-/// M and C of the planar two-link arm as printed in [MLS94 section 4.3.3].
-#[test]
-fn val_planar_two_link_arm() {
-    let ([m1, m2], [i1, i2], [r1, r2], l1) = ([2.0, 1.5], [0.05, 0.03], [0.3, 0.25], 0.7);
-    let z = Vector3::z();
-    let scene = planar_arm(vec![planar_link(0.0, z, r1, i1, m1), planar_link(l1, z, r2, i2, m2)]);
-    let mut state = State::default();
-    let (q2, qd1, qd2) = (0.9_f64, 0.8, -1.3);
-    state.q[..2].copy_from_slice(&[0.4, q2]);
-    state.qd[..2].copy_from_slice(&[qd1, qd2]);
-    let alpha = i1 + i2 + m1 * r1 * r1 + m2 * (l1 * l1 + r2 * r2);
-    let (beta, delta) = (m2 * l1 * r2, i2 + m2 * r2 * r2);
-    let (s, c) = q2.sin_cos();
-    let mass = DMatrix::from_row_slice(2, 2, &[alpha + 2.0 * beta * c, delta + beta * c, delta + beta * c, delta]);
-    let coriolis = DMatrix::from_row_slice(2, 2, &[-beta * s * qd2, -beta * s * (qd1 + qd2), beta * s * qd1, 0.0]);
-
-    let balance = Balance::new(&scene).unwrap();
-    let form = balance.at(&state, Vector3::zeros());
-    assert!(relative(&form.mass_matrix().view((6, 6), (2, 2)).into_owned(), &mass) < 1e-14);
-    let bias = form.bias().rows(6, 2).into_owned();
-    assert!(relative_v(&bias, &(coriolis * DVector::from_row_slice(&[qd1, qd2]))) < 1e-13);
-}
-
 #[test]
 fn two_bodies_screwed_together_are_one_body_of_their_summed_inertia() {
     let water = Water { density: 0.0, gravity: Vector3::zeros(), current: Vector3::zeros() };
-    let dry = |seed, mass| Body { added_mass: Matrix6::zeros(), ..body(seed, mass) };
-    let (a, b, mount) = (dry(0.3, 4.0), dry(0.8, 7.0), Pose::from_frame(&frame(2.0)));
+    let scene = scene(false);
+    let arm = scene.arm.as_ref().unwrap();
+    let in_com = |body: &Body| Body { inertia: body.inertia_about_com(), inertia_at: InertiaPoint::Com, ..dry(body) };
+    let (a, b) = (in_com(&arm.links[0].body), in_com(&arm.links[1].body));
+    let mount = Pose::from_frame(&arm.mount.frame);
 
     let b_center = mount.rotation * b.center_of_mass + mount.position;
     let mass = a.mass + b.mass;
@@ -117,22 +47,21 @@ fn two_bodies_screwed_together_are_one_body_of_their_summed_inertia() {
         center_of_mass: center,
         inertia: about(a.inertia, a.mass, a.center_of_mass)
             + about(mount.rotation * b.inertia * mount.rotation.transpose(), b.mass, b_center),
-        inertia_at: InertiaPoint::Com,
         ..a.clone()
     };
 
     let rigid = |body| Composite::rigid_body(DenseBody::new(body, &water));
     let (parts, whole) = (rigid(&a).fixed_loading(0, mount, rigid(&b)), rigid(&whole));
-    let twist = vector6(0.4);
+    let twist = vector6(4);
     let (parts, whole) = (parts.at(&twist, &[], &[], &current()), whole.at(&twist, &[], &[], &current()));
     assert!(relative(&parts.mass_matrix, &whole.mass_matrix) < 1e-14);
-    assert!(relative_v(&parts.bias, &whole.bias) < 1e-13);
+    assert!(relative(&parts.bias, &whole.bias) < 1e-13);
 }
 
 #[test]
 fn composing_is_associative() {
-    for loading in LOADINGS {
-        let scene = scene(loading);
+    for joint_loading in [false, true] {
+        let scene = scene(joint_loading);
         let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
         let arm = scene.arm.as_ref().unwrap();
         let links = &arm.links;
@@ -165,7 +94,7 @@ fn composing_is_associative() {
         let other = other.fixed_loading(1, grip, rigid(&payload.body));
         let halves = joined(half, 2, 1, other);
 
-        let state = state(&scene, 1.0);
+        let state = random_state(1, &scene);
         let n = scene.joints().count();
         let balance = Balance::new(&scene).unwrap();
         let evaluate = |system: &Composite| {
@@ -187,20 +116,20 @@ fn composing_is_associative() {
         for system in [&inwards, &outwards, &halves] {
             let got = evaluate(system);
             assert!(relative(&got.0, &reference.0) < 1e-13);
-            assert!(relative_v(&got.1, &reference.1) < 1e-12);
+            assert!(relative(&got.1, &reference.1) < 1e-12);
             assert!(relative(&got.2, &reference.2) < 1e-13);
             assert_eq!(got.3, reference.3);
             assert_eq!(got.4, reference.4);
-            assert!(relative_v(&got.5, &reference.5) < 1e-12);
+            assert!(relative(&got.5, &reference.5) < 1e-12);
         }
     }
 }
 
 #[test]
 fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
-    let scene = scene(Loading::Fixed);
+    let scene = scene(false);
     let balance = Balance::new(&scene).unwrap();
-    let form = balance.at(&state(&scene, 0.0), Vector3::zeros());
+    let form = balance.at(&random_state(0, &scene), Vector3::zeros());
     let n = scene.joints().count();
     assert_eq!(form.wrench_influence().shape(), (6 + n, 6 * (n + 1)));
     assert_eq!(form.torque_influence().shape(), (6 + n, n));
@@ -209,20 +138,21 @@ fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
     let restoring = form.restoring();
     let link = &scene.arm.as_ref().unwrap().links[n - 1].body;
     let payload = &scene.payload.as_ref().unwrap().body;
-    let net = |body: &Body| body.mass - scene.water.density * body.volume.unwrap();
+    let net = |body: &Body| body.mass - scene.water.density * body.displaced_volume(&scene.water);
     let expected = scene.water.gravity.norm() * (net(link) + net(payload)).abs();
     assert!((restoring[n].fixed_rows::<3>(0).norm() - expected).abs() < 1e-12 * expected);
 }
 
 #[test]
 fn what_is_screwed_onto_the_screwed_belongs_to_the_vehicle() {
-    let mut scene = scene(Loading::Fixed);
+    let mut scene = scene(false);
     scene.arm.as_mut().unwrap().links.clear();
+    let state = random_state(0, &scene);
     let balance = Balance::new(&scene).unwrap();
-    let form = balance.at(&state(&scene, 0.0), current());
+    let form = balance.at(&state, current());
     // The vehicle's block of W is the identity, so its merged wrenches are the sum over all bodies' own columns.
     let still = balance.system.at(&Vector6::zeros(), &[], &[], &Vector3::zeros());
-    let gravity = state(&scene, 0.0).rotation.tr_mul(&scene.water.gravity);
+    let gravity = state.rotation.tr_mul(&scene.water.gravity);
     let expected: Vector6<f64> = (still.bodies.iter().enumerate())
         .map(|(k, motion)| {
             still.body_jacobian(k).tr_mul(&motion.body.restoring(&motion.pose.rotation.tr_mul(&gravity)))
@@ -248,9 +178,9 @@ fn what_is_screwed_onto_the_screwed_belongs_to_the_vehicle() {
 
 #[test]
 fn end_effector_sits_on_the_last_body() {
-    for loading in LOADINGS {
-        let mut scene = scene(loading);
-        let state = state(&scene, 8.0);
+    for joint_loading in [false, true] {
+        let mut scene = scene(joint_loading);
+        let state = random_state(8, &scene);
         let end_effector = Pose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
         let end = |scene: &Scene| {
             let balance = Balance::new(scene).unwrap();
@@ -275,57 +205,34 @@ fn end_effector_sits_on_the_last_body() {
 }
 
 #[test]
-fn arm_with_a_fixed_base_is_the_lower_rows_of_the_free_one() {
-    let mut scene = scene(Loading::Joint);
-    let mut at = state(&scene, 2.0);
-    at.twist = Vector6::zeros();
-    let free = Balance::new(&scene).unwrap();
-    scene.vehicle.fixed = true;
-    let held = Balance::new(&scene).unwrap();
-    let loads = Loads { joint_command: &[1.0, -2.0, 3.0, 0.5], ..Loads::default() };
-    let acceleration = held.at(&at, current()).accelerations(&loads).unwrap();
-    assert_eq!(acceleration.rows(0, 6).norm(), 0.0);
-    let residual = held.at(&at, current()).residual(&acceleration, &loads).unwrap();
-    assert!(residual.norm < 1e-14 * residual.scale);
-    // The free system accelerates just so when the mooring's wrench is applied to it.
-    let effort = held.at(&at, current()).inverse_dynamics(&acceleration, &loads).unwrap();
-    assert!(effort.joint_torques.norm() < 1e-12 * effort.wrench.norm());
-    let mut external = vec![Vector6::zeros(); 5];
-    external[0] = effort.wrench;
-    let again = free.at(&at, current()).accelerations(&Loads { external: &external, ..loads }).unwrap();
-    assert!((again - &acceleration).norm() < 1e-11 * acceleration.norm());
-}
-
-#[test]
 fn arm_alone_has_the_rows_of_the_arm_on_a_held_vehicle() {
-    let scene = scene(Loading::Fixed);
+    let scene = scene(false);
     let balance = Balance::new(&scene).unwrap();
-    let at = State { twist: Vector6::zeros(), rotation: Matrix3::identity(), ..state(&scene, 3.0) };
+    let at = State { twist: Vector6::zeros(), ..random_state(3, &scene) };
     let whole = balance.at(&at, Vector3::zeros());
     let arm = balance.arm.as_ref().unwrap().at(&Vector6::zeros(), &at.q[..3], &at.qd[..3], &Vector3::zeros());
     let whole_mass = whole.mass_matrix().view((6, 6), (3, 3)).into_owned();
     assert!(relative(&arm.mass_matrix.view((6, 6), (3, 3)).into_owned(), &whole_mass) < 1e-14);
-    assert!(relative_v(&arm.bias.rows(6, 3).into_owned(), &whole.bias().rows(6, 3).into_owned()) < 1e-13);
+    assert!(relative(&arm.bias.rows(6, 3).into_owned(), &whole.bias().rows(6, 3).into_owned()) < 1e-13);
 }
 
 #[test]
 fn joint_loading_is_one_more_link() {
-    let loaded = scene(Loading::Joint);
+    let loaded = scene(true);
     let mut linked = loaded.clone();
     let arm = linked.arm.as_mut().unwrap();
     let link = Link { name: "base".into(), joint: arm.mount.joint.take().unwrap(), body: arm.base.take().unwrap() };
     arm.links.insert(0, link);
-    let at = state(&loaded, 4.0);
+    let at = random_state(4, &loaded);
     let (loaded, linked) = (Balance::new(&loaded).unwrap(), Balance::new(&linked).unwrap());
     assert!(difference(&loaded.at(&at, current()), &linked.at(&at, current())) < 1e-13);
 }
 
 #[test]
 fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
-    for loading in LOADINGS {
-        let scene = scene(loading);
+    for (seed, scene) in scenes() {
         let balance = Balance::new(&scene).unwrap();
-        let at = state(&scene, 5.0);
+        let at = random_state(seed, &scene);
         let n = scene.joints().count();
         let acceleration = DVector::from_fn(6 + n, |i, _| (i as f64).cos());
         let h = 1e-5;
@@ -343,9 +250,8 @@ fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
             let twist = twist_of(&poses[k], &before.body_poses()[k], &after.body_poses()[k]);
             assert!((twist - twists[k]).norm() < 1e-8);
         }
-        let rates = DVector::from_iterator(6 + n, at.twist.iter().chain(&at.qd[..n]).copied());
         let end = twist_of(&now.end_effector_pose(), &before.end_effector_pose(), &after.end_effector_pose());
-        assert!((end - now.jacobian() * rates).norm() < 1e-8);
+        assert!((end - now.jacobian() * velocities(&at, n)).norm() < 1e-8);
 
         let equations =
             |state: &State| balance.system.at(&state.twist, &state.q[..n], &state.qd[..n], &Vector3::zeros());
@@ -357,94 +263,4 @@ fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
             assert!((rate - expected).norm() < 1e-8);
         }
     }
-}
-
-#[test]
-fn inverse_dynamics_undoes_forward_dynamics() {
-    for loading in LOADINGS {
-        let scene = scene(loading);
-        let balance = Balance::new(&scene).unwrap();
-        let form = balance.at(&state(&scene, 6.0), current());
-        let n = form.joints();
-        let command: Vec<f64> = (0..n).map(|i| 3.0 * (i as f64).sin() + 1.0).collect();
-        let external: Vec<_> = (0..=n).map(|i| 5.0 * vector6(i as f64)).collect();
-        let thrust = [12.0, -7.0];
-        let loads = Loads { thrust: &thrust, external: &external, joint_command: &command };
-        let acceleration = form.accelerations(&loads).unwrap();
-        let residual = form.residual(&acceleration, &loads).unwrap();
-        assert!(residual.norm < 1e-14 * residual.scale);
-
-        let mut passive = external.clone();
-        passive[0] = Vector6::zeros();
-        let effort = form.inverse_dynamics(&acceleration, &Loads { external: &passive, ..Loads::default() }).unwrap();
-        let wrench = external[0] + form.body_wrenches(&loads).unwrap().thrust;
-        assert!((effort.wrench - wrench).norm() < 1e-11 * wrench.norm());
-        assert!((effort.joint_torques - DVector::from_vec(command)).norm() < 1e-10);
-    }
-}
-
-#[test]
-fn trim_holds_the_system_at_rest() {
-    let scene = scene(Loading::Joint);
-    let balance = Balance::new(&scene).unwrap();
-    let moving = state(&scene, 7.0);
-    for water in [Vector3::zeros(), current()] {
-        let effort = balance.trim(&moving, water).unwrap();
-        let mut external = vec![Vector6::zeros(); 5];
-        external[0] = effort.wrench;
-        let loads = Loads { external: &external, joint_command: effort.joint_torques.as_slice(), ..Loads::default() };
-        let rest = State { twist: Vector6::zeros(), qd: [0.0; 9], ..moving.clone() };
-        assert!(balance.at(&rest, water).accelerations(&loads).unwrap().norm() < 1e-10);
-        assert!(effort.wrench.norm() > 10.0);
-    }
-}
-
-#[test]
-fn bad_input_is_refused_with_its_numbers() {
-    let mut bad = scene(Loading::Joint);
-    let balance = Balance::new(&bad).unwrap();
-    let form = balance.at(&state(&bad, 0.0), Vector3::zeros());
-    let wrong = |loads: Loads| form.accelerations(&loads).unwrap_err();
-    assert_eq!(
-        wrong(Loads { thrust: &[1.0], ..Loads::default() }),
-        BalanceError::Length { what: "thrust", expected: 2, got: 1 }
-    );
-    assert!(matches!(
-        wrong(Loads { external: &[Vector6::zeros()], ..Loads::default() }),
-        BalanceError::Length { expected: 5, got: 1, .. }
-    ));
-    assert!(matches!(
-        wrong(Loads { joint_command: &[0.0; 3], ..Loads::default() }),
-        BalanceError::Length { expected: 4, got: 3, .. }
-    ));
-    assert!(form.inverse_dynamics(&DVector::zeros(4), &Loads::default()).is_err());
-
-    let arm = bad.arm.as_mut().unwrap();
-    arm.links.truncate(1);
-    arm.links[0].body = Body { mass: 0.0, inertia: Matrix3::zeros(), added_mass: Matrix6::zeros(), ..body(0.0, 0.0) };
-    bad.payload = None;
-    let massless = Balance::new(&bad).unwrap();
-    let form = massless.at(&state(&bad, 0.0), Vector3::zeros());
-    assert_eq!(form.accelerations(&Loads::default()).unwrap_err(), BalanceError::NotPositiveDefinite);
-
-    let link = bad.arm.as_ref().unwrap().links[0].clone();
-    bad.arm.as_mut().unwrap().links = vec![link; 9];
-    assert_eq!(Balance::new(&bad).unwrap_err(), BalanceError::Joints { joints: 10, max: 9 });
-}
-
-#[test]
-fn joints_resist_as_described() {
-    let mut scene = scene(Loading::Fixed);
-    for_joints(&mut scene, |joint| joint.axis = vector(0.2).normalize());
-    let mut at = State::default();
-    at.q[..3].copy_from_slice(&[0.6, 0.1, -0.9]);
-    at.qd[..3].copy_from_slice(&[-2.0, 0.0, 0.5]);
-    let balance = Balance::new(&scene).unwrap();
-    let torques = balance.at(&at, Vector3::zeros()).joint_torques(&Loads::default()).unwrap();
-    let close = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-13, "{got} {expected}");
-    close(torques.friction[0], 1.0 + 0.2 * 2.0 / (4.0_f64 + 0.0025).sqrt());
-    close(torques.friction[1], 0.0);
-    close(torques.end_stop[0], -40.0 * 0.2 + 3.0 * 0.2 * 2.0);
-    close(torques.end_stop[1], 0.0);
-    close(torques.end_stop[2], 40.0 * 0.4 - 3.0 * 0.4 * 0.5);
 }

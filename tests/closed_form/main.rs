@@ -1,7 +1,22 @@
 //! The closed form against laws, hand calculation and the literature.
 
-mod awkward_scene;
+use nalgebra::allocator::Allocator;
+use nalgebra::{DefaultAllocator, Dim, OMatrix};
+
+#[path = "../common/random_scene.rs"]
+mod random_scene;
+
+mod cases;
 mod composition;
 mod ledger;
 mod motion;
+mod solve;
 mod water;
+
+/// `|a - b| / |b|`.
+fn relative<R: Dim, C: Dim>(a: &OMatrix<f64, R, C>, b: &OMatrix<f64, R, C>) -> f64
+where
+    DefaultAllocator: Allocator<R, C>,
+{
+    (a - b).norm() / b.norm()
+}

@@ -2,16 +2,16 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::balance::{Balance, Loads, seen_from_water};
-use uvms_gym::description::{Body, Damping, Frame, Scene};
+use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Payload, Scene};
 use uvms_gym::system::State;
 
-use crate::awkward_scene::{LOADINGS, Loading, body, current, definite6, scene, state, vector, vector6};
+use crate::cases::{Push, current, dry, scenes, vector6, vehicle_alone};
+use crate::random_scene::random_state;
+use crate::relative;
 
 /// A vehicle alone whose coefficients hold at its body frame.
-fn vehicle_alone() -> Scene {
-    let mut scene = scene(Loading::Fixed);
-    scene.arm = None;
-    scene.payload = None;
+fn aligned_vehicle() -> Scene {
+    let mut scene = vehicle_alone();
     scene.vehicle.body.hydrodynamic_frame = Frame::default();
     scene
 }
@@ -28,10 +28,10 @@ fn from_blocks(a: Matrix3<f64>, b: Matrix3<f64>, c: Matrix3<f64>, d: Matrix3<f64
 /// M_RB nu' + C_RB(nu) nu + M_A nu_r' + C_A(nu_r) nu_r = tau + D-terms + g-terms, in Fossen's parametrisations.
 #[test]
 fn val_vehicle_alone_is_fossens_six_degree_form() {
-    let scene = vehicle_alone();
+    let scene = aligned_vehicle();
     let body = &scene.vehicle.body;
-    let state = state(&scene, 0.0);
-    let (m, rg, ib) = (body.mass, body.center_of_mass, body.inertia);
+    let state = random_state(0, &scene);
+    let (m, rg, ib) = (body.mass, body.center_of_mass, body.inertia_about_com());
     let io = ib - s(rg) * s(rg) * m;
     let (v1, v2) = (state.twist.fixed_rows::<3>(0).into_owned(), state.twist.fixed_rows::<3>(3).into_owned());
     let m_rb = from_blocks(Matrix3::identity() * m, s(rg) * -m, s(rg) * m, io);
@@ -74,7 +74,7 @@ fn val_vehicle_alone_is_fossens_six_degree_form() {
         let drag = -body.damping.linear * nu_r - body.damping.quadratic * nu_r.map(|x| x * x.abs());
         assert!((form.drag()[0] - drag).norm() < 1e-13 * drag.norm());
         let gravity = state.rotation.transpose() * scene.water.gravity;
-        let (weight, buoyancy) = (gravity * m, -gravity * scene.water.density * body.volume.unwrap());
+        let (weight, buoyancy) = (gravity * m, -gravity * scene.water.density * body.displaced_volume(&scene.water));
         let moment = s(rg) * weight + s(body.center_of_buoyancy) * buoyancy;
         let force = weight + buoyancy;
         let restoring = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
@@ -89,12 +89,13 @@ fn dynamic(m: &Matrix6<f64>) -> DMatrix<f64> {
 /// Munk: N = -(m_Ay - m_Ax) u v, which turns a slender body broadside on.
 #[test]
 fn val_munk_moment_turns_a_slender_body_broadside() {
-    let mut scene = vehicle_alone();
+    let mut scene = aligned_vehicle();
     let (m_x, m_y) = (3.0, 25.0);
     scene.vehicle.body = Body {
         center_of_mass: Vector3::zeros(),
         added_mass: Matrix6::from_diagonal(&Vector6::new(m_x, m_y, 20.0, 0.1, 1.0, 1.0)),
         inertia: Matrix3::identity(),
+        inertia_at: InertiaPoint::Com,
         ..scene.vehicle.body
     };
     let (u, v) = (1.2, 0.3);
@@ -112,24 +113,24 @@ fn val_munk_moment_turns_a_slender_body_broadside() {
 fn body_that_drifts_with_the_current_feels_no_water() {
     // Anisotropic added mass, spinning about all axes: every force of the water, added mass and drag, is in what the
     // dry body does not do.
-    let mut wet = vehicle_alone();
+    let mut wet = aligned_vehicle();
     wet.water.gravity = Vector3::zeros();
     let body = &mut wet.vehicle.body;
-    body.damping.quadratic = Matrix6::zeros();
-    body.damping.linear = Matrix6::zeros();
-    body.damping.linear.fixed_view_mut::<3, 3>(0, 0).copy_from(&definite6(0.3, 9.0).fixed_view::<3, 3>(0, 0));
+    body.buoyancy = None;
+    body.damping.quadratic.fixed_columns_mut::<3>(3).fill(0.0);
+    body.damping.linear.fixed_columns_mut::<3>(3).fill(0.0);
     // A body with its mass centred and inertia balanced spins on without moments of its own.
     body.center_of_mass = Vector3::zeros();
-    body.inertia = Matrix3::identity();
+    (body.inertia, body.inertia_at) = (Matrix3::identity(), InertiaPoint::Com);
     body.added_mass = Matrix6::from_diagonal(&Vector6::new(3.0, 25.0, 11.0, 2.0, 2.0, 2.0));
-    let rotation = state(&wet, 0.0).rotation;
+    let rotation = random_state(0, &wet).rotation;
     let water = rotation.transpose() * current();
-    let mut twist = vector6(3.0);
+    let mut twist = vector6(3);
     twist.fixed_rows_mut::<3>(0).copy_from(&water);
     let state = State { rotation, twist, ..State::default() };
     let balance = Balance::new(&wet).unwrap();
     let form = balance.at(&state, current());
-    assert_eq!(form.drag()[0].norm(), 0.0);
+    assert!(form.drag()[0].norm() < 1e-13);
     let acceleration = form.accelerations(&Loads::default()).unwrap();
     // The world velocity and the spin are constant: v' + omega x v = 0.
     let (v, omega) = (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned());
@@ -139,13 +140,11 @@ fn body_that_drifts_with_the_current_feels_no_water() {
 
 #[test]
 fn system_in_a_current_is_the_one_in_still_water_seen_from_the_moving_frame() {
-    for loading in LOADINGS {
-        let scene = scene(loading);
-        let state = state(&scene, 1.5);
+    for (seed, scene) in scenes() {
+        let state = random_state(seed, &scene);
         let balance = Balance::new(&scene).unwrap();
-        let n = scene.joints().count();
-        let external: Vec<_> = (0..=n).map(|i| 4.0 * vector6(i as f64)).collect();
-        let loads = Loads { thrust: &[9.0, -4.0], external: &external, ..Loads::default() };
+        let push = Push::new(seed, &scene);
+        let loads = push.loads();
         let flowing = balance.at(&state, current()).accelerations(&loads).unwrap();
         let still = balance.at(&seen_from_water(&state, &current()), Vector3::zeros()).accelerations(&loads).unwrap();
         // V_r' = V' + [omega x R^T v_c; 0]; the joints do not care who looks.
@@ -160,7 +159,7 @@ fn system_in_a_current_is_the_one_in_still_water_seen_from_the_moving_frame() {
 #[test]
 fn drag_holds_in_the_frame_that_its_coefficients_were_given_for() {
     let mut scene = vehicle_alone();
-    let lever = vector(0.4);
+    let lever = Vector3::new(0.1, -0.2, 0.3);
     let body = &mut scene.vehicle.body;
     body.hydrodynamic_frame = Frame { position: lever, rpy: Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2) };
     body.damping = Damping {
@@ -180,27 +179,26 @@ fn drag_holds_in_the_frame_that_its_coefficients_were_given_for() {
 fn added_mass_in_another_frame_is_the_same_inertia() {
     // A point of added mass m at the hydrodynamic frame behaves as a point mass there.
     let mut wet = vehicle_alone();
-    let mut dry = wet.clone();
-    let lever = vector(0.9);
+    let lever = Vector3::new(0.1, -0.2, 0.3);
     let point = 6.0;
     wet.vehicle.body = Body {
-        hydrodynamic_frame: Frame { position: lever, rpy: vector(0.1) },
+        hydrodynamic_frame: Frame { position: lever, rpy: Vector3::new(0.5, -0.9, 1.4) },
         added_mass: Matrix6::from_diagonal(&Vector6::new(point, point, point, 0.0, 0.0, 0.0)),
-        ..body(0.2, 5.0)
+        ..dry(&wet.vehicle.body)
     };
-    dry.vehicle.body = Body { added_mass: Matrix6::zeros(), ..wet.vehicle.body.clone() };
-    dry.payload = Some(uvms_gym::description::Payload {
-        frame: Frame { position: lever, rpy: Vector3::zeros() },
-        body: Body {
-            center_of_mass: Vector3::zeros(),
-            inertia: Matrix3::zeros(),
-            added_mass: Matrix6::zeros(),
-            ..body(0.0, point)
-        },
-    });
-    let state = state(&wet, 2.5);
-    let (wet, dry) = (Balance::new(&wet).unwrap(), Balance::new(&dry).unwrap());
-    let (wet, dry) = (wet.at(&state, Vector3::zeros()), dry.at(&state, Vector3::zeros()));
-    assert!((wet.mass_matrix() - dry.mass_matrix()).norm() < 1e-13 * dry.mass_matrix().norm());
-    assert!((wet.bias() - dry.bias()).norm() < 1e-13 * dry.bias().norm());
+    let mut solid = wet.clone();
+    solid.vehicle.body.added_mass = Matrix6::zeros();
+    let body = Body {
+        mass: point,
+        center_of_mass: Vector3::zeros(),
+        inertia: Matrix3::zeros(),
+        inertia_at: InertiaPoint::Com,
+        ..solid.vehicle.body.clone()
+    };
+    solid.payload = Some(Payload { frame: Frame { position: lever, rpy: Vector3::zeros() }, body });
+    let state = random_state(2, &wet);
+    let (wet, solid) = (Balance::new(&wet).unwrap(), Balance::new(&solid).unwrap());
+    let (wet, solid) = (wet.at(&state, Vector3::zeros()), solid.at(&state, Vector3::zeros()));
+    assert!(relative(wet.mass_matrix(), solid.mass_matrix()) < 1e-13);
+    assert!(relative(wet.bias(), solid.bias()) < 1e-13);
 }

@@ -158,7 +158,7 @@ impl Random {
 }
 
 /// A valid scene, the same for the same seed and options. Masses are of one order, so that the mass matrix is well
-/// conditioned (most often under 1e4).
+/// conditioned (condition number of a few hundred).
 pub fn random_scene(seed: u64, options: Options) -> Scene {
     let mut random = Random::new(seed);
     let dry = options.dry;

@@ -1,0 +1,299 @@
+//! The articulated-body form: accelerations in O(n), the form that steps. `[RF08 ch. 7]`, `[McM95]`
+//!
+//! It solves the same balance as the closed form. Written in the frame that moves with the water: there rigid and
+//! added inertia obey one law, with the twist V relative to the water (a uniform steady current changes nothing but
+//! the reader's point of view).
+//!
+//! ```text
+//! outward   V_i = Ad^-1 V_p + E q',   c_i = ad_V_i E q'
+//! inward    p_i = B V_i - F_i,  u = tau - E^T p,  U = A E,  D = E^T U
+//!           A_p += Ad^-T (A - U U^T / D) Ad^-1,   p_p += Ad^-T (p + (A - U U^T / D) c + U u / D)
+//! base      A_0 V_0' = -p_0
+//! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
+//! ```
+
+use super::joint_torque::joint_torque;
+use crate::lane::{Lane, Param, sin_cos};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::spatial::{Axis, SpatialInertia, screw_x, screw_z};
+use crate::system::{BodyTerms, JOINTS, JointTerms, Stand, System};
+
+/// Forces at the joints and on the links besides those of the system itself; held over a control period.
+#[derive(Debug, Clone, Copy)]
+pub struct Loads<L> {
+    /// Actuator torques.
+    pub torque: [L; JOINTS],
+    /// Whether the joint servos are on.
+    pub servo: bool,
+    /// Servo targets, as polynomials in the time, constant term first.
+    pub target: [[L; 4]; JOINTS],
+    /// Whether `links` holds anything.
+    pub on_links: bool,
+    /// External wrenches on the links, each in its joint's frame.
+    pub links: [Vector6<L>; JOINTS],
+}
+
+impl<L: Lane> Loads<L> {
+    /// None.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self {
+            torque: [L::zero(); JOINTS],
+            servo: false,
+            target: [[L::zero(); 4]; JOINTS],
+            on_links: false,
+            links: [Vector6::zero(); JOINTS],
+        }
+    }
+
+    /// Servo target of joint `i`: value and rate at `time`.
+    #[inline(always)]
+    fn target(&self, i: usize, time: L) -> Option<(L, L)> {
+        if !self.servo {
+            return None;
+        }
+        let [a, b, c, d] = self.target[i];
+        let value = d.mul_add(time, c).mul_add(time, b).mul_add(time, a);
+        let rate = (L::c(3.0) * d).mul_add(time, L::c(2.0) * c).mul_add(time, b);
+        Some((value, rate))
+    }
+}
+
+/// What the outward pass leaves for the inward one, and that for the last.
+#[derive(Debug, Clone, Copy)]
+struct LinkScratch<L> {
+    /// Sine and cosine of theta, and d.
+    screw: [L; 3],
+    twist: Vector6<L>,
+    gravity: Vector3<L>,
+    /// U, 1/D and u.
+    column: Vector6<L>,
+    over_d: L,
+    torque: L,
+}
+
+/// Working memory of [`accelerations`].
+#[derive(Debug, Clone)]
+pub struct Scratch<L>([LinkScratch<L>; JOINTS]);
+
+impl<L: Lane> Scratch<L> {
+    /// Fresh memory; its contents never matter.
+    pub fn new() -> Self {
+        let zero = L::zero();
+        let link = LinkScratch {
+            screw: [zero; 3],
+            twist: Vector6::zero(),
+            gravity: Vector3::zero(),
+            column: Vector6::zero(),
+            over_d: zero,
+            torque: zero,
+        };
+        Self([link; JOINTS])
+    }
+}
+
+impl<L: Lane> Default for Scratch<L> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// `[V'; q'']`.
+#[derive(Debug, Clone, Copy)]
+pub struct Accelerations<L> {
+    /// Rate of the vehicle's body twist.
+    pub twist: Vector6<L>,
+    /// Joint accelerations; entries past the joint count are untouched.
+    pub joints: [L; JOINTS],
+}
+
+/// The constant part of the move to a joint.
+#[derive(Clone, Copy)]
+enum Base<L> {
+    Screw(Axis<L>),
+    Pose(Pose<L>),
+}
+
+impl<L: Lane> Base<L> {
+    #[inline(always)]
+    fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
+        match *stand {
+            Stand::Bend(bend, a) => Base::Screw(screw_x(bend, a)),
+            Stand::Pose(r, p) => Base::Pose(Pose {
+                rotation: Matrix3(r.map(|row| row.map(Param::get))),
+                position: Vector3(p.map(Param::get)),
+            }),
+        }
+    }
+
+    #[inline(always)]
+    fn twist(&self, twist: Vector6<L>) -> Vector6<L> {
+        match self {
+            Base::Screw(axis) => axis.adjoint_apply_inverse(twist),
+            Base::Pose(pose) => pose.adjoint_apply_inverse(twist),
+        }
+    }
+
+    #[inline(always)]
+    fn rotate_back(&self, v: Vector3<L>) -> Vector3<L> {
+        match self {
+            Base::Screw(axis) => axis.rotate_back(v),
+            Base::Pose(pose) => pose.rotation.apply_transposed(v),
+        }
+    }
+
+    #[inline(always)]
+    fn to_parent(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
+        match self {
+            Base::Screw(axis) => (axis.inertia_to_parent(inertia), axis.co_adjoint_apply_inverse(wrench)),
+            Base::Pose(pose) => (inertia.to_parent(pose), pose.co_adjoint_apply_inverse(wrench)),
+        }
+    }
+}
+
+/// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
+#[inline(always)]
+fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
+    let across = |v: Vector3<L>| Vector3([v.0[1] * qd, -(v.0[0] * qd), L::zero()]);
+    if prismatic {
+        Vector6 { linear: across(twist.angular), angular: Vector3::zero() }
+    } else {
+        Vector6 { linear: across(twist.linear), angular: across(twist.angular) }
+    }
+}
+
+/// `B V - restoring - drag`: what a body's own motion and the water ask for.
+#[inline(always)]
+fn body_bias<L: Lane, P: Param<L>>(
+    body: &BodyTerms<P>,
+    inertia: &SpatialInertia<L>,
+    twist: Vector6<L>,
+    gravity: Vector3<L>,
+) -> Vector6<L> {
+    let mut bias = inertia.bias_wrench(twist);
+    let minus = L::c(-1.0);
+    if let Some(restoring) = &body.restoring {
+        bias = restoring.wrench(gravity).scale_add(minus, bias);
+    }
+    for drag in &body.drag {
+        bias = drag.wrench(twist).scale_add(minus, bias);
+    }
+    bias
+}
+
+/// One instance (per lane) at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Instant<'a, L> {
+    /// Gravity in vehicle axes.
+    pub gravity: Vector3<L>,
+    /// Vehicle twist relative to the water.
+    pub twist: Vector6<L>,
+    /// Joint coordinates.
+    pub q: &'a [L; JOINTS],
+    /// Joint rates.
+    pub qd: &'a [L; JOINTS],
+    /// Wrench on the vehicle, body frame at its origin.
+    pub wrench: Vector6<L>,
+    /// Time on the clock of the servo targets.
+    pub time: L,
+}
+
+/// Accelerations `[V'; q'']`, V relative to the water.
+#[inline(always)]
+pub fn accelerations<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    at: &Instant<L>,
+    loads: &Loads<L>,
+    scratch: &mut Scratch<L>,
+    out: &mut Accelerations<L>,
+) {
+    let Instant { gravity, twist, q, qd, wrench, time } = *at;
+    let joints = system.joints.as_slice();
+    let links = &mut scratch.0[..joints.len()];
+
+    let (mut parent_twist, mut parent_gravity) = (twist, gravity);
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        let coordinate = joint.offset.get() + q[i];
+        let [k0, k1] = joint.constant.map(Param::get);
+        let (sin, cos, d) = if joint.prismatic {
+            (k0, k1, coordinate)
+        } else {
+            let (sin, cos) = sin_cos(coordinate);
+            (sin, cos, k0)
+        };
+        link.screw = [sin, cos, d];
+        let screw = screw_z(sin, cos, d);
+        let base = Base::of(&joint.stand);
+        let mut twist = screw.adjoint_apply_inverse(base.twist(parent_twist));
+        let moved = if joint.prismatic { &mut twist.linear.0[2] } else { &mut twist.angular.0[2] };
+        *moved += qd[i];
+        link.twist = twist;
+        link.gravity = screw.rotate_back(base.rotate_back(parent_gravity));
+        (parent_twist, parent_gravity) = (twist, link.gravity);
+    }
+
+    // What the links already done ask of the body at hand.
+    let mut outer: Option<(SpatialInertia<L>, Vector6<L>)> = None;
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
+        let own: SpatialInertia<L> = joint.body.inertia.get();
+        let mut bias = body_bias(&joint.body, &own, link.twist, link.gravity);
+        if loads.on_links {
+            bias = loads.links[i].scale_add(L::c(-1.0), bias);
+        }
+        let mut inertia = own;
+        if let Some((carried, wrench)) = &outer {
+            inertia = own.plus(carried);
+            bias = bias + *wrench;
+        }
+        let (column, d, along) = joint_column(joint, &inertia, bias);
+        let torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time)) - along;
+        let over_d = L::c(1.0) / d;
+        (link.column, link.over_d, link.torque) = (column, over_d, torque);
+
+        let rest = inertia.eliminated(column, over_d);
+        let c = velocity_product(joint.prismatic, link.twist, qd[i]);
+        let carried = column.scale_add(torque * over_d, rest.apply(c) + bias);
+        let [sin, cos, d] = link.screw;
+        let screw = screw_z(sin, cos, d);
+        let (rest, carried) = (screw.inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(carried));
+        outer = Some(Base::of(&joint.stand).to_parent(&rest, carried));
+    }
+
+    if system.fixed {
+        out.twist = Vector6::zero();
+    } else {
+        let own: SpatialInertia<L> = system.vehicle.inertia.get();
+        let mut inertia = own;
+        let mut bias = body_bias(&system.vehicle, &own, twist, gravity);
+        if let Some((carried, wrench)) = &outer {
+            inertia = own.plus(carried);
+            bias = bias + *wrench;
+        }
+        out.twist = inertia.solve(bias.scale_add(L::c(-1.0), wrench));
+    }
+
+    let mut parent = out.twist;
+    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+        let [sin, cos, d] = link.screw;
+        let carried = screw_z(sin, cos, d).adjoint_apply_inverse(Base::of(&joint.stand).twist(parent));
+        let mut rate = carried + velocity_product(joint.prismatic, link.twist, qd[i]);
+        let acceleration = (link.torque - link.column.dot(rate)) * link.over_d;
+        let moved = if joint.prismatic { &mut rate.linear.0[2] } else { &mut rate.angular.0[2] };
+        *moved += acceleration;
+        out.joints[i] = acceleration;
+        parent = rate;
+    }
+}
+
+/// `U = A E`, `D = E^T A E` and `E^T p`.
+#[inline(always)]
+fn joint_column<L: Lane, P>(
+    joint: &JointTerms<P>,
+    inertia: &SpatialInertia<L>,
+    bias: Vector6<L>,
+) -> (Vector6<L>, L, L) {
+    let place = if joint.prismatic { 2 } else { 5 };
+    let column = Vector6::from_array([0, 1, 2, 3, 4, 5].map(|i| inertia.entry(i, place)));
+    let (column_entries, bias_entries) = (column.to_array(), bias.to_array());
+    (column, column_entries[place], bias_entries[place])
+}

@@ -1,0 +1,79 @@
+//! The right-hand side of the equations of motion, for the integrators.
+
+use crate::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use crate::integrate::{Derivative, Rates, StagePose};
+use crate::lane::{Lane, Param, Shared};
+use crate::lie::{Pose, Vector3, Vector6};
+use crate::system::{JOINTS, System, VehicleServo};
+
+/// Station that the vehicle's servo keeps within the stages.
+#[derive(Clone, Copy)]
+pub struct Station<L> {
+    /// Target pose in the world.
+    pub target: Pose<L>,
+    /// Water velocity in world axes: poses within a step are relative to the water.
+    pub current: Vector3<L>,
+}
+
+impl<L: Lane> Station<L> {
+    /// The paper's PD on the vehicle: `F = -kp e - kd V` with `e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2]`, V absolute.
+    #[inline(always)]
+    fn wrench<P: Param<L>>(&self, gains: &VehicleServo<P>, pose: &Pose<L>, elapsed: L, twist: Vector6<L>) -> Vector6<L> {
+        let r = &pose.rotation;
+        let offset = self.current.scale_add(elapsed, pose.position) - self.target.position;
+        let e = self.target.rotation.transposed().times(r).0;
+        let turn = Vector3([e[2][1] - e[1][2], e[0][2] - e[2][0], e[1][0] - e[0][1]]).scale(L::c(0.5));
+        let error = Vector6 { linear: r.apply_transposed(offset), angular: turn }.to_array();
+        let linear = twist.linear + r.apply_transposed(self.current);
+        let rate = Vector6 { linear, angular: twist.angular }.to_array();
+        Vector6::from_array([0, 1, 2, 3, 4, 5].map(|i| {
+            gains.kd[i].get().neg_mul_add(rate[i], -(gains.kp[i].get() * error[i]))
+        }))
+    }
+}
+
+/// A system under loads, in the frame that moves with the water.
+pub struct Dynamics<'a, L: Lane> {
+    /// The system.
+    pub system: &'a System<Shared<L::Real>>,
+    /// Loads at the joints and on the links.
+    pub loads: &'a Loads<L>,
+    /// Wrench on the vehicle.
+    pub wrench: Vector6<L>,
+    /// Station, if one is kept.
+    pub station: Option<Station<L>>,
+    /// Time of the step's start on the clock of the servo targets.
+    pub time: L,
+    /// Working memory.
+    pub scratch: &'a mut Scratch<L>,
+}
+
+impl<L: Lane> Derivative<L, JOINTS> for Dynamics<'_, L> {
+    #[inline(always)]
+    fn joints(&self) -> usize {
+        self.system.joints.len()
+    }
+
+    #[inline(always)]
+    fn rates(
+        &mut self,
+        at: &impl StagePose<L>,
+        elapsed: L,
+        twist: Vector6<L>,
+        q: &[L; JOINTS],
+        qd: &[L; JOINTS],
+        rates: &mut Rates<L, JOINTS>,
+    ) {
+        // Seen afresh at each stage: else the compiler broadcasts the whole system onto the stack beforehand.
+        let system = std::hint::black_box(self.system);
+        let gravity = at.to_body(Vector3(system.gravity.map(Param::get)));
+        let mut wrench = self.wrench;
+        if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
+            wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
+        }
+        let instant = Instant { gravity, twist, q, qd, wrench, time: self.time + elapsed };
+        let mut out = Accelerations { twist: Vector6::zero(), joints: rates.qd };
+        accelerations(system, &instant, self.loads, self.scratch, &mut out);
+        *rates = Rates { twist: out.twist, qd: out.joints };
+    }
+}

@@ -1,0 +1,67 @@
+//! Memory of a block of instances: one row per number of the state and the loads, one column per instance.
+
+use crate::system::JOINTS;
+
+/// First row of each entry. All numbers of an instance lie in one column of its block.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Layout {
+    /// Number of joints.
+    pub joints: usize,
+    /// R by rows, 9.
+    pub rotation: usize,
+    /// r, 3.
+    pub position: usize,
+    /// Absolute body twist, 6.
+    pub twist: usize,
+    /// q.
+    pub q: usize,
+    /// q'.
+    pub qd: usize,
+    /// Time, 1.
+    pub time: usize,
+    /// Current in world axes, 3.
+    pub current: usize,
+    /// Wrench on the vehicle, 6.
+    pub wrench: usize,
+    /// Joint torques.
+    pub torque: usize,
+    /// Servo targets, 4 per joint.
+    pub target: usize,
+    /// External wrenches on the links, 6 per joint.
+    pub links: usize,
+    /// Station: target rotation (9) and position (3).
+    pub station: usize,
+    /// Quaternion, 4: only where the integrator keeps one.
+    pub quaternion: usize,
+    /// Rows in all.
+    pub rows: usize,
+}
+
+impl Layout {
+    /// Layout for a number of joints, with or without rows for a quaternion.
+    pub fn new(joints: usize, keeps_quaternion: bool) -> Self {
+        assert!(joints <= JOINTS);
+        let mut rows = 0;
+        let mut take = |count: usize| {
+            rows += count;
+            rows - count
+        };
+        Self {
+            joints,
+            rotation: take(9),
+            position: take(3),
+            twist: take(6),
+            q: take(joints),
+            qd: take(joints),
+            time: take(1),
+            current: take(3),
+            wrench: take(6),
+            torque: take(joints),
+            target: take(4 * joints),
+            links: take(6 * joints),
+            station: take(12),
+            quaternion: take(if keeps_quaternion { 4 } else { 0 }),
+            rows: take(0),
+        }
+    }
+}

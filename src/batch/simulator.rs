@@ -1,0 +1,249 @@
+//! The batched simulator without any task.
+
+use nalgebra as na;
+
+use super::blocks::{Blocks, InstanceLoads, Run, Storage};
+use super::inputs::{Applied, Inputs};
+use crate::balance::{Balance, ClosedForm};
+use crate::control::{Allocation, Thrusts};
+use crate::description::Scene;
+use crate::error::SimulatorError;
+use crate::integrate::Integrator;
+use crate::lane::Isa;
+use crate::system::{Compiled, State, compile};
+
+/// Number type of the kernel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// f64, the default: carries every accuracy claim.
+    Double,
+    /// f32: twice as fast.
+    Single,
+}
+
+/// How to simulate.
+#[derive(Debug, Clone)]
+pub struct SimulatorOptions {
+    /// Number of instances.
+    pub instances: usize,
+    /// Step size, s.
+    pub dt: f64,
+    /// Integrator, by the names of [`Integrator::NAMES`].
+    pub integrator: String,
+    /// Gain of eq. 14, for the quaternion integrators, 1/s.
+    pub gamma: f64,
+    /// Number type.
+    pub precision: Precision,
+    /// Most threads; as many as there are cores where `None`. Few instances use fewer.
+    pub threads: Option<usize>,
+}
+
+impl Default for SimulatorOptions {
+    fn default() -> Self {
+        Self {
+            instances: 1,
+            dt: 0.01,
+            integrator: "mk4".into(),
+            gamma: 1.0,
+            precision: Precision::Double,
+            threads: None,
+        }
+    }
+}
+
+/// Instances of one scene, stepped together; the result of each is independent of all others, of their number and of
+/// the threads.
+pub struct Simulator {
+    scene: Scene,
+    balance: Balance,
+    compiled: Compiled,
+    allocation: Allocation,
+    options: SimulatorOptions,
+    integrator: Integrator,
+    threads: usize,
+    isa: Isa,
+    storage: Box<dyn Storage>,
+}
+
+impl Clone for Simulator {
+    fn clone(&self) -> Self {
+        Self {
+            scene: self.scene.clone(),
+            balance: self.balance.clone(),
+            compiled: self.compiled.clone(),
+            allocation: self.allocation.clone(),
+            options: self.options.clone(),
+            storage: self.storage.boxed_clone(),
+            ..*self
+        }
+    }
+}
+
+impl Simulator {
+    /// All instances at the scene's home: level at the world origin, at rest, joints at home.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] where an option is out of range or the scene does not compose.
+    pub fn new(scene: Scene, options: SimulatorOptions) -> Result<Self, SimulatorError> {
+        if options.instances == 0 {
+            return Err(SimulatorError::NoInstances);
+        }
+        if !(options.dt > 0.0 && options.dt.is_finite()) {
+            return Err(SimulatorError::Step { dt: options.dt });
+        }
+        if !(options.gamma >= 0.0 && options.gamma.is_finite()) {
+            return Err(SimulatorError::Gamma { gamma: options.gamma });
+        }
+        if options.threads == Some(0) {
+            return Err(SimulatorError::NoThreads);
+        }
+        let integrator = Integrator::named(&options.integrator, options.gamma)
+            .ok_or_else(|| SimulatorError::UnknownIntegrator { name: options.integrator.clone() })?;
+        let isa = Isa::best()?;
+        let compiled = compile(&scene);
+        let state = State { q: scene.home(), ..State::default() };
+        let (current, quaternion) = (scene.water.current, integrator.keeps_quaternion());
+        let storage: Box<dyn Storage> = match options.precision {
+            Precision::Double => {
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+            }
+            Precision::Single => {
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+            }
+        };
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(Self {
+            balance: Balance::new(&scene)?,
+            allocation: Allocation::new(&scene.vehicle)?,
+            threads: options.threads.unwrap_or_else(cores),
+            scene,
+            compiled,
+            options,
+            integrator,
+            isa,
+            storage,
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The options it was made with.
+    pub fn options(&self) -> &SimulatorOptions {
+        &self.options
+    }
+
+    /// The compiled scene.
+    pub fn compiled(&self) -> &Compiled {
+        &self.compiled
+    }
+
+    /// Number of instances.
+    pub fn instances(&self) -> usize {
+        self.options.instances
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.compiled.links.len()
+    }
+
+    /// Thruster allocation.
+    pub fn allocation(&self) -> &Allocation {
+        &self.allocation
+    }
+
+    /// Instruction set that the kernel runs on.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Most threads.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Bytes of memory per instance.
+    pub fn bytes_per_instance(&self) -> usize {
+        self.storage.bytes_per_instance()
+    }
+
+    /// State of instance `i`.
+    pub fn state(&self, i: usize) -> State {
+        self.storage.state(i)
+    }
+
+    /// Sets the state of instance `i`.
+    pub fn set_state(&mut self, i: usize, state: &State) {
+        self.storage.set_state(i, state);
+    }
+
+    /// Quaternion of instance `i` as a quaternion integrator keeps it, which need not be of unit length.
+    pub fn kept_quaternion(&self, i: usize) -> Option<[f64; 4]> {
+        self.storage.quaternion(i)
+    }
+
+    /// Current at instance `i`, world axes, m/s.
+    pub fn current(&self, i: usize) -> na::Vector3<f64> {
+        self.storage.current(i)
+    }
+
+    /// Sets the current at instance `i`.
+    pub fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
+        self.storage.set_current(i, current);
+    }
+
+    /// Steps all instances `substeps` times under held inputs.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] where an input has the wrong length or a number that is not finite; nothing has changed then.
+    pub fn step(&mut self, inputs: &Inputs, substeps: usize) -> Result<(), SimulatorError> {
+        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        let switches = self.apply(inputs)?;
+        self.storage.step(&Run { integrator, h, substeps, switches, threads });
+        Ok(())
+    }
+
+    /// `[V'; q'']` of all instances, (N, 6 + n), by the articulated-body form.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn forward_dynamics(&mut self, inputs: &Inputs) -> Result<Vec<f64>, SimulatorError> {
+        let switches = self.apply(inputs)?;
+        Ok(self.storage.accelerations(switches))
+    }
+
+    /// The closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
+    pub fn closed_form(&self, i: usize) -> ClosedForm<'_> {
+        self.balance.at(&self.state(i), self.current(i))
+    }
+
+    /// The composed scene.
+    pub fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    /// Thrust of instance `i` under `inputs`, within limits.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn applied_thrust(&self, inputs: &Inputs, i: usize) -> Result<Thrusts, SimulatorError> {
+        Ok(Applied::new(inputs, self.allocation(), self.instances(), self.joints())?.thrust(i))
+    }
+
+    fn apply(&mut self, inputs: &Inputs) -> Result<super::step::Switches, SimulatorError> {
+        if inputs.station.is_some() && self.compiled.system.vehicle_servo.is_none() {
+            return Err(SimulatorError::NoVehicleServo { scene: self.scene.name.clone() });
+        }
+        let applied = Applied::new(inputs, &self.allocation, self.options.instances, self.joints())?;
+        let switches = applied.switches();
+        let mut loads = InstanceLoads::default();
+        for i in 0..self.options.instances {
+            applied.fill(i, &mut loads);
+            self.storage.set_loads(i, &loads, switches);
+        }
+        Ok(switches)
+    }
+}

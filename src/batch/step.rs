@@ -1,0 +1,324 @@
+//! The kernels that visit blocks: steps and accelerations.
+
+use super::dynamics::{Dynamics, Station};
+use super::layout::Layout;
+use crate::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use crate::integrate::{Integrator, Motion, QuaternionMotion, Stages, Tableau, munthe_kaas, quaternion_runge_kutta};
+use crate::lane::{Kernel, Lane, Param, Real, Shared};
+use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
+use crate::system::{JOINTS, System};
+
+/// Rotation within a step up to which the Munthe-Kaas maps hold; beyond it a lane's step is halved.
+const GREATEST_TURN: f64 = std::f64::consts::PI;
+/// Most pieces that a step is cut into; a lane that needs more becomes NaN, never a wrong number.
+const MOST_PIECES: usize = 1024;
+
+/// Which loads are on, the same for all instances.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Switches {
+    /// Joint servos.
+    pub servo: bool,
+    /// External wrenches on links.
+    pub on_links: bool,
+    /// Station keeping within the stages.
+    pub station: bool,
+}
+
+/// One column group of a block: rows by number, `LANES` instances wide.
+struct Columns<'a, T> {
+    rows: &'a mut [T],
+    first: usize,
+}
+
+impl<T: Real> Columns<'_, T> {
+    #[inline(always)]
+    fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
+        L::load(&self.rows[row * T::BLOCK + self.first..])
+    }
+
+    #[inline(always)]
+    fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
+        x.store(&mut self.rows[row * T::BLOCK + self.first..]);
+    }
+
+    #[inline(always)]
+    fn vector<L: Lane<Real = T>>(&self, row: usize) -> Vector3<L> {
+        Vector3([self.get(row), self.get(row + 1), self.get(row + 2)])
+    }
+
+    #[inline(always)]
+    fn six<L: Lane<Real = T>>(&self, row: usize) -> Vector6<L> {
+        Vector6 { linear: self.vector(row), angular: self.vector(row + 3) }
+    }
+
+    #[inline(always)]
+    fn matrix<L: Lane<Real = T>>(&self, row: usize) -> Matrix3<L> {
+        Matrix3([0, 3, 6].map(|k| self.vector(row + k).0))
+    }
+
+    #[inline(always)]
+    fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {
+        for k in 0..count {
+            self.set(row + k, x[k]);
+        }
+    }
+
+    #[inline(always)]
+    fn joints<L: Lane<Real = T>>(&self, row: usize, count: usize, to: &mut [L; JOINTS]) {
+        for k in 0..count {
+            to[k] = self.get(row + k);
+        }
+    }
+
+    #[inline(always)]
+    fn motion<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
+        motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
+        motion.twist = self.six(layout.twist);
+        self.joints(layout.q, layout.joints, &mut motion.q);
+        self.joints(layout.qd, layout.joints, &mut motion.qd);
+    }
+
+    #[inline(always)]
+    fn set_motion<L: Lane<Real = T>>(&mut self, layout: &Layout, motion: &Motion<L, JOINTS>) {
+        for k in 0..3 {
+            self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
+        }
+        self.set_all(layout.position, &motion.pose.position.0, 3);
+        self.set_all(layout.twist, &motion.twist.to_array(), 6);
+        self.set_all(layout.q, &motion.q, layout.joints);
+        self.set_all(layout.qd, &motion.qd, layout.joints);
+    }
+
+    #[inline(always)]
+    fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
+        loads.servo = switches.servo;
+        loads.on_links = switches.on_links;
+        for k in 0..layout.joints {
+            loads.torque[k] = self.get(layout.torque + k);
+            if switches.servo {
+                loads.target[k] = [0, 1, 2, 3].map(|p| self.get(layout.target + 4 * k + p));
+            }
+            if switches.on_links {
+                loads.links[k] = self.six(layout.links + 6 * k);
+            }
+        }
+    }
+}
+
+/// A motion at rest at the origin: memory to load into.
+#[inline(always)]
+fn blank_motion<L: Lane>() -> Motion<L, JOINTS> {
+    let zero = [L::zero(); JOINTS];
+    let pose = Pose { rotation: Matrix3::identity(), position: Vector3::zero() };
+    Motion { pose, twist: Vector6::zero(), q: zero, qd: zero }
+}
+
+/// `V_r = V - [R^T v_c; 0]`, or back with `sign` +1. `[HC eq. 23]`
+#[inline(always)]
+fn shift_twist<L: Lane>(twist: Vector6<L>, rotation: &Matrix3<L>, current: Vector3<L>, sign: f64) -> Vector6<L> {
+    Vector6 { linear: rotation.apply_transposed(current).scale_add(L::c(sign), twist.linear), ..twist }
+}
+
+/// Steps blocks of instances.
+pub struct Step<'a, T> {
+    /// The system.
+    pub system: &'a System<Shared<T>>,
+    /// Rows of a block.
+    pub layout: &'a Layout,
+    /// How to step.
+    pub integrator: Integrator,
+    /// Step size.
+    pub h: T,
+    /// Steps.
+    pub substeps: usize,
+    /// Loads that are on.
+    pub switches: Switches,
+    /// Whole blocks.
+    pub blocks: &'a mut [T],
+}
+
+impl<T: Real> Kernel<T> for Step<'_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        let mut scratch = Scratch::new();
+        let mut stages = Stages::new();
+        let mut loads = Loads::none();
+        let mut motion = blank_motion::<L>();
+        for rows in self.blocks.chunks_exact_mut(self.layout.rows * T::BLOCK) {
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                let mut columns = Columns { rows: &mut *rows, first };
+                columns.motion(self.layout, &mut motion);
+                columns.loads(self.layout, self.switches, &mut loads);
+                let current = columns.vector(self.layout.current);
+                let station = self.switches.station.then(|| Station {
+                    target: Pose {
+                        rotation: columns.matrix(self.layout.station),
+                        position: columns.vector(self.layout.station + 9),
+                    },
+                    current,
+                });
+                let mut dynamics = Dynamics {
+                    system: self.system,
+                    loads: &loads,
+                    wrench: columns.six(self.layout.wrench),
+                    station,
+                    time: L::zero(),
+                    scratch: &mut scratch,
+                };
+                match self.integrator {
+                    Integrator::MuntheKaas(tableau, form) => {
+                        for k in 0..self.substeps {
+                            let clock = T::from_f64(k as f64) * self.h;
+                            let held = motion.pose;
+                            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
+                            guarded((tableau, form), self.h, clock, &mut motion, &mut dynamics, &mut stages);
+                            motion.pose.position = current.scale_add(L::splat(self.h), motion.pose.position);
+                            if self.system.fixed {
+                                motion.pose = held;
+                            }
+                            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
+                        }
+                    }
+                    Integrator::Quaternion(tableau, correction) => {
+                        let quaternion = [0, 1, 2, 3].map(|k| columns.get::<L>(self.layout.quaternion + k));
+                        let Motion { pose, twist, q, qd } = motion;
+                        let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
+                        for k in 0..self.substeps {
+                            dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
+                            rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
+                            quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
+                            rival.position = current.scale_add(L::splat(self.h), rival.position);
+                            if self.system.fixed {
+                                (rival.quaternion, rival.position) = (quaternion, pose.position);
+                            }
+                            rival.twist = shift_twist(rival.twist, &rival.rotation(), current, 1.0);
+                        }
+                        columns.set_all(self.layout.quaternion, &rival.quaternion, 4);
+                        motion.pose = Pose { rotation: rival.rotation(), position: rival.position };
+                        (motion.twist, motion.q, motion.qd) = (rival.twist, rival.q, rival.qd);
+                    }
+                }
+                columns.set_motion(self.layout, &motion);
+                let spent = L::splat(T::from_f64(self.substeps as f64) * self.h);
+                let time: L = columns.get(self.layout.time);
+                columns.set(self.layout.time, time + spent);
+            }
+        }
+    }
+}
+
+/// A step of size `h`; lanes that turn by more than half a revolution within it take it in halves, quarters, and so
+/// on, while their neighbours keep the step they had.
+#[inline(always)]
+fn guarded<L: Lane>(
+    (tableau, form): (&Tableau, DexpInverse),
+    h: L::Real,
+    clock: L::Real,
+    motion: &mut Motion<L, JOINTS>,
+    dynamics: &mut Dynamics<L>,
+    stages: &mut Stages<L, JOINTS>,
+) {
+    let start = *motion;
+    let limit = L::c(GREATEST_TURN * GREATEST_TURN);
+    // 1 in lanes that still need a finer step.
+    let mut pending = L::c(1.0);
+    let mut pieces = 1;
+    loop {
+        let piece = h / L::Real::from_f64(pieces as f64);
+        let mut trial = start;
+        let mut greatest = L::zero();
+        for k in 0..pieces {
+            dynamics.time = L::splat(clock + L::Real::from_f64(k as f64) * piece);
+            greatest = greatest.max(munthe_kaas(tableau, form, piece, &mut trial, dynamics, stages));
+        }
+        if pieces == 1 {
+            *motion = trial;
+        } else {
+            keep(L::c(0.5).lt(pending), &trial, motion);
+        }
+        pending = L::select(limit.lt(greatest), pending, L::zero());
+        if !L::any(L::c(0.5).lt(pending)) {
+            return;
+        }
+        if pieces == MOST_PIECES {
+            let mut lost = start;
+            lost.pose.position = Vector3([L::c(f64::NAN); 3]);
+            lost.twist = Vector6::from_array([L::c(f64::NAN); 6]);
+            keep(L::c(0.5).lt(pending), &lost, motion);
+            return;
+        }
+        pieces *= 2;
+    }
+}
+
+/// Takes `new` where the mask holds.
+#[inline(always)]
+fn keep<L: Lane>(mask: L::Mask, new: &Motion<L, JOINTS>, motion: &mut Motion<L, JOINTS>) {
+    let pick = |new: L, old: L| L::select(mask, new, old);
+    for i in 0..3 {
+        for k in 0..3 {
+            motion.pose.rotation.0[i][k] = pick(new.pose.rotation.0[i][k], motion.pose.rotation.0[i][k]);
+        }
+        motion.pose.position.0[i] = pick(new.pose.position.0[i], motion.pose.position.0[i]);
+        motion.twist.linear.0[i] = pick(new.twist.linear.0[i], motion.twist.linear.0[i]);
+        motion.twist.angular.0[i] = pick(new.twist.angular.0[i], motion.twist.angular.0[i]);
+    }
+    for i in 0..JOINTS {
+        motion.q[i] = pick(new.q[i], motion.q[i]);
+        motion.qd[i] = pick(new.qd[i], motion.qd[i]);
+    }
+}
+
+/// Works out accelerations of blocks of instances.
+pub struct Accelerate<'a, T> {
+    /// The system.
+    pub system: &'a System<Shared<T>>,
+    /// Rows of a block.
+    pub layout: &'a Layout,
+    /// Loads that are on.
+    pub switches: Switches,
+    /// Whole blocks.
+    pub blocks: &'a mut [T],
+    /// `[V'; q'']`, absolute, in rows of `6 + joints` per block.
+    pub out: &'a mut [T],
+}
+
+impl<T: Real> Kernel<T> for Accelerate<'_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        let layout = self.layout;
+        let mut scratch = Scratch::new();
+        let mut loads = Loads::none();
+        let mut motion = blank_motion::<L>();
+        let mut result = Accelerations { twist: Vector6::zero(), joints: [L::zero(); JOINTS] };
+        let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
+        let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
+        for (rows, out) in blocks.zip(results) {
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                let columns = Columns { rows: &mut *rows, first };
+                columns.motion(layout, &mut motion);
+                columns.loads(layout, self.switches, &mut loads);
+                let rotation = &motion.pose.rotation;
+                let current = columns.vector(layout.current);
+                let twist = shift_twist(motion.twist, rotation, current, -1.0);
+                let instant = Instant {
+                    gravity: rotation.apply_transposed(Vector3(self.system.gravity.map(Param::get))),
+                    twist,
+                    q: &motion.q,
+                    qd: &motion.qd,
+                    wrench: columns.six(layout.wrench),
+                    time: L::zero(),
+                };
+                accelerations(self.system, &instant, &loads, &mut scratch, &mut result);
+                // V' = V_r' - [omega x R^T v_c; 0]
+                let turn = twist.angular.cross(rotation.apply_transposed(current));
+                if !self.system.fixed {
+                    result.twist.linear = result.twist.linear - turn;
+                }
+                let mut out = Columns { rows: &mut *out, first };
+                out.set_all(0, &result.twist.to_array(), 6);
+                out.set_all(6, &result.joints, layout.joints);
+            }
+        }
+    }
+}

@@ -1,0 +1,113 @@
+//! What an action in [-1, 1] means to the thrusters.
+
+use nalgebra::Vector6;
+use serde::{Deserialize, Serialize};
+
+use super::allocation::{AXES, Allocation, Thrusts};
+
+/// What the entries of an action stand for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ActionKind {
+    /// A body wrench over the wrench limits, through the allocation: 6 entries.
+    #[default]
+    Wrench,
+    /// Each thrust over the thruster's limit on that side: m entries.
+    Thrusters,
+}
+
+/// Physical meaning of one entry of an action.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActionRange {
+    /// Axis of the wrench or name of the thruster.
+    pub name: String,
+    /// What -1 and +1 ask for; 0 asks for 0, and each side is linear.
+    pub limits: [f64; 2],
+    /// N or N m.
+    pub unit: &'static str,
+}
+
+/// The map between actions and thrusts of one vehicle, in both directions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActionMap {
+    kind: ActionKind,
+    allocation: Allocation,
+}
+
+impl ActionMap {
+    /// Actions of this kind for this vehicle.
+    pub fn new(kind: ActionKind, allocation: Allocation) -> Self {
+        Self { kind, allocation }
+    }
+
+    /// Entries of an action.
+    pub fn len(&self) -> usize {
+        match self.kind {
+            ActionKind::Wrench => 6,
+            ActionKind::Thrusters => self.allocation.count(),
+        }
+    }
+
+    /// Whether there is nothing to act with.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The allocation behind it.
+    pub fn allocation(&self) -> &Allocation {
+        &self.allocation
+    }
+
+    /// Meaning of each entry; thrusters are named by `names`.
+    pub fn ranges<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Vec<ActionRange> {
+        match self.kind {
+            ActionKind::Wrench => (AXES.iter().zip(self.allocation.wrench_limits()).enumerate())
+                .map(|(k, (name, limit))| ActionRange {
+                    name: (*name).to_owned(),
+                    limits: [-limit, limit],
+                    unit: if k < 3 { "N" } else { "N m" },
+                })
+                .collect(),
+            ActionKind::Thrusters => (names.into_iter().take(self.len()).enumerate())
+                .map(|(i, name)| ActionRange { name: name.to_owned(), limits: self.allocation.limits(i), unit: "N" })
+                .collect(),
+        }
+    }
+
+    /// Thrusts within their limits for an action with entries in [-1, 1].
+    pub fn thrusts(&self, action: &[f32]) -> Thrusts {
+        match self.kind {
+            ActionKind::Wrench => {
+                let limits = self.allocation.wrench_limits();
+                self.allocation.allocate(&Vector6::from_fn(|k, _| f64::from(action[k]) * limits[k]))
+            }
+            ActionKind::Thrusters => {
+                let mut thrusts = Thrusts::default();
+                for (i, (thrust, &a)) in thrusts.iter_mut().zip(action).enumerate() {
+                    *thrust = f64::from(a).abs() * self.allocation.limits(i)[usize::from(a > 0.0)];
+                }
+                thrusts
+            }
+        }
+    }
+
+    /// The action, clipped to [-1, 1], that asks for `wrench`; 0 along what cannot be actuated.
+    pub fn normalise(&self, wrench: &Vector6<f64>, action: &mut [f32]) {
+        let over = |value: f64, limit: f64| if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 };
+        match self.kind {
+            ActionKind::Wrench => {
+                let limits = self.allocation.wrench_limits();
+                for (k, a) in action.iter_mut().enumerate() {
+                    *a = over(wrench[k], limits[k]);
+                }
+            }
+            ActionKind::Thrusters => {
+                let thrusts = self.allocation.allocate(wrench);
+                for (i, a) in action.iter_mut().enumerate() {
+                    let t = thrusts[i];
+                    *a = over(t, self.allocation.limits(i)[usize::from(t > 0.0)].abs());
+                }
+            }
+        }
+    }
+}

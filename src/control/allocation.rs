@@ -1,0 +1,178 @@
+//! Thruster allocation: from a body wrench to thrusts and back.
+
+use nalgebra::{Matrix6xX, Vector6};
+
+use crate::description::Vehicle;
+use crate::error::ControlError;
+
+/// Greatest number of thrusters.
+pub const THRUSTERS: usize = 16;
+
+/// One thrust per thruster, N; entries past the vehicle's thruster count are 0.
+pub type Thrusts = [f64; THRUSTERS];
+
+/// Names of the six axes of a body wrench.
+pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
+
+/// Singular values below this share of the greatest count as 0: such an axis would take a million times the thrust.
+const RANK_TOLERANCE: f64 = 1e-6;
+
+/// Relative thrusts below this share of the greatest are rounding: they are left out, or saturate nothing.
+const ROUNDING: f64 = 1e-12;
+
+/// Weighted least-squares allocation of a body wrench to the thrusters of one vehicle.
+///
+/// Minimises `sum (T_i / range_i)^2` over the thrusts that come closest to the wrench, where `range_i` is the
+/// greatest magnitude thruster i reaches. Moments count against forces through the thrusters' RMS distance from
+/// the origin, which matters only where a wrench cannot be reached.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Allocation {
+    count: usize,
+    /// Columns of T_tcm.
+    configuration: [Vector6<f64>; THRUSTERS],
+    /// Rows of its weighted pseudo-inverse, N per N or N m.
+    pseudo_inverse: [Vector6<f64>; THRUSTERS],
+    limits: [[f64; 2]; THRUSTERS],
+    wrench_limits: [f64; 6],
+}
+
+impl Allocation {
+    /// The allocation of a vehicle's thrusters.
+    ///
+    /// # Errors
+    /// `ControlError` names the thruster whose limits exclude 0 or whose geometry is not a direction at a place, or
+    /// the number of thrusters if there are more than [`THRUSTERS`]. No thrusters at all is not an error.
+    pub fn new(vehicle: &Vehicle) -> Result<Self, ControlError> {
+        let thrusters = &vehicle.thrusters;
+        let count = thrusters.len();
+        if count > THRUSTERS {
+            return Err(ControlError::TooManyThrusters { count, greatest: THRUSTERS });
+        }
+        let mut configuration = [Vector6::zeros(); THRUSTERS];
+        let mut limits = [[0.0; 2]; THRUSTERS];
+        for (i, thruster) in thrusters.iter().enumerate() {
+            let name = || thruster.name.clone();
+            let [lower, upper] = thruster.limits;
+            if !(lower.is_finite() && upper.is_finite() && lower <= 0.0 && upper >= 0.0) {
+                return Err(ControlError::ThrusterLimits { name: name(), lower, upper });
+            }
+            let (position, axis) = (thruster.position, thruster.axis.normalize());
+            if !(position.iter().chain(&axis).all(|x| x.is_finite())) {
+                let (position, axis) = (position.into(), thruster.axis.into());
+                return Err(ControlError::ThrusterGeometry { name: name(), position, axis });
+            }
+            let moment = position.cross(&axis);
+            configuration[i] = Vector6::new(axis.x, axis.y, axis.z, moment.x, moment.y, moment.z);
+            limits[i] = thruster.limits;
+        }
+
+        let squares: f64 = thrusters.iter().map(|t| t.position.norm_squared()).sum();
+        let rms = (squares / count.max(1) as f64).sqrt();
+        let lever = if rms > 1e-9 { rms } else { 1.0 };
+        let row = Vector6::new(1.0, 1.0, 1.0, 1.0 / lever, 1.0 / lever, 1.0 / lever);
+
+        let mut this = Self {
+            count,
+            configuration,
+            pseudo_inverse: [Vector6::zeros(); THRUSTERS],
+            limits,
+            wrench_limits: [0.0; 6],
+        };
+        if count > 0 {
+            let scaled = Matrix6xX::from_fn(count, |r, i| row[r] * this.configuration[i][r] * this.range(i));
+            let svd = scaled.svd(true, true);
+            let least = RANK_TOLERANCE * svd.singular_values.max();
+            let inverse = svd.pseudo_inverse(least).expect("both factors were asked for, and the tolerance is >= 0");
+            let noise = ROUNDING * inverse.amax();
+            let inverse = inverse.map(|x| if x.abs() > noise { x } else { 0.0 });
+            for i in 0..count {
+                this.pseudo_inverse[i] = Vector6::from_fn(|r, _| this.range(i) * inverse[(i, r)] * row[r]);
+            }
+            this.wrench_limits = std::array::from_fn(|axis| this.pure_limit(axis, &row));
+        }
+        Ok(this)
+    }
+
+    /// Number of thrusters m.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Thruster configuration matrix T_tcm, 6 x m: thrusts to the body wrench at the vehicle origin. `[HC eq. 25]`
+    pub fn configuration(&self) -> Matrix6xX<f64> {
+        Matrix6xX::from_columns(&self.configuration[..self.count])
+    }
+
+    /// Least and greatest thrust of thruster i, N.
+    pub fn limits(&self, i: usize) -> [f64; 2] {
+        self.limits[i]
+    }
+
+    /// Greatest thrust of thruster i in either direction, N.
+    pub fn range(&self, i: usize) -> f64 {
+        self.limits[i][1].max(-self.limits[i][0])
+    }
+
+    /// Thrusts over their ranges, m numbers in [-1, 1]; 0 for a thruster that has no range.
+    pub fn relative<'a>(&'a self, thrusts: &'a Thrusts) -> impl Iterator<Item = f64> + 'a {
+        (0..self.count).map(|i| if self.range(i) > 0.0 { thrusts[i] / self.range(i) } else { 0.0 })
+    }
+
+    /// Share of thrusters that push as hard as they can, 0 to 1.
+    pub fn saturation(&self, thrusts: &Thrusts) -> f64 {
+        let full = |&i: &usize| {
+            let limit = self.limits[i][usize::from(thrusts[i] > 0.0)].abs();
+            thrusts[i] != 0.0 && thrusts[i].abs() >= (1.0 - 1e-9) * limit
+        };
+        (0..self.count).filter(full).count() as f64 / self.count.max(1) as f64
+    }
+
+    /// Body wrench `T_tcm T` of thrusts. `[HC eq. 25]`
+    pub fn wrench(&self, thrusts: &Thrusts) -> Vector6<f64> {
+        (0..self.count).map(|i| self.configuration[i] * thrusts[i]).sum()
+    }
+
+    /// Thrusts of least weighted effort that come closest to `wrench`, whatever the limits.
+    pub fn unsaturated(&self, wrench: &Vector6<f64>) -> Thrusts {
+        std::array::from_fn(|i| self.pseudo_inverse[i].dot(wrench))
+    }
+
+    /// Thrusts for `wrench` within the limits: scaled down together where one would exceed its own, so that the
+    /// wrench keeps its direction.
+    pub fn allocate(&self, wrench: &Vector6<f64>) -> Thrusts {
+        let thrusts = self.unsaturated(wrench);
+        let factor = self.room(&thrusts).min(1.0);
+        // The clamp removes what rounding leaves beyond a limit.
+        std::array::from_fn(|i| (factor * thrusts[i]).clamp(self.limits[i][0], self.limits[i][1]))
+    }
+
+    /// Greatest force (N) and moment (N m) along each body axis alone, in both directions, that [`Self::allocate`]
+    /// reaches. 0 where the thrusters cannot push along that axis without pushing along another.
+    pub fn wrench_limits(&self) -> [f64; 6] {
+        self.wrench_limits
+    }
+
+    /// Names of the axes whose limit is 0.
+    pub fn unactuated(&self) -> Vec<&'static str> {
+        AXES.into_iter().zip(self.wrench_limits).filter(|(_, limit)| *limit == 0.0).map(|(axis, _)| axis).collect()
+    }
+
+    /// Greatest factor by which the thrusts stay within their limits.
+    fn room(&self, thrusts: &Thrusts) -> f64 {
+        let noise = ROUNDING * self.relative(thrusts).fold(0.0, |a: f64, u| a.max(u.abs()));
+        (0..self.count)
+            .filter(|&i| thrusts[i].abs() > noise * self.range(i))
+            .map(|i| self.limits[i][usize::from(thrusts[i] > 0.0)] / thrusts[i])
+            .fold(f64::INFINITY, f64::min)
+    }
+
+    fn pure_limit(&self, axis: usize, row: &Vector6<f64>) -> f64 {
+        let unit = Vector6::ith(axis, 1.0);
+        let thrusts = self.unsaturated(&unit);
+        let missed = row.component_mul(&(self.wrench(&thrusts) - unit)).norm();
+        if missed > RANK_TOLERANCE * row[axis] {
+            return 0.0;
+        }
+        self.room(&thrusts).min(self.room(&thrusts.map(|t| -t)))
+    }
+}

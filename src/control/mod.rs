@@ -1,0 +1,12 @@
+//! Control of one vehicle: thruster allocation, what an action means, the paper's PD.
+
+mod action;
+mod allocation;
+mod pd;
+
+#[cfg(test)]
+mod tests;
+
+pub use action::{ActionKind, ActionMap, ActionRange};
+pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
+pub use pd::{Pd, Reading};

@@ -1,0 +1,226 @@
+//! Laws of allocation, actions and PD.
+
+use nalgebra::{Vector3, Vector6};
+use proptest::prelude::*;
+
+use super::*;
+use crate::description::{Scene, Thruster, Vehicle, VehicleServo};
+use crate::error::ControlError;
+
+fn heavy() -> Vehicle {
+    Scene::shipped("bluerov2-heavy").unwrap().vehicle
+}
+
+/// Position, axis and limits.
+type Short = ([f64; 3], [f64; 3], [f64; 2]);
+
+fn with_thrusters(thrusters: &[Short]) -> Vehicle {
+    let thruster = |(i, (position, axis, limits)): (usize, &Short)| Thruster {
+        name: format!("t{i}"),
+        position: Vector3::from(*position),
+        axis: Vector3::from(*axis),
+        limits: *limits,
+    };
+    Vehicle { thrusters: thrusters.iter().enumerate().map(thruster).collect(), ..heavy() }
+}
+
+fn wrench() -> impl Strategy<Value = Vector6<f64>> {
+    prop::array::uniform6(-300.0..300.0f64).prop_map(Vector6::from)
+}
+
+fn allocation() -> Allocation {
+    Allocation::new(&heavy()).unwrap()
+}
+
+proptest! {
+    #[test]
+    fn reachable_wrenches_are_reconstructed(wrench in wrench()) {
+        let a = allocation();
+        let miss = (a.wrench(&a.unsaturated(&wrench)) - wrench).norm();
+        prop_assert!(miss < 1e-11 * wrench.norm().max(1.0), "{miss}");
+    }
+
+    #[test]
+    fn saturation_keeps_direction_and_limits(wrench in wrench()) {
+        let a = allocation();
+        let thrusts = a.allocate(&wrench);
+        for (i, thrust) in thrusts.iter().enumerate().take(a.count()) {
+            let [lower, upper] = a.limits(i);
+            prop_assert!((lower..=upper).contains(thrust));
+        }
+        let reached = a.wrench(&thrusts);
+        let share = reached.dot(&wrench) / wrench.norm_squared();
+        prop_assert!(share > 0.0 && share < 1.0 + 1e-12);
+        prop_assert!((reached - wrench * share).norm() < 1e-10 * wrench.norm());
+        // Scaled down only because a thruster stands at its limit.
+        prop_assert!(share > 1.0 - 1e-12 || a.saturation(&thrusts) > 0.0);
+    }
+
+    #[test]
+    fn no_other_thrusts_take_less_relative_effort(wrench in wrench(), null in prop::array::uniform8(-5.0..5.0f64)) {
+        let mut uneven = heavy();
+        for (i, thruster) in uneven.thrusters.iter_mut().enumerate() {
+            thruster.limits = [-10.0 * (i + 1) as f64, 20.0];
+        }
+        let a = Allocation::new(&uneven).unwrap();
+        let best = a.unsaturated(&wrench);
+        // Thrusts that change no wrench: what is left of random ones once their own wrench is taken out.
+        let mut other = Thrusts::default();
+        other[..8].copy_from_slice(&null);
+        let own = a.unsaturated(&a.wrench(&other));
+        let other: Thrusts = std::array::from_fn(|i| best[i] + other[i] - own[i]);
+        prop_assert!((a.wrench(&other) - a.wrench(&best)).norm() < 1e-10 * wrench.norm().max(1.0));
+        let effort = |t: &Thrusts| a.relative(t).map(|u| u * u).sum::<f64>();
+        prop_assert!(effort(&best) <= effort(&other) * (1.0 + 1e-12));
+    }
+
+    #[test]
+    fn wrench_limits_are_the_greatest_pure_wrenches(axis in 0usize..6, sign in prop::sample::select(vec![-1.0, 1.0])) {
+        let a = allocation();
+        let limit = a.wrench_limits()[axis];
+        let asked = Vector6::ith(axis, sign * limit);
+        prop_assert!(limit > 1.0);
+        prop_assert!((a.wrench(&a.allocate(&asked)) - asked).norm() < 1e-10 * limit);
+        // A little more is too much, on one side at least.
+        let more = [1.0, -1.0].map(|s| {
+            let asked = Vector6::ith(axis, s * limit * 1.001);
+            (a.wrench(&a.allocate(&asked)) - asked).norm() / limit
+        });
+        prop_assert!(more[0].max(more[1]) > 0.9e-3);
+    }
+
+    #[test]
+    fn thruster_actions_and_wrench_actions_invert(wrench in wrench()) {
+        let a = allocation();
+        // Within the limits of each axis alone, which are those of the weaker side.
+        let limits = Vector6::from(a.wrench_limits());
+        let reached = a.wrench(&a.allocate(&wrench.component_div(&Vector6::repeat(300.0)).component_mul(&limits)));
+        for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
+            let map = ActionMap::new(kind, a.clone());
+            let mut action = vec![0.0f32; map.len()];
+            map.normalise(&reached, &mut action);
+            prop_assert!(action.iter().all(|x| x.abs() <= 1.0));
+            // Within what f32 actions resolve.
+            prop_assert!((a.wrench(&map.thrusts(&action)) - reached).norm() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn symmetric_layout_gives_symmetric_thrust() {
+    let a = allocation();
+    let axes = a.configuration();
+    // Thrusters that mirror each other in y = 0: same place and axis but for the sign of y.
+    let vehicle = heavy();
+    let mirror = |v: &Vector3<f64>| Vector3::new(v.x, -v.y, v.z);
+    let partner = |i: usize| {
+        let t = &vehicle.thrusters[i];
+        let same = |o: &Thruster| {
+            (o.position - mirror(&t.position)).norm() < 1e-12 && (o.axis - mirror(&t.axis)).norm() < 1e-12
+        };
+        vehicle.thrusters.iter().position(same).unwrap()
+    };
+    assert_eq!(axes.ncols(), 8);
+    for (axis, parity) in [(0, 1.0), (1, -1.0), (2, 1.0), (3, -1.0), (4, 1.0), (5, -1.0)] {
+        let thrusts = a.allocate(&Vector6::ith(axis, 5.0));
+        for i in 0..8 {
+            assert!((thrusts[i] - parity * thrusts[partner(i)]).abs() < 1e-13, "axis {axis}, thruster {i}");
+        }
+    }
+}
+
+#[test]
+fn configuration_is_axis_and_lever() {
+    let vehicle = with_thrusters(&[([0.0, 2.0, 0.0], [3.0, 0.0, 0.0], [-1.0, 1.0])]);
+    let column = Allocation::new(&vehicle).unwrap().configuration();
+    assert_eq!(column.column(0).as_slice(), [1.0, 0.0, 0.0, 0.0, 0.0, -2.0]);
+}
+
+#[test]
+fn axes_without_thrust_have_no_limit_and_are_named() {
+    let sides = [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
+    let a = Allocation::new(&with_thrusters(&sides)).unwrap();
+    assert_eq!(a.unactuated(), ["sway", "heave", "roll", "pitch"]);
+    let limits = a.wrench_limits();
+    assert!((limits[0] - 20.0).abs() < 1e-12, "both back at 10 N: {limits:?}");
+    assert!((limits[5] - 4.0).abs() < 1e-12, "one back at 10 N: {limits:?}");
+    assert_eq!(a.allocate(&Vector6::new(0.0, 5.0, 5.0, 5.0, 5.0, 0.0)), [0.0; THRUSTERS]);
+    let none = Allocation::new(&with_thrusters(&[])).unwrap();
+    assert_eq!(none.unactuated(), AXES);
+    // A propeller above the origin pitches as it pushes: neither is to be had alone.
+    let high = [([0.0, 0.0, 0.1], [1.0, 0.0, 0.0], [-10.0, 20.0])];
+    assert_eq!(Allocation::new(&with_thrusters(&high)).unwrap().wrench_limits(), [0.0; 6]);
+}
+
+#[test]
+fn one_sided_and_dead_thrusters_stay_within_their_limits() {
+    let one_sided = [([0.0; 3], [1.0, 0.0, 0.0], [0.0, 20.0]), ([0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0])];
+    let a = Allocation::new(&with_thrusters(&one_sided)).unwrap();
+    assert_eq!(a.wrench_limits()[0], 0.0, "nothing pushes back");
+    assert!((a.allocate(&Vector6::x())[0] - 1.0).abs() < 1e-12);
+    assert_eq!(a.allocate(&-Vector6::x())[0], 0.0);
+    let dead = a.allocate(&Vector6::y());
+    assert_eq!(dead, [0.0; THRUSTERS]);
+    assert!(a.relative(&dead).all(|u| u == 0.0));
+}
+
+#[test]
+fn impossible_thrusters_are_refused() {
+    let refused = |limits, axis| Allocation::new(&with_thrusters(&[([0.0; 3], axis, limits)])).unwrap_err();
+    assert!(matches!(refused([1.0, 2.0], [1.0, 0.0, 0.0]), ControlError::ThrusterLimits { lower: 1.0, .. }));
+    assert!(matches!(refused([-1.0, f64::INFINITY], [1.0, 0.0, 0.0]), ControlError::ThrusterLimits { .. }));
+    assert!(matches!(refused([-1.0, 1.0], [0.0; 3]), ControlError::ThrusterGeometry { .. }));
+    let many = vec![([0.0; 3], [1.0, 0.0, 0.0], [-1.0, 1.0]); THRUSTERS + 1];
+    assert!(matches!(Allocation::new(&with_thrusters(&many)), Err(ControlError::TooManyThrusters { count: 17, .. })));
+}
+
+fn pd(kind: ActionKind) -> Pd {
+    let reading =
+        Reading { width: 12, error: std::array::from_fn(|k| (k, 0.1)), twist: std::array::from_fn(|k| (6 + k, 0.2)) };
+    let gains = VehicleServo { kp: [100.0; 6], kd: [30.0; 6] };
+    Pd::new(reading, gains, ActionMap::new(kind, allocation())).unwrap()
+}
+
+#[test]
+fn pd_pushes_back_along_every_axis() {
+    for k in 0..12 {
+        let mut observation = [0.0f32; 12];
+        observation[k] = 0.5;
+        let asked = pd(ActionKind::Wrench).wrench(&observation);
+        let expected = if k < 6 { -100.0 * 0.05 } else { -30.0 * 0.1 };
+        assert!((asked - Vector6::ith(k % 6, expected)).norm() < 1e-12);
+        for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
+            let map = ActionMap::new(kind, allocation());
+            let mut action = vec![0.0; map.len()];
+            pd(kind).act(&observation, &mut action).unwrap();
+            assert!((allocation().wrench(&map.thrusts(&action)) - asked).norm() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn pd_rows_are_independent_clipped_and_checked() {
+    let pd = pd(ActionKind::Wrench);
+    let mut rows = [0.0f32; 36];
+    rows[12..24].fill(50.0);
+    rows[24] = -0.3;
+    let mut actions = [9.0f32; 18];
+    pd.act(&rows, &mut actions).unwrap();
+    assert_eq!(actions[..6], [0.0; 6]);
+    assert_eq!(actions[6..12], [-1.0; 6]);
+    let mut alone = [0.0f32; 6];
+    pd.act(&rows[24..], &mut alone).unwrap();
+    assert_eq!(actions[12..], alone);
+    assert!(alone[0] > 0.0);
+    assert!(matches!(pd.act(&rows[1..], &mut actions), Err(ControlError::Shape { what: "observations", .. })));
+    assert!(matches!(pd.act(&rows, &mut actions[1..]), Err(ControlError::Shape { got: 17, expected: 18, .. })));
+}
+
+#[test]
+fn gains_that_push_away_are_refused() {
+    let reading = Reading { width: 12, error: [(0, 1.0); 6], twist: [(0, 1.0); 6] };
+    let mut gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
+    gains.kd[2] = -1.0;
+    let refused = Pd::new(reading, gains, ActionMap::new(ActionKind::Wrench, allocation()));
+    assert_eq!(refused, Err(ControlError::Gain { name: "kd", index: 2, value: -1.0 }));
+}

@@ -1,0 +1,121 @@
+//! Linear and quadratic drag.
+
+use crate::lane::{Lane, Param};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+
+/// A 6x6 coefficient matrix, as sparse as the scene has it.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Coefficients<P> {
+    /// All zero.
+    None,
+    /// A diagonal.
+    Diagonal([P; 6]),
+    /// All 36, by rows.
+    Full(Box<[[P; 6]; 6]>),
+}
+
+impl<P: Copy> Coefficients<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Coefficients<Q> {
+        match self {
+            Coefficients::None => Coefficients::None,
+            Coefficients::Diagonal(d) => Coefficients::Diagonal(d.map(change)),
+            Coefficients::Full(rows) => Coefficients::Full(Box::new(rows.map(|row| row.map(&change)))),
+        }
+    }
+
+    /// `sum - D x`
+    #[inline(always)]
+    fn subtract<L: Lane>(&self, x: &[L; 6], sum: &mut [L; 6])
+    where
+        P: Param<L>,
+    {
+        match self {
+            Coefficients::None => {}
+            Coefficients::Diagonal(d) => {
+                for i in 0..6 {
+                    sum[i] = d[i].get().neg_mul_add(x[i], sum[i]);
+                }
+            }
+            Coefficients::Full(rows) => {
+                for i in 0..6 {
+                    for k in 0..6 {
+                        sum[i] = rows[i][k].get().neg_mul_add(x[k], sum[i]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Where the coefficients' frame lies on the body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Placement<P> {
+    /// The coefficients' frame is the body's.
+    Here,
+    /// At a pose in the body frame: rotation by rows, position.
+    At([[P; 3]; 3], [P; 3]),
+}
+
+impl<P: Copy> Placement<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Placement<Q> {
+        match self {
+            Placement::Here => Placement::Here,
+            Placement::At(r, p) => Placement::At(r.map(|row| row.map(&change)), p.map(&change)),
+        }
+    }
+}
+
+/// Drag `F = -(D_L V + D_Q (V * |V|))` of the twist V relative to the water, in the frame of the coefficients: the
+/// quadratic part is not covariant, so it is never moved to another frame. `[HC eq. 22]`
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drag<P> {
+    /// The frame of the coefficients.
+    pub placement: Placement<P>,
+    /// D_L.
+    pub linear: Coefficients<P>,
+    /// D_Q.
+    pub quadratic: Coefficients<P>,
+}
+
+impl<P: Copy> Drag<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Drag<Q> {
+        Drag {
+            placement: self.placement.map(&change),
+            linear: self.linear.map(&change),
+            quadratic: self.quadratic.map(&change),
+        }
+    }
+
+    /// Drag on a body of relative twist `twist`, both in body frame.
+    #[inline(always)]
+    pub fn wrench<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        match &self.placement {
+            Placement::Here => self.in_place(twist),
+            Placement::At(r, p) => {
+                let pose =
+                    Pose { rotation: Matrix3(r.map(|row| row.map(Param::get))), position: Vector3(p.map(Param::get)) };
+                pose.co_adjoint_apply_inverse(self.in_place(pose.adjoint_apply_inverse(twist)))
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn in_place<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        let v = twist.to_array();
+        let mut wrench = [L::zero(); 6];
+        self.linear.subtract(&v, &mut wrench);
+        if !matches!(self.quadratic, Coefficients::None) {
+            self.quadratic.subtract(&v.map(|x| x * x.abs()), &mut wrench);
+        }
+        Vector6::from_array(wrench)
+    }
+}

@@ -1,0 +1,7 @@
+//! What the water does to a body, besides added mass, which is inertia.
+
+mod damping;
+mod restoring;
+
+pub use damping::{Coefficients, Drag, Placement};
+pub use restoring::Restoring;

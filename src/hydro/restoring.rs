@@ -1,0 +1,29 @@
+//! Weight and buoyancy.
+
+use crate::lane::{Lane, Param};
+use crate::lie::{Vector3, Vector6};
+
+/// Weight and buoyancy of a body in a uniform field: `f = n g`, `m = s x g`, with g in body axes. `[HC eq. 24]`
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Restoring<P> {
+    /// n = mass less displaced mass, kg.
+    pub net_mass: P,
+    /// s = m r_CoG - rho vol r_CoB, kg m.
+    pub moment: [P; 3],
+}
+
+impl<P: Copy> Restoring<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> Restoring<Q> {
+        Restoring { net_mass: change(self.net_mass), moment: self.moment.map(change) }
+    }
+
+    /// Wrench under gravity `g` (body axes).
+    #[inline(always)]
+    pub fn wrench<L: Lane>(&self, g: Vector3<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        Vector6 { linear: g.scale(self.net_mass.get()), angular: Vector3(self.moment.map(Param::get)).cross(g) }
+    }
+}

@@ -1,0 +1,150 @@
+//! Choosing the widest lane that this machine has, once per call.
+
+use std::fmt::Debug;
+use std::sync::OnceLock;
+
+use super::Lane;
+use super::scalar::Unfused;
+#[cfg(target_arch = "x86_64")]
+use super::x86::{F32x8, F32x16, F64x4, F64x8};
+
+/// Names the instruction set to use: `avx512`, `avx2`, `fma` or `plain`.
+const FORCE: &str = "UVMS_LANES";
+
+/// Instruction sets that the kernel is compiled for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Isa {
+    /// Eight f64 or sixteen f32 (x86-64 with AVX-512F).
+    Avx512,
+    /// Four f64 or eight f32 (x86-64 with AVX2 and FMA).
+    Avx2,
+    /// One number with fused multiply-add.
+    Fma,
+    /// One number, multiply and add rounded separately. Differs from the others in the last digits.
+    Plain,
+}
+
+/// A forced instruction set that does not exist or that this machine lacks.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{FORCE}={0:?}: this machine offers {offers}", offers = Isa::available().map(Isa::name).collect::<Vec<_>>().join(", "))]
+pub struct UnknownIsa(pub String);
+
+impl Isa {
+    /// What this machine can run, widest first.
+    pub fn available() -> impl Iterator<Item = Isa> {
+        [Isa::Avx512, Isa::Avx2, Isa::Fma, Isa::Plain].into_iter().filter(|isa| isa.detected())
+    }
+
+    /// The widest available, or the one that the environment variable `UVMS_LANES` names.
+    pub fn best() -> Result<Isa, UnknownIsa> {
+        static BEST: OnceLock<Result<Isa, UnknownIsa>> = OnceLock::new();
+        BEST.get_or_init(|| match std::env::var(FORCE) {
+            Ok(name) => Isa::available().find(|isa| isa.name() == name).ok_or(UnknownIsa(name)),
+            Err(_) => Ok(Isa::available().next().unwrap_or(Isa::Plain)),
+        })
+        .clone()
+    }
+
+    /// Name as in `UVMS_LANES`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Isa::Avx512 => "avx512",
+            Isa::Avx2 => "avx2",
+            Isa::Fma => "fma",
+            Isa::Plain => "plain",
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn detected(self) -> bool {
+        let fma = is_x86_feature_detected!("fma");
+        match self {
+            Isa::Avx512 => fma && is_x86_feature_detected!("avx512f"),
+            Isa::Avx2 => fma && is_x86_feature_detected!("avx2"),
+            Isa::Fma => fma,
+            Isa::Plain => true,
+        }
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
+    fn detected(self) -> bool {
+        // Elsewhere than on x86-64 (aarch64, say) multiply-add is part of the base instruction set.
+        matches!(self, Isa::Fma | Isa::Plain)
+    }
+}
+
+/// Work that runs on lanes of any width.
+pub trait Kernel<T: Real> {
+    /// Does the work. Implementations, and all they call on the hot path, are `#[inline(always)]`, so that they are
+    /// compiled with the instruction set of the caller.
+    fn run<L: Lane<Real = T>>(&mut self);
+}
+
+/// A number type that lanes are made of.
+pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static {
+    /// Instances that a block of memory holds side by side: a multiple of every lane width.
+    const BLOCK: usize;
+    /// Unit round-off times two.
+    const EPSILON: f64;
+    /// Whether shorter polynomials reach this type's accuracy.
+    const SINGLE: bool;
+
+    /// Nearest value.
+    fn from_f64(x: f64) -> Self;
+    /// Exact.
+    fn to_f64(self) -> f64;
+    /// Runs a kernel on the lanes of `isa`, which must be available on this machine (else the narrowest is used).
+    fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
+}
+
+macro_rules! real {
+    ($real:ty, $block:literal, $single:literal, $wide:ident, $half:ident) => {
+        impl Real for $real {
+            const BLOCK: usize = $block;
+            const EPSILON: f64 = <$real>::EPSILON as f64;
+            const SINGLE: bool = $single;
+
+            #[inline(always)]
+            fn from_f64(x: f64) -> Self {
+                x as $real
+            }
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                self as f64
+            }
+
+            #[cfg(target_arch = "x86_64")]
+            fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+                #[target_feature(enable = "avx512f,avx2,fma")]
+                fn avx512<K: Kernel<$real>>(kernel: &mut K) {
+                    kernel.run::<$wide>();
+                }
+                #[target_feature(enable = "avx2,fma")]
+                fn avx2<K: Kernel<$real>>(kernel: &mut K) {
+                    kernel.run::<$half>();
+                }
+                #[target_feature(enable = "fma")]
+                fn fma<K: Kernel<$real>>(kernel: &mut K) {
+                    kernel.run::<$real>();
+                }
+                // SAFETY: each branch is taken only where its features have been detected.
+                match isa {
+                    Isa::Avx512 if isa.detected() => unsafe { avx512(kernel) },
+                    Isa::Avx2 if isa.detected() => unsafe { avx2(kernel) },
+                    Isa::Fma if isa.detected() => unsafe { fma(kernel) },
+                    _ => kernel.run::<Unfused<$real>>(),
+                }
+            }
+
+            #[cfg(not(target_arch = "x86_64"))]
+            fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+                match isa {
+                    Isa::Plain => kernel.run::<Unfused<$real>>(),
+                    _ => kernel.run::<$real>(),
+                }
+            }
+        }
+    };
+}
+real!(f64, 8, false, F64x8, F64x4);
+real!(f32, 16, true, F32x16, F32x8);

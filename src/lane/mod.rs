@@ -1,0 +1,130 @@
+//! Numbers, one or many at a time.
+//!
+//! Every formula of the kernel is written once, over [`Lane`]: a scalar, a SIMD vector that holds one number of
+//! several instances, or a dual number. All operations are IEEE ones, done in the same order whatever the width, so
+//! an instance's result does not depend on the lane it sits in nor, where multiply-add is fused, on the width.
+
+mod dispatch;
+mod dual;
+mod elementary;
+mod scalar;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
+pub use dual::Dual;
+pub use elementary::{horner, sin_cos};
+
+/// One number of each instance in a group of `LANES` instances.
+pub trait Lane:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+{
+    /// The number type of one lane.
+    type Real: Real;
+    /// One yes or no per lane.
+    type Mask: Copy;
+    /// Instances per group.
+    const LANES: usize;
+
+    /// The same number in every lane.
+    fn splat(x: Self::Real) -> Self;
+    /// Reads `LANES` numbers from the front of `from`.
+    fn load(from: &[Self::Real]) -> Self;
+    /// Writes `LANES` numbers to the front of `to`.
+    fn store(self, to: &mut [Self::Real]);
+    /// `self * a + b`, rounded once where the machine can.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Magnitude.
+    fn abs(self) -> Self;
+    /// Nearest integer, ties to even.
+    fn round(self) -> Self;
+    /// Lanes where `self < other`; false for NaN.
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `yes` where the mask holds, else `no`.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// Whether the mask holds anywhere.
+    fn any(mask: Self::Mask) -> bool;
+
+    /// A constant.
+    #[inline(always)]
+    fn c(x: f64) -> Self {
+        Self::splat(Self::Real::from_f64(x))
+    }
+    /// Zero.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::c(0.0)
+    }
+    /// `b - self * a`.
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        (-self).mul_add(a, b)
+    }
+    /// The smaller; `other` where either is NaN.
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(self.lt(other), self, other)
+    }
+    /// The greater; `other` where either is NaN.
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(other.lt(self), self, other)
+    }
+}
+
+/// A parameter of the system: shared by all lanes, or one number per lane.
+pub trait Param<L: Lane>: Copy {
+    /// The parameter in lanes.
+    fn get(self) -> L;
+}
+
+impl<L: Lane> Param<L> for L {
+    #[inline(always)]
+    fn get(self) -> L {
+        self
+    }
+}
+
+/// Shared by every lane.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[repr(transparent)]
+pub struct Shared<T>(pub T);
+
+impl<L: Lane> Param<L> for Shared<L::Real> {
+    #[inline(always)]
+    fn get(self) -> L {
+        L::splat(self.0)
+    }
+}
+
+/// Implements the assigning operators by the plain ones.
+macro_rules! assigning_ops {
+    ($lane:ty) => {
+        impl std::ops::AddAssign for $lane {
+            #[inline(always)]
+            fn add_assign(&mut self, other: Self) {
+                *self = *self + other;
+            }
+        }
+        impl std::ops::SubAssign for $lane {
+            #[inline(always)]
+            fn sub_assign(&mut self, other: Self) {
+                *self = *self - other;
+            }
+        }
+    };
+}
+pub(crate) use assigning_ops;

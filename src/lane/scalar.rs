@@ -1,0 +1,152 @@
+//! One instance at a time.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::{Lane, assigning_ops};
+
+macro_rules! scalar_lane {
+    ($real:ty) => {
+        impl Lane for $real {
+            type Real = $real;
+            type Mask = bool;
+            const LANES: usize = 1;
+
+            #[inline(always)]
+            fn splat(x: $real) -> Self {
+                x
+            }
+            #[inline(always)]
+            fn load(from: &[$real]) -> Self {
+                from[0]
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [$real]) {
+                to[0] = self;
+            }
+            #[inline(always)]
+            fn mul_add(self, a: Self, b: Self) -> Self {
+                <$real>::mul_add(self, a, b)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                <$real>::sqrt(self)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                <$real>::abs(self)
+            }
+            #[inline(always)]
+            fn round(self) -> Self {
+                <$real>::round_ties_even(self)
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> bool {
+                self < other
+            }
+            #[inline(always)]
+            fn select(mask: bool, yes: Self, no: Self) -> Self {
+                if mask { yes } else { no }
+            }
+            #[inline(always)]
+            fn any(mask: bool) -> bool {
+                mask
+            }
+        }
+    };
+}
+scalar_lane!(f64);
+scalar_lane!(f32);
+
+/// A scalar whose multiply-add rounds twice: for machines that cannot fuse, where `f64::mul_add` is a slow call.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Unfused<T>(pub T);
+
+macro_rules! unfused_lane {
+    ($real:ty) => {
+        impl Add for Unfused<$real> {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                Self(self.0 + other.0)
+            }
+        }
+        impl Sub for Unfused<$real> {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self(self.0 - other.0)
+            }
+        }
+        impl Mul for Unfused<$real> {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                Self(self.0 * other.0)
+            }
+        }
+        impl Div for Unfused<$real> {
+            type Output = Self;
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                Self(self.0 / other.0)
+            }
+        }
+        impl Neg for Unfused<$real> {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self(-self.0)
+            }
+        }
+        assigning_ops!(Unfused<$real>);
+
+        impl Lane for Unfused<$real> {
+            type Real = $real;
+            type Mask = bool;
+            const LANES: usize = 1;
+
+            #[inline(always)]
+            fn splat(x: $real) -> Self {
+                Self(x)
+            }
+            #[inline(always)]
+            fn load(from: &[$real]) -> Self {
+                Self(from[0])
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [$real]) {
+                to[0] = self.0;
+            }
+            #[inline(always)]
+            fn mul_add(self, a: Self, b: Self) -> Self {
+                self * a + b
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(self.0.sqrt())
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self(self.0.abs())
+            }
+            #[inline(always)]
+            fn round(self) -> Self {
+                Self(self.0.round_ties_even())
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> bool {
+                self.0 < other.0
+            }
+            #[inline(always)]
+            fn select(mask: bool, yes: Self, no: Self) -> Self {
+                if mask { yes } else { no }
+            }
+            #[inline(always)]
+            fn any(mask: bool) -> bool {
+                mask
+            }
+        }
+    };
+}
+unfused_lane!(f64);
+unfused_lane!(f32);

@@ -1,0 +1,156 @@
+//! SIMD lanes of x86-64: AVX-512 and AVX2 with FMA.
+//!
+//! The intrinsics need CPU features that the surrounding functions do not declare; every function here is inlined
+//! into a monomorph that does ([`super::dispatch`]), and the types are reachable through that dispatch alone.
+
+use std::arch::x86_64::*;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::{Lane, assigning_ops};
+
+macro_rules! simd_lane {
+    (
+        $(#[$doc:meta])* $name:ident, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
+        $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident,
+        $sqrt:ident, $abs:expr, $round:expr, $lt:expr, $select:expr, $any:expr
+    ) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy)]
+        #[repr(transparent)]
+        pub struct $name($vector);
+
+        // SAFETY (this whole expansion): the intrinsics are sound on CPUs that have the feature named in the type's
+        // documentation; `dispatch` hands these types out only after it has detected that feature. Loads and stores
+        // go through bounds-checked slices.
+        impl Add for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                Self(unsafe { $add(self.0, other.0) })
+            }
+        }
+        impl Sub for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self(unsafe { $sub(self.0, other.0) })
+            }
+        }
+        impl Mul for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                Self(unsafe { $mul(self.0, other.0) })
+            }
+        }
+        impl Div for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                Self(unsafe { $div(self.0, other.0) })
+            }
+        }
+        impl Neg for $name {
+            type Output = Self;
+            // -0 - x is the exact negation, and the form that the compiler folds into a multiply-add.
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self(unsafe { $sub($set1(-0.0), self.0) })
+            }
+        }
+        assigning_ops!($name);
+
+        impl Lane for $name {
+            type Real = $real;
+            type Mask = $mask;
+            const LANES: usize = $lanes;
+
+            #[inline(always)]
+            fn splat(x: $real) -> Self {
+                Self(unsafe { $set1(x) })
+            }
+            #[inline(always)]
+            fn load(from: &[$real]) -> Self {
+                let from = &from[..$lanes];
+                Self(unsafe { $load(from.as_ptr()) })
+            }
+            #[inline(always)]
+            fn store(self, to: &mut [$real]) {
+                let to = &mut to[..$lanes];
+                unsafe { $store(to.as_mut_ptr(), self.0) }
+            }
+            #[inline(always)]
+            fn mul_add(self, a: Self, b: Self) -> Self {
+                Self(unsafe { $fma(self.0, a.0, b.0) })
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self(unsafe { $sqrt(self.0) })
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self(unsafe { $abs(self.0) })
+            }
+            #[inline(always)]
+            fn round(self) -> Self {
+                Self(unsafe { $round(self.0) })
+            }
+            #[inline(always)]
+            fn lt(self, other: Self) -> $mask {
+                unsafe { $lt(self.0, other.0) }
+            }
+            #[inline(always)]
+            fn select(mask: $mask, yes: Self, no: Self) -> Self {
+                Self(unsafe { $select(mask, yes.0, no.0) })
+            }
+            #[inline(always)]
+            fn any(mask: $mask) -> bool {
+                $any(mask)
+            }
+        }
+    };
+}
+
+const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
+
+simd_lane! {
+    /// Eight instances in double precision (AVX-512F).
+    F64x8, f64, __m512d, __mmask8, 8,
+    _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
+    _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_abs_pd,
+    _mm512_roundscale_pd::<NEAREST>, _mm512_cmp_pd_mask::<_CMP_LT_OQ>,
+    |mask, yes, no| _mm512_mask_blend_pd(mask, no, yes),
+    |mask| mask != 0
+}
+
+simd_lane! {
+    /// Sixteen instances in single precision (AVX-512F).
+    F32x16, f32, __m512, __mmask16, 16,
+    _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,
+    _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_abs_ps,
+    _mm512_roundscale_ps::<NEAREST>, _mm512_cmp_ps_mask::<_CMP_LT_OQ>,
+    |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
+    |mask| mask != 0
+}
+
+simd_lane! {
+    /// Four instances in double precision (AVX2 and FMA).
+    F64x4, f64, __m256d, __m256d, 4,
+    _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
+    _mm256_fmadd_pd, _mm256_sqrt_pd,
+    |x| _mm256_andnot_pd(_mm256_set1_pd(-0.0), x),
+    _mm256_round_pd::<NEAREST>, _mm256_cmp_pd::<_CMP_LT_OQ>,
+    |mask, yes, no| _mm256_blendv_pd(no, yes, mask),
+    |mask| unsafe { _mm256_movemask_pd(mask) } != 0
+}
+
+simd_lane! {
+    /// Eight instances in single precision (AVX2 and FMA).
+    F32x8, f32, __m256, __m256, 8,
+    _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
+    _mm256_fmadd_ps, _mm256_sqrt_ps,
+    |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
+    _mm256_round_ps::<NEAREST>, _mm256_cmp_ps::<_CMP_LT_OQ>,
+    |mask, yes, no| _mm256_blendv_ps(no, yes, mask),
+    |mask| unsafe { _mm256_movemask_ps(mask) } != 0
+}

@@ -1,0 +1,127 @@
+//! Exponential map of SE(3) and the inverse of its differential.
+//!
+//! With `z = theta^2`, every coefficient is an entire function of z or a quotient of two, the lower of which has no
+//! zero below `theta = 2 pi`:
+//!
+//! ```text
+//! sin t / t                                   = S(z)
+//! (1 - cos t) / t^2                           = C(z)
+//! (t - sin t) / t^3                           = B(z)
+//! dexp^-1: ad^2 coefficient                   = P(z) / (4 C(z)),  P = (8 C - 1 - 3 S) / z
+//!          ad^4 coefficient                   = Q(z) / (4 C(z)),  Q = (4 C - 1 - S) / z^2
+//! ```
+//!
+//! Their Taylor polynomials below are good to rounding for `t <= pi`, so that there is no small-angle switch at all.
+//! The ad^2 and ad^4 form of dexp^-1 on SE(3) is `[PC05]`'s.
+
+use super::{Pose, Vector3, Vector6, ad};
+use crate::lane::{Lane, Real, horner};
+use crate::lie::Matrix3;
+
+/// Terms of each Taylor polynomial.
+const TERMS: usize = 15;
+
+/// Factorials as f64, exact to rounding.
+const fn factorial(n: usize) -> f64 {
+    let mut product = 1.0;
+    let mut k = 2;
+    while k <= n {
+        product *= k as f64;
+        k += 1;
+    }
+    product
+}
+
+/// `(-1)^k`
+const fn sign(k: usize) -> f64 {
+    if k % 2 == 0 { 1.0 } else { -1.0 }
+}
+
+/// Coefficients of S, C, B, P, Q in z.
+struct Series {
+    s: [f64; TERMS],
+    c: [f64; TERMS],
+    b: [f64; TERMS],
+    p: [f64; TERMS],
+    q: [f64; TERMS],
+}
+
+const SERIES: Series = {
+    let zero = [0.0; TERMS];
+    let mut series = Series { s: zero, c: zero, b: zero, p: zero, q: zero };
+    let mut k = 0;
+    while k < TERMS {
+        series.s[k] = sign(k) / factorial(2 * k + 1);
+        series.c[k] = sign(k) / factorial(2 * k + 2);
+        series.b[k] = sign(k) / factorial(2 * k + 3);
+        // One and two powers of z up; 8 C_j - 3 S_j = (8 - 3 (2j + 2)) sign / (2j + 2)!, and so on.
+        let j = k + 1;
+        series.p[k] = sign(j) * (8.0 - 3.0 * (2 * j + 2) as f64) / factorial(2 * j + 2);
+        let j = k + 2;
+        series.q[k] = sign(j) * (4.0 - (2 * j + 2) as f64) / factorial(2 * j + 2);
+        k += 1;
+    }
+    series
+};
+
+/// A polynomial of the series, as long as the number type needs it.
+#[inline(always)]
+fn series<L: Lane>(z: L, coefficients: &[f64; TERMS]) -> L {
+    let terms = if L::Real::SINGLE { 9 } else { TERMS };
+    horner(z, &coefficients[..terms])
+}
+
+/// `exp [xi]` for rotation parts up to pi. `[MLS94 eq. 2.36]`
+#[inline(always)]
+pub fn exp_se3<L: Lane>(xi: Vector6<L>) -> Pose<L> {
+    let w = xi.angular;
+    let z = w.dot(w);
+    let (s, c, b) = (series(z, &SERIES.s), series(z, &SERIES.c), series(z, &SERIES.b));
+    let [x, y, t] = w.0;
+    let (cx, cy, ct) = (c * x, c * y, c * t);
+    let (sx, sy, st) = (s * x, s * y, s * t);
+    let rotation = Matrix3([
+        [y.neg_mul_add(cy, t.neg_mul_add(ct, L::c(1.0))), cx.mul_add(y, -st), cx.mul_add(t, sy)],
+        [cx.mul_add(y, st), x.neg_mul_add(cx, t.neg_mul_add(ct, L::c(1.0))), cy.mul_add(t, -sx)],
+        [cx.mul_add(t, -sy), cy.mul_add(t, sx), x.neg_mul_add(cx, y.neg_mul_add(cy, L::c(1.0)))],
+    ]);
+    let turn = w.cross(xi.linear);
+    let position = w.cross(turn).scale_add(b, turn.scale_add(c, xi.linear));
+    Pose { rotation, position }
+}
+
+/// `exp([w])^T x`: a vector of the body before a rotation `w` (at most pi), seen from the body after it.
+#[inline(always)]
+pub fn rotate_back<L: Lane>(w: Vector3<L>, x: Vector3<L>) -> Vector3<L> {
+    let z = w.dot(w);
+    let turn = w.cross(x);
+    w.cross(turn).scale_add(series(z, &SERIES.c), turn.scale_add(-series(z, &SERIES.s), x))
+}
+
+/// How far the series of `dexp^-1` is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DexpInverse {
+    /// Closed form, exact for rotations below 2 pi.
+    Closed,
+    /// `I + ad/2 + ad^2/12`: enough for order 4, with a larger error constant.
+    Truncated,
+}
+
+/// `dexp^-1_(-theta) V = V + ad V / 2 + p ad^2 V + q ad^4 V` with `ad = ad_theta`. `[HC eq. 18]`, `[PC05]`
+#[inline(always)]
+pub fn dexp_inverse_negative<L: Lane>(form: DexpInverse, theta: Vector6<L>, v: Vector6<L>) -> Vector6<L> {
+    let ad1 = ad(theta, v);
+    let ad2 = ad(theta, ad1);
+    let half = ad1.scale_add(L::c(0.5), v);
+    match form {
+        DexpInverse::Truncated => ad2.scale_add(L::c(1.0 / 12.0), half),
+        DexpInverse::Closed => {
+            let ad4 = ad(theta, ad(theta, ad2));
+            let z = theta.angular.dot(theta.angular);
+            let scale = L::c(0.25) / series(z, &SERIES.c);
+            let p = series(z, &SERIES.p) * scale;
+            let q = series(z, &SERIES.q) * scale;
+            ad4.scale_add(q, ad2.scale_add(p, half))
+        }
+    }
+}

@@ -1,0 +1,425 @@
+//! Laws of station keeping.
+
+use nalgebra::{Rotation3, Vector3, Vector6};
+use proptest::prelude::*;
+
+use super::*;
+use crate::control::ActionKind;
+use crate::description::Scene;
+use crate::error::{ControlError, TaskError};
+use crate::system::{JOINTS, Joints, State};
+
+fn scene() -> Scene {
+    Scene::shipped("bluerov2-heavy-alpha5").unwrap()
+}
+
+fn task_with(options: StationKeepOptions) -> StationKeep {
+    StationKeep::new(&scene(), options).unwrap()
+}
+
+fn task() -> StationKeep {
+    task_with(StationKeepOptions::default())
+}
+
+fn key(seed: u64, episode: u64) -> EpisodeKey {
+    EpisodeKey { seed, episode }
+}
+
+/// Stands for the arm's kinematics: half a metre ahead, turned by the first joint.
+fn end_effector(pose: &Pose, q: &Joints) -> Pose {
+    let turn = Rotation3::from_scaled_axis(Vector3::z() * q[0]);
+    Pose {
+        position: pose.position + pose.rotation * (turn * Vector3::new(0.5, 0.0, 0.0)),
+        rotation: pose.rotation * turn.matrix(),
+    }
+}
+
+/// A vehicle of six uncoupled degrees of freedom in a current, joints on their references: crude, but with the right
+/// signs, masses and drag.
+fn drift(state: &mut State, command: &Command, current: &Vector3<f64>, period: f64, substeps: u32) {
+    let mass = Vector6::new(20.0, 27.0, 29.0, 0.4, 0.4, 0.5);
+    let (linear, quadratic) =
+        (Vector6::new(4.0, 6.0, 5.0, 0.1, 0.1, 0.1), Vector6::new(18.0, 22.0, 37.0, 1.6, 1.6, 1.6));
+    let h = period / f64::from(substeps);
+    for _ in 0..substeps {
+        let water = state.rotation.tr_mul(current);
+        let mut relative = state.twist;
+        for k in 0..3 {
+            relative[k] -= water[k];
+        }
+        let drag = linear.component_mul(&relative) + quadratic.component_mul(&relative.component_mul(&relative.abs()));
+        state.twist += (command.wrench - drag).component_div(&mass) * h;
+        let (v, omega) = (state.twist.fixed_rows::<3>(0).into_owned(), state.twist.fixed_rows::<3>(3).into_owned());
+        state.position += state.rotation * v * h;
+        state.rotation *= Rotation3::from_scaled_axis(omega * h).matrix();
+    }
+    for (i, [c0, c1, c2, c3]) in command.joints.into_iter().enumerate() {
+        state.q[i] = c0 + period * (c1 + period * (c2 + period * c3));
+        state.qd[i] = c1 + period * (2.0 * c2 + 3.0 * period * c3);
+    }
+}
+
+/// Runs an episode under the PD, or without action; returns the last outcome.
+fn run(task: &StationKeep, key: EpisodeKey, controlled: bool) -> Outcome {
+    let pd = task.pd(None).unwrap();
+    let (mut episode, mut state) = task.begin(key);
+    let mut row = vec![0.0; task.observation_len()];
+    let mut action = vec![0.0; task.action_len()];
+    let mut outcome = None;
+    for _ in 0..DEFAULT_HORIZON {
+        task.observe(&episode, &state, &mut row);
+        if controlled {
+            pd.act(&row, &mut action).unwrap();
+        }
+        let command = task.act(&mut episode, &action);
+        drift(&mut state, &command, episode.current(), task.options().control_period(), task.options().substeps);
+        outcome = Some(task.advance(&mut episode, &state, end_effector));
+    }
+    outcome.unwrap()
+}
+
+#[test]
+fn pd_holds_station_where_nothing_drifts_away() {
+    for action in [ActionKind::Wrench, ActionKind::Thrusters] {
+        let task = task_with(StationKeepOptions { action, ..Default::default() });
+        for seed in 0..3 {
+            let (held, adrift) = (run(&task, key(seed, 0), true), run(&task, key(seed, 0), false));
+            let current = held.metrics.current.norm();
+            // What a PD leaves of a steady drag, kp = 47.5 N/m and stiffer.
+            let sag = (6.3 * current + 37.0 * current * current) / 47.5;
+            assert!(!held.terminated && held.metrics.position_error < sag + 0.01, "{held:?}");
+            assert!(held.metrics.running[0] < 0.2 * adrift.metrics.running[0] + 0.01, "{action:?} {seed}: {held:?}");
+            assert!(held.reward > adrift.reward);
+            assert!(adrift.metrics.effort == 0.0 && held.metrics.effort > 0.0);
+        }
+    }
+}
+
+#[test]
+fn pd_returns_to_the_target_in_still_water() {
+    let task = task_with(StationKeepOptions { max_current: 0.0, ..Default::default() });
+    let outcome = run(&task, key(9, 0), true);
+    assert!(outcome.metrics.position_error < 1e-4 && outcome.metrics.attitude_error < 1e-4, "{outcome:?}");
+    // Joints and vehicle are where they should be, so the end effector is too.
+    assert!(outcome.metrics.end_effector_position_error < 1e-4);
+    assert!(outcome.terms.pose > -1e-3);
+}
+
+#[test]
+fn an_episode_is_a_function_of_its_key() {
+    let task = task();
+    assert_eq!(task.begin(key(3, 4)), task.begin(key(3, 4)));
+    let starts = [key(3, 4), key(3, 5), key(4, 4)].map(|k| task.begin(k));
+    for (i, (episode, state)) in starts.iter().enumerate() {
+        for (other, other_state) in &starts[..i] {
+            assert_ne!(state.position, other_state.position);
+            assert_ne!(state.rotation, other_state.rotation);
+            assert_ne!(episode.current(), other.current());
+            assert_ne!(episode.references, other.references);
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn starts_are_near_the_target_and_currents_mostly_level(seed: u64, episode: u64) {
+        let options = StationKeepOptions { target_distance: 2.0, target_turn: 3.0, ..Default::default() };
+        let (task, options) = (task_with(options.clone()), options);
+        let (episode, state) = task.begin(key(seed, episode));
+        let error = Pose::of_vehicle(&state).error_from(episode.target());
+        prop_assert!(error.position.norm() <= options.start_distance + 1e-12);
+        prop_assert!(error.rotation.norm() <= options.start_angle + 1e-12);
+        prop_assert!(episode.target().position.norm() <= 2.0);
+        prop_assert!(rotation_vector(&episode.target().rotation).xy().norm() < 1e-12);
+        prop_assert_eq!(state.twist, Vector6::zeros());
+        prop_assert_eq!(state.q, scene().home());
+        let current = episode.current();
+        prop_assert!(current.norm() <= options.max_current + 1e-12);
+        prop_assert!(current.z.abs() <= 0.25 * current.norm());
+    }
+
+    #[test]
+    fn observations_and_results_are_finite_and_in_bounds(
+        numbers in prop::collection::vec(prop_oneof![
+            4 => -30.0..30.0f64,
+            1 => prop::num::f64::ANY,
+            1 => prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE]),
+        ], 18 + 2 * JOINTS),
+        action in prop::collection::vec(prop::num::f32::ANY, 8),
+        kind in prop::sample::select(vec![ActionKind::Wrench, ActionKind::Thrusters]),
+    ) {
+        let task = task_with(StationKeepOptions { action: kind, ..Default::default() });
+        let (mut episode, mut state) = task.begin(key(1, 1));
+        let command = task.act(&mut episode, &action[..task.action_len()]);
+        prop_assert!(command.wrench.iter().chain(&command.thrusts).chain(command.joints.iter().flatten()).all(|x| x.is_finite()));
+        let mut numbers = numbers.into_iter();
+        state.position.iter_mut().for_each(|x| *x = numbers.next().unwrap());
+        state.rotation.iter_mut().for_each(|x| *x = numbers.next().unwrap());
+        state.twist.iter_mut().for_each(|x| *x = numbers.next().unwrap());
+        state.q.iter_mut().chain(&mut state.qd).for_each(|x| *x = numbers.next().unwrap());
+        let outcome = task.advance(&mut episode, &state, end_effector);
+        prop_assert!(outcome.reward.is_finite() && outcome.info().iter().all(|x| x.is_finite()), "{outcome:?}");
+        prop_assert!(outcome.diverged || state.position.norm() <= 10.0);
+        let mut row = vec![f32::NAN; task.observation_len()];
+        task.observe(&episode, &state, &mut row);
+        for (x, bound) in row.iter().zip(task.layout().bound()) {
+            prop_assert!(x.abs() <= *bound, "{x} beyond {bound}");
+        }
+    }
+
+    #[test]
+    fn saved_episodes_come_back_bit_for_bit(seed: u64, number: u64, steps in 0usize..5) {
+        let task = task();
+        let (mut episode, mut state) = task.begin(key(seed, number));
+        for k in 0..steps {
+            let command = task.act(&mut episode, &[0.1 * k as f32; 6]);
+            drift(&mut state, &command, &Vector3::x(), 0.05, 5);
+            task.advance(&mut episode, &state, end_effector);
+        }
+        let mut back = Episode::from_numbers(&episode.to_numbers()).unwrap();
+        prop_assert_eq!(&back, &episode);
+        let bits = |e: &Episode| e.to_numbers().into_iter().map(f64::to_bits).collect::<Vec<_>>();
+        prop_assert_eq!(bits(&back), bits(&episode));
+        let go_on = |e: &mut Episode| (task.act(e, &[0.7; 6]), task.advance(e, &state, end_effector));
+        prop_assert_eq!(go_on(&mut back), go_on(&mut episode));
+    }
+}
+
+#[test]
+fn numbers_that_are_no_episode_are_refused() {
+    let (episode, _) = task().begin(key(1, 1));
+    let numbers = episode.to_numbers();
+    assert!(matches!(Episode::from_numbers(&numbers[1..]), Err(TaskError::Saved(_))));
+    for (at, value) in [(0, 0.5), (4, -1.0), (20, f64::NAN)] {
+        let mut wrong = numbers.clone();
+        wrong[at] = value;
+        assert!(matches!(Episode::from_numbers(&wrong), Err(TaskError::Saved(_))), "{at}");
+    }
+}
+
+#[test]
+fn observation_holds_what_the_layout_says() {
+    let task = task();
+    let given = StartOverride {
+        position: Some([1.0, 2.0, 3.0]),
+        attitude: Some([0.5f64.sqrt(), 0.0, 0.0, 0.5f64.sqrt()]),
+        twist: Some([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+        target_position: Some([1.0, 1.0, 3.0]),
+        ..Default::default()
+    };
+    let (mut episode, state) = task.begin_with(key(2, 0), &given).unwrap();
+    let period = task.options().control_period();
+    let mut row = vec![0.0; task.observation_len()];
+    let read = |row: &[f32], name: &str| -> Vec<f64> {
+        let block = task.layout().block(name).unwrap();
+        (0..block.len()).map(|k| f64::from(row[block.offset + k]) * block.scale[k]).collect()
+    };
+    let near = |got: Vec<f64>, expected: &[f64]| {
+        assert_eq!(got.len(), expected.len());
+        assert!(got.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{got:?} {expected:?}");
+    };
+    task.observe(&episode, &state, &mut row);
+    near(read(&row, "position_error"), &[1.0, 0.0, 0.0]);
+    near(read(&row, "attitude_error"), &[0.0, 0.0, std::f64::consts::FRAC_PI_2]);
+    near(read(&row, "linear_velocity"), &[0.1, 0.2, 0.3]);
+    near(read(&row, "angular_velocity"), &[0.4, 0.5, 0.6]);
+    near(read(&row, "joint_position"), &vec![0.0; task.joint_count()]);
+    near(read(&row, "previous_action"), &[0.0; 6]);
+    near(read(&row, "error_integral"), &[0.0; 6]);
+
+    let action = [0.5, -2.0, 0.0, 0.25, 0.0, f32::NAN];
+    for step in 1..=40 {
+        task.act(&mut episode, &action);
+        task.advance(&mut episode, &state, end_effector);
+        assert_eq!(episode.step(), step);
+    }
+    task.observe(&episode, &state, &mut row);
+    near(read(&row, "previous_action"), &[0.5, -1.0, 0.0, 0.25, 0.0, 0.0]);
+    // I' = e - I / 10 for 2 s.
+    let grown = 10.0 * (1.0 - (-0.2f64).exp());
+    near(read(&row, "error_integral"), &[grown, 0.0, 0.0, 0.0, 0.0, grown * std::f64::consts::FRAC_PI_2]);
+    let ahead: Vec<_> = (0..task.joint_count()).map(|i| episode.references[i].at(41.0 * period)).collect();
+    let home = scene().home();
+    near(read(&row, "joint_reference"), &ahead.iter().enumerate().map(|(i, p)| p.value - home[i]).collect::<Vec<_>>());
+    near(read(&row, "joint_reference_rate"), &ahead.iter().map(|p| p.rate).collect::<Vec<_>>());
+}
+
+#[test]
+fn layout_has_no_gaps_and_skips_absent_joints() {
+    let (with, without) =
+        (task(), StationKeep::new(&Scene::shipped("bluerov2-heavy").unwrap(), Default::default()).unwrap());
+    for task in [&with, &without] {
+        let mut end = 0;
+        for block in task.layout().blocks() {
+            assert_eq!(block.offset, end);
+            assert_eq!(block.scale.len(), block.bound.len());
+            assert!(!block.is_empty());
+            end += block.len();
+        }
+        assert_eq!(end, task.observation_len());
+    }
+    assert_eq!(with.observation_len(), 24 + 4 * with.joint_count());
+    assert_eq!(without.observation_len(), 24);
+    assert_eq!(with.action_ranges().len(), with.action_len());
+}
+
+#[test]
+fn reward_is_the_documented_sum() {
+    let task = task_with(StationKeepOptions { max_current: 0.0, ..Default::default() });
+    let given =
+        StartOverride { position: Some([0.06, 0.0, 0.08]), attitude: Some([1.0, 0.0, 0.0, 0.0]), ..Default::default() };
+    let (mut episode, state) = task.begin_with(key(0, 0), &given).unwrap();
+    let command = task.act(&mut episode, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let outcome = task.advance(&mut episode, &state, end_effector);
+    assert!((outcome.terms.pose + 0.1 * (26.0f64.ln() + 0.1 / 0.3)).abs() < 1e-12);
+    assert!((outcome.terms.rate + 0.1 * 0.25 / 6.0).abs() < 1e-12);
+    let squares: f64 = command.thrusts.iter().map(|t| (t / 60.0).powi(2)).sum();
+    assert!(squares > 0.0);
+    assert!((outcome.terms.effort + 0.02 * squares / 8.0).abs() < 1e-12);
+    assert!((outcome.reward - outcome.terms.pose - outcome.terms.effort - outcome.terms.rate).abs() < 1e-15);
+    let powers: f64 = command.thrusts.iter().map(|t| (t / 60.0).abs().powf(1.5)).sum();
+    assert!((outcome.metrics.effort - powers / 8.0).abs() < 1e-12);
+    // The same action again: no change, and nothing at its limit.
+    task.act(&mut episode, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let again = task.advance(&mut episode, &state, end_effector);
+    assert_eq!((again.terms.rate, again.metrics.saturation), (0.0, 0.0));
+    assert!((again.metrics.running[0] - 0.1).abs() < 1e-12 && (again.metrics.running[4] - powers / 8.0).abs() < 1e-12);
+    // Down, the four vertical thrusters stand at -40 N.
+    task.act(&mut episode, &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]);
+    assert!((task.advance(&mut episode, &state, end_effector).metrics.saturation - 0.5).abs() < 1e-12);
+}
+
+#[test]
+fn command_follows_the_reference_and_pushes_as_asked() {
+    let task = task();
+    let (mut episode, state) = task.begin(key(5, 0));
+    let limits = task.allocation().wrench_limits();
+    for step in 0..60 {
+        let command = task.act(&mut episode, &[0.2, 0.0, -0.1, 0.0, 0.0, 0.0]);
+        let asked = Vector6::new(0.2 * limits[0], 0.0, -0.1 * limits[2], 0.0, 0.0, 0.0);
+        assert!((command.wrench - asked).norm() < 1e-5);
+        assert_eq!(command.wrench, task.allocation().wrench(&command.thrusts));
+        let period = task.options().control_period();
+        for i in 0..JOINTS {
+            let (from, to) = (f64::from(step) * period, f64::from(step + 1) * period);
+            let expected = if i < task.joint_count() {
+                hermite(&episode.references[i].at(from), &episode.references[i].at(to), period)
+            } else {
+                [0.0; 4]
+            };
+            assert_eq!(command.joints[i], expected);
+        }
+        task.advance(&mut episode, &state, end_effector);
+    }
+}
+
+#[test]
+fn only_divergence_terminates() {
+    let task = task();
+    let (episode, start) = task.begin(key(0, 0));
+    let ends = |change: &dyn Fn(&mut State)| {
+        let (mut episode, mut state) = (episode.clone(), start.clone());
+        change(&mut state);
+        let outcome = task.advance(&mut episode, &state, end_effector);
+        assert_eq!(outcome.terminated, outcome.diverged);
+        outcome.terminated
+    };
+    assert!(!ends(&|_| ()));
+    assert!(!ends(&|s| s.position.x = 9.9));
+    assert!(ends(&|s| s.position.x = 10.1));
+    assert!(ends(&|s| s.twist[1] = -10.1));
+    assert!(ends(&|s| s.twist[4] = 20.1));
+    assert!(ends(&|s| s.qd[0] = -20.1));
+    assert!(ends(&|s| s.q[1] = f64::NAN));
+    assert!(ends(&|s| s.rotation[(0, 1)] = f64::INFINITY));
+    assert!(!ends(&|s| s.q[JOINTS - 1] = f64::NAN), "past the scene's joints");
+}
+
+#[test]
+fn a_given_part_of_the_start_leaves_the_rest_as_drawn() {
+    let task = task();
+    let (drawn, drawn_state) = task.begin(key(8, 2));
+    let n = task.joint_count();
+    let given = StartOverride {
+        q: Some(vec![0.5; n]),
+        qd: Some(vec![0.1; n]),
+        current: Some([0.0, 0.1, 0.0]),
+        target_attitude: Some([2.0, 0.0, 0.0, 0.0]),
+        ..Default::default()
+    };
+    let (episode, state) = task.begin_with(key(8, 2), &given).unwrap();
+    assert_eq!((state.position, state.rotation), (drawn_state.position, drawn_state.rotation));
+    assert_eq!(*episode.current(), Vector3::new(0.0, 0.1, 0.0));
+    assert_eq!(episode.references[0].frequency, drawn.references[0].frequency);
+    assert_eq!((state.q[n - 1], state.qd[n - 1], state.q[n]), (0.5, 0.1, 0.0));
+    assert_eq!((episode.reference()[0].value, episode.reference()[0].rate), (0.5, 0.0));
+}
+
+#[test]
+fn impossible_starts_are_refused() {
+    let refused = |given: StartOverride| task().begin_with(key(0, 0), &given).unwrap_err();
+    let far = refused(StartOverride { position: Some([0.0, 11.0, 0.0]), ..Default::default() });
+    assert!(far.to_string().contains("11") && far.to_string().contains("10"), "{far}");
+    let fast = refused(StartOverride { twist: Some([0.0, 0.0, 0.0, 0.0, 0.0, 30.0]), ..Default::default() });
+    assert!(matches!(fast, TaskError::Start { name: "angular speed", .. }));
+    let flat = refused(StartOverride { attitude: Some([0.0; 4]), ..Default::default() });
+    assert!(matches!(flat, TaskError::Start { name: "attitude", .. }));
+    let nan = refused(StartOverride { current: Some([0.0, f64::NAN, 0.0]), ..Default::default() });
+    assert!(matches!(nan, TaskError::Start { name: "current", .. }));
+    let short = refused(StartOverride { q: Some(vec![0.0]), ..Default::default() });
+    assert!(matches!(short, TaskError::Control(ControlError::Shape { what: "q", got: 1, .. })));
+}
+
+#[test]
+fn impossible_tasks_are_refused() {
+    let refused = |scene: &Scene| StationKeep::new(scene, Default::default()).unwrap_err().to_string();
+    assert!(refused(&Scene::shipped("free-body").unwrap()).contains("no thrusters"));
+    let mut fixed = scene();
+    fixed.vehicle.fixed = true;
+    assert!(refused(&fixed).contains("fixed"));
+    let mut limp = scene();
+    let link = &mut limp.arm.as_mut().unwrap().links[1];
+    link.joint.servo = None;
+    let name = link.name.clone();
+    assert!(refused(&limp).contains(&name));
+    let option = |options| StationKeep::new(&scene(), options).unwrap_err();
+    let slow = option(StationKeepOptions { dt: 0.0, ..Default::default() });
+    assert_eq!(slow.to_string(), "option dt = 0: must be in (0, 1] s");
+    for options in [
+        StationKeepOptions { substeps: 0, ..Default::default() },
+        StationKeepOptions { max_current: -1.0, ..Default::default() },
+        StationKeepOptions { start_distance: 10.0, ..Default::default() },
+        StationKeepOptions { reward: RewardWeights { effort: f64::NAN, ..Default::default() }, ..Default::default() },
+    ] {
+        assert!(matches!(option(options), TaskError::Option { .. }));
+    }
+    let mut silent = scene();
+    silent.vehicle.servo = None;
+    assert!(matches!(StationKeep::new(&silent, Default::default()).unwrap().pd(None), Err(TaskError::Scene { .. })));
+}
+
+#[test]
+fn actions_that_are_no_numbers_are_named() {
+    let task = task();
+    let mut actions = vec![3.0f32; 12];
+    assert_eq!(task.check_actions(&actions, 2), Ok(()));
+    actions[7] = f32::NEG_INFINITY;
+    let refused = task.check_actions(&actions, 2).unwrap_err();
+    assert_eq!(refused, TaskError::Action { instance: 1, index: 1, value: f32::NEG_INFINITY });
+    assert!(task.check_actions(&actions, 3).is_err());
+}
+
+#[test]
+fn every_shipped_scene_with_thrusters_can_keep_station() {
+    for name in Scene::shipped_names() {
+        let scene = Scene::shipped(name).unwrap();
+        if scene.vehicle.thrusters.is_empty() {
+            continue;
+        }
+        for action in [ActionKind::Wrench, ActionKind::Thrusters] {
+            let task = StationKeep::new(&scene, StationKeepOptions { action, ..Default::default() }).unwrap();
+            assert!(task.pd(None).is_ok(), "{name}");
+            assert!(task.allocation().unactuated().is_empty(), "{name}: {:?}", task.allocation().unactuated());
+        }
+    }
+}

@@ -1,0 +1,203 @@
+//! Symmetric 6x6 inertia: rigid, added or articulated.
+
+use crate::lane::{Lane, Param};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+
+/// `[[M, H], [H^T, J]]`, M and J symmetric and stored as `xx, xy, xz, yy, yz, zz`: 21 numbers. `[HC eq. 5]`
+///
+/// A rigid body has `M = m I` and `H = -m [c]`; added mass fills it; an articulated inertia is of the same form.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SpatialInertia<P> {
+    /// Linear block.
+    pub m: [P; 6],
+    /// Coupling block, by rows: linear from angular.
+    pub h: [[P; 3]; 3],
+    /// Angular block.
+    pub j: [P; 6],
+}
+
+/// Places of a symmetric 3x3 matrix in its six numbers.
+pub(crate) const PACKED: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+
+/// A symmetric 3x3 matrix in full.
+#[inline(always)]
+pub(crate) fn unpacked<L: Copy>(s: &[L; 6]) -> Matrix3<L> {
+    Matrix3(PACKED.map(|row| row.map(|k| s[k])))
+}
+
+/// The symmetric 3x3 matrix that has this one's upper half.
+#[inline(always)]
+fn packed<L: Copy>(m: &Matrix3<L>) -> [L; 6] {
+    [m.0[0][0], m.0[0][1], m.0[0][2], m.0[1][1], m.0[1][2], m.0[2][2]]
+}
+
+impl<P: Copy> SpatialInertia<P> {
+    /// From a symmetric 6x6 matrix by entries (its upper half).
+    pub fn from_entries(entry: impl Fn(usize, usize) -> P) -> Self {
+        let block = |i: usize| {
+            [
+                entry(i, i),
+                entry(i, i + 1),
+                entry(i, i + 2),
+                entry(i + 1, i + 1),
+                entry(i + 1, i + 2),
+                entry(i + 2, i + 2),
+            ]
+        };
+        Self { m: block(0), h: [0, 1, 2].map(|i| [3, 4, 5].map(|k| entry(i, k))), j: block(3) }
+    }
+
+    /// The same matrix with each number changed.
+    #[inline(always)]
+    pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> SpatialInertia<Q> {
+        SpatialInertia {
+            m: self.m.map(&mut change),
+            h: self.h.map(|row| row.map(&mut change)),
+            j: self.j.map(&mut change),
+        }
+    }
+
+    /// The numbers in lanes.
+    #[inline(always)]
+    pub fn get<L: Lane>(&self) -> SpatialInertia<L>
+    where
+        P: Param<L>,
+    {
+        SpatialInertia {
+            m: self.m.map(Param::get),
+            h: self.h.map(|row| row.map(Param::get)),
+            j: self.j.map(Param::get),
+        }
+    }
+}
+
+impl<L: Lane> SpatialInertia<L> {
+    /// Entry (i, k) of the 6x6 matrix.
+    #[inline(always)]
+    pub fn entry(&self, i: usize, k: usize) -> L {
+        match (i < 3, k < 3) {
+            (true, true) => self.m[PACKED[i][k]],
+            (true, false) => self.h[i][k - 3],
+            (false, true) => self.h[k][i - 3],
+            (false, false) => self.j[PACKED[i - 3][k - 3]],
+        }
+    }
+
+    /// Momentum `A V`.
+    #[inline(always)]
+    pub fn apply(&self, twist: Vector6<L>) -> Vector6<L> {
+        let h = Matrix3(self.h);
+        Vector6 {
+            linear: unpacked(&self.m).apply(twist.linear) + h.apply(twist.angular),
+            angular: unpacked(&self.j).apply(twist.angular) + h.apply_transposed(twist.linear),
+        }
+    }
+
+    /// Bias wrench `B V = -ad_V^T A V = [omega x p; v x p + omega x l]` with momentum `[p; l] = A V`.
+    ///
+    /// For a rigid body this is `[HC eq. 5]`; with added mass it holds the Munk moment.
+    #[inline(always)]
+    pub fn bias_wrench(&self, twist: Vector6<L>) -> Vector6<L> {
+        let momentum = self.apply(twist);
+        Vector6 {
+            linear: twist.angular.cross(momentum.linear),
+            angular: twist.linear.cross_add(momentum.linear, twist.angular.cross(momentum.angular)),
+        }
+    }
+
+    /// Sum of two inertias in the same frame.
+    #[inline(always)]
+    pub fn plus(&self, b: &Self) -> Self {
+        let mut sum = *self;
+        for i in 0..6 {
+            sum.m[i] += b.m[i];
+            sum.j[i] += b.j[i];
+        }
+        for i in 0..3 {
+            for k in 0..3 {
+                sum.h[i][k] += b.h[i][k];
+            }
+        }
+        sum
+    }
+
+    /// `self - u u^T / d`: what is left of an inertia when the direction that `u` belongs to is free.
+    #[inline(always)]
+    pub fn eliminated(&self, u: Vector6<L>, over_d: L) -> Self {
+        let (f, m) = (u.linear.0, u.angular.0);
+        let (sf, sm) = (f.map(|x| x * over_d), m.map(|x| x * over_d));
+        let mut rest = *self;
+        for i in 0..3 {
+            for k in i..3 {
+                rest.m[PACKED[i][k]] = sf[i].neg_mul_add(f[k], rest.m[PACKED[i][k]]);
+                rest.j[PACKED[i][k]] = sm[i].neg_mul_add(m[k], rest.j[PACKED[i][k]]);
+            }
+            for k in 0..3 {
+                rest.h[i][k] = sf[i].neg_mul_add(m[k], rest.h[i][k]);
+            }
+        }
+        rest
+    }
+
+    /// `Ad_T^-T A Ad_T^-1`: the inertia of a child frame at `T`, seen from the parent frame.
+    #[inline(always)]
+    pub fn to_parent(&self, pose: &Pose<L>) -> Self {
+        let r = &pose.rotation;
+        let rt = r.transposed();
+        let m = r.times(&unpacked(&self.m)).times(&rt);
+        let h = r.times(&Matrix3(self.h)).times(&rt);
+        let j = r.times(&unpacked(&self.j)).times(&rt);
+        // Shift by r: H' = H - M [r], J' = J - H^T [r] + [r] H'.
+        let cross = |rows: &Matrix3<L>| Matrix3(rows.0.map(|row| Vector3(row).cross(pose.position).0));
+        let shifted = |a: &Matrix3<L>, b: &Matrix3<L>, sign: f64| {
+            let mut sum = *a;
+            for i in 0..3 {
+                for k in 0..3 {
+                    sum.0[i][k] = b.0[i][k].mul_add(L::c(sign), sum.0[i][k]);
+                }
+            }
+            sum
+        };
+        // Row x [r] is row x r, and [r] H' = -(H'^T [r])^T.
+        let h_new = shifted(&h, &cross(&m), -1.0);
+        let j_new =
+            shifted(&shifted(&j, &cross(&h.transposed()), -1.0), &cross(&h_new.transposed()).transposed(), -1.0);
+        Self { m: packed(&m), h: h_new.0, j: packed(&j_new) }
+    }
+
+    /// Solves `A x = b` by LDL^T, without pivots: A is positive definite.
+    #[inline(always)]
+    pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
+        let mut x = b.to_array();
+        let mut lower = [[L::zero(); 6]; 6];
+        let mut over_d = [L::zero(); 6];
+        for k in 0..6 {
+            // Column k of L, times D; rows below k.
+            let mut column = [L::zero(); 6];
+            for i in k..6 {
+                let mut entry = self.entry(i, k);
+                for p in 0..k {
+                    // lower[.][p] holds L D here, so that its quotient by D is L.
+                    entry = lower[i][p].neg_mul_add(lower[k][p] * over_d[p], entry);
+                }
+                column[i] = entry;
+            }
+            over_d[k] = L::c(1.0) / column[k];
+            for i in k..6 {
+                lower[i][k] = column[i];
+            }
+            let pivot = x[k] * over_d[k];
+            for i in k + 1..6 {
+                x[i] = column[i].neg_mul_add(pivot, x[i]);
+            }
+        }
+        for k in (0..6).rev() {
+            let mut sum = x[k];
+            for i in k + 1..6 {
+                sum = lower[i][k].neg_mul_add(x[i], sum);
+            }
+            x[k] = sum * over_d[k];
+        }
+        Vector6::from_array(x)
+    }
+}

@@ -1,0 +1,7 @@
+//! Spatial inertia in 21 numbers, and how it moves between frames.
+
+mod bend;
+mod inertia;
+
+pub use bend::{Axis, Bend, screw_x, screw_z};
+pub use inertia::SpatialInertia;

@@ -1,0 +1,133 @@
+//! Joint frames that compute fast.
+//!
+//! Every serial chain of revolute and prismatic joints can be written in modified Denavit-Hartenberg frames: z along
+//! the joint, x along the common normal to the next joint's axis. Where that is ill conditioned (nearly parallel axes
+//! meet far away), and on the vehicle, the move between two joints stays a general pose.
+
+use crate::lie::{Matrix3, Pose, Vector3};
+use crate::spatial::Bend;
+
+use super::model::Stand;
+
+/// A joint by its axis line at q = 0, in the vehicle frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Line {
+    /// A point on the axis.
+    pub point: Vector3<f64>,
+    /// Unit direction.
+    pub direction: Vector3<f64>,
+}
+
+/// A joint frame and how it is reached from its parent.
+#[derive(Debug, Clone, Copy)]
+pub struct JointFrame {
+    /// Pose in the vehicle frame at q = 0.
+    pub pose: Pose<f64>,
+    /// Move from the parent's joint frame (the vehicle's for the first).
+    pub stand: Stand<f64>,
+    /// theta at q = 0.
+    pub theta: f64,
+    /// d at q = 0.
+    pub d: f64,
+}
+
+/// Sine of the angle between two axes below which they count as parallel.
+const PARALLEL: f64 = 1e-14;
+/// Sine below which two axes that are not parallel are too nearly so for a common normal.
+const NEARLY_PARALLEL: f64 = 0.05;
+
+/// A common normal: its feet on the two lines and its direction from the first.
+struct Normal {
+    feet: [Vector3<f64>; 2],
+    direction: Vector3<f64>,
+    sin: f64,
+    cos: f64,
+}
+
+/// Joint frames of a chain.
+pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
+    let normals: Vec<Option<Normal>> = lines.windows(2).map(|pair| common_normal(pair[0], pair[1])).collect();
+    let mut frames: Vec<JointFrame> = Vec::with_capacity(lines.len());
+    for (i, line) in lines.iter().enumerate() {
+        let pose = match normals.get(i).and_then(Option::as_ref) {
+            Some(normal) => frame(normal.feet[0], normal.direction, line.direction),
+            None => frame(line.point, perpendicular(line.direction), line.direction),
+        };
+        let normal_from_parent = i.checked_sub(1).and_then(|k| normals[k].as_ref());
+        let next = match (normal_from_parent, frames.last()) {
+            (Some(normal), Some(parent)) => {
+                let (x_parent, x) = (parent.pose.rotation.transposed().0[0], pose.rotation.transposed().0[0]);
+                let (x_parent, x) = (Vector3(x_parent), Vector3(x));
+                let a = (normal.feet[1] - normal.feet[0]).dot(normal.direction);
+                JointFrame {
+                    pose,
+                    stand: Stand::Bend(bend(normal.sin, normal.cos), a),
+                    theta: x_parent.cross(x).dot(line.direction).atan2(x_parent.dot(x)),
+                    d: (pose.position - normal.feet[1]).dot(line.direction),
+                }
+            }
+            (_, parent) => {
+                let relative = match parent {
+                    Some(parent) => inverse(&parent.pose).times(&pose),
+                    None => pose,
+                };
+                let stand = Stand::Pose(relative.rotation.0, relative.position.0);
+                JointFrame { pose, stand, theta: 0.0, d: 0.0 }
+            }
+        };
+        frames.push(next);
+    }
+    frames
+}
+
+/// `T^-1`
+pub fn inverse(pose: &Pose<f64>) -> Pose<f64> {
+    let rotation = pose.rotation.transposed();
+    Pose { rotation, position: -rotation.apply(pose.position) }
+}
+
+fn bend(sin: f64, cos: f64) -> Bend<f64> {
+    if sin == 0.0 && cos > 0.0 {
+        Bend::Flat
+    } else if cos == 0.0 {
+        Bend::Quarter
+    } else {
+        Bend::General(sin, cos)
+    }
+}
+
+fn common_normal(from: Line, to: Line) -> Option<Normal> {
+    let (z1, z2) = (from.direction, to.direction);
+    let between = to.point - from.point;
+    let across = z1.cross(z2);
+    let sin = across.dot(across).sqrt();
+    let cos = z1.dot(z2);
+    if sin < PARALLEL {
+        let normal = between - z1.scale(between.dot(z1));
+        let length = normal.dot(normal).sqrt();
+        let direction = if length > 1e-12 { normal.scale(1.0 / length) } else { perpendicular(z1) };
+        return Some(Normal { feet: [from.point, from.point + normal], direction, sin: 0.0, cos: cos.signum() });
+    }
+    if sin < NEARLY_PARALLEL {
+        return None;
+    }
+    // The normal's direction makes alpha lie between 0 and pi.
+    let along = |z: Vector3<f64>| between.cross(z).dot(across) / (sin * sin);
+    let feet = [from.point + z1.scale(along(z2)), to.point + z2.scale(along(z1))];
+    let cos = if cos.abs() < PARALLEL { 0.0 } else { cos };
+    Some(Normal { feet, direction: across.scale(1.0 / sin), sin, cos })
+}
+
+fn frame(origin: Vector3<f64>, x: Vector3<f64>, z: Vector3<f64>) -> Pose<f64> {
+    let y = z.cross(x);
+    Pose { rotation: Matrix3([x.0, y.0, z.0]).transposed().orthonormalised(), position: origin }
+}
+
+/// A unit vector at right angles to `z`.
+fn perpendicular(z: Vector3<f64>) -> Vector3<f64> {
+    let least = (0..3).min_by(|&i, &k| z.0[i].abs().total_cmp(&z.0[k].abs())).unwrap_or(0);
+    let mut e = Vector3([0.0; 3]);
+    e.0[least] = 1.0;
+    let x = e - z.scale(e.dot(z));
+    x.scale(1.0 / x.dot(x).sqrt())
+}

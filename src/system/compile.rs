@@ -1,0 +1,209 @@
+//! From a scene to the constants of the kernel.
+
+use nalgebra as na;
+
+use super::chain::{Line, inverse, joint_frames};
+use super::model::{BodyTerms, Friction, JointTerms, Limits, Servo, System, VehicleServo};
+use crate::description::{Body, Frame, Joint, JointKind, Scene, Water};
+use crate::hydro::{Coefficients, Drag, Placement, Restoring};
+use crate::lane::Shared;
+use crate::lie::{Matrix3, Pose, Vector3};
+use crate::spatial::SpatialInertia;
+
+/// A system, and the link frames of its scene in the joint frames that it computes in.
+#[derive(Debug, Clone)]
+pub struct Compiled {
+    /// What the kernel reads.
+    pub system: System<Shared<f64>>,
+    /// Constant pose of each link's frame in its joint's frame.
+    pub links: Vec<Pose<f64>>,
+}
+
+/// Compiles a checked scene: joins what is fixed together, chooses joint frames, drops absent terms.
+pub fn compile(scene: &Scene) -> Compiled {
+    let water = &scene.water;
+    let mut parts = vec![Part::of(&scene.vehicle.body, identity(), water)];
+    let mut vehicle = parts.split_off(0);
+    let mut moving: Vec<(&Joint, Vec<Part>)> = Vec::new();
+    // Pose at q = 0, in the vehicle frame, of each moving link's frame; and of the frame that the next part hangs on.
+    let mut zero_poses: Vec<Pose<f64>> = Vec::new();
+    let mut hook = identity();
+    let mut tip = identity();
+
+    if let Some(arm) = &scene.arm {
+        hook = pose(&arm.mount.frame);
+        if let Some(joint) = &arm.mount.joint {
+            hook = hook.times(&pose(&joint.frame));
+            zero_poses.push(hook);
+            let base = arm.base.iter().map(|body| Part::of(body, identity(), water)).collect();
+            moving.push((joint, base));
+        } else {
+            vehicle.extend(arm.base.iter().map(|body| Part::of(body, hook, water)));
+        }
+        for link in &arm.links {
+            hook = hook.times(&pose(&link.joint.frame));
+            zero_poses.push(hook);
+            moving.push((&link.joint, vec![Part::of(&link.body, identity(), water)]));
+        }
+        tip = pose(&arm.end_effector);
+    }
+    if let Some(payload) = &scene.payload {
+        let grip = tip.times(&pose(&payload.frame));
+        match moving.last_mut() {
+            Some((_, last)) => last.push(Part::of(&payload.body, grip, water)),
+            None => vehicle.push(Part::of(&payload.body, hook.times(&grip), water)),
+        }
+    }
+
+    let lines: Vec<Line> = moving
+        .iter()
+        .zip(&zero_poses)
+        .map(|((joint, _), link)| Line { point: link.position, direction: link.rotation.apply(vector(&joint.axis)) })
+        .collect();
+    let frames = joint_frames(&lines);
+    let links: Vec<Pose<f64>> =
+        frames.iter().zip(&zero_poses).map(|(frame, link)| inverse(&frame.pose).times(link)).collect();
+
+    let joints = moving
+        .iter()
+        .zip(&frames)
+        .zip(&links)
+        .map(|(((joint, parts), frame), link)| {
+            let prismatic = joint.kind == JointKind::Prismatic;
+            JointTerms {
+                stand: frame.stand,
+                prismatic,
+                offset: if prismatic { frame.d } else { frame.theta },
+                constant: if prismatic { frame.theta.sin_cos().into() } else { [frame.d, 0.0] },
+                body: merged(parts, link),
+                friction: friction(joint),
+                limits: joint
+                    .limits
+                    .as_ref()
+                    .map(|l| Limits { range: [l.lower, l.upper], stop: [l.stiffness, l.damping] }),
+                servo: joint.servo.as_ref().map(|s| Servo { kp: s.kp, kd: s.kd }),
+                effort: joint.effort,
+            }
+        })
+        .collect();
+    let system = System {
+        gravity: water.gravity.into(),
+        fixed: scene.vehicle.fixed,
+        vehicle: merged(&vehicle, &identity()),
+        joints,
+        vehicle_servo: scene.vehicle.servo.as_ref().map(|s| VehicleServo { kp: s.kp, kd: s.kd }),
+    };
+    Compiled { system: system.map(Shared), links }
+}
+
+/// One body of the scene, fixed to a moving body at `at`.
+struct Part {
+    at: Pose<f64>,
+    /// Rigid and added inertia in its own frame.
+    inertia: SpatialInertia<f64>,
+    /// Mass less displaced mass, and its moment.
+    restoring: (f64, Vector3<f64>),
+    drag: Option<Drag<f64>>,
+}
+
+impl Part {
+    fn of(body: &Body, at: Pose<f64>, water: &Water) -> Self {
+        let (mass, com) = (body.mass, body.center_of_mass);
+        let displaced = water.density * body.displaced_volume(water);
+        // Without gravity there is neither weight nor buoyancy.
+        let heavy = if water.gravity.norm() == 0.0 { 0.0 } else { 1.0 };
+        let moment = heavy * (mass * com - displaced * body.center_of_buoyancy);
+        let hydrodynamic = pose(&body.hydrodynamic_frame);
+        let added = &body.added_mass;
+        let added = SpatialInertia::from_entries(|i, k| added[(i, k)]).to_parent(&hydrodynamic);
+        Self {
+            at,
+            inertia: rigid_inertia(mass, &com, &body.inertia_about_com()).plus(&added),
+            restoring: (heavy * (mass - displaced), vector(&moment)),
+            drag: drag(body, &hydrodynamic),
+        }
+    }
+}
+
+/// `[[m I, -m [c]], [m [c], I_c - m [c] [c]]]`, inertia about the frame origin. `[HC eq. 5]`
+fn rigid_inertia(mass: f64, com: &na::Vector3<f64>, about_com: &na::Matrix3<f64>) -> SpatialInertia<f64> {
+    let cross = com.cross_matrix();
+    let about_origin = about_com - mass * cross * cross;
+    SpatialInertia::from_entries(|i, k| match (i < 3, k < 3) {
+        (true, true) => {
+            if i == k {
+                mass
+            } else {
+                0.0
+            }
+        }
+        (true, false) => -mass * cross[(i, k - 3)],
+        (false, true) => -mass * cross[(k, i - 3)],
+        (false, false) => about_origin[(i - 3, k - 3)],
+    })
+}
+
+fn drag(body: &Body, hydrodynamic: &Pose<f64>) -> Option<Drag<f64>> {
+    let coefficients = |m: &na::Matrix6<f64>| {
+        if m.iter().all(|&x| x == 0.0) {
+            Coefficients::None
+        } else if *m == na::Matrix6::from_diagonal(&m.diagonal()) {
+            Coefficients::Diagonal(m.diagonal().into())
+        } else {
+            Coefficients::Full(Box::new([0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|k| m[(i, k)]))))
+        }
+    };
+    let (linear, quadratic) = (coefficients(&body.damping.linear), coefficients(&body.damping.quadratic));
+    if (&linear, &quadratic) == (&Coefficients::None, &Coefficients::None) {
+        return None;
+    }
+    Some(Drag { placement: placement(hydrodynamic), linear, quadratic })
+}
+
+fn placement(at: &Pose<f64>) -> Placement<f64> {
+    if *at == identity() { Placement::Here } else { Placement::At(at.rotation.0, at.position.0) }
+}
+
+/// The parts of a moving body together, in the frame that has the body's own frame at `link`.
+fn merged(parts: &[Part], link: &Pose<f64>) -> BodyTerms<f64> {
+    let mut inertia = SpatialInertia::from_entries(|_, _| 0.0);
+    let mut net_mass = 0.0;
+    let mut moment = Vector3([0.0; 3]);
+    let mut drag = Vec::new();
+    for part in parts {
+        let at = link.times(&part.at);
+        inertia = inertia.plus(&part.inertia.to_parent(&at));
+        let (n, s) = part.restoring;
+        net_mass += n;
+        moment = moment + at.rotation.apply(s) + at.position.scale(n);
+        drag.extend(part.drag.iter().map(|d| {
+            let frame = match d.placement {
+                Placement::Here => at,
+                Placement::At(r, p) => at.times(&Pose { rotation: Matrix3(r), position: Vector3(p) }),
+            };
+            Drag { placement: placement(&frame), ..d.clone() }
+        }));
+    }
+    let restoring = Restoring { net_mass, moment: moment.0 };
+    let weightless = net_mass == 0.0 && moment.0 == [0.0; 3];
+    BodyTerms { inertia, restoring: (!weightless).then_some(restoring), drag }
+}
+
+fn friction(joint: &Joint) -> Option<Friction<f64>> {
+    let f = &joint.friction;
+    let coulomb = (f.coulomb != 0.0).then_some([f.coulomb, f.coulomb_speed * f.coulomb_speed]);
+    (f.viscous != 0.0 || coulomb.is_some()).then_some(Friction { viscous: f.viscous, coulomb })
+}
+
+fn identity() -> Pose<f64> {
+    Pose { rotation: Matrix3::identity(), position: Vector3::zero() }
+}
+
+fn vector(v: &na::Vector3<f64>) -> Vector3<f64> {
+    Vector3([v.x, v.y, v.z])
+}
+
+fn pose(frame: &Frame) -> Pose<f64> {
+    let r = frame.rotation();
+    Pose { rotation: Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)]))), position: vector(&frame.position) }
+}

@@ -1,0 +1,144 @@
+//! What the kernel reads: constants of a scene, in the frames that compute fastest.
+
+use crate::hydro::{Drag, Restoring};
+use crate::spatial::{Bend, SpatialInertia};
+
+/// A scene compiled for computation; a term that the scene does not have is absent. Shared by all instances.
+///
+/// Every joint's frame has its z axis along the joint; `compile` chooses the frames, so that they follow each other by
+/// Denavit-Hartenberg moves wherever that is well conditioned.
+#[derive(Debug, Clone, PartialEq)]
+pub struct System<P> {
+    /// Gravity in world axes.
+    pub gravity: [P; 3],
+    /// Whether the vehicle is held in the world.
+    pub fixed: bool,
+    /// The vehicle.
+    pub vehicle: BodyTerms<P>,
+    /// Joints and links from the base outward.
+    pub joints: Vec<JointTerms<P>>,
+    /// Station keeping evaluated within the stages.
+    pub vehicle_servo: Option<VehicleServo<P>>,
+}
+
+/// Terms of one moving body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyTerms<P> {
+    /// Rigid and added inertia together: in the frame that moves with the water they obey one law.
+    pub inertia: SpatialInertia<P>,
+    /// Weight and buoyancy.
+    pub restoring: Option<Restoring<P>>,
+    /// Drag, one entry per body of the scene that is fixed to this one.
+    pub drag: Vec<Drag<P>>,
+}
+
+/// One joint and the link that it moves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointTerms<P> {
+    /// Where the joint stands on its parent.
+    pub stand: Stand<P>,
+    /// Slides instead of turning.
+    pub prismatic: bool,
+    /// theta (revolute) or d (prismatic) at q = 0.
+    pub offset: P,
+    /// d (revolute); sine and cosine of theta (prismatic).
+    pub constant: [P; 2],
+    /// The link.
+    pub body: BodyTerms<P>,
+    /// Friction.
+    pub friction: Option<Friction<P>>,
+    /// End stops.
+    pub limits: Option<Limits<P>>,
+    /// Servo.
+    pub servo: Option<Servo<P>>,
+    /// Greatest actuator torque.
+    pub effort: Option<P>,
+}
+
+/// Constant move from the parent frame to the joint's, before the screw about z.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stand<P> {
+    /// `Rx(alpha) Tx(a)`.
+    Bend(Bend<P>, P),
+    /// Any pose: rotation by rows, position.
+    Pose([[P; 3]; 3], [P; 3]),
+}
+
+/// `-(viscous qd + coulomb qd / sqrt(qd^2 + speed^2))`
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Friction<P> {
+    /// Viscous coefficient.
+    pub viscous: P,
+    /// Coulomb torque and the square of its smoothing speed.
+    pub coulomb: Option<[P; 2]>,
+}
+
+/// Compliant end stops.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Limits<P> {
+    /// Lower and upper limit.
+    pub range: [P; 2],
+    /// Stiffness and damping.
+    pub stop: [P; 2],
+}
+
+/// Gains of a joint servo.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Servo<P> {
+    /// Proportional gain.
+    pub kp: P,
+    /// Derivative gain.
+    pub kd: P,
+}
+
+/// Gains of the vehicle's station keeping.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VehicleServo<P> {
+    /// Proportional gains.
+    pub kp: [P; 6],
+    /// Derivative gains.
+    pub kd: [P; 6],
+}
+
+impl<P: Copy> System<P> {
+    /// The same system with each number changed: another precision, or numbers of single instances.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> System<Q> {
+        let c = &change;
+        System {
+            gravity: self.gravity.map(c),
+            fixed: self.fixed,
+            vehicle: self.vehicle.map(c),
+            joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
+            vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
+        }
+    }
+}
+
+impl<P: Copy> BodyTerms<P> {
+    fn map<Q>(&self, c: &impl Fn(P) -> Q) -> BodyTerms<Q> {
+        BodyTerms {
+            inertia: self.inertia.map(c),
+            restoring: self.restoring.map(|r| r.map(c)),
+            drag: self.drag.iter().map(|d| d.map(c)).collect(),
+        }
+    }
+}
+
+impl<P: Copy> JointTerms<P> {
+    fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointTerms<Q> {
+        JointTerms {
+            stand: match self.stand {
+                Stand::Bend(bend, a) => Stand::Bend(bend.map(c), c(a)),
+                Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
+            },
+            prismatic: self.prismatic,
+            offset: c(self.offset),
+            constant: self.constant.map(c),
+            body: self.body.map(c),
+            friction: self.friction.map(|f| Friction { viscous: c(f.viscous), coulomb: f.coulomb.map(|k| k.map(c)) }),
+            limits: self.limits.map(|l| Limits { range: l.range.map(c), stop: l.stop.map(c) }),
+            servo: self.servo.map(|s| Servo { kp: c(s.kp), kd: c(s.kd) }),
+            effort: self.effort.map(c),
+        }
+    }
+}

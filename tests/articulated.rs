@@ -1,0 +1,159 @@
+//! The articulated-body form against the closed form: two derivations of one balance.
+
+mod common;
+
+use common::random_scene::{Options, Random, random_scene, random_state};
+use nalgebra::{DMatrix, DVector, Vector6};
+use uvms_gym::balance::{Balance, Loads};
+use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::description::Scene;
+use uvms_gym::system::State;
+
+/// Random loads of a scene, as both forms take them.
+struct RandomLoads {
+    thrust: Vec<f64>,
+    torque: Vec<f64>,
+    external: Vec<f64>,
+}
+
+impl RandomLoads {
+    fn new(seed: u64, scene: &Scene) -> Self {
+        let mut random = Random::new(seed);
+        let n = scene.joints().count();
+        let mut numbers = |count: usize, size: f64| (0..count).map(|_| random.between(-size, size)).collect();
+        let thrust: Vec<f64> = numbers(scene.vehicle.thrusters.len(), 20.0);
+        let within = |(t, thruster): (f64, &uvms_gym::description::Thruster)| {
+            t.clamp(thruster.limits[0], thruster.limits[1])
+        };
+        let thrust = thrust.into_iter().zip(&scene.vehicle.thrusters).map(within).collect();
+        let mut torque: Vec<f64> = numbers(n, 5.0);
+        for (t, joint) in torque.iter_mut().zip(scene.joints()) {
+            let effort = joint.effort.unwrap_or(f64::INFINITY);
+            *t = t.clamp(-effort, effort);
+        }
+        Self { thrust, torque, external: numbers(6 * (n + 1), 3.0) }
+    }
+
+    fn inputs(&self) -> Inputs<'_> {
+        Inputs {
+            thrust: Some(&self.thrust),
+            joint_torque: Some(&self.torque),
+            external: Some(&self.external),
+            ..Inputs::default()
+        }
+    }
+}
+
+/// Relative difference of the two forms' accelerations, condition number of M, relative residual of the articulated.
+fn compare(scene: &Scene, state: &State, loads: &RandomLoads, precision: Precision) -> (f64, f64, f64) {
+    let mut simulator =
+        Simulator::new(scene.clone(), SimulatorOptions { precision, ..SimulatorOptions::default() }).unwrap();
+    simulator.set_state(0, state);
+    let articulated = DVector::from_vec(simulator.forward_dynamics(&loads.inputs()).unwrap());
+
+    let external: Vec<Vector6<f64>> = loads.external.chunks(6).map(Vector6::from_column_slice).collect();
+    let applied = Loads { thrust: &loads.thrust, external: &external, joint_command: &loads.torque };
+    let balance = Balance::new(scene).unwrap();
+    let form = balance.at(state, scene.water.current);
+    let closed = form.accelerations(&applied).unwrap();
+    let residual = form.residual(&articulated, &applied).unwrap();
+    let first = if scene.vehicle.fixed { 6 } else { 0 };
+    let free = form.mass_matrix().nrows() - first;
+    let condition = if free == 0 {
+        1.0
+    } else {
+        let eigenvalues = form.mass_matrix().view((first, first), (free, free)).symmetric_eigenvalues();
+        eigenvalues.max() / eigenvalues.min()
+    };
+    let difference = (&articulated - &closed).norm() / closed.norm().max(1e-300);
+    (difference, condition, residual.norm / residual.scale.max(1e-300))
+}
+
+#[test]
+fn articulated_and_closed_form_agree_on_random_systems() {
+    let (mut checked, mut worst, mut worst_residual) = (0, 0.0_f64, 0.0_f64);
+    for seed in 0..300 {
+        let scene = random_scene(seed, Options::default());
+        let state = random_state(seed, &scene);
+        let (difference, condition, residual) =
+            compare(&scene, &state, &RandomLoads::new(seed, &scene), Precision::Double);
+        assert!(residual < 1e-12, "seed {seed}: residual {residual:e}, condition {condition:e}");
+        worst_residual = worst_residual.max(residual);
+        if condition < 1e5 {
+            checked += 1;
+            worst = worst.max(difference);
+            assert!(difference < 1e-12, "seed {seed}: {difference:e}, condition {condition:e}");
+        }
+    }
+    println!("{checked} systems: greatest difference {worst:e}, greatest residual {worst_residual:e}");
+    assert!(checked > 200, "only {checked} well-conditioned systems");
+}
+
+#[test]
+fn articulated_and_closed_form_agree_on_shipped_scenes() {
+    for name in Scene::shipped_names() {
+        let scene = Scene::shipped(name).unwrap();
+        for seed in 0..20 {
+            let state = random_state(seed, &scene);
+            let (difference, condition, residual) =
+                compare(&scene, &state, &RandomLoads::new(seed, &scene), Precision::Double);
+            assert!(residual < 1e-12, "{name} {seed}: residual {residual:e}");
+            // Beyond 1e5 what two solvers may differ by grows with the condition number.
+            let bar = 1e-12 * (condition / 1e5).max(1.0);
+            assert!(difference < bar, "{name} {seed}: {difference:e}, condition {condition:e}");
+        }
+    }
+}
+
+#[test]
+fn single_precision_agrees_to_its_own_accuracy() {
+    for seed in 0..50 {
+        let scene = random_scene(seed, Options::default());
+        let state = random_state(seed, &scene);
+        let (difference, condition, _) =
+            compare(&scene, &state, &RandomLoads::new(seed, &scene), Precision::Single);
+        assert!(difference < 1e-6 * condition, "seed {seed}: {difference:e}, condition {condition:e}");
+    }
+}
+
+#[test]
+fn a_current_changes_nothing_but_the_observer() {
+    // Articulated form in a current against still water seen from the moving frame.
+    for seed in 0..40 {
+        let scene = random_scene(seed, Options { fixed: Some(false), ..Options::default() });
+        let state = random_state(seed, &scene);
+        let loads = RandomLoads::new(seed, &scene);
+        let run = |current: nalgebra::Vector3<f64>, state: &State| {
+            let mut simulator = Simulator::new(scene.clone(), SimulatorOptions::default()).unwrap();
+            simulator.set_state(0, state);
+            simulator.set_current(0, &current);
+            simulator.step(&loads.inputs(), 20).unwrap();
+            simulator.state(0)
+        };
+        let current = nalgebra::Vector3::new(0.4, -0.3, 0.2);
+        let moving = run(current, &state);
+        let still = run(nalgebra::Vector3::zeros(), &uvms_gym::balance::seen_from_water(&state, &current));
+        let seen = uvms_gym::balance::seen_from_water(&moving, &current);
+        assert!((seen.position - still.position).norm() < 1e-11);
+        assert!((seen.rotation - still.rotation).norm() < 1e-11);
+        assert!((seen.twist - still.twist).norm() < 1e-10 * still.twist.norm().max(1.0));
+    }
+}
+
+#[test]
+fn a_fixed_arm_obeys_the_joint_rows_alone() {
+    for seed in 0..40 {
+        let scene = random_scene(seed, Options { fixed: Some(true), links: Some(4), ..Options::default() });
+        let state = State { twist: Vector6::zeros(), ..random_state(seed, &scene) };
+        let mut simulator = Simulator::new(scene.clone(), SimulatorOptions::default()).unwrap();
+        simulator.set_state(0, &state);
+        let loads = RandomLoads::new(seed, &scene);
+        let a = simulator.forward_dynamics(&loads.inputs()).unwrap();
+        assert!(a[..6].iter().all(|&x| x == 0.0));
+        simulator.step(&loads.inputs(), 5).unwrap();
+        assert_eq!(simulator.state(0).position, state.position);
+        let turned: DMatrix<f64> = DMatrix::from_iterator(3, 3, simulator.state(0).rotation.iter().copied());
+        let before: DMatrix<f64> = DMatrix::from_iterator(3, 3, state.rotation.iter().copied());
+        assert_eq!(turned, before);
+    }
+}
