@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Vector3, Vector6};
 use serde::Deserialize;
 use uvms_gym::balance::{Balance, Loads};
+use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
 use uvms_gym::system::{JOINTS, Joints, State};
 
@@ -12,13 +13,24 @@ use uvms_gym::system::{JOINTS, Joints, State};
 const TOLERANCE: f64 = 1e-10;
 
 /// Every way to compute `[V'; q'']`.
-const FORWARD_DYNAMICS: [(&str, fn(&Scene, &Case) -> DVector<f64>); 1] = [("closed form", closed_form)];
+const FORWARD_DYNAMICS: [(&str, fn(&Scene, &Case) -> DVector<f64>); 2] =
+    [("closed form", closed_form), ("articulated bodies", articulated_bodies)];
 
 fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
     let balance = Balance::new(scene).unwrap();
     let external = case.external_with_wrench();
     let loads = Loads { thrust: &[], external: &external, joint_command: &case.joint_torque };
     balance.at(&case.state(), case.current.into()).accelerations(&loads).unwrap()
+}
+
+fn articulated_bodies(scene: &Scene, case: &Case) -> DVector<f64> {
+    let mut scene = scene.clone();
+    scene.water.current = case.current.into();
+    let mut simulator = Simulator::new(scene, SimulatorOptions::default()).unwrap();
+    simulator.set_state(0, &case.state());
+    let external: Vec<f64> = case.external_with_wrench().iter().flatten().copied().collect();
+    let inputs = Inputs { joint_torque: Some(&case.joint_torque), external: Some(&external), ..Inputs::default() };
+    simulator.forward_dynamics(&inputs).unwrap().into()
 }
 
 #[derive(Deserialize)]
