@@ -12,8 +12,10 @@ use uvms_gym::system::{JOINTS, Joints, State};
 /// Bound on errors, relative to the greatest component.
 const TOLERANCE: f64 = 1e-10;
 
+type ForwardDynamics = fn(&Scene, &Case) -> DVector<f64>;
+
 /// Every way to compute `[V'; q'']`.
-const FORWARD_DYNAMICS: [(&str, fn(&Scene, &Case) -> DVector<f64>); 2] =
+const FORWARD_DYNAMICS: [(&str, ForwardDynamics); 2] =
     [("closed form", closed_form), ("articulated bodies", articulated_bodies)];
 
 fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
