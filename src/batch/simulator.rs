@@ -12,6 +12,9 @@ use crate::integrate::Integrator;
 use crate::lane::Isa;
 use crate::system::{Compiled, State, compile};
 
+/// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
+const PART: usize = 1 << 16;
+
 /// Number type of the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
@@ -19,6 +22,24 @@ pub enum Precision {
     Double,
     /// f32: twice as fast.
     Single,
+}
+
+impl Precision {
+    /// Whether `x` is a finite number of this type.
+    pub(super) fn holds(self, x: f64) -> bool {
+        match self {
+            Precision::Double => x.is_finite(),
+            Precision::Single => (x as f32).is_finite(),
+        }
+    }
+
+    /// Distance of 1 to the next number.
+    pub(super) fn epsilon(self) -> f64 {
+        match self {
+            Precision::Double => f64::EPSILON,
+            Precision::Single => f64::from(f32::EPSILON),
+        }
+    }
 }
 
 /// How to simulate.
@@ -105,10 +126,10 @@ impl Simulator {
         let (current, quaternion) = (scene.water.current, integrator.keeps_quaternion());
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -185,6 +206,11 @@ impl Simulator {
         self.storage.quaternion(i)
     }
 
+    /// Sets that quaternion, if one is kept.
+    pub fn set_kept_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
+        self.storage.set_quaternion(i, quaternion);
+    }
+
     /// Current at instance `i`, world axes, m/s.
     pub fn current(&self, i: usize) -> na::Vector3<f64> {
         self.storage.current(i)
@@ -200,9 +226,53 @@ impl Simulator {
     /// # Errors
     /// [`SimulatorError`] where an input has the wrong length or a number that is not finite; nothing has changed then.
     pub fn step(&mut self, inputs: &Inputs, substeps: usize) -> Result<(), SimulatorError> {
+        self.step_while(inputs, substeps, &mut || true).map(drop)
+    }
+
+    /// As [`Self::step`], but asks `go_on` between parts of the work and stops where it says no; whether it said no
+    /// nowhere. The parts make no difference to the result.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn step_while(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let switches = self.apply(inputs)?;
-        self.storage.step(&Run { integrator, h, substeps, switches, threads });
+        let part = (PART / self.instances()).max(1);
+        let mut before = 0;
+        while before < substeps {
+            if before > 0 && !go_on() {
+                return Ok(false);
+            }
+            let substeps = part.min(substeps - before);
+            self.storage.step(&Run { integrator, h, substeps, before, switches, threads });
+            before += substeps;
+        }
+        Ok(true)
+    }
+
+    /// Every number of all instances, instance by instance: [`Self::load`] gives them back bit for bit.
+    pub fn save(&self) -> Vec<f64> {
+        (0..self.instances()).flat_map(|i| self.storage.column(i)).collect()
+    }
+
+    /// Sets every number of all instances to what [`Self::save`] of a like simulator gave.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] if it was not a like one; nothing has changed then.
+    pub fn load(&mut self, numbers: &[f64]) -> Result<(), SimulatorError> {
+        let width = self.storage.column_len();
+        let (expected, got) = (self.instances() * width, numbers.len());
+        if got != expected {
+            return Err(SimulatorError::Length { name: "saved simulator", expected, got });
+        }
+        for (i, column) in numbers.chunks_exact(width).enumerate() {
+            self.storage.set_column(i, column);
+        }
         Ok(())
     }
 
@@ -230,14 +300,11 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn applied_thrust(&self, inputs: &Inputs, i: usize) -> Result<Thrusts, SimulatorError> {
-        Ok(Applied::new(inputs, self.allocation(), self.instances(), self.joints())?.thrust(i))
+        Ok(Applied::new(inputs, &self.scene, &self.allocation, &self.options)?.thrust(i))
     }
 
     fn apply(&mut self, inputs: &Inputs) -> Result<super::step::Switches, SimulatorError> {
-        if inputs.station.is_some() && self.compiled.system.vehicle_servo.is_none() {
-            return Err(SimulatorError::NoVehicleServo { scene: self.scene.name.clone() });
-        }
-        let applied = Applied::new(inputs, &self.allocation, self.options.instances, self.joints())?;
+        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
         let switches = applied.switches();
         let mut loads = InstanceLoads::default();
         for i in 0..self.options.instances {
