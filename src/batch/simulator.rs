@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::blocks::{Blocks, InstanceLoads, Run, Storage};
-use super::inputs::{Applied, Inputs};
+use super::inputs::{Applied, Inputs, check};
 use crate::balance::{Balance, ClosedForm};
 use crate::control::{Allocation, Thrusts};
 use crate::description::Scene;
@@ -293,6 +293,14 @@ impl Simulator {
     /// The composed scene.
     pub fn balance(&self) -> &Balance {
         &self.balance
+    }
+
+    /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] or [`SimulatorError::NotFinite`].
+    pub fn check_rows(&self, name: &'static str, values: &[f64], width: usize) -> Result<(), SimulatorError> {
+        check(name, Some(values), width, &self.options)
     }
 
     /// Thrust of instance `i` under `inputs`, within limits.

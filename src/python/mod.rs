@@ -1,6 +1,13 @@
 //! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
 
+mod arrays;
 mod errors;
+mod inputs;
+mod model;
+mod motion;
+mod scene;
+mod simulator;
+mod state;
 
 use pyo3::prelude::*;
 
@@ -9,6 +16,10 @@ use pyo3::prelude::*;
 mod core {
     #[pymodule_export]
     use super::errors::SceneError;
+    #[pymodule_export]
+    use super::scene::{load_scene, scenes};
+    #[pymodule_export]
+    use super::simulator::Simulator;
     use pyo3::prelude::*;
 
     #[pymodule_init]
