@@ -90,6 +90,12 @@ impl<T: Real> Columns<'_, T> {
     }
 
     #[inline(always)]
+    fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
+        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
+        Station { target, current: self.vector(layout.current) }
+    }
+
+    #[inline(always)]
     fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
         loads.servo = switches.servo;
         loads.on_links = switches.on_links;
@@ -152,13 +158,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 columns.motion(self.layout, &mut motion);
                 columns.loads(self.layout, self.switches, &mut loads);
                 let current = columns.vector(self.layout.current);
-                let station = self.switches.station.then(|| Station {
-                    target: Pose {
-                        rotation: columns.matrix(self.layout.station),
-                        position: columns.vector(self.layout.station + 9),
-                    },
-                    current,
-                });
+                let station = self.switches.station.then(|| columns.station(self.layout));
                 let mut dynamics = Dynamics {
                     system: self.system,
                     loads: &loads,
@@ -308,12 +308,17 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
+                let mut wrench = columns.six(layout.wrench);
+                if let (true, Some(gains)) = (self.switches.station, &self.system.vehicle_servo) {
+                    let station = columns.station(layout);
+                    wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
+                }
                 let instant = Instant {
                     gravity: rotation.apply_transposed(Vector3(self.system.gravity.map(Param::get))),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
-                    wrench: columns.six(layout.wrench),
+                    wrench,
                     time: L::zero(),
                 };
                 accelerations(self.system, &instant, &loads, &mut scratch, &mut result);
