@@ -55,7 +55,12 @@ impl<'a> Applied<'a> {
                 return Err(SimulatorError::Length { name, expected: instances * width, got: values.len() });
             }
             if let Some(at) = values.iter().position(|x| !x.is_finite()) {
-                return Err(SimulatorError::NotFinite { name, instance: at / width, entry: at % width, value: values[at] });
+                return Err(SimulatorError::NotFinite {
+                    name,
+                    instance: at / width,
+                    entry: at % width,
+                    value: values[at],
+                });
             }
         }
         Ok(Self { inputs: *inputs, allocation, joints, terms })
