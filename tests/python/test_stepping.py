@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -171,6 +172,7 @@ def test_a_long_call_can_be_interrupted() -> None:
         assert process.stdout is not None
         try:
             assert process.stdout.readline() == "go\n"
+            time.sleep(0.5)
             process.send_signal(signal.SIGINT)
             assert process.communicate(timeout=20)[0].split() == ["interrupted", "True"]
         finally:
