@@ -90,6 +90,12 @@ impl<T: Real> Columns<'_, T> {
     }
 
     #[inline(always)]
+    fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
+        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
+        Station { target, current: self.vector(layout.current) }
+    }
+
+    #[inline(always)]
     fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
         loads.servo = switches.servo;
         loads.on_links = switches.on_links;
@@ -133,6 +139,8 @@ pub struct Step<'a, T> {
     pub h: T,
     /// Steps.
     pub substeps: usize,
+    /// Steps before these on the clock of the servo targets.
+    pub before: usize,
     /// Loads that are on.
     pub switches: Switches,
     /// Whole blocks.
@@ -152,13 +160,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 columns.motion(self.layout, &mut motion);
                 columns.loads(self.layout, self.switches, &mut loads);
                 let current = columns.vector(self.layout.current);
-                let station = if self.switches.station {
-                    let rotation = columns.matrix(self.layout.station);
-                    let position = columns.vector(self.layout.station + 9);
-                    Some(Station { target: Pose { rotation, position }, current })
-                } else {
-                    None
-                };
+                let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
                 let mut dynamics = Dynamics {
                     system: self.system,
                     loads: &loads,
@@ -169,7 +171,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 };
                 match self.integrator {
                     Integrator::MuntheKaas(tableau, form) => {
-                        for k in 0..self.substeps {
+                        for k in self.before..self.before + self.substeps {
                             let clock = T::from_f64(k as f64) * self.h;
                             let held = motion.pose;
                             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
@@ -188,7 +190,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                         }
                         let Motion { pose, twist, q, qd } = motion;
                         let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
-                        for k in 0..self.substeps {
+                        for k in self.before..self.before + self.substeps {
                             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
                             rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
                             quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
@@ -204,9 +206,14 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                     }
                 }
                 columns.set_motion(self.layout, &motion);
-                let spent = L::splat(T::from_f64(self.substeps as f64) * self.h);
-                let time: L = columns.get(self.layout.time);
-                columns.set(self.layout.time, time + spent);
+                // Compensated, so that neither many steps nor their division into calls shows in the time.
+                let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
+                for _ in 0..self.substeps {
+                    let passed = rest + L::splat(self.h);
+                    let next = time + passed;
+                    (time, rest) = (next, passed - (next - time));
+                }
+                columns.set_all(self.layout.time, &[time, rest], 2);
             }
         }
     }
@@ -308,12 +315,17 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
+                let mut wrench = columns.six(layout.wrench);
+                if let (true, Some(gains)) = (self.switches.station, &self.system.vehicle_servo) {
+                    let station = columns.station(layout);
+                    wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
+                }
                 let instant = Instant {
                     gravity: rotation.apply_transposed(Vector3(get_all(&self.system.gravity))),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
-                    wrench: columns.six(layout.wrench),
+                    wrench,
                     time: L::zero(),
                 };
                 accelerations(self.system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
