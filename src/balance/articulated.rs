@@ -135,7 +135,7 @@ impl<L: Lane> Base<L> {
     }
 
     #[inline(always)]
-    fn bring_to_parent(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
+    fn carry(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
         match self {
             Base::Bend(x) => (x.inertia_to_parent(inertia), x.co_adjoint_apply_inverse(wrench)),
             Base::Crank(z, x) => (
@@ -256,7 +256,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
             let rest = inertia.turn_eliminated(column, over_d);
             (screw.turning_inertia_to_parent(&rest), rest.apply_across(c, bias))
         };
-        carried = Base::of(&joint.stand).bring_to_parent(&rest, screw.co_adjoint_apply_inverse(wrench));
+        carried = Base::of(&joint.stand).carry(&rest, screw.co_adjoint_apply_inverse(wrench));
     }
 
     if system.fixed {
