@@ -22,9 +22,8 @@ impl RandomLoads {
         let n = scene.joints().count();
         let mut numbers = |count: usize, size: f64| (0..count).map(|_| random.between(-size, size)).collect();
         let thrust: Vec<f64> = numbers(scene.vehicle.thrusters.len(), 20.0);
-        let within = |(t, thruster): (f64, &uvms_gym::description::Thruster)| {
-            t.clamp(thruster.limits[0], thruster.limits[1])
-        };
+        let within =
+            |(t, thruster): (f64, &uvms_gym::description::Thruster)| t.clamp(thruster.limits[0], thruster.limits[1]);
         let thrust = thrust.into_iter().zip(&scene.vehicle.thrusters).map(within).collect();
         let mut torque: Vec<f64> = numbers(n, 5.0);
         for (t, joint) in torque.iter_mut().zip(scene.joints()) {
@@ -110,8 +109,7 @@ fn single_precision_agrees_to_its_own_accuracy() {
     for seed in 0..50 {
         let scene = random_scene(seed, Options::default());
         let state = random_state(seed, &scene);
-        let (difference, condition, _) =
-            compare(&scene, &state, &RandomLoads::new(seed, &scene), Precision::Single);
+        let (difference, condition, _) = compare(&scene, &state, &RandomLoads::new(seed, &scene), Precision::Single);
         assert!(difference < 1e-6 * condition, "seed {seed}: {difference:e}, condition {condition:e}");
     }
 }

@@ -18,7 +18,13 @@ pub struct Station<L> {
 impl<L: Lane> Station<L> {
     /// The paper's PD on the vehicle: `F = -kp e - kd V` with `e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2]`, V absolute.
     #[inline(always)]
-    fn wrench<P: Param<L>>(&self, gains: &VehicleServo<P>, pose: &Pose<L>, elapsed: L, twist: Vector6<L>) -> Vector6<L> {
+    fn wrench<P: Param<L>>(
+        &self,
+        gains: &VehicleServo<P>,
+        pose: &Pose<L>,
+        elapsed: L,
+        twist: Vector6<L>,
+    ) -> Vector6<L> {
         let r = &pose.rotation;
         let offset = self.current.scale_add(elapsed, pose.position) - self.target.position;
         let e = self.target.rotation.transposed().times(r).0;
@@ -26,9 +32,9 @@ impl<L: Lane> Station<L> {
         let error = Vector6 { linear: r.apply_transposed(offset), angular: turn }.to_array();
         let linear = twist.linear + r.apply_transposed(self.current);
         let rate = Vector6 { linear, angular: twist.angular }.to_array();
-        Vector6::from_array([0, 1, 2, 3, 4, 5].map(|i| {
-            gains.kd[i].get().neg_mul_add(rate[i], -(gains.kp[i].get() * error[i]))
-        }))
+        Vector6::from_array(
+            [0, 1, 2, 3, 4, 5].map(|i| gains.kd[i].get().neg_mul_add(rate[i], -(gains.kp[i].get() * error[i]))),
+        )
     }
 }
 

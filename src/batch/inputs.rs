@@ -1,7 +1,7 @@
 //! What a caller applies to all instances, and its check.
 
-use super::blocks::InstanceLoads;
 use super::step::Switches;
+use super::table::InstanceLoads;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::error::SimulatorError;
 
@@ -55,7 +55,12 @@ impl<'a> Applied<'a> {
                 return Err(SimulatorError::Length { name, expected: instances * width, got: values.len() });
             }
             if let Some(at) = values.iter().position(|x| !x.is_finite()) {
-                return Err(SimulatorError::NotFinite { name, instance: at / width, entry: at % width, value: values[at] });
+                return Err(SimulatorError::NotFinite {
+                    name,
+                    instance: at / width,
+                    entry: at % width,
+                    value: values[at],
+                });
             }
         }
         Ok(Self { inputs: *inputs, allocation, joints, terms })

@@ -5,8 +5,11 @@ mod dynamics;
 mod inputs;
 mod layout;
 mod simulator;
+mod station_keep;
 mod step;
+mod table;
 mod threads;
 
 pub use inputs::Inputs;
 pub use simulator::{Precision, Simulator, SimulatorOptions};
+pub use station_keep::{Autoreset, Beginning, Final, INFO, Saved, StationKeepBatch, Transition, Verdict};

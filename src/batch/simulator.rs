@@ -2,8 +2,10 @@
 
 use nalgebra as na;
 
-use super::blocks::{Blocks, InstanceLoads, Run, Storage};
+use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs};
+use super::step::Switches;
+use super::table::InstanceLoads;
 use crate::balance::{Balance, ClosedForm};
 use crate::control::{Allocation, Thrusts};
 use crate::description::Scene;
@@ -206,6 +208,38 @@ impl Simulator {
         Ok(())
     }
 
+    /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
+    pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
+        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        self.storage.step_with(&Run { integrator, h, substeps, switches, threads }, riders);
+    }
+
+    /// Instances per rider.
+    pub(super) fn ride(&self) -> usize {
+        self.storage.ride()
+    }
+
+    /// Every number of all instances, instance by instance: [`Self::load`] gives them back bit for bit.
+    pub fn save(&self) -> Vec<f64> {
+        (0..self.instances()).flat_map(|i| self.storage.column(i)).collect()
+    }
+
+    /// Sets every number of all instances to what [`Self::save`] of a like simulator gave.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] if it was not a like one; nothing has changed then.
+    pub fn load(&mut self, numbers: &[f64]) -> Result<(), SimulatorError> {
+        let width = self.storage.column_len();
+        let (expected, got) = (self.instances() * width, numbers.len());
+        if got != expected {
+            return Err(SimulatorError::Length { name: "saved simulator", expected, got });
+        }
+        for (i, column) in numbers.chunks_exact(width).enumerate() {
+            self.storage.set_column(i, column);
+        }
+        Ok(())
+    }
+
     /// `[V'; q'']` of all instances, (N, 6 + n), by the articulated-body form.
     ///
     /// # Errors
@@ -233,7 +267,7 @@ impl Simulator {
         Ok(Applied::new(inputs, self.allocation(), self.instances(), self.joints())?.thrust(i))
     }
 
-    fn apply(&mut self, inputs: &Inputs) -> Result<super::step::Switches, SimulatorError> {
+    fn apply(&mut self, inputs: &Inputs) -> Result<Switches, SimulatorError> {
         if inputs.station.is_some() && self.compiled.system.vehicle_servo.is_none() {
             return Err(SimulatorError::NoVehicleServo { scene: self.scene.name.clone() });
         }
