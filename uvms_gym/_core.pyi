@@ -1,0 +1,4 @@
+__version__: str
+
+class SceneError(ValueError):
+    """A scene that cannot be read, or that no physical system can have."""
