@@ -13,8 +13,8 @@
 //! ```
 
 use super::joint_torque::joint_torque;
-use crate::lane::{Lane, Param, sin_cos};
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::lane::{Lane, Param, get_all, sin_cos};
+use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::{Axis, SpatialInertia, screw_x, screw_z};
 use crate::system::{BodyTerms, JOINTS, JointTerms, Stand, System};
 
@@ -119,10 +119,7 @@ impl<L: Lane> Base<L> {
     fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
         match *stand {
             Stand::Bend(bend, a) => Base::Screw(screw_x(bend, a)),
-            Stand::Pose(r, p) => Base::Pose(Pose {
-                rotation: Matrix3(r.map(|row| row.map(Param::get))),
-                position: Vector3(p.map(Param::get)),
-            }),
+            Stand::Pose(ref r, ref p) => Base::Pose(Pose::of(r, p)),
         }
     }
 
@@ -154,11 +151,12 @@ impl<L: Lane> Base<L> {
 /// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
 #[inline(always)]
 fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
-    let across = |v: Vector3<L>| Vector3([v.0[1] * qd, -(v.0[0] * qd), L::zero()]);
+    let (v, w) = (twist.linear.0, twist.angular.0);
+    let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
     if prismatic {
-        Vector6 { linear: across(twist.angular), angular: Vector3::zero() }
+        Vector6 { linear: across, angular: Vector3::zero() }
     } else {
-        Vector6 { linear: across(twist.linear), angular: across(twist.angular) }
+        Vector6 { linear: Vector3([v[1] * qd, -(v[0] * qd), L::zero()]), angular: across }
     }
 }
 
@@ -214,7 +212,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     let (mut parent_twist, mut parent_gravity) = (twist, gravity);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         let coordinate = joint.offset.get() + q[i];
-        let [k0, k1] = joint.constant.map(Param::get);
+        let [k0, k1] = get_all(&joint.constant);
         let (sin, cos, d) = if joint.prismatic {
             (k0, k1, coordinate)
         } else {
@@ -292,8 +290,12 @@ fn joint_column<L: Lane, P>(
     inertia: &SpatialInertia<L>,
     bias: Vector6<L>,
 ) -> (Vector6<L>, L, L) {
-    let place = if joint.prismatic { 2 } else { 5 };
-    let column = Vector6::from_array([0, 1, 2, 3, 4, 5].map(|i| inertia.entry(i, place)));
-    let (column_entries, bias_entries) = (column.to_array(), bias.to_array());
-    (column, column_entries[place], bias_entries[place])
+    let (m, h, j) = (&inertia.m, &inertia.h, &inertia.j);
+    if joint.prismatic {
+        let column = Vector6::from_array([m[2], m[4], m[5], h[2][0], h[2][1], h[2][2]]);
+        (column, m[5], bias.linear.0[2])
+    } else {
+        let column = Vector6::from_array([h[0][2], h[1][2], h[2][2], j[2], j[4], j[5]]);
+        (column, j[5], bias.angular.0[2])
+    }
 }

@@ -4,7 +4,7 @@ use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
 use crate::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Integrator, Motion, QuaternionMotion, Stages, Tableau, munthe_kaas, quaternion_runge_kutta};
-use crate::lane::{Kernel, Lane, Param, Real, Shared};
+use crate::lane::{Kernel, Lane, Real, Shared, get_all};
 use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System};
 
@@ -53,7 +53,7 @@ impl<T: Real> Columns<'_, T> {
 
     #[inline(always)]
     fn matrix<L: Lane<Real = T>>(&self, row: usize) -> Matrix3<L> {
-        Matrix3([0, 3, 6].map(|k| self.vector(row + k).0))
+        Matrix3([self.vector(row).0, self.vector(row + 3).0, self.vector(row + 6).0])
     }
 
     #[inline(always)]
@@ -96,7 +96,9 @@ impl<T: Real> Columns<'_, T> {
         for k in 0..layout.joints {
             loads.torque[k] = self.get(layout.torque + k);
             if switches.servo {
-                loads.target[k] = [0, 1, 2, 3].map(|p| self.get(layout.target + 4 * k + p));
+                for p in 0..4 {
+                    loads.target[k][p] = self.get(layout.target + 4 * k + p);
+                }
             }
             if switches.on_links {
                 loads.links[k] = self.six(layout.links + 6 * k);
@@ -150,13 +152,13 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 columns.motion(self.layout, &mut motion);
                 columns.loads(self.layout, self.switches, &mut loads);
                 let current = columns.vector(self.layout.current);
-                let station = self.switches.station.then(|| Station {
-                    target: Pose {
-                        rotation: columns.matrix(self.layout.station),
-                        position: columns.vector(self.layout.station + 9),
-                    },
-                    current,
-                });
+                let station = if self.switches.station {
+                    let rotation = columns.matrix(self.layout.station);
+                    let position = columns.vector(self.layout.station + 9);
+                    Some(Station { target: Pose { rotation, position }, current })
+                } else {
+                    None
+                };
                 let mut dynamics = Dynamics {
                     system: self.system,
                     loads: &loads,
@@ -180,7 +182,10 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                         }
                     }
                     Integrator::Quaternion(tableau, correction) => {
-                        let quaternion = [0, 1, 2, 3].map(|k| columns.get::<L>(self.layout.quaternion + k));
+                        let mut quaternion = [L::zero(); 4];
+                        for k in 0..4 {
+                            quaternion[k] = columns.get(self.layout.quaternion + k);
+                        }
                         let Motion { pose, twist, q, qd } = motion;
                         let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
                         for k in 0..self.substeps {
@@ -254,18 +259,20 @@ fn guarded<L: Lane>(
 /// Takes `new` where the mask holds.
 #[inline(always)]
 fn keep<L: Lane>(mask: L::Mask, new: &Motion<L, JOINTS>, motion: &mut Motion<L, JOINTS>) {
-    let pick = |new: L, old: L| L::select(mask, new, old);
     for i in 0..3 {
-        for k in 0..3 {
-            motion.pose.rotation.0[i][k] = pick(new.pose.rotation.0[i][k], motion.pose.rotation.0[i][k]);
-        }
-        motion.pose.position.0[i] = pick(new.pose.position.0[i], motion.pose.position.0[i]);
-        motion.twist.linear.0[i] = pick(new.twist.linear.0[i], motion.twist.linear.0[i]);
-        motion.twist.angular.0[i] = pick(new.twist.angular.0[i], motion.twist.angular.0[i]);
+        pick(mask, &new.pose.rotation.0[i], &mut motion.pose.rotation.0[i]);
     }
-    for i in 0..JOINTS {
-        motion.q[i] = pick(new.q[i], motion.q[i]);
-        motion.qd[i] = pick(new.qd[i], motion.qd[i]);
+    pick(mask, &new.pose.position.0, &mut motion.pose.position.0);
+    pick(mask, &new.twist.linear.0, &mut motion.twist.linear.0);
+    pick(mask, &new.twist.angular.0, &mut motion.twist.angular.0);
+    pick(mask, &new.q, &mut motion.q);
+    pick(mask, &new.qd, &mut motion.qd);
+}
+
+#[inline(always)]
+fn pick<L: Lane, const K: usize>(mask: L::Mask, new: &[L; K], old: &mut [L; K]) {
+    for k in 0..K {
+        old[k] = L::select(mask, new[k], old[k]);
     }
 }
 
@@ -302,7 +309,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let current = columns.vector(layout.current);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
                 let instant = Instant {
-                    gravity: rotation.apply_transposed(Vector3(self.system.gravity.map(Param::get))),
+                    gravity: rotation.apply_transposed(Vector3(get_all(&self.system.gravity))),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,

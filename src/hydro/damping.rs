@@ -1,7 +1,7 @@
 //! Linear and quadratic drag.
 
 use crate::lane::{Lane, Param};
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::lie::{Pose, Vector6};
 
 /// A 6x6 coefficient matrix, as sparse as the scene has it.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,8 +98,7 @@ impl<P: Copy> Drag<P> {
         match &self.placement {
             Placement::Here => self.in_place(twist),
             Placement::At(r, p) => {
-                let pose =
-                    Pose { rotation: Matrix3(r.map(|row| row.map(Param::get))), position: Vector3(p.map(Param::get)) };
+                let pose = Pose::of(r, p);
                 pose.co_adjoint_apply_inverse(self.in_place(pose.adjoint_apply_inverse(twist)))
             }
         }
@@ -114,7 +113,11 @@ impl<P: Copy> Drag<P> {
         let mut wrench = [L::zero(); 6];
         self.linear.subtract(&v, &mut wrench);
         if !matches!(self.quadratic, Coefficients::None) {
-            self.quadratic.subtract(&v.map(|x| x * x.abs()), &mut wrench);
+            let mut squares = v;
+            for x in &mut squares {
+                *x = *x * x.abs();
+            }
+            self.quadratic.subtract(&squares, &mut wrench);
         }
         Vector6::from_array(wrench)
     }

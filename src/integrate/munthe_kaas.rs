@@ -73,7 +73,6 @@ pub fn munthe_kaas<L: Lane, D: Derivative<L, N>, const N: usize>(
     stages: &mut Stages<L, N>,
 ) -> L {
     let n = derivative.joints();
-    let scaled = |weight: f64| h * L::Real::from_f64(weight);
     let mut greatest = L::zero();
     for i in 0..tableau.stages {
         let (theta, twist, q, qd);
@@ -87,7 +86,7 @@ pub fn munthe_kaas<L: Lane, D: Derivative<L, N>, const N: usize>(
             greatest = greatest.max(theta.angular.dot(theta.angular));
         }
         let at = Increment { start: &motion.pose, theta };
-        derivative.rates(&at, L::splat(scaled(tableau.c[i])), twist, &q, &qd, &mut stages.rates[i]);
+        derivative.rates(&at, L::splat(h * L::Real::from_f64(tableau.c[i])), twist, &q, &qd, &mut stages.rates[i]);
         stages.theta[i] = if i == 0 { twist } else { dexp_inverse_negative(form, theta, twist) };
         stages.q[i] = qd;
     }

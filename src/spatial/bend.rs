@@ -3,7 +3,7 @@
 
 use super::SpatialInertia;
 use crate::lane::{Lane, Param};
-use crate::lie::{Vector3, Vector6};
+use crate::lie::{Matrix3, Vector3, Vector6};
 
 /// Twist angle alpha of a link, with the two cases that most arms are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,11 +185,16 @@ impl<L: Lane> Axis<L> {
         out
     }
 
+    /// `H R^T`
+    #[inline(always)]
+    fn rotate_rows(&self, h: &Matrix3<L>) -> Matrix3<L> {
+        let h = &h.0;
+        Matrix3([self.rotate(Vector3(h[0])).0, self.rotate(Vector3(h[1])).0, self.rotate(Vector3(h[2])).0])
+    }
+
     /// `R H R^T` of a full matrix.
     #[inline(always)]
     fn turn_full(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3] {
-        let rows = h.map(|row| self.rotate(Vector3(row)).0);
-        let columns = [0, 1, 2].map(|k| self.rotate(Vector3([rows[0][k], rows[1][k], rows[2][k]])).0);
-        [0, 1, 2].map(|i| [columns[0][i], columns[1][i], columns[2][i]])
+        self.rotate_rows(&self.rotate_rows(&Matrix3(*h)).transposed()).transposed().0
     }
 }

@@ -1,6 +1,6 @@
 //! Symmetric 6x6 inertia: rigid, added or articulated.
 
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 
 /// `[[M, H], [H^T, J]]`, M and J symmetric and stored as `xx, xy, xz, yy, yz, zz`: 21 numbers. `[HC eq. 5]`
@@ -22,13 +22,25 @@ pub(crate) const PACKED: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 /// A symmetric 3x3 matrix in full.
 #[inline(always)]
 pub(crate) fn unpacked<L: Copy>(s: &[L; 6]) -> Matrix3<L> {
-    Matrix3(PACKED.map(|row| row.map(|k| s[k])))
+    Matrix3([[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]])
 }
 
 /// The symmetric 3x3 matrix that has this one's upper half.
 #[inline(always)]
 fn packed<L: Copy>(m: &Matrix3<L>) -> [L; 6] {
     [m.0[0][0], m.0[0][1], m.0[0][2], m.0[1][1], m.0[1][2], m.0[2][2]]
+}
+
+/// `A - B [r]`, row by row: a row of `B [r]` is the cross product of the row with r.
+#[inline(always)]
+fn minus_crossed<L: Lane>(a: &Matrix3<L>, b: &Matrix3<L>, r: Vector3<L>) -> Matrix3<L> {
+    let r = -r;
+    let (a, b) = (&a.0, &b.0);
+    Matrix3([
+        Vector3(b[0]).cross_add(r, Vector3(a[0])).0,
+        Vector3(b[1]).cross_add(r, Vector3(a[1])).0,
+        Vector3(b[2]).cross_add(r, Vector3(a[2])).0,
+    ])
 }
 
 impl<P: Copy> SpatialInertia<P> {
@@ -64,9 +76,9 @@ impl<P: Copy> SpatialInertia<P> {
         P: Param<L>,
     {
         SpatialInertia {
-            m: self.m.map(Param::get),
-            h: self.h.map(|row| row.map(Param::get)),
-            j: self.j.map(Param::get),
+            m: get_all(&self.m),
+            h: [get_all(&self.h[0]), get_all(&self.h[1]), get_all(&self.h[2])],
+            j: get_all(&self.j),
         }
     }
 }
@@ -125,7 +137,7 @@ impl<L: Lane> SpatialInertia<L> {
     #[inline(always)]
     pub fn eliminated(&self, u: Vector6<L>, over_d: L) -> Self {
         let (f, m) = (u.linear.0, u.angular.0);
-        let (sf, sm) = (f.map(|x| x * over_d), m.map(|x| x * over_d));
+        let (sf, sm) = (u.linear.scale(over_d).0, u.angular.scale(over_d).0);
         let mut rest = *self;
         for i in 0..3 {
             for k in i..3 {
@@ -147,21 +159,10 @@ impl<L: Lane> SpatialInertia<L> {
         let m = r.times(&unpacked(&self.m)).times(&rt);
         let h = r.times(&Matrix3(self.h)).times(&rt);
         let j = r.times(&unpacked(&self.j)).times(&rt);
-        // Shift by r: H' = H - M [r], J' = J - H^T [r] + [r] H'.
-        let cross = |rows: &Matrix3<L>| Matrix3(rows.0.map(|row| Vector3(row).cross(pose.position).0));
-        let shifted = |a: &Matrix3<L>, b: &Matrix3<L>, sign: f64| {
-            let mut sum = *a;
-            for i in 0..3 {
-                for k in 0..3 {
-                    sum.0[i][k] = b.0[i][k].mul_add(L::c(sign), sum.0[i][k]);
-                }
-            }
-            sum
-        };
-        // Row x [r] is row x r, and [r] H' = -(H'^T [r])^T.
-        let h_new = shifted(&h, &cross(&m), -1.0);
-        let j_new =
-            shifted(&shifted(&j, &cross(&h.transposed()), -1.0), &cross(&h_new.transposed()).transposed(), -1.0);
+        // Shift by r: H' = H - M [r], J' = J - H^T [r] + [r] H', where [r] H' = -(H'^T [r])^T.
+        let h_new = minus_crossed(&h, &m, pose.position);
+        let half = minus_crossed(&j, &h.transposed(), pose.position);
+        let j_new = minus_crossed(&half.transposed(), &h_new.transposed(), pose.position).transposed();
         Self { m: packed(&m), h: h_new.0, j: packed(&j_new) }
     }
 
