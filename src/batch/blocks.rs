@@ -6,6 +6,7 @@ use super::layout::Layout;
 use super::step::{Accelerate, Step, Switches};
 use super::table::{InstanceLoads, Table};
 use super::threads::for_each;
+use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
 use crate::system::{Compiled, State, System};
@@ -23,6 +24,8 @@ pub trait Storage: Send + Sync {
     fn set_state(&mut self, i: usize, state: &State);
     /// Quaternion `[w, x, y, z]` of instance `i` as the integrator keeps it, if it keeps one.
     fn quaternion(&self, i: usize) -> Option<[f64; 4]>;
+    /// Sets that quaternion, if one is kept.
+    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]);
     /// Current at instance `i`.
     fn current(&self, i: usize) -> na::Vector3<f64>;
     /// Sets the current at instance `i`.
@@ -79,6 +82,8 @@ pub struct Run {
     pub h: f64,
     /// Steps.
     pub substeps: usize,
+    /// Steps before these on the clock of the servo targets.
+    pub before: usize,
     /// Loads that are on.
     pub switches: Switches,
     /// Most threads.
@@ -97,6 +102,9 @@ pub struct Blocks<T> {
 
 impl<T: Real> Blocks<T> {
     /// `instances` instances of a compiled scene, all in `state` and in the same `current`.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Memory`] if they do not fit into memory.
     pub fn new(
         compiled: &Compiled,
         instances: usize,
@@ -104,11 +112,15 @@ impl<T: Real> Blocks<T> {
         isa: Isa,
         state: &State,
         current: &na::Vector3<f64>,
-    ) -> Self {
+    ) -> Result<Self, SimulatorError> {
         let system = compiled.system.map(|Shared(x)| Shared(T::from_f64(x)));
         let layout = Layout::new(system.joints.len(), keeps_quaternion);
-        let columns = instances.div_ceil(T::BLOCK) * T::BLOCK;
-        let rows = vec![T::from_f64(0.0); columns * layout.rows];
+        let memory = || SimulatorError::Memory { instances };
+        let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
+        let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
+        let mut rows = Vec::new();
+        rows.try_reserve_exact(size).map_err(|_| memory())?;
+        rows.resize(size, T::from_f64(0.0));
         let table = Table { layout, links: compiled.links.clone() };
         let mut blocks = Self { system, table, isa, instances, rows };
         // Columns past the last instance hold a sane state too: they are stepped along.
@@ -116,7 +128,7 @@ impl<T: Real> Blocks<T> {
             blocks.set_state(i, state);
             blocks.set_current(i, current);
         }
-        blocks
+        Ok(blocks)
     }
 
     /// Rows that a thread takes at a time.
@@ -143,6 +155,7 @@ impl<T: Real> Part<'_, T> {
             integrator: run.integrator,
             h: T::from_f64(run.h),
             substeps: run.substeps,
+            before: run.before,
             switches: run.switches,
             blocks: self.rows,
         };
@@ -179,6 +192,10 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn quaternion(&self, i: usize) -> Option<[f64; 4]> {
         self.table.quaternion(&self.rows, i)
+    }
+
+    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
+        self.table.set_quaternion(&mut self.rows, i, quaternion);
     }
 
     fn current(&self, i: usize) -> na::Vector3<f64> {

@@ -18,7 +18,7 @@ pub struct Station<L> {
 impl<L: Lane> Station<L> {
     /// The paper's PD on the vehicle: `F = -kp e - kd V` with `e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2]`, V absolute.
     #[inline(always)]
-    fn wrench<P: Param<L>>(
+    pub fn wrench<P: Param<L>>(
         &self,
         gains: &VehicleServo<P>,
         pose: &Pose<L>,

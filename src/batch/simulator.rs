@@ -14,6 +14,9 @@ use crate::integrate::Integrator;
 use crate::lane::Isa;
 use crate::system::{Compiled, State, compile};
 
+/// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
+const PART: usize = 1 << 16;
+
 /// Number type of the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
@@ -21,6 +24,24 @@ pub enum Precision {
     Double,
     /// f32: twice as fast.
     Single,
+}
+
+impl Precision {
+    /// Whether `x` is a finite number of this type.
+    pub(super) fn holds(self, x: f64) -> bool {
+        match self {
+            Precision::Double => x.is_finite(),
+            Precision::Single => (x as f32).is_finite(),
+        }
+    }
+
+    /// Distance of 1 to the next number.
+    pub(super) fn epsilon(self) -> f64 {
+        match self {
+            Precision::Double => f64::EPSILON,
+            Precision::Single => f64::from(f32::EPSILON),
+        }
+    }
 }
 
 /// How to simulate.
@@ -107,10 +128,10 @@ impl Simulator {
         let (current, quaternion) = (scene.water.current, integrator.keeps_quaternion());
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -187,6 +208,11 @@ impl Simulator {
         self.storage.quaternion(i)
     }
 
+    /// Sets that quaternion, if one is kept.
+    pub fn set_kept_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
+        self.storage.set_quaternion(i, quaternion);
+    }
+
     /// Current at instance `i`, world axes, m/s.
     pub fn current(&self, i: usize) -> na::Vector3<f64> {
         self.storage.current(i)
@@ -202,21 +228,33 @@ impl Simulator {
     /// # Errors
     /// [`SimulatorError`] where an input has the wrong length or a number that is not finite; nothing has changed then.
     pub fn step(&mut self, inputs: &Inputs, substeps: usize) -> Result<(), SimulatorError> {
+        self.step_while(inputs, substeps, &mut || true).map(drop)
+    }
+
+    /// As [`Self::step`], but asks `go_on` between parts of the work and stops where it says no; whether it said no
+    /// nowhere. The parts make no difference to the result.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn step_while(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let switches = self.apply(inputs)?;
-        self.storage.step(&Run { integrator, h, substeps, switches, threads });
-        Ok(())
-    }
-
-    /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
-    pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
-        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        self.storage.step_with(&Run { integrator, h, substeps, switches, threads }, riders);
-    }
-
-    /// Instances per rider.
-    pub(super) fn ride(&self) -> usize {
-        self.storage.ride()
+        let part = (PART / self.instances()).max(1);
+        let mut before = 0;
+        while before < substeps {
+            if before > 0 && !go_on() {
+                return Ok(false);
+            }
+            let substeps = part.min(substeps - before);
+            self.storage.step(&Run { integrator, h, substeps, before, switches, threads });
+            before += substeps;
+        }
+        Ok(true)
     }
 
     /// Every number of all instances, instance by instance: [`Self::load`] gives them back bit for bit.
@@ -238,6 +276,17 @@ impl Simulator {
             self.storage.set_column(i, column);
         }
         Ok(())
+    }
+
+    /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
+    pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
+        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        self.storage.step_with(&Run { integrator, h, substeps, before: 0, switches, threads }, riders);
+    }
+
+    /// Instances per rider.
+    pub(super) fn ride(&self) -> usize {
+        self.storage.ride()
     }
 
     /// `[V'; q'']` of all instances, (N, 6 + n), by the articulated-body form.
@@ -264,14 +313,11 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn applied_thrust(&self, inputs: &Inputs, i: usize) -> Result<Thrusts, SimulatorError> {
-        Ok(Applied::new(inputs, self.allocation(), self.instances(), self.joints())?.thrust(i))
+        Ok(Applied::new(inputs, &self.scene, &self.allocation, &self.options)?.thrust(i))
     }
 
     fn apply(&mut self, inputs: &Inputs) -> Result<Switches, SimulatorError> {
-        if inputs.station.is_some() && self.compiled.system.vehicle_servo.is_none() {
-            return Err(SimulatorError::NoVehicleServo { scene: self.scene.name.clone() });
-        }
-        let applied = Applied::new(inputs, &self.allocation, self.options.instances, self.joints())?;
+        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
         let switches = applied.switches();
         let mut loads = InstanceLoads::default();
         for i in 0..self.options.instances {

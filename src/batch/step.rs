@@ -133,6 +133,8 @@ pub struct Step<'a, T> {
     pub h: T,
     /// Steps.
     pub substeps: usize,
+    /// Steps before these on the clock of the servo targets.
+    pub before: usize,
     /// Loads that are on.
     pub switches: Switches,
     /// Whole blocks.
@@ -169,7 +171,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 };
                 match self.integrator {
                     Integrator::MuntheKaas(tableau, form) => {
-                        for k in 0..self.substeps {
+                        for k in self.before..self.before + self.substeps {
                             let clock = T::from_f64(k as f64) * self.h;
                             let held = motion.pose;
                             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
@@ -188,7 +190,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                         }
                         let Motion { pose, twist, q, qd } = motion;
                         let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
-                        for k in 0..self.substeps {
+                        for k in self.before..self.before + self.substeps {
                             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
                             rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
                             quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
@@ -204,9 +206,14 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                     }
                 }
                 columns.set_motion(self.layout, &motion);
-                let spent = L::splat(T::from_f64(self.substeps as f64) * self.h);
-                let time: L = columns.get(self.layout.time);
-                columns.set(self.layout.time, time + spent);
+                // Compensated, so that neither many steps nor their division into calls shows in the time.
+                let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
+                for _ in 0..self.substeps {
+                    let passed = rest + L::splat(self.h);
+                    let next = time + passed;
+                    (time, rest) = (next, passed - (next - time));
+                }
+                columns.set_all(self.layout.time, &[time, rest], 2);
             }
         }
     }

@@ -70,7 +70,7 @@ impl Table {
             position: self.get_all::<T, 3>(rows, i, layout.position).into(),
             rotation: na::Matrix3::from_row_slice(&self.get_all::<T, 9>(rows, i, layout.rotation)),
             twist: self.get_all::<T, 6>(rows, i, layout.twist).into(),
-            time: self.get(rows, i, layout.time),
+            time: self.get(rows, i, layout.time) + self.get(rows, i, layout.time + 1),
             ..State::default()
         };
         for k in 0..layout.joints {
@@ -88,7 +88,8 @@ impl Table {
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
-        self.set_all(rows, i, layout.time, [state.time]);
+        let time = T::from_f64(state.time).to_f64();
+        self.set_all(rows, i, layout.time, [time, state.time - time]);
         if layout.quaternion < layout.rows {
             self.set_all(rows, i, layout.quaternion, crate::system::quaternion(&state.rotation));
         }
@@ -98,6 +99,13 @@ impl Table {
     pub fn quaternion<T: Real>(&self, rows: &[T], i: usize) -> Option<[f64; 4]> {
         let layout = &self.layout;
         (layout.quaternion < layout.rows).then(|| self.get_all(rows, i, layout.quaternion))
+    }
+
+    /// Sets that quaternion, if one is kept.
+    pub fn set_quaternion<T: Real>(&self, rows: &mut [T], i: usize, quaternion: &[f64; 4]) {
+        if self.layout.quaternion < self.layout.rows {
+            self.set_all(rows, i, self.layout.quaternion, *quaternion);
+        }
     }
 
     /// Current.

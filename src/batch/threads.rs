@@ -19,7 +19,8 @@ pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads
     };
     std::thread::scope(|scope| {
         for _ in 1..threads {
-            scope.spawn(turn);
+            // Where no more threads are to be had, those that there are do the work.
+            let _ = std::thread::Builder::new().spawn_scoped(scope, turn);
         }
         turn();
     });
