@@ -340,6 +340,12 @@ pub enum SimulatorError {
         /// Instance.
         instance: usize,
     },
+    /// Joint targets where nothing follows them.
+    #[error("scene '{scene}' has no joint with a servo, so joint_target would have no effect")]
+    NoJointServo {
+        /// Name of the scene.
+        scene: String,
+    },
     /// A station for a vehicle without servo.
     #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot keep a station")]
     NoVehicleServo {

@@ -1,8 +1,11 @@
-"""Underwater vehicle-manipulator systems on SE(3): a batched simulator with Gymnasium environments."""
+"""Underwater vehicle-manipulator systems on SE(3): a batched simulator with Gymnasium environments.
 
-from uvms_gym._core import SceneError, __version__
+Importing it registers the environments with Gymnasium.
+"""
+
+from uvms_gym._core import SceneError, Simulator, __version__, load_scene, scenes
 from uvms_gym.envs import register_envs
 
-__all__ = ["SceneError", "__version__"]
+__all__ = ["SceneError", "Simulator", "__version__", "load_scene", "scenes"]
 
 register_envs()

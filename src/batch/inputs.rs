@@ -82,6 +82,9 @@ impl<'a> Applied<'a> {
         if inputs.station.is_some() && scene.vehicle.servo.is_none() {
             return Err(SimulatorError::NoVehicleServo { scene: scene.name.clone() });
         }
+        if inputs.joint_target.is_some_and(|t| !t.is_empty()) && scene.joints().all(|joint| joint.servo.is_none()) {
+            return Err(SimulatorError::NoJointServo { scene: scene.name.clone() });
+        }
         let joints = scene.joints().count();
         let terms = inputs.joint_target.map_or(0, |t| t.len() / (options.instances * joints).max(1));
         let expected = [

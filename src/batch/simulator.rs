@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::blocks::{Blocks, Rider, Run, Storage};
-use super::inputs::{Applied, Inputs};
+use super::inputs::{Applied, Inputs, check};
 use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::balance::{Balance, ClosedForm};
@@ -306,6 +306,14 @@ impl Simulator {
     /// The composed scene.
     pub fn balance(&self) -> &Balance {
         &self.balance
+    }
+
+    /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] or [`SimulatorError::NotFinite`].
+    pub fn check_rows(&self, name: &'static str, values: &[f64], width: usize) -> Result<(), SimulatorError> {
+        check(name, Some(values), width, &self.options)
     }
 
     /// Thrust of instance `i` under `inputs`, within limits.

@@ -1,21 +1,26 @@
 //! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
 
+mod arrays;
 mod errors;
+mod inputs;
+mod model;
+mod motion;
+mod scene;
+mod simulator;
+mod state;
 mod station_keep;
 
 use pyo3::prelude::*;
-
-use crate::description::Scene;
-
-fn scene_from(value: &Bound<'_, PyAny>) -> PyResult<Scene> {
-    Ok(Scene::load(&value.extract::<String>()?)?)
-}
 
 /// The native part of `uvms_gym`.
 #[pymodule(name = "_core")]
 mod core {
     #[pymodule_export]
     use super::errors::SceneError;
+    #[pymodule_export]
+    use super::scene::{load_scene, scenes};
+    #[pymodule_export]
+    use super::simulator::Simulator;
     #[pymodule_export]
     use super::station_keep::{Pd, StationKeep};
     use pyo3::prelude::*;

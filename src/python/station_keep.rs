@@ -4,15 +4,22 @@ use numpy::ndarray::{Array1, Array2};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList};
+use pyo3::types::{PyDict, PyList, PyTuple};
 
-use super::scene_from;
+use super::arrays;
+use super::scene;
+use super::simulator::Simulator;
 use crate::batch::{Autoreset, INFO, Precision, Saved, SimulatorOptions, StationKeepBatch};
 use crate::control;
 use crate::control::ActionKind;
 use crate::description::VehicleServo;
 use crate::error::TaskError;
 use crate::scene::{Outcome, RewardWeights, StartOverride, StationKeepOptions};
+
+const ACTIONS: [(&str, ActionKind); 2] = [("wrench", ActionKind::Wrench), ("thrusters", ActionKind::Thrusters)];
+const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
+const MODES: [(&str, Autoreset); 3] =
+    [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
 
 type Rows<'py, T> = Bound<'py, PyArray2<T>>;
 type Row<'py, T> = Bound<'py, PyArray1<T>>;
@@ -64,11 +71,8 @@ impl StationKeep {
         autoreset: &str,
         max_episode_steps: Option<u32>,
     ) -> PyResult<Self> {
-        let action = one_of("action", action, [("wrench", ActionKind::Wrench), ("thrusters", ActionKind::Thrusters)])?;
-        let precision = one_of("dtype", dtype, [("float64", Precision::Double), ("float32", Precision::Single)])?;
-        let modes =
-            [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
-        let autoreset = one_of("autoreset", autoreset, modes)?;
+        let (action, precision) = (one_of("action", action, ACTIONS)?, one_of("dtype", dtype, DTYPES)?);
+        let autoreset = one_of("autoreset_mode", autoreset, MODES)?;
         let options = StationKeepOptions {
             action,
             dt,
@@ -83,7 +87,7 @@ impl StationKeep {
         };
         let simulator =
             SimulatorOptions { instances: num_envs, integrator, precision, threads, ..SimulatorOptions::default() };
-        let batch = StationKeepBatch::new(scene_from(scene)?, options, simulator, autoreset, max_episode_steps)?;
+        let batch = StationKeepBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps)?;
         Ok(Self { batch })
     }
 
@@ -97,6 +101,18 @@ impl StationKeep {
     #[getter]
     fn control_period(&self) -> f64 {
         self.batch.task().options().control_period()
+    }
+
+    /// The complete scene, as `load_scene` gives it.
+    #[getter]
+    fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        scene::to_python(self.batch.simulator().scene(), py)
+    }
+
+    /// A copy of the physics as it stands: the true state, and a simulator to look ahead with.
+    #[getter]
+    fn simulator(&self) -> Simulator {
+        Simulator { inner: self.batch.simulator().clone() }
     }
 
     /// Number of joints n.
@@ -184,19 +200,41 @@ impl StationKeep {
         ))
     }
 
-    /// Everything that makes the batch go on as if it had not been interrupted: `physics` and `episodes`, (N, .) each.
-    fn get_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// Everything that makes the batch go on as if it had not been interrupted: two arrays (N, .).
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<(Rows<'py, f64>, Rows<'py, f64>)> {
         let Saved { physics, episodes } = self.batch.save();
-        let state = PyDict::new(py);
-        state.set_item("physics", rows(py, physics, self.batch.instances())?)?;
-        state.set_item("episodes", rows(py, episodes, self.batch.instances())?)?;
-        Ok(state)
+        let n = self.batch.instances();
+        Ok((rows(py, physics, n)?, rows(py, episodes, n)?))
     }
 
-    /// Continues from what `get_state` of a batch with the same arguments gave.
-    fn set_state(&mut self, physics: PyReadonlyArray2<'_, f64>, episodes: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
-        let flat = |array: PyReadonlyArray2<'_, f64>| array.as_array().iter().copied().collect();
-        Ok(self.batch.load(&Saved { physics: flat(physics), episodes: flat(episodes) })?)
+    /// Continues from what `__getstate__` of a batch with the same arguments gave.
+    fn __setstate__(&mut self, state: (Bound<'_, PyAny>, Bound<'_, PyAny>)) -> PyResult<()> {
+        let (physics, episodes) = (arrays::read("physics", &state.0)?.1, arrays::read("episodes", &state.1)?.1);
+        Ok(self.batch.load(&Saved { physics, episodes })?)
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let (batch, task, simulator) = (&self.batch, self.batch.task().options(), self.batch.simulator().options());
+        let options = PyDict::new(py);
+        options.set_item("num_envs", batch.instances())?;
+        options.set_item("action", name_of(task.action, ACTIONS))?;
+        options.set_item("dt", task.dt)?;
+        options.set_item("substeps", task.substeps)?;
+        options.set_item("integrator", &simulator.integrator)?;
+        options.set_item("dtype", name_of(simulator.precision, DTYPES))?;
+        options.set_item("max_current", task.max_current)?;
+        options.set_item("start_distance", task.start_distance)?;
+        options.set_item("start_angle", task.start_angle)?;
+        options.set_item("target_distance", task.target_distance)?;
+        options.set_item("target_turn", task.target_turn)?;
+        options.set_item("arm_amplitude", task.arm_amplitude)?;
+        options.set_item("reward_pose", task.reward.pose)?;
+        options.set_item("reward_effort", task.reward.effort)?;
+        options.set_item("reward_rate", task.reward.rate)?;
+        options.set_item("threads", simulator.threads)?;
+        options.set_item("autoreset", name_of(batch.autoreset(), MODES))?;
+        options.set_item("max_episode_steps", batch.max_steps())?;
+        Ok(((self.scene(py)?,).into_pyobject(py)?, options))
     }
 
     /// What the episodes drew, and how far they are: seed, episode and step (N,), target_position (N, 3),
@@ -250,26 +288,25 @@ impl StationKeep {
     fn starts(&self, given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<StartOverride>> {
         let Some(given) = given.filter(|given| !given.is_empty()) else { return Ok(Vec::new()) };
         let n = self.batch.instances();
+        let joints = self.batch.task().joint_count();
         let mut starts = vec![StartOverride::default(); n];
         for (name, values) in given.iter() {
             let name: String = name.extract()?;
-            let values: PyReadonlyArray2<'_, f64> = values.extract()?;
-            if values.shape()[0] != n {
-                let message = format!("{name} has {} rows, expected {n}", values.shape()[0]);
-                return Err(PyValueError::new_err(message));
-            }
-            for (start, row) in starts.iter_mut().zip(values.as_array().rows()) {
-                let row = row.to_vec();
+            let Some(width) = start_width(&name, joints) else {
+                return Err(PyValueError::new_err(format!("there is no start of the name '{name}'")));
+            };
+            let values = arrays::rows(&name, &values, n, &[width])?;
+            for (i, start) in starts.iter_mut().enumerate() {
+                let row = &values[i * width..(i + 1) * width];
                 match name.as_str() {
-                    "position" => start.position = Some(fixed(&name, &row)?),
-                    "attitude" => start.attitude = Some(fixed(&name, &row)?),
-                    "twist" => start.twist = Some(fixed(&name, &row)?),
-                    "q" => start.q = Some(row),
-                    "qd" => start.qd = Some(row),
-                    "target_position" => start.target_position = Some(fixed(&name, &row)?),
-                    "target_attitude" => start.target_attitude = Some(fixed(&name, &row)?),
-                    "current" => start.current = Some(fixed(&name, &row)?),
-                    _ => return Err(PyValueError::new_err(format!("there is no start of the name {name:?}"))),
+                    "position" => start.position = row.try_into().ok(),
+                    "attitude" => start.attitude = row.try_into().ok(),
+                    "twist" => start.twist = row.try_into().ok(),
+                    "q" => start.q = Some(row.to_vec()),
+                    "qd" => start.qd = Some(row.to_vec()),
+                    "target_position" => start.target_position = row.try_into().ok(),
+                    "target_attitude" => start.target_attitude = row.try_into().ok(),
+                    _ => start.current = row.try_into().ok(),
                 }
             }
         }
@@ -328,16 +365,28 @@ fn refused(error: TaskError) -> PyErr {
 }
 
 /// The value of that name.
-fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&'static str, T); K]) -> PyResult<T> {
-    let known = choices.iter().map(|(name, _)| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
+    let known = choices.each_ref().map(|(name, _)| format!("'{name}'")).join(", ");
     let found = choices.into_iter().find(|(choice, _)| *choice == name);
     found
         .map(|(_, value)| value)
-        .ok_or_else(|| PyValueError::new_err(format!("{what} is {name:?}, expected one of {known}")))
+        .ok_or_else(|| PyValueError::new_err(format!("{what} is '{name}', but must be one of {known}")))
 }
 
-fn fixed<const K: usize>(name: &str, row: &[f64]) -> PyResult<[f64; K]> {
-    row.try_into().map_err(|_| PyValueError::new_err(format!("{name} has {} entries, expected {K}", row.len())))
+/// The name of that value.
+fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
+    choices.into_iter().find(|(_, choice)| *choice == value).map(|(name, _)| name)
+}
+
+/// Numbers that a given part of a start has.
+fn start_width(name: &str, joints: usize) -> Option<usize> {
+    match name {
+        "position" | "target_position" | "current" => Some(3),
+        "attitude" | "target_attitude" => Some(4),
+        "twist" => Some(6),
+        "q" | "qd" => Some(joints),
+        _ => None,
+    }
 }
 
 /// A fresh (count, .) array.
