@@ -1,6 +1,6 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
-use crate::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Derivative, Rates, StagePose};
 use crate::lane::{Lane, Param, Shared, get_all};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -80,8 +80,6 @@ impl<L: Lane> Derivative<L, JOINTS> for Dynamics<'_, L> {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }
         let instant = Instant { gravity, twist, q, qd, wrench, time: self.time + elapsed };
-        let mut out = Accelerations { twist: Vector6::zero(), joints: rates.qd };
-        accelerations(system, &instant, self.loads, self.scratch, &mut out);
-        *rates = Rates { twist: out.twist, qd: out.joints };
+        accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }

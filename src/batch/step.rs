@@ -2,7 +2,7 @@
 
 use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
-use crate::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Integrator, Motion, QuaternionMotion, Stages, Tableau, munthe_kaas, quaternion_runge_kutta};
 use crate::lane::{Kernel, Lane, Real, Shared, get_all};
 use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
@@ -90,6 +90,12 @@ impl<T: Real> Columns<'_, T> {
     }
 
     #[inline(always)]
+    fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
+        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
+        Station { target, current: self.vector(layout.current) }
+    }
+
+    #[inline(always)]
     fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
         loads.servo = switches.servo;
         loads.on_links = switches.on_links;
@@ -154,13 +160,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 columns.motion(self.layout, &mut motion);
                 columns.loads(self.layout, self.switches, &mut loads);
                 let current = columns.vector(self.layout.current);
-                let station = if self.switches.station {
-                    let rotation = columns.matrix(self.layout.station);
-                    let position = columns.vector(self.layout.station + 9);
-                    Some(Station { target: Pose { rotation, position }, current })
-                } else {
-                    None
-                };
+                let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
                 let mut dynamics = Dynamics {
                     system: self.system,
                     loads: &loads,
@@ -231,22 +231,22 @@ fn guarded<L: Lane>(
     stages: &mut Stages<L, JOINTS>,
 ) {
     let start = *motion;
+    let mut trial = start;
     let limit = L::c(GREATEST_TURN * GREATEST_TURN);
     // 1 in lanes that still need a finer step.
     let mut pending = L::c(1.0);
     let mut pieces = 1;
     loop {
         let piece = h / L::Real::from_f64(pieces as f64);
-        let mut trial = start;
+        let at = if pieces == 1 { &mut *motion } else { &mut trial };
         let mut greatest = L::zero();
         for k in 0..pieces {
             dynamics.time = L::splat(clock + L::Real::from_f64(k as f64) * piece);
-            greatest = greatest.max(munthe_kaas(tableau, form, piece, &mut trial, dynamics, stages));
+            greatest = greatest.max(munthe_kaas(tableau, form, piece, at, dynamics, stages));
         }
-        if pieces == 1 {
-            *motion = trial;
-        } else {
+        if pieces > 1 {
             keep(L::c(0.5).lt(pending), &trial, motion);
+            trial = start;
         }
         pending = L::select(limit.lt(greatest), pending, L::zero());
         if !L::any(L::c(0.5).lt(pending)) {
@@ -304,7 +304,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = blank_motion::<L>();
-        let mut result = Accelerations { twist: Vector6::zero(), joints: [L::zero(); JOINTS] };
+        let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
         let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
         for (rows, out) in blocks.zip(results) {
@@ -315,23 +315,28 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
+                let mut wrench = columns.six(layout.wrench);
+                if let (true, Some(gains)) = (self.switches.station, &self.system.vehicle_servo) {
+                    let station = columns.station(layout);
+                    wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
+                }
                 let instant = Instant {
                     gravity: rotation.apply_transposed(Vector3(get_all(&self.system.gravity))),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
-                    wrench: columns.six(layout.wrench),
+                    wrench,
                     time: L::zero(),
                 };
-                accelerations(self.system, &instant, &loads, &mut scratch, &mut result);
+                accelerations(self.system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
                 // V' = V_r' - [omega x R^T v_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
                 if !self.system.fixed {
-                    result.twist.linear = result.twist.linear - turn;
+                    twist_rate.linear = twist_rate.linear - turn;
                 }
                 let mut out = Columns { rows: &mut *out, first };
-                out.set_all(0, &result.twist.to_array(), 6);
-                out.set_all(6, &result.joints, layout.joints);
+                out.set_all(0, &twist_rate.to_array(), 6);
+                out.set_all(6, &qdd, layout.joints);
             }
         }
     }
