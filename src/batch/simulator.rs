@@ -2,8 +2,10 @@
 
 use nalgebra as na;
 
-use super::blocks::{Blocks, InstanceLoads, Run, Storage};
+use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
+use super::step::Switches;
+use super::table::InstanceLoads;
 use crate::balance::articulated::Loads;
 use crate::balance::{Balance, ClosedForm, Linearization, linearize};
 use crate::control::{Allocation, Thrusts};
@@ -278,6 +280,17 @@ impl Simulator {
         Ok(())
     }
 
+    /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
+    pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
+        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        self.storage.step_with(&Run { integrator, h, substeps, before: 0, switches, threads }, riders);
+    }
+
+    /// Instances per rider.
+    pub(super) fn ride(&self) -> usize {
+        self.storage.ride()
+    }
+
     /// `[V'; q'']` of all instances, (N, 6 + n), by the articulated-body form.
     ///
     /// # Errors
@@ -331,7 +344,7 @@ impl Simulator {
         Ok(Applied::new(inputs, &self.scene, &self.allocation, &self.options)?.thrust(i))
     }
 
-    fn apply(&mut self, inputs: &Inputs) -> Result<super::step::Switches, SimulatorError> {
+    fn apply(&mut self, inputs: &Inputs) -> Result<Switches, SimulatorError> {
         let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
         let switches = applied.switches();
         let mut loads = InstanceLoads::default();
