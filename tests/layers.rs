@@ -73,7 +73,10 @@ fn code(file: &Path) -> Vec<String> {
 /// Modules named by `crate::name` or by the braces of `use crate::{a, b::c}`.
 fn imports(line: &str) -> Vec<String> {
     let name = |text: &str| text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
-    let after = line.match_indices("crate::").filter(|(at, _)| !line[..*at].ends_with('$')).map(|(at, m)| &line[at + m.len()..]);
+    let after = line
+        .match_indices("crate::")
+        .filter(|(at, _)| !line[..*at].ends_with('$'))
+        .map(|(at, m)| &line[at + m.len()..]);
     after
         .flat_map(|rest| match rest.strip_prefix('{') {
             None => vec![name(rest)],
