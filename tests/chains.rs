@@ -30,7 +30,7 @@ fn homogeneous(rotation: &[[f64; 3]; 3], position: &[f64; 3]) -> na::Matrix4<f64
 /// Link poses in the vehicle frame through the compiled joint frames.
 fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
     let compiled = compile(scene);
-    let mut here = na::Matrix4::identity();
+    let mut here = na::Matrix4::<f64>::identity();
     let mut links = Vec::new();
     for (i, (joint, link)) in compiled.system.joints.iter().zip(&compiled.links).enumerate() {
         here *= match joint.stand {
@@ -117,12 +117,8 @@ fn chain(seed: u64, lies: &[Lie]) -> Scene {
                 (joint.frame, joint.axis) = (Frame { position: before * random.between(-0.4, 0.4), ..aligned }, before);
             }
             Lie::Antiparallel => (joint.frame, joint.axis) = (aligned, -before),
-            Lie::Turned(angle) => {
-                (joint.frame, joint.axis) = (aligned, na::Rotation3::new(across * angle) * before);
-            }
-            Lie::Crossing => {
-                (joint.frame, joint.axis) = (Frame { position: across * 0.0, ..aligned }, across);
-            }
+            Lie::Turned(angle) => (joint.frame, joint.axis) = (aligned, na::Rotation3::new(across * angle) * before),
+            Lie::Crossing => (joint.frame, joint.axis) = (Frame::default(), across),
         }
     }
     scene
@@ -152,8 +148,8 @@ fn chains_of_special_axes_move_as_described() {
 #[test]
 fn nearly_parallel_axes_keep_their_digits() {
     let mut greatest = 0.0_f64;
-    for exponent in 0..60 {
-        let angle = 10.0_f64.powf(-16.0 + 0.25 * f64::from(exponent));
+    for exponent in 0..30 {
+        let angle = 10.0_f64.powf(-16.0 + 0.5 * f64::from(exponent));
         for seed in 0..3 {
             for angle in [angle, PI - angle] {
                 let scene = chain(seed, &[Lie::Turned(angle), Lie::General, Lie::Turned(angle), Lie::Turned(-angle)]);
