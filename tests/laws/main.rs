@@ -6,8 +6,11 @@ mod cases;
 #[path = "../common/random_scene.rs"]
 mod random_scene;
 
+mod energy;
+mod joints;
 mod momentum;
 mod order;
+mod table1;
 
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
