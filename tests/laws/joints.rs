@@ -1,32 +1,32 @@
 //! Joint motions that servos follow.
 
-use uvms_gym::system::State;
+use uvms_gym::system::{Joints, State};
 
-/// Joints sway about where they are, each in its own phase: `q = q_0 + A (sin(w t + p) - sin p)`.
+/// Joints sway about a posture, each in its own phase: `q = q_0 + A sin(w t + p)`.
 pub struct Sway {
-    q: [f64; 9],
+    q: Joints,
     joints: usize,
 }
 
 /// rad/s: that of the motion, and the greatest of a joint.
 const FREQUENCY: f64 = 0.8;
-const RATE: f64 = 0.35;
+const RATE: f64 = 0.3;
 
 impl Sway {
-    pub fn new(state: &State, joints: usize) -> Self {
-        Self { q: state.q, joints }
+    pub fn about(q: Joints, joints: usize) -> Self {
+        Self { q, joints }
     }
 
     fn at(&self, k: usize, t: f64) -> (f64, f64) {
         let phase = 0.7 * k as f64;
         let (sin, cos) = (FREQUENCY * t + phase).sin_cos();
-        (self.q[k] + RATE / FREQUENCY * (sin - phase.sin()), RATE * cos)
+        (self.q[k] + RATE / FREQUENCY * sin, RATE * cos)
     }
 
-    /// Sets joint rates to those of the motion's start.
+    /// Sets the joints as the motion starts.
     pub fn start(&self, state: &mut State) {
         for k in 0..self.joints {
-            state.qd[k] = self.at(k, 0.0).1;
+            (state.q[k], state.qd[k]) = self.at(k, 0.0);
         }
     }
 

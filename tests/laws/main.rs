@@ -6,6 +6,7 @@ mod cases;
 #[path = "../common/random_scene.rs"]
 mod random_scene;
 
+mod bodies;
 mod energy;
 mod joints;
 mod momentum;
