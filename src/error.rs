@@ -294,7 +294,7 @@ pub enum SimulatorError {
         got: usize,
     },
     /// NaN or infinite.
-    #[error("{name} of instance {instance}, entry {entry}, is {value}: it must be finite")]
+    #[error("{name} of instance {instance}, entry {entry}, is {value}: it must be finite in the simulator's dtype")]
     NotFinite {
         /// Name of the input.
         name: &'static str,
@@ -304,6 +304,49 @@ pub enum SimulatorError {
         entry: usize,
         /// The number.
         value: f64,
+    },
+    /// More memory than there is.
+    #[error("num_envs is {instances}: there is not enough memory for that many instances")]
+    Memory {
+        /// Number of instances.
+        instances: usize,
+    },
+    /// A matrix that does not rotate.
+    #[error(
+        "{name} of instance {instance} is no rotation: R^T R differs from the identity by {deviation:.3e}, det R is {determinant:.6}"
+    )]
+    NotARotation {
+        /// Name of the input.
+        name: &'static str,
+        /// Instance.
+        instance: usize,
+        /// Greatest entry of `|R^T R - I|`.
+        deviation: f64,
+        /// Determinant.
+        determinant: f64,
+    },
+    /// A quaternion without direction.
+    #[error("quaternion of instance {instance} is zero, or too large or small to have a length")]
+    NoAttitude {
+        /// Instance.
+        instance: usize,
+    },
+    /// Two attitudes at once.
+    #[error("give the attitude as rotation or as quaternion, not as both")]
+    TwoAttitudes,
+    /// Motion of a vehicle that is held.
+    #[error("twist of instance {instance} is not zero, but scene '{scene}' holds its vehicle (vehicle.fixed)")]
+    Held {
+        /// Name of the scene.
+        scene: String,
+        /// Instance.
+        instance: usize,
+    },
+    /// Joint targets where nothing follows them.
+    #[error("scene '{scene}' has no joint with a servo, so joint_target would have no effect")]
+    NoJointServo {
+        /// Name of the scene.
+        scene: String,
     },
     /// A station for a vehicle without servo.
     #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot keep a station")]

@@ -26,6 +26,8 @@ pub mod hydro;
 pub mod integrate;
 pub mod lane;
 pub mod lie;
+#[cfg(feature = "python")]
+mod python;
 pub mod scene;
 pub mod spatial;
 pub mod system;

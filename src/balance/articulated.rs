@@ -13,9 +13,9 @@
 //! ```
 
 use super::joint_torque::joint_torque;
-use crate::lane::{Lane, Param, sin_cos};
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::spatial::{Axis, SpatialInertia, screw_x, screw_z};
+use crate::lane::{Lane, Param, get_all, sin_cos};
+use crate::lie::{Pose, Vector3, Vector6};
+use crate::spatial::{Screw, SpatialInertia, constant_screw_z, screw_x, screw_z};
 use crate::system::{BodyTerms, JOINTS, JointTerms, Stand, System};
 
 /// Forces at the joints and on the links besides those of the system itself; held over a control period.
@@ -98,19 +98,11 @@ impl<L: Lane> Default for Scratch<L> {
     }
 }
 
-/// `[V'; q'']`.
-#[derive(Debug, Clone, Copy)]
-pub struct Accelerations<L> {
-    /// Rate of the vehicle's body twist.
-    pub twist: Vector6<L>,
-    /// Joint accelerations; entries past the joint count are untouched.
-    pub joints: [L; JOINTS],
-}
-
 /// The constant part of the move to a joint.
 #[derive(Clone, Copy)]
 enum Base<L> {
-    Screw(Axis<L>),
+    Bend(Screw<L, 0>),
+    Crank(Screw<L, 2>, Screw<L, 0>),
     Pose(Pose<L>),
 }
 
@@ -118,18 +110,17 @@ impl<L: Lane> Base<L> {
     #[inline(always)]
     fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
         match *stand {
-            Stand::Bend(bend, a) => Base::Screw(screw_x(bend, a)),
-            Stand::Pose(r, p) => Base::Pose(Pose {
-                rotation: Matrix3(r.map(|row| row.map(Param::get))),
-                position: Vector3(p.map(Param::get)),
-            }),
+            Stand::Bend(bend, a) => Base::Bend(screw_x(bend, a)),
+            Stand::Crank(turn, d, bend, a) => Base::Crank(constant_screw_z(turn, d), screw_x(bend, a)),
+            Stand::Pose(ref r, ref p) => Base::Pose(Pose::of(r, p)),
         }
     }
 
     #[inline(always)]
     fn twist(&self, twist: Vector6<L>) -> Vector6<L> {
         match self {
-            Base::Screw(axis) => axis.adjoint_apply_inverse(twist),
+            Base::Bend(x) => x.adjoint_apply_inverse(twist),
+            Base::Crank(z, x) => x.adjoint_apply_inverse(z.adjoint_apply_inverse(twist)),
             Base::Pose(pose) => pose.adjoint_apply_inverse(twist),
         }
     }
@@ -137,15 +128,20 @@ impl<L: Lane> Base<L> {
     #[inline(always)]
     fn rotate_back(&self, v: Vector3<L>) -> Vector3<L> {
         match self {
-            Base::Screw(axis) => axis.rotate_back(v),
+            Base::Bend(x) => x.rotate_back(v),
+            Base::Crank(z, x) => x.rotate_back(z.rotate_back(v)),
             Base::Pose(pose) => pose.rotation.apply_transposed(v),
         }
     }
 
     #[inline(always)]
-    fn to_parent(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
+    fn carry(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
         match self {
-            Base::Screw(axis) => (axis.inertia_to_parent(inertia), axis.co_adjoint_apply_inverse(wrench)),
+            Base::Bend(x) => (x.inertia_to_parent(inertia), x.co_adjoint_apply_inverse(wrench)),
+            Base::Crank(z, x) => (
+                z.inertia_to_parent(&x.inertia_to_parent(inertia)),
+                z.co_adjoint_apply_inverse(x.co_adjoint_apply_inverse(wrench)),
+            ),
             Base::Pose(pose) => (inertia.to_parent(pose), pose.co_adjoint_apply_inverse(wrench)),
         }
     }
@@ -154,11 +150,12 @@ impl<L: Lane> Base<L> {
 /// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
 #[inline(always)]
 fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
-    let across = |v: Vector3<L>| Vector3([v.0[1] * qd, -(v.0[0] * qd), L::zero()]);
+    let (v, w) = (twist.linear.0, twist.angular.0);
+    let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
     if prismatic {
-        Vector6 { linear: across(twist.angular), angular: Vector3::zero() }
+        Vector6 { linear: across, angular: Vector3::zero() }
     } else {
-        Vector6 { linear: across(twist.linear), angular: across(twist.angular) }
+        Vector6 { linear: Vector3([v[1] * qd, -(v[0] * qd), L::zero()]), angular: across }
     }
 }
 
@@ -198,14 +195,15 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
-/// Accelerations `[V'; q'']`, V relative to the water.
+/// Works out `V'`, V relative to the water, and `q''`; entries of `qdd` past the joint count are untouched.
 #[inline(always)]
 pub fn accelerations<L: Lane, P: Param<L>>(
     system: &System<P>,
     at: &Instant<L>,
     loads: &Loads<L>,
     scratch: &mut Scratch<L>,
-    out: &mut Accelerations<L>,
+    twist_rate: &mut Vector6<L>,
+    qdd: &mut [L; JOINTS],
 ) {
     let Instant { gravity, twist, q, qd, wrench, time } = *at;
     let joints = system.joints.as_slice();
@@ -214,7 +212,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     let (mut parent_twist, mut parent_gravity) = (twist, gravity);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         let coordinate = joint.offset.get() + q[i];
-        let [k0, k1] = joint.constant.map(Param::get);
+        let [k0, k1] = get_all(&joint.constant);
         let (sin, cos, d) = if joint.prismatic {
             (k0, k1, coordinate)
         } else {
@@ -233,46 +231,43 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     }
 
     // What the links already done ask of the body at hand.
-    let mut outer: Option<(SpatialInertia<L>, Vector6<L>)> = None;
+    let mut carried = (SpatialInertia::zero(), Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
         let own: SpatialInertia<L> = joint.body.inertia.get();
         let mut bias = body_bias(&joint.body, &own, link.twist, link.gravity);
         if loads.on_links {
             bias = loads.links[i].scale_add(L::c(-1.0), bias);
         }
-        let mut inertia = own;
-        if let Some((carried, wrench)) = &outer {
-            inertia = own.plus(carried);
-            bias = bias + *wrench;
-        }
+        let inertia = own.plus(&carried.0);
+        bias = bias + carried.1;
         let (column, d, along) = joint_column(joint, &inertia, bias);
         let torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time)) - along;
         let over_d = L::c(1.0) / d;
         (link.column, link.over_d, link.torque) = (column, over_d, torque);
 
-        let rest = inertia.eliminated(column, over_d);
         let c = velocity_product(joint.prismatic, link.twist, qd[i]);
-        let carried = column.scale_add(torque * over_d, rest.apply(c) + bias);
+        let bias = column.scale_add(torque * over_d, bias);
         let [sin, cos, d] = link.screw;
         let screw = screw_z(sin, cos, d);
-        let (rest, carried) = (screw.inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(carried));
-        outer = Some(Base::of(&joint.stand).to_parent(&rest, carried));
+        let (rest, wrench) = if joint.prismatic {
+            let rest = inertia.eliminated(column, over_d);
+            (screw.inertia_to_parent(&rest), rest.apply(c) + bias)
+        } else {
+            let rest = inertia.turn_eliminated(column, over_d);
+            (screw.turning_inertia_to_parent(&rest), rest.apply_across(c, bias))
+        };
+        carried = Base::of(&joint.stand).carry(&rest, screw.co_adjoint_apply_inverse(wrench));
     }
 
     if system.fixed {
-        out.twist = Vector6::zero();
+        *twist_rate = Vector6::zero();
     } else {
         let own: SpatialInertia<L> = system.vehicle.inertia.get();
-        let mut inertia = own;
-        let mut bias = body_bias(&system.vehicle, &own, twist, gravity);
-        if let Some((carried, wrench)) = &outer {
-            inertia = own.plus(carried);
-            bias = bias + *wrench;
-        }
-        out.twist = inertia.solve(bias.scale_add(L::c(-1.0), wrench));
+        let bias = body_bias(&system.vehicle, &own, twist, gravity) + carried.1;
+        *twist_rate = own.plus(&carried.0).solve(bias.scale_add(L::c(-1.0), wrench));
     }
 
-    let mut parent = out.twist;
+    let mut parent = *twist_rate;
     for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
         let [sin, cos, d] = link.screw;
         let carried = screw_z(sin, cos, d).adjoint_apply_inverse(Base::of(&joint.stand).twist(parent));
@@ -280,7 +275,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         let acceleration = (link.torque - link.column.dot(rate)) * link.over_d;
         let moved = if joint.prismatic { &mut rate.linear.0[2] } else { &mut rate.angular.0[2] };
         *moved += acceleration;
-        out.joints[i] = acceleration;
+        qdd[i] = acceleration;
         parent = rate;
     }
 }
@@ -292,8 +287,12 @@ fn joint_column<L: Lane, P>(
     inertia: &SpatialInertia<L>,
     bias: Vector6<L>,
 ) -> (Vector6<L>, L, L) {
-    let place = if joint.prismatic { 2 } else { 5 };
-    let column = Vector6::from_array([0, 1, 2, 3, 4, 5].map(|i| inertia.entry(i, place)));
-    let (column_entries, bias_entries) = (column.to_array(), bias.to_array());
-    (column, column_entries[place], bias_entries[place])
+    let (m, h, j) = (&inertia.m, &inertia.h, &inertia.j);
+    if joint.prismatic {
+        let column = Vector6::from_array([m[2], m[4], m[5], h[2][0], h[2][1], h[2][2]]);
+        (column, m[5], bias.linear.0[2])
+    } else {
+        let column = Vector6::from_array([h[0][2], h[1][2], h[2][2], j[2], j[4], j[5]]);
+        (column, j[5], bias.angular.0[2])
+    }
 }

@@ -29,6 +29,16 @@ pub fn friction(joint: &Joint, qd: f64) -> f64 {
     -(friction.viscous * qd + friction.coulomb * direction)
 }
 
+/// Torque of the actuator, N m or N: `command` and the servo's towards `target` `(q_d, q_d')`, together within its effort.
+pub fn actuator_torque(joint: &Joint, q: f64, qd: f64, command: f64, target: Option<(f64, f64)>) -> f64 {
+    let servo = match (&joint.servo, target) {
+        (Some(servo), Some((position, rate))) => servo.kp * (position - q) + servo.kd * (rate - qd),
+        _ => 0.0,
+    };
+    let effort = joint.effort.unwrap_or(f64::INFINITY);
+    (command + servo).min(effort).max(-effort)
+}
+
 /// End stop of a joint that is beyond a limit by the signed excess `p`: elastic torque `-stiffness p`, damping torque
 /// `-damping |p| qd`, and the elastic energy `stiffness p^2 / 2`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,6 +1,6 @@
 //! Torque at a joint: actuator, friction, end stops.
 
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, get_all};
 use crate::system::JointTerms;
 
 /// Torque along +q. `command` is the actuator's, `target` the servo's `(q_d, q_d')` if it is on.
@@ -20,8 +20,8 @@ pub fn joint_torque<L: Lane, P: Param<L>>(joint: &JointTerms<P>, q: L, qd: L, co
         }
     }
     if let Some(limits) = &joint.limits {
-        let [lower, upper] = limits.range.map(Param::get);
-        let [stiffness, damping] = limits.stop.map(Param::get);
+        let [lower, upper] = get_all(&limits.range);
+        let [stiffness, damping] = get_all(&limits.stop);
         let excess = (q - upper).max(L::zero()) - (lower - q).max(L::zero());
         torque = stiffness.neg_mul_add(excess, (damping * excess.abs()).neg_mul_add(qd, torque));
     }

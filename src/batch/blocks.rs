@@ -5,6 +5,7 @@ use nalgebra as na;
 use super::layout::Layout;
 use super::step::{Accelerate, Step, Switches};
 use super::threads::for_each_chunk;
+use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
 use crate::lie::{Pose, Vector6};
@@ -48,12 +49,20 @@ pub trait Storage: Send + Sync {
     fn set_state(&mut self, i: usize, state: &State);
     /// Quaternion `[w, x, y, z]` of instance `i` as the integrator keeps it, if it keeps one.
     fn quaternion(&self, i: usize) -> Option<[f64; 4]>;
+    /// Sets that quaternion, if one is kept.
+    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]);
     /// Current at instance `i`.
     fn current(&self, i: usize) -> na::Vector3<f64>;
     /// Sets the current at instance `i`.
     fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
     /// Sets the loads of instance `i`, as far as they are on.
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
+    /// Every number of instance `i`, to be saved.
+    fn column(&self, i: usize) -> Vec<f64>;
+    /// Sets every number of instance `i`.
+    fn set_column(&mut self, i: usize, column: &[f64]);
+    /// Numbers in a column.
+    fn column_len(&self) -> usize;
     /// Steps all instances.
     fn step(&mut self, run: &Run);
     /// `[V'; q'']` of all instances under their loads, instance by instance.
@@ -73,6 +82,8 @@ pub struct Run {
     pub h: f64,
     /// Steps.
     pub substeps: usize,
+    /// Steps before these on the clock of the servo targets.
+    pub before: usize,
     /// Loads that are on.
     pub switches: Switches,
     /// Most threads.
@@ -92,6 +103,9 @@ pub struct Blocks<T> {
 
 impl<T: Real> Blocks<T> {
     /// `instances` instances of a compiled scene, all in `state` and in the same `current`.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Memory`] if they do not fit into memory.
     pub fn new(
         compiled: &Compiled,
         instances: usize,
@@ -99,18 +113,22 @@ impl<T: Real> Blocks<T> {
         isa: Isa,
         state: &State,
         current: &na::Vector3<f64>,
-    ) -> Self {
+    ) -> Result<Self, SimulatorError> {
         let system = compiled.system.map(|Shared(x)| Shared(T::from_f64(x)));
         let layout = Layout::new(system.joints.len(), keeps_quaternion);
-        let columns = instances.div_ceil(T::BLOCK) * T::BLOCK;
-        let rows = vec![T::from_f64(0.0); columns * layout.rows];
+        let memory = || SimulatorError::Memory { instances };
+        let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
+        let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
+        let mut rows = Vec::new();
+        rows.try_reserve_exact(size).map_err(|_| memory())?;
+        rows.resize(size, T::from_f64(0.0));
         let mut blocks = Self { system, links: compiled.links.clone(), layout, isa, instances, rows };
         // Columns past the last instance hold a sane state too: they are stepped along.
         for i in 0..columns {
             blocks.set_state(i, state);
             blocks.set_current(i, current);
         }
-        blocks
+        Ok(blocks)
     }
 
     fn place(&self, i: usize, row: usize) -> usize {
@@ -140,7 +158,7 @@ impl<T: Real> Storage for Blocks<T> {
             position: self.get_all::<3>(i, layout.position).into(),
             rotation: na::Matrix3::from_row_slice(&self.get_all::<9>(i, layout.rotation)),
             twist: self.get_all::<6>(i, layout.twist).into(),
-            time: self.get(i, layout.time),
+            time: self.get(i, layout.time) + self.get(i, layout.time + 1),
             ..State::default()
         };
         for k in 0..layout.joints {
@@ -157,7 +175,8 @@ impl<T: Real> Storage for Blocks<T> {
         self.set_all(i, layout.twist, state.twist.iter().copied());
         self.set_all(i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(i, layout.qd, state.qd[..layout.joints].iter().copied());
-        self.set_all(i, layout.time, [state.time]);
+        let time = T::from_f64(state.time).to_f64();
+        self.set_all(i, layout.time, [time, state.time - time]);
         if layout.quaternion < layout.rows {
             self.set_all(i, layout.quaternion, crate::system::quaternion(&state.rotation));
         }
@@ -165,6 +184,12 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn quaternion(&self, i: usize) -> Option<[f64; 4]> {
         (self.layout.quaternion < self.layout.rows).then(|| self.get_all(i, self.layout.quaternion))
+    }
+
+    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
+        if self.layout.quaternion < self.layout.rows {
+            self.set_all(i, self.layout.quaternion, *quaternion);
+        }
     }
 
     fn current(&self, i: usize) -> na::Vector3<f64> {
@@ -195,6 +220,18 @@ impl<T: Real> Storage for Blocks<T> {
         }
     }
 
+    fn column(&self, i: usize) -> Vec<f64> {
+        (0..self.layout.rows).map(|row| self.get(i, row)).collect()
+    }
+
+    fn set_column(&mut self, i: usize, column: &[f64]) {
+        self.set_all(i, 0, column.iter().copied());
+    }
+
+    fn column_len(&self) -> usize {
+        self.layout.rows
+    }
+
     fn step(&mut self, run: &Run) {
         let threads = run.threads.min(self.instances.div_ceil(INSTANCES_PER_THREAD));
         let (system, layout, isa) = (&self.system, &self.layout, self.isa);
@@ -205,6 +242,7 @@ impl<T: Real> Storage for Blocks<T> {
                 integrator: run.integrator,
                 h: T::from_f64(run.h),
                 substeps: run.substeps,
+                before: run.before,
                 switches: run.switches,
                 blocks,
             };

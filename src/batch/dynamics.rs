@@ -1,8 +1,8 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
-use crate::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Derivative, Rates, StagePose};
-use crate::lane::{Lane, Param, Shared};
+use crate::lane::{Lane, Param, Shared, get_all};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
@@ -18,7 +18,13 @@ pub struct Station<L> {
 impl<L: Lane> Station<L> {
     /// The paper's PD on the vehicle: `F = -kp e - kd V` with `e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2]`, V absolute.
     #[inline(always)]
-    fn wrench<P: Param<L>>(&self, gains: &VehicleServo<P>, pose: &Pose<L>, elapsed: L, twist: Vector6<L>) -> Vector6<L> {
+    pub fn wrench<P: Param<L>>(
+        &self,
+        gains: &VehicleServo<P>,
+        pose: &Pose<L>,
+        elapsed: L,
+        twist: Vector6<L>,
+    ) -> Vector6<L> {
         let r = &pose.rotation;
         let offset = self.current.scale_add(elapsed, pose.position) - self.target.position;
         let e = self.target.rotation.transposed().times(r).0;
@@ -26,9 +32,11 @@ impl<L: Lane> Station<L> {
         let error = Vector6 { linear: r.apply_transposed(offset), angular: turn }.to_array();
         let linear = twist.linear + r.apply_transposed(self.current);
         let rate = Vector6 { linear, angular: twist.angular }.to_array();
-        Vector6::from_array([0, 1, 2, 3, 4, 5].map(|i| {
-            gains.kd[i].get().neg_mul_add(rate[i], -(gains.kp[i].get() * error[i]))
-        }))
+        let mut wrench = [L::zero(); 6];
+        for i in 0..6 {
+            wrench[i] = gains.kd[i].get().neg_mul_add(rate[i], -(gains.kp[i].get() * error[i]));
+        }
+        Vector6::from_array(wrench)
     }
 }
 
@@ -66,14 +74,12 @@ impl<L: Lane> Derivative<L, JOINTS> for Dynamics<'_, L> {
     ) {
         // Seen afresh at each stage: else the compiler broadcasts the whole system onto the stack beforehand.
         let system = std::hint::black_box(self.system);
-        let gravity = at.to_body(Vector3(system.gravity.map(Param::get)));
+        let gravity = at.to_body(Vector3(get_all(&system.gravity)));
         let mut wrench = self.wrench;
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }
         let instant = Instant { gravity, twist, q, qd, wrench, time: self.time + elapsed };
-        let mut out = Accelerations { twist: Vector6::zero(), joints: rates.qd };
-        accelerations(system, &instant, self.loads, self.scratch, &mut out);
-        *rates = Rates { twist: out.twist, qd: out.joints };
+        accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }

@@ -1,9 +1,16 @@
 //! What a caller applies to all instances, and its check.
 
+use nalgebra as na;
+
 use super::blocks::InstanceLoads;
+use super::simulator::SimulatorOptions;
 use super::step::Switches;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
+use crate::description::Scene;
 use crate::error::SimulatorError;
+
+/// Greatest entry of `R^T R - I` of what passes for a rotation.
+const ORTHONORMAL: f64 = 1e-6;
 
 /// Loads on all instances over one call, row-major by instance; an absent one is zero.
 #[derive(Debug, Clone, Copy, Default)]
@@ -23,6 +30,39 @@ pub struct Inputs<'a> {
     pub station: Option<&'a [f64]>,
 }
 
+/// `width` numbers per instance, all of them finite.
+pub(super) fn check(
+    name: &'static str,
+    values: Option<&[f64]>,
+    width: usize,
+    options: &SimulatorOptions,
+) -> Result<(), SimulatorError> {
+    let Some(values) = values else { return Ok(()) };
+    let expected = options.instances * width;
+    if values.len() != expected {
+        return Err(SimulatorError::Length { name, expected, got: values.len() });
+    }
+    match values.iter().position(|x| !options.precision.holds(*x)) {
+        Some(at) => Err(SimulatorError::NotFinite { name, instance: at / width, entry: at % width, value: values[at] }),
+        None => Ok(()),
+    }
+}
+
+/// A rotation matrix to within [`ORTHONORMAL`]; how far it is off.
+pub(super) fn check_rotation(
+    name: &'static str,
+    instance: usize,
+    rotation: &na::Matrix3<f64>,
+) -> Result<f64, SimulatorError> {
+    let deviation = (rotation.tr_mul(rotation) - na::Matrix3::identity()).amax();
+    let determinant = rotation.determinant();
+    if deviation <= ORTHONORMAL && determinant > 0.0 {
+        Ok(deviation)
+    } else {
+        Err(SimulatorError::NotARotation { name, instance, deviation, determinant })
+    }
+}
+
 /// Checked inputs, one instance at a time.
 pub(super) struct Applied<'a> {
     inputs: Inputs<'a>,
@@ -32,17 +72,23 @@ pub(super) struct Applied<'a> {
 }
 
 impl<'a> Applied<'a> {
-    /// Checks lengths and that all numbers are finite.
+    /// Checks lengths, that all numbers are finite, and that stations can be kept.
     pub fn new(
         inputs: &Inputs<'a>,
+        scene: &Scene,
         allocation: &'a Allocation,
-        instances: usize,
-        joints: usize,
+        options: &SimulatorOptions,
     ) -> Result<Self, SimulatorError> {
-        let thrusters = allocation.count();
-        let terms = inputs.joint_target.map_or(0, |t| t.len() / (instances * joints).max(1));
+        if inputs.station.is_some() && scene.vehicle.servo.is_none() {
+            return Err(SimulatorError::NoVehicleServo { scene: scene.name.clone() });
+        }
+        if inputs.joint_target.is_some_and(|t| !t.is_empty()) && scene.joints().all(|joint| joint.servo.is_none()) {
+            return Err(SimulatorError::NoJointServo { scene: scene.name.clone() });
+        }
+        let joints = scene.joints().count();
+        let terms = inputs.joint_target.map_or(0, |t| t.len() / (options.instances * joints).max(1));
         let expected = [
-            ("thrust", inputs.thrust, thrusters),
+            ("thrust", inputs.thrust, allocation.count()),
             ("wrench", inputs.wrench, 6),
             ("joint_torque", inputs.joint_torque, joints),
             ("joint_target", inputs.joint_target, joints * terms.clamp(1, 4)),
@@ -50,13 +96,10 @@ impl<'a> Applied<'a> {
             ("station", inputs.station, 12),
         ];
         for (name, values, width) in expected {
-            let Some(values) = values else { continue };
-            if values.len() != instances * width {
-                return Err(SimulatorError::Length { name, expected: instances * width, got: values.len() });
-            }
-            if let Some(at) = values.iter().position(|x| !x.is_finite()) {
-                return Err(SimulatorError::NotFinite { name, instance: at / width, entry: at % width, value: values[at] });
-            }
+            check(name, values, width, options)?;
+        }
+        for (i, station) in inputs.station.iter().flat_map(|s| s.chunks_exact(12)).enumerate() {
+            check_rotation("station", i, &na::Matrix3::from_row_slice(&station[3..]))?;
         }
         Ok(Self { inputs: *inputs, allocation, joints, terms })
     }
@@ -83,20 +126,28 @@ impl<'a> Applied<'a> {
         thrusts
     }
 
+    /// Wrench on the vehicle of instance `i` besides that of its thrusters.
+    pub fn wrench(&self, i: usize) -> [f64; 6] {
+        let external = self.row(self.inputs.external, 6 * (self.joints + 1), i);
+        let terms = [self.row(self.inputs.wrench, 6, i), external.map(|e| &e[..6])];
+        terms.into_iter().flatten().fold([0.0; 6], |sum, term| std::array::from_fn(|k| sum[k] + term[k]))
+    }
+
+    fn row(&self, values: Option<&'a [f64]>, width: usize, i: usize) -> Option<&'a [f64]> {
+        values.map(|v| &v[i * width..(i + 1) * width])
+    }
+
     /// Loads of instance `i`.
     pub fn fill(&self, i: usize, loads: &mut InstanceLoads) {
         let (n, inputs) = (self.joints, &self.inputs);
-        let row = |values: Option<&'a [f64]>, width: usize| values.map(|v| &v[i * width..(i + 1) * width]);
         loads.wrench = if inputs.thrust.is_some() { self.allocation.wrench(&self.thrust(i)).into() } else { [0.0; 6] };
-        let external = row(inputs.external, 6 * (n + 1));
-        for extra in [row(inputs.wrench, 6), external.map(|e| &e[..6])].into_iter().flatten() {
-            for k in 0..6 {
-                loads.wrench[k] += extra[k];
-            }
+        for (sum, extra) in loads.wrench.iter_mut().zip(self.wrench(i)) {
+            *sum += extra;
         }
+        let external = self.row(inputs.external, 6 * (n + 1), i);
         for k in 0..n {
-            loads.torque[k] = row(inputs.joint_torque, n).map_or(0.0, |t| t[k]);
-            if let Some(target) = row(inputs.joint_target, n * self.terms) {
+            loads.torque[k] = self.row(inputs.joint_torque, n, i).map_or(0.0, |t| t[k]);
+            if let Some(target) = self.row(inputs.joint_target, n * self.terms, i) {
                 loads.target[k] = [0.0; 4];
                 loads.target[k][..self.terms].copy_from_slice(&target[k * self.terms..(k + 1) * self.terms]);
             }
@@ -104,9 +155,9 @@ impl<'a> Applied<'a> {
                 loads.links[k].copy_from_slice(&external[6 * (k + 1)..6 * (k + 2)]);
             }
         }
-        if let Some(station) = row(inputs.station, 12) {
-            loads.station.1 = nalgebra::Vector3::from_column_slice(&station[..3]);
-            loads.station.0 = nalgebra::Matrix3::from_row_slice(&station[3..]);
+        if let Some(station) = self.row(inputs.station, 12, i) {
+            loads.station.1 = na::Vector3::from_column_slice(&station[..3]);
+            loads.station.0 = na::Matrix3::from_row_slice(&station[3..]);
         }
     }
 }

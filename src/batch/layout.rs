@@ -17,7 +17,7 @@ pub struct Layout {
     pub q: usize,
     /// q'.
     pub qd: usize,
-    /// Time, 1.
+    /// Time and what rounding has left out of it, 2.
     pub time: usize,
     /// Current in world axes, 3.
     pub current: usize,
@@ -53,7 +53,7 @@ impl Layout {
             twist: take(6),
             q: take(joints),
             qd: take(joints),
-            time: take(1),
+            time: take(2),
             current: take(3),
             wrench: take(6),
             torque: take(joints),

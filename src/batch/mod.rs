@@ -4,9 +4,13 @@ mod blocks;
 mod dynamics;
 mod inputs;
 mod layout;
+mod loads;
 mod simulator;
+mod states;
 mod step;
 mod threads;
 
 pub use inputs::Inputs;
+pub use loads::AppliedLoads;
 pub use simulator::{Precision, Simulator, SimulatorOptions};
+pub use states::States;

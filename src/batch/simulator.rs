@@ -3,14 +3,19 @@
 use nalgebra as na;
 
 use super::blocks::{Blocks, InstanceLoads, Run, Storage};
-use super::inputs::{Applied, Inputs};
-use crate::balance::{Balance, ClosedForm};
+use super::inputs::{Applied, Inputs, check};
+use crate::balance::articulated::Loads;
+use crate::balance::{Balance, ClosedForm, Linearization, linearize};
 use crate::control::{Allocation, Thrusts};
 use crate::description::Scene;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::Isa;
+use crate::lie::Vector6;
 use crate::system::{Compiled, State, compile};
+
+/// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
+const PART: usize = 1 << 16;
 
 /// Number type of the kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,6 +24,24 @@ pub enum Precision {
     Double,
     /// f32: twice as fast.
     Single,
+}
+
+impl Precision {
+    /// Whether `x` is a finite number of this type.
+    pub(super) fn holds(self, x: f64) -> bool {
+        match self {
+            Precision::Double => x.is_finite(),
+            Precision::Single => (x as f32).is_finite(),
+        }
+    }
+
+    /// Distance of 1 to the next number.
+    pub(super) fn epsilon(self) -> f64 {
+        match self {
+            Precision::Double => f64::EPSILON,
+            Precision::Single => f64::from(f32::EPSILON),
+        }
+    }
 }
 
 /// How to simulate.
@@ -107,10 +130,10 @@ impl Simulator {
         let (current, quaternion) = (scene.water.current, integrator.keeps_quaternion());
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current))
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -187,6 +210,11 @@ impl Simulator {
         self.storage.quaternion(i)
     }
 
+    /// Sets that quaternion, if one is kept.
+    pub fn set_kept_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
+        self.storage.set_quaternion(i, quaternion);
+    }
+
     /// Current at instance `i`, world axes, m/s.
     pub fn current(&self, i: usize) -> na::Vector3<f64> {
         self.storage.current(i)
@@ -202,9 +230,53 @@ impl Simulator {
     /// # Errors
     /// [`SimulatorError`] where an input has the wrong length or a number that is not finite; nothing has changed then.
     pub fn step(&mut self, inputs: &Inputs, substeps: usize) -> Result<(), SimulatorError> {
+        self.step_while(inputs, substeps, &mut || true).map(drop)
+    }
+
+    /// As [`Self::step`], but asks `go_on` between parts of the work and stops where it says no; whether it said no
+    /// nowhere. The parts make no difference to the result.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn step_while(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let switches = self.apply(inputs)?;
-        self.storage.step(&Run { integrator, h, substeps, switches, threads });
+        let part = (PART / self.instances()).max(1);
+        let mut before = 0;
+        while before < substeps {
+            if before > 0 && !go_on() {
+                return Ok(false);
+            }
+            let substeps = part.min(substeps - before);
+            self.storage.step(&Run { integrator, h, substeps, before, switches, threads });
+            before += substeps;
+        }
+        Ok(true)
+    }
+
+    /// Every number of all instances, instance by instance: [`Self::load`] gives them back bit for bit.
+    pub fn save(&self) -> Vec<f64> {
+        (0..self.instances()).flat_map(|i| self.storage.column(i)).collect()
+    }
+
+    /// Sets every number of all instances to what [`Self::save`] of a like simulator gave.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] if it was not a like one; nothing has changed then.
+    pub fn load(&mut self, numbers: &[f64]) -> Result<(), SimulatorError> {
+        let width = self.storage.column_len();
+        let (expected, got) = (self.instances() * width, numbers.len());
+        if got != expected {
+            return Err(SimulatorError::Length { name: "saved simulator", expected, got });
+        }
+        for (i, column) in numbers.chunks_exact(width).enumerate() {
+            self.storage.set_column(i, column);
+        }
         Ok(())
     }
 
@@ -222,9 +294,35 @@ impl Simulator {
         self.balance.at(&self.state(i), self.current(i))
     }
 
+    /// Linearizes instance `i` about its state under `inputs` (servos off).
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn linearize(&self, inputs: &Inputs, i: usize) -> Result<Linearization, SimulatorError> {
+        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let mut given = InstanceLoads::default();
+        applied.fill(i, &mut given);
+        let mut loads = Loads::none();
+        loads.torque = given.torque;
+        loads.on_links = applied.switches().on_links;
+        for (k, link) in self.compiled.links.iter().enumerate() {
+            loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
+        }
+        let (state, current) = (self.state(i), self.current(i));
+        Ok(linearize(&self.compiled.system, &state, &current, &given.wrench, &loads))
+    }
+
     /// The composed scene.
     pub fn balance(&self) -> &Balance {
         &self.balance
+    }
+
+    /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] or [`SimulatorError::NotFinite`].
+    pub fn check_rows(&self, name: &'static str, values: &[f64], width: usize) -> Result<(), SimulatorError> {
+        check(name, Some(values), width, &self.options)
     }
 
     /// Thrust of instance `i` under `inputs`, within limits.
@@ -232,14 +330,11 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn applied_thrust(&self, inputs: &Inputs, i: usize) -> Result<Thrusts, SimulatorError> {
-        Ok(Applied::new(inputs, self.allocation(), self.instances(), self.joints())?.thrust(i))
+        Ok(Applied::new(inputs, &self.scene, &self.allocation, &self.options)?.thrust(i))
     }
 
     fn apply(&mut self, inputs: &Inputs) -> Result<super::step::Switches, SimulatorError> {
-        if inputs.station.is_some() && self.compiled.system.vehicle_servo.is_none() {
-            return Err(SimulatorError::NoVehicleServo { scene: self.scene.name.clone() });
-        }
-        let applied = Applied::new(inputs, &self.allocation, self.options.instances, self.joints())?;
+        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
         let switches = applied.switches();
         let mut loads = InstanceLoads::default();
         for i in 0..self.options.instances {

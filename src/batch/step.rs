@@ -2,9 +2,9 @@
 
 use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
-use crate::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Integrator, Motion, QuaternionMotion, Stages, Tableau, munthe_kaas, quaternion_runge_kutta};
-use crate::lane::{Kernel, Lane, Param, Real, Shared};
+use crate::lane::{Kernel, Lane, Real, Shared, get_all};
 use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System};
 
@@ -54,7 +54,7 @@ impl<T: Real> Columns<'_, T> {
 
     #[inline(always)]
     fn matrix<L: Lane<Real = T>>(&self, row: usize) -> Matrix3<L> {
-        Matrix3([0, 3, 6].map(|k| self.vector(row + k).0))
+        Matrix3([self.vector(row).0, self.vector(row + 3).0, self.vector(row + 6).0])
     }
 
     #[inline(always)]
@@ -91,13 +91,21 @@ impl<T: Real> Columns<'_, T> {
     }
 
     #[inline(always)]
+    fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
+        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
+        Station { target, current: self.vector(layout.current) }
+    }
+
+    #[inline(always)]
     fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
         loads.servo = switches.servo;
         loads.on_links = switches.on_links;
         for k in 0..layout.joints {
             loads.torque[k] = self.get(layout.torque + k);
             if switches.servo {
-                loads.target[k] = [0, 1, 2, 3].map(|p| self.get(layout.target + 4 * k + p));
+                for p in 0..4 {
+                    loads.target[k][p] = self.get(layout.target + 4 * k + p);
+                }
             }
             if switches.on_links {
                 loads.links[k] = self.six(layout.links + 6 * k);
@@ -132,6 +140,8 @@ pub struct Step<'a, T> {
     pub h: T,
     /// Steps.
     pub substeps: usize,
+    /// Steps before these on the clock of the servo targets.
+    pub before: usize,
     /// Loads that are on.
     pub switches: Switches,
     /// Whole blocks.
@@ -151,13 +161,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 columns.motion(self.layout, &mut motion);
                 columns.loads(self.layout, self.switches, &mut loads);
                 let current = columns.vector(self.layout.current);
-                let station = self.switches.station.then(|| Station {
-                    target: Pose {
-                        rotation: columns.matrix(self.layout.station),
-                        position: columns.vector(self.layout.station + 9),
-                    },
-                    current,
-                });
+                let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
                 let mut dynamics = Dynamics {
                     system: self.system,
                     loads: &loads,
@@ -168,7 +172,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 };
                 match self.integrator {
                     Integrator::MuntheKaas(tableau, form) => {
-                        for k in 0..self.substeps {
+                        for k in self.before..self.before + self.substeps {
                             let clock = T::from_f64(k as f64) * self.h;
                             let held = motion.pose;
                             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
@@ -181,10 +185,13 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                         }
                     }
                     Integrator::Quaternion(tableau, correction) => {
-                        let quaternion = [0, 1, 2, 3].map(|k| columns.get::<L>(self.layout.quaternion + k));
+                        let mut quaternion = [L::zero(); 4];
+                        for k in 0..4 {
+                            quaternion[k] = columns.get(self.layout.quaternion + k);
+                        }
                         let Motion { pose, twist, q, qd } = motion;
                         let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
-                        for k in 0..self.substeps {
+                        for k in self.before..self.before + self.substeps {
                             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
                             rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
                             quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
@@ -200,9 +207,14 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                     }
                 }
                 columns.set_motion(self.layout, &motion);
-                let spent = L::splat(T::from_f64(self.substeps as f64) * self.h);
-                let time: L = columns.get(self.layout.time);
-                columns.set(self.layout.time, time + spent);
+                // Compensated, so that neither many steps nor their division into calls shows in the time.
+                let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
+                for _ in 0..self.substeps {
+                    let passed = rest + L::splat(self.h);
+                    let next = time + passed;
+                    (time, rest) = (next, passed - (next - time));
+                }
+                columns.set_all(self.layout.time, &[time, rest], 2);
             }
         }
     }
@@ -220,22 +232,22 @@ fn guarded<L: Lane>(
     stages: &mut Stages<L, JOINTS>,
 ) {
     let start = *motion;
+    let mut trial = start;
     let limit = L::c(GREATEST_TURN * GREATEST_TURN);
     // 1 in lanes that still need a finer step.
     let mut pending = L::c(1.0);
     let mut pieces = 1;
     loop {
         let piece = h / L::Real::from_f64(pieces as f64);
-        let mut trial = start;
+        let at = if pieces == 1 { &mut *motion } else { &mut trial };
         let mut greatest = L::zero();
         for k in 0..pieces {
             dynamics.time = L::splat(clock + L::Real::from_f64(k as f64) * piece);
-            greatest = greatest.max(munthe_kaas(tableau, form, piece, &mut trial, dynamics, stages));
+            greatest = greatest.max(munthe_kaas(tableau, form, piece, at, dynamics, stages));
         }
-        if pieces == 1 {
-            *motion = trial;
-        } else {
+        if pieces > 1 {
             keep(L::c(0.5).lt(pending), &trial, motion);
+            trial = start;
         }
         // A turn that is NaN is not below the limit either: the maps overflow on far too great ones.
         pending = L::select(greatest.lt(limit), L::zero(), pending);
@@ -280,18 +292,20 @@ fn lost<L: Lane>() -> Motion<L, JOINTS> {
 /// Takes `new` where the mask holds.
 #[inline(always)]
 fn keep<L: Lane>(mask: L::Mask, new: &Motion<L, JOINTS>, motion: &mut Motion<L, JOINTS>) {
-    let pick = |new: L, old: L| L::select(mask, new, old);
     for i in 0..3 {
-        for k in 0..3 {
-            motion.pose.rotation.0[i][k] = pick(new.pose.rotation.0[i][k], motion.pose.rotation.0[i][k]);
-        }
-        motion.pose.position.0[i] = pick(new.pose.position.0[i], motion.pose.position.0[i]);
-        motion.twist.linear.0[i] = pick(new.twist.linear.0[i], motion.twist.linear.0[i]);
-        motion.twist.angular.0[i] = pick(new.twist.angular.0[i], motion.twist.angular.0[i]);
+        pick(mask, &new.pose.rotation.0[i], &mut motion.pose.rotation.0[i]);
     }
-    for i in 0..JOINTS {
-        motion.q[i] = pick(new.q[i], motion.q[i]);
-        motion.qd[i] = pick(new.qd[i], motion.qd[i]);
+    pick(mask, &new.pose.position.0, &mut motion.pose.position.0);
+    pick(mask, &new.twist.linear.0, &mut motion.twist.linear.0);
+    pick(mask, &new.twist.angular.0, &mut motion.twist.angular.0);
+    pick(mask, &new.q, &mut motion.q);
+    pick(mask, &new.qd, &mut motion.qd);
+}
+
+#[inline(always)]
+fn pick<L: Lane, const K: usize>(mask: L::Mask, new: &[L; K], old: &mut [L; K]) {
+    for k in 0..K {
+        old[k] = L::select(mask, new[k], old[k]);
     }
 }
 
@@ -316,7 +330,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = blank_motion::<L>();
-        let mut result = Accelerations { twist: Vector6::zero(), joints: [L::zero(); JOINTS] };
+        let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
         let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
         for (rows, out) in blocks.zip(results) {
@@ -327,23 +341,28 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
+                let mut wrench = columns.six(layout.wrench);
+                if let (true, Some(gains)) = (self.switches.station, &self.system.vehicle_servo) {
+                    let station = columns.station(layout);
+                    wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
+                }
                 let instant = Instant {
-                    gravity: rotation.apply_transposed(Vector3(self.system.gravity.map(Param::get))),
+                    gravity: rotation.apply_transposed(Vector3(get_all(&self.system.gravity))),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
-                    wrench: columns.six(layout.wrench),
+                    wrench,
                     time: L::zero(),
                 };
-                accelerations(self.system, &instant, &loads, &mut scratch, &mut result);
+                accelerations(self.system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
                 // V' = V_r' - [omega x R^T v_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
                 if !self.system.fixed {
-                    result.twist.linear = result.twist.linear - turn;
+                    twist_rate.linear = twist_rate.linear - turn;
                 }
                 let mut out = Columns { rows: &mut *out, first };
-                out.set_all(0, &result.twist.to_array(), 6);
-                out.set_all(6, &result.joints, layout.joints);
+                out.set_all(0, &twist_rate.to_array(), 6);
+                out.set_all(6, &qdd, layout.joints);
             }
         }
     }

@@ -23,7 +23,8 @@ pub fn for_each_chunk<T: Send>(rows: &mut [T], block: usize, threads: usize, wor
     };
     std::thread::scope(|scope| {
         for _ in 1..threads {
-            scope.spawn(turn);
+            // Where no more threads are to be had, those that there are do the work.
+            let _ = std::thread::Builder::new().spawn_scoped(scope, turn);
         }
         turn();
     });

@@ -1,7 +1,7 @@
 //! Linear and quadratic drag.
 
-use crate::lane::{Lane, Param};
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::lane::{Lane, Param, get_all};
+use crate::lie::{Pose, Vector3, Vector6};
 
 /// A 6x6 coefficient matrix, as sparse as the scene has it.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +53,8 @@ impl<P: Copy> Coefficients<P> {
 pub enum Placement<P> {
     /// The coefficients' frame is the body's.
     Here,
+    /// Parallel to the body frame, at this point.
+    Shifted([P; 3]),
     /// At a pose in the body frame: rotation by rows, position.
     At([[P; 3]; 3], [P; 3]),
 }
@@ -62,6 +64,7 @@ impl<P: Copy> Placement<P> {
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Placement<Q> {
         match self {
             Placement::Here => Placement::Here,
+            Placement::Shifted(p) => Placement::Shifted(p.map(&change)),
             Placement::At(r, p) => Placement::At(r.map(|row| row.map(&change)), p.map(&change)),
         }
     }
@@ -97,9 +100,14 @@ impl<P: Copy> Drag<P> {
     {
         match &self.placement {
             Placement::Here => self.in_place(twist),
+            Placement::Shifted(p) => {
+                let r = Vector3(get_all(p));
+                let there = Vector6 { linear: twist.angular.cross_add(r, twist.linear), ..twist };
+                let wrench = self.in_place(there);
+                Vector6 { angular: r.cross_add(wrench.linear, wrench.angular), ..wrench }
+            }
             Placement::At(r, p) => {
-                let pose =
-                    Pose { rotation: Matrix3(r.map(|row| row.map(Param::get))), position: Vector3(p.map(Param::get)) };
+                let pose = Pose::of(r, p);
                 pose.co_adjoint_apply_inverse(self.in_place(pose.adjoint_apply_inverse(twist)))
             }
         }
@@ -114,7 +122,11 @@ impl<P: Copy> Drag<P> {
         let mut wrench = [L::zero(); 6];
         self.linear.subtract(&v, &mut wrench);
         if !matches!(self.quadratic, Coefficients::None) {
-            self.quadratic.subtract(&v.map(|x| x * x.abs()), &mut wrench);
+            let mut squares = v;
+            for x in &mut squares {
+                *x = *x * x.abs();
+            }
+            self.quadratic.subtract(&squares, &mut wrench);
         }
         Vector6::from_array(wrench)
     }

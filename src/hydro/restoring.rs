@@ -1,6 +1,6 @@
 //! Weight and buoyancy.
 
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Vector3, Vector6};
 
 /// Weight and buoyancy of a body in a uniform field: `f = n g`, `m = s x g`, with g in body axes. `[HC eq. 24]`
@@ -24,6 +24,6 @@ impl<P: Copy> Restoring<P> {
     where
         P: Param<L>,
     {
-        Vector6 { linear: g.scale(self.net_mass.get()), angular: Vector3(self.moment.map(Param::get)).cross(g) }
+        Vector6 { linear: g.scale(self.net_mass.get()), angular: Vector3(get_all(&self.moment)).cross(g) }
     }
 }

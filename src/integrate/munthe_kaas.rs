@@ -27,13 +27,51 @@ pub struct Stages<L, const N: usize> {
     q: [[L; N]; STAGES],
     /// V' and q''.
     rates: [Rates<L, N>; STAGES],
+    /// q and q' of the stage at hand.
+    q_at: [L; N],
+    qd_at: [L; N],
 }
 
 impl<L: Lane, const N: usize> Stages<L, N> {
     /// Fresh memory; its contents never matter.
     pub fn new() -> Self {
-        let rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-        Self { theta: [Vector6::zero(); STAGES], q: [[L::zero(); N]; STAGES], rates: [rates; STAGES] }
+        let zero = [L::zero(); N];
+        let rates = Rates { twist: Vector6::zero(), qd: zero };
+        Self { theta: [Vector6::zero(); STAGES], q: [zero; STAGES], rates: [rates; STAGES], q_at: zero, qd_at: zero }
+    }
+
+    /// `Theta = h sum w_j dexp^-1 V_j` and the likes of it: returns Theta and V, and leaves q and q' in `q_at`, `qd_at`.
+    #[inline(always)]
+    fn weigh(
+        &mut self,
+        weights: &[f64; STAGES],
+        count: usize,
+        n: usize,
+        h: L::Real,
+        from: &Motion<L, N>,
+    ) -> (Vector6<L>, Vector6<L>) {
+        let (mut theta, mut twist) = (Vector6::zero(), Vector6::zero());
+        for k in 0..n {
+            self.q_at[k] = L::zero();
+            self.qd_at[k] = L::zero();
+        }
+        for j in 0..count {
+            if weights[j] == 0.0 {
+                continue;
+            }
+            let weight = L::splat(h * L::Real::from_f64(weights[j]));
+            theta = self.theta[j].scale_add(weight, theta);
+            twist = self.rates[j].twist.scale_add(weight, twist);
+            for k in 0..n {
+                self.q_at[k] = self.q[j][k].mul_add(weight, self.q_at[k]);
+                self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
+            }
+        }
+        for k in 0..n {
+            self.q_at[k] += from.q[k];
+            self.qd_at[k] += from.qd[k];
+        }
+        (theta, from.twist + twist)
     }
 }
 
@@ -73,72 +111,34 @@ pub fn munthe_kaas<L: Lane, D: Derivative<L, N>, const N: usize>(
     stages: &mut Stages<L, N>,
 ) -> L {
     let n = derivative.joints();
-    let scaled = |weight: f64| h * L::Real::from_f64(weight);
     let mut greatest = L::zero();
     for i in 0..tableau.stages {
-        let (theta, twist, q, qd);
-        if i == 0 {
-            (theta, twist, q, qd) = (Vector6::zero(), motion.twist, motion.q, motion.qd);
+        let (theta, twist) = if i == 0 {
+            for k in 0..n {
+                stages.q_at[k] = motion.q[k];
+                stages.qd_at[k] = motion.qd[k];
+            }
+            (Vector6::zero(), motion.twist)
         } else {
-            let sum = weighted(&tableau.a[i], i, n, h, stages);
-            theta = sum.theta;
-            twist = motion.twist + sum.rates.twist;
-            (q, qd) = (plus(n, &motion.q, &sum.q), plus(n, &motion.qd, &sum.rates.qd));
-            greatest = greatest.max(theta.angular.dot(theta.angular));
-        }
+            stages.weigh(&tableau.a[i], i, n, h, motion)
+        };
+        greatest = greatest.max(theta.angular.dot(theta.angular));
         let at = Increment { start: &motion.pose, theta };
-        derivative.rates(&at, L::splat(scaled(tableau.c[i])), twist, &q, &qd, &mut stages.rates[i]);
+        let elapsed = L::splat(h * L::Real::from_f64(tableau.c[i]));
+        derivative.rates(&at, elapsed, twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
         stages.theta[i] = if i == 0 { twist } else { dexp_inverse_negative(form, theta, twist) };
-        stages.q[i] = qd;
-    }
-    let sum = weighted(&tableau.b, tableau.stages, n, h, stages);
-    greatest = greatest.max(sum.theta.angular.dot(sum.theta.angular));
-    motion.pose = motion.pose.times(&exp_se3(sum.theta));
-    motion.pose.rotation = motion.pose.rotation.orthonormalised();
-    motion.twist = motion.twist + sum.rates.twist;
-    motion.q = plus(n, &motion.q, &sum.q);
-    motion.qd = plus(n, &motion.qd, &sum.rates.qd);
-    greatest
-}
-
-/// A weighted sum of stages, times h.
-struct Sum<L, const N: usize> {
-    theta: Vector6<L>,
-    q: [L; N],
-    rates: Rates<L, N>,
-}
-
-#[inline(always)]
-fn weighted<L: Lane, const N: usize>(
-    weights: &[f64; STAGES],
-    count: usize,
-    n: usize,
-    h: L::Real,
-    stages: &Stages<L, N>,
-) -> Sum<L, N> {
-    let zero = [L::zero(); N];
-    let mut sum = Sum { theta: Vector6::zero(), q: zero, rates: Rates { twist: Vector6::zero(), qd: zero } };
-    for j in 0..count {
-        if weights[j] == 0.0 {
-            continue;
-        }
-        let weight = L::splat(h * L::Real::from_f64(weights[j]));
-        let rates = &stages.rates[j];
-        sum.theta = stages.theta[j].scale_add(weight, sum.theta);
-        sum.rates.twist = rates.twist.scale_add(weight, sum.rates.twist);
         for k in 0..n {
-            sum.q[k] = stages.q[j][k].mul_add(weight, sum.q[k]);
-            sum.rates.qd[k] = rates.qd[k].mul_add(weight, sum.rates.qd[k]);
+            stages.q[i][k] = stages.qd_at[k];
         }
     }
-    sum
-}
-
-#[inline(always)]
-fn plus<L: Lane, const N: usize>(n: usize, a: &[L; N], b: &[L; N]) -> [L; N] {
-    let mut sum = *a;
+    let (theta, twist) = stages.weigh(&tableau.b, tableau.stages, n, h, motion);
+    greatest = greatest.max(theta.angular.dot(theta.angular));
+    motion.pose = motion.pose.times(&exp_se3(theta));
+    motion.pose.rotation = motion.pose.rotation.orthonormalised();
+    motion.twist = twist;
     for k in 0..n {
-        sum[k] += b[k];
+        motion.q[k] = stages.q_at[k];
+        motion.qd[k] = stages.qd_at[k];
     }
-    sum
+    greatest
 }

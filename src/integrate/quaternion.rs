@@ -84,17 +84,16 @@ pub fn quaternion_runge_kutta<L: Lane, D: Derivative<L, N>, const N: usize>(
     derivative: &mut D,
 ) {
     let n = derivative.joints();
-    let scaled = |weight: f64| L::splat(h * L::Real::from_f64(weight));
     let mut stages = [*motion; STAGES];
     for i in 0..tableau.stages {
         let mut at = *motion;
         for j in 0..i {
-            at = at.advanced(scaled(tableau.a[i][j]), &stages[j], n);
+            at = at.advanced(scaled(h, tableau.a[i][j]), &stages[j], n);
         }
         let rotation = at.rotation();
         let pose = Pose { rotation, position: at.position };
         let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-        derivative.rates(&pose, scaled(tableau.c[i]), at.twist, &at.q, &at.qd, &mut rates);
+        derivative.rates(&pose, scaled(h, tableau.c[i]), at.twist, &at.q, &at.qd, &mut rates);
         stages[i] = QuaternionMotion {
             quaternion: quaternion_rate(at.quaternion, at.twist.angular, correction),
             position: rotation.apply(at.twist.linear),
@@ -105,13 +104,21 @@ pub fn quaternion_runge_kutta<L: Lane, D: Derivative<L, N>, const N: usize>(
     }
     let mut next = *motion;
     for i in 0..tableau.stages {
-        next = next.advanced(scaled(tableau.b[i]), &stages[i], n);
+        next = next.advanced(scaled(h, tableau.b[i]), &stages[i], n);
     }
     if correction == Correction::Normalise {
         let length = squared(next.quaternion).sqrt();
-        next.quaternion = next.quaternion.map(|x| x / length);
+        for x in &mut next.quaternion {
+            *x = *x / length;
+        }
     }
     *motion = next;
+}
+
+/// `h * weight`
+#[inline(always)]
+fn scaled<L: Lane>(h: L::Real, weight: f64) -> L {
+    L::splat(h * L::Real::from_f64(weight))
 }
 
 #[inline(always)]

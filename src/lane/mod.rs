@@ -110,6 +110,16 @@ impl<L: Lane> Param<L> for Shared<L::Real> {
     }
 }
 
+/// Parameters in lanes. (Not `map`: a closure would not inherit the caller's instruction set.)
+#[inline(always)]
+pub fn get_all<L: Lane, P: Param<L>, const K: usize>(parameters: &[P; K]) -> [L; K] {
+    let mut out = [L::zero(); K];
+    for i in 0..K {
+        out[i] = parameters[i].get();
+    }
+    out
+}
+
 /// Implements the assigning operators by the plain ones.
 macro_rules! assigning_ops {
     ($lane:ty) => {

@@ -34,7 +34,7 @@ const fn factorial(n: usize) -> f64 {
 
 /// `(-1)^k`
 const fn sign(k: usize) -> f64 {
-    if k % 2 == 0 { 1.0 } else { -1.0 }
+    if k.is_multiple_of(2) { 1.0 } else { -1.0 }
 }
 
 /// Coefficients of S, C, B, P, Q in z.

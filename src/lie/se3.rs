@@ -3,7 +3,7 @@
 use std::ops::Add;
 
 use super::{Matrix3, Vector3};
-use crate::lane::Lane;
+use crate::lane::{Lane, Param, get_all};
 
 /// A pair `[linear; angular]`: a body twist `[v; omega]` or its rate, or a body wrench `[f; m]`. `[HC eq. 2, 6]`
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,6 +77,13 @@ pub struct Pose<L> {
 }
 
 impl<L: Lane> Pose<L> {
+    /// From parameters: rotation by rows, position.
+    #[inline(always)]
+    pub fn of<P: Param<L>>(rotation: &[[P; 3]; 3], position: &[P; 3]) -> Self {
+        let rows = [get_all(&rotation[0]), get_all(&rotation[1]), get_all(&rotation[2])];
+        Self { rotation: Matrix3(rows), position: Vector3(get_all(position)) }
+    }
+
     /// `self * b`
     #[inline(always)]
     pub fn times(&self, b: &Self) -> Self {

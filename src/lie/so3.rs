@@ -47,7 +47,8 @@ impl<L: Lane> Vector3<L> {
     /// `self * s`
     #[inline(always)]
     pub fn scale(self, s: L) -> Self {
-        Self(self.0.map(|x| x * s))
+        let a = self.0;
+        Self([a[0] * s, a[1] * s, a[2] * s])
     }
 
     /// `self * s + b`
@@ -80,7 +81,8 @@ impl<L: Lane> Neg for Vector3<L> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self(self.0.map(|x| -x))
+        let a = self.0;
+        Self([-a[0], -a[1], -a[2]])
     }
 }
 
@@ -99,38 +101,39 @@ impl<L: Lane> Matrix3<L> {
     /// `self * v`
     #[inline(always)]
     pub fn apply(&self, v: Vector3<L>) -> Vector3<L> {
-        Vector3(self.0.map(|row| Vector3(row).dot(v)))
+        let m = &self.0;
+        Vector3([Vector3(m[0]).dot(v), Vector3(m[1]).dot(v), Vector3(m[2]).dot(v)])
     }
 
     /// `self^T * v`
     #[inline(always)]
     pub fn apply_transposed(&self, v: Vector3<L>) -> Vector3<L> {
-        let m = &self.0;
-        Vector3([0, 1, 2].map(|j| Vector3([m[0][j], m[1][j], m[2][j]]).dot(v)))
+        self.transposed().apply(v)
     }
 
     /// `self * b`
     #[inline(always)]
     pub fn times(&self, b: &Self) -> Self {
-        Self(self.0.map(|row| b.apply_transposed(Vector3(row)).0))
+        let (m, b) = (&self.0, b.transposed());
+        Self([b.apply(Vector3(m[0])).0, b.apply(Vector3(m[1])).0, b.apply(Vector3(m[2])).0])
     }
 
     /// The transpose.
     #[inline(always)]
     pub fn transposed(&self) -> Self {
         let m = &self.0;
-        Self([0, 1, 2].map(|j| [m[0][j], m[1][j], m[2][j]]))
+        Self([[m[0][0], m[1][0], m[2][0]], [m[0][1], m[1][1], m[2][1]], [m[0][2], m[1][2], m[2][2]]])
     }
 
     /// One Newton step towards the nearest rotation, `R (3 I - R^T R) / 2`: takes off the rounding of many products.
     #[inline(always)]
     pub fn orthonormalised(&self) -> Self {
-        let columns = self.transposed().0.map(Vector3);
+        let columns = self.transposed().0;
         let mut s = Self::identity();
         for i in 0..3 {
             for j in i..3 {
                 let unit = if i == j { 1.5 } else { 0.0 };
-                let entry = columns[i].dot(columns[j]).mul_add(L::c(-0.5), L::c(unit));
+                let entry = Vector3(columns[i]).dot(Vector3(columns[j])).mul_add(L::c(-0.5), L::c(unit));
                 s.0[i][j] = entry;
                 s.0[j][i] = entry;
             }

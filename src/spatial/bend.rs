@@ -2,8 +2,9 @@
 //! about z. Each touches a plane and an axis only, which is what makes it cheaper than a general change of frame.
 
 use super::SpatialInertia;
+use super::inertia::PACKED;
 use crate::lane::{Lane, Param};
-use crate::lie::{Vector3, Vector6};
+use crate::lie::{Matrix3, Vector3, Vector6};
 
 /// Twist angle alpha of a link, with the two cases that most arms are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,6 +13,8 @@ pub enum Bend<P> {
     Flat,
     /// Perpendicular axes: alpha = pi/2.
     Quarter,
+    /// Opposite axes: alpha = pi.
+    Half,
     /// Any other: sine and cosine.
     General(P, P),
 }
@@ -22,55 +25,76 @@ impl<P: Copy> Bend<P> {
         match *self {
             Bend::Flat => Bend::Flat,
             Bend::Quarter => Bend::Quarter,
+            Bend::Half => Bend::Half,
             Bend::General(s, c) => Bend::General(change(s), change(c)),
         }
     }
 }
 
-/// Rotation in the plane of two axes followed by `along`, as `x` (plane yz) or `z` (plane xy).
+/// A turn about an axis and a shift along it: `ALONG` is 0 for x, 2 for z. (A constant, so that every index below is one.)
 #[derive(Debug, Clone, Copy)]
-pub struct Axis<L> {
+pub struct Screw<L, const ALONG: usize> {
     turn: Turn<L>,
     shift: L,
-    /// The two axes of the plane and the axis along.
-    axes: [usize; 3],
 }
 
 #[derive(Debug, Clone, Copy)]
 enum Turn<L> {
     None,
     Quarter,
+    Half,
     By(L, L),
+}
+
+impl<L: Lane> Turn<L> {
+    #[inline(always)]
+    fn of<P: Param<L>>(bend: Bend<P>) -> Self {
+        match bend {
+            Bend::Flat => Turn::None,
+            Bend::Quarter => Turn::Quarter,
+            Bend::Half => Turn::Half,
+            Bend::General(s, c) => Turn::By(s.get(), c.get()),
+        }
+    }
 }
 
 /// `Rx(alpha) Tx(a)`.
 #[inline(always)]
-pub fn screw_x<L: Lane, P: Param<L>>(bend: Bend<P>, a: P) -> Axis<L> {
-    let turn = match bend {
-        Bend::Flat => Turn::None,
-        Bend::Quarter => Turn::Quarter,
-        Bend::General(s, c) => Turn::By(s.get(), c.get()),
-    };
-    Axis { turn, shift: a.get(), axes: [1, 2, 0] }
+pub fn screw_x<L: Lane, P: Param<L>>(bend: Bend<P>, a: P) -> Screw<L, 0> {
+    Screw { turn: Turn::of(bend), shift: a.get() }
+}
+
+/// `Rz(theta) Tz(d)` with a constant theta.
+#[inline(always)]
+pub fn constant_screw_z<L: Lane, P: Param<L>>(bend: Bend<P>, d: P) -> Screw<L, 2> {
+    Screw { turn: Turn::of(bend), shift: d.get() }
 }
 
 /// `Rz(theta) Tz(d)`, theta by its sine and cosine.
 #[inline(always)]
-pub fn screw_z<L: Lane>(sin: L, cos: L, d: L) -> Axis<L> {
-    Axis { turn: Turn::By(sin, cos), shift: d, axes: [0, 1, 2] }
+pub fn screw_z<L: Lane>(sin: L, cos: L, d: L) -> Screw<L, 2> {
+    Screw { turn: Turn::By(sin, cos), shift: d }
 }
 
-impl<L: Lane> Axis<L> {
+impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
+    /// The two axes of the plane, in turning order.
+    const I: usize = (ALONG + 1) % 3;
+    const K: usize = (ALONG + 2) % 3;
+
     /// A vector of the child, in parent axes.
     #[inline(always)]
     pub fn rotate(&self, v: Vector3<L>) -> Vector3<L> {
-        let [i, k, n] = self.axes;
+        let (i, k, n) = (Self::I, Self::K, ALONG);
         let mut out = v;
         match self.turn {
             Turn::None => {}
             Turn::Quarter => {
                 out.0[i] = -v.0[k];
                 out.0[k] = v.0[i];
+            }
+            Turn::Half => {
+                out.0[i] = -v.0[i];
+                out.0[k] = -v.0[k];
             }
             Turn::By(s, c) => {
                 out.0[i] = c.mul_add(v.0[i], -(s * v.0[k]));
@@ -84,13 +108,17 @@ impl<L: Lane> Axis<L> {
     /// A vector of the parent, in child axes.
     #[inline(always)]
     pub fn rotate_back(&self, v: Vector3<L>) -> Vector3<L> {
-        let [i, k, n] = self.axes;
+        let (i, k, n) = (Self::I, Self::K, ALONG);
         let mut out = v;
         match self.turn {
             Turn::None => {}
             Turn::Quarter => {
                 out.0[i] = v.0[k];
                 out.0[k] = -v.0[i];
+            }
+            Turn::Half => {
+                out.0[i] = -v.0[i];
+                out.0[k] = -v.0[k];
             }
             Turn::By(s, c) => {
                 out.0[i] = c.mul_add(v.0[i], s * v.0[k]);
@@ -104,7 +132,7 @@ impl<L: Lane> Axis<L> {
     /// `Ad^-1 V`: a twist of the parent frame, in the child frame.
     #[inline(always)]
     pub fn adjoint_apply_inverse(&self, twist: Vector6<L>) -> Vector6<L> {
-        let [i, k, _] = self.axes;
+        let (i, k) = (Self::I, Self::K);
         let angular = self.rotate_back(twist.angular);
         let mut linear = self.rotate_back(twist.linear);
         // v + omega x (shift along the axis)
@@ -116,7 +144,7 @@ impl<L: Lane> Axis<L> {
     /// `Ad^-T F`: a wrench on the child frame, in the parent frame.
     #[inline(always)]
     pub fn co_adjoint_apply_inverse(&self, wrench: Vector6<L>) -> Vector6<L> {
-        let [i, k, _] = self.axes;
+        let (i, k) = (Self::I, Self::K);
         let (f, mut m) = (wrench.linear, wrench.angular);
         // m + (shift along the axis) x f
         m.0[i] = f.0[k].neg_mul_add(self.shift, m.0[i]);
@@ -127,39 +155,47 @@ impl<L: Lane> Axis<L> {
     /// `Ad^-T A Ad^-1`: an inertia of the child frame, in the parent frame.
     #[inline(always)]
     pub fn inertia_to_parent(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L> {
-        let shifted = self.shift_inertia(inertia);
-        SpatialInertia {
-            m: self.turn_symmetric(&shifted.m),
-            h: self.turn_full(&shifted.h),
-            j: self.turn_symmetric(&shifted.j),
-        }
+        self.move_inertia::<false>(inertia)
     }
 
-    /// Shift along the axis: `H' = H - M [r]`, `J' = J - H^T [r] + [r] H'`.
+    /// The same for an inertia whose row and column of the rotation along the axis are zero.
     #[inline(always)]
-    fn shift_inertia(&self, a: &SpatialInertia<L>) -> SpatialInertia<L> {
-        use super::inertia::PACKED;
-        let [i, k, n] = self.axes;
+    pub fn turning_inertia_to_parent(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L> {
+        self.move_inertia::<true>(inertia)
+    }
+
+    /// Shift along the axis, `H' = H - M [r]`, `J' = J - H^T [r] + [r] H'`, then turn about it; `TURNING` where
+    /// the entries of the rotation along the axis are known to be zero.
+    #[inline(always)]
+    fn move_inertia<const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L> {
+        let (i, k, n) = (Self::I, Self::K, ALONG);
         let d = self.shift;
-        let mut b = *a;
-        for row in 0..3 {
-            b.h[row][i] = a.m[PACKED[row][k]].neg_mul_add(d, a.h[row][i]);
-            b.h[row][k] = a.m[PACKED[row][i]].mul_add(d, a.h[row][k]);
+        let (mut h, mut j) = (a.h, a.j);
+        let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
+        h[i][i] = a.m[ik].neg_mul_add(d, a.h[i][i]);
+        h[i][k] = a.m[ii].mul_add(d, a.h[i][k]);
+        h[k][i] = a.m[kk].neg_mul_add(d, a.h[k][i]);
+        h[k][k] = a.m[ik].mul_add(d, a.h[k][k]);
+        h[n][i] = a.m[kn].neg_mul_add(d, a.h[n][i]);
+        h[n][k] = a.m[inn].mul_add(d, a.h[n][k]);
+        j[ii] = (a.h[k][i] + h[k][i]).neg_mul_add(d, a.j[ii]);
+        j[ik] = (a.h[i][i] - h[k][k]).mul_add(d, a.j[ik]);
+        j[kk] = (a.h[i][k] + h[i][k]).mul_add(d, a.j[kk]);
+        if !TURNING {
+            j[inn] = h[k][n].neg_mul_add(d, a.j[inn]);
+            j[kn] = h[i][n].mul_add(d, a.j[kn]);
         }
-        let (ii, ik, inn, kk, kn) = (PACKED[i][i], PACKED[i][k], PACKED[i][n], PACKED[k][k], PACKED[k][n]);
-        b.j[ii] = (a.h[k][i] + b.h[k][i]).neg_mul_add(d, a.j[ii]);
-        b.j[ik] = (a.h[i][i] - b.h[k][k]).mul_add(d, a.j[ik]);
-        b.j[kk] = (a.h[i][k] + b.h[i][k]).mul_add(d, a.j[kk]);
-        b.j[inn] = b.h[k][n].neg_mul_add(d, a.j[inn]);
-        b.j[kn] = b.h[i][n].mul_add(d, a.j[kn]);
-        b
+        SpatialInertia {
+            m: self.turn_symmetric::<false>(&a.m),
+            h: self.turn_full::<TURNING>(&h),
+            j: self.turn_symmetric::<TURNING>(&j),
+        }
     }
 
-    /// `R S R^T` of a symmetric matrix.
+    /// `R S R^T` of a symmetric matrix; `PLANAR` where its entries along the axis are zero.
     #[inline(always)]
-    fn turn_symmetric(&self, s: &[L; 6]) -> [L; 6] {
-        use super::inertia::PACKED;
-        let [i, k, n] = self.axes;
+    fn turn_symmetric<const PLANAR: bool>(&self, s: &[L; 6]) -> [L; 6] {
+        let (i, k, n) = (Self::I, Self::K, ALONG);
         let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
         let mut out = *s;
         match self.turn {
@@ -171,6 +207,10 @@ impl<L: Lane> Axis<L> {
                 out[inn] = -s[kn];
                 out[kn] = s[inn];
             }
+            Turn::Half => {
+                out[inn] = -s[inn];
+                out[kn] = -s[kn];
+            }
             Turn::By(sin, cos) => {
                 let difference = s[ii] - s[kk];
                 // With t = sin (difference) + 2 cos S_ik: S_kk' = S_kk + sin t, S_ii' = S_ii - sin t.
@@ -178,18 +218,25 @@ impl<L: Lane> Axis<L> {
                 out[ii] = sin.neg_mul_add(t, s[ii]);
                 out[kk] = sin.mul_add(t, s[kk]);
                 out[ik] = cos.mul_add(t, -s[ik]);
-                out[inn] = cos.mul_add(s[inn], -(sin * s[kn]));
-                out[kn] = sin.mul_add(s[inn], cos * s[kn]);
+                if !PLANAR {
+                    out[inn] = cos.mul_add(s[inn], -(sin * s[kn]));
+                    out[kn] = sin.mul_add(s[inn], cos * s[kn]);
+                }
             }
         }
         out
     }
 
-    /// `R H R^T` of a full matrix.
+    /// `R H R^T` of a full matrix; `PLANAR` where its column along the axis is zero.
     #[inline(always)]
-    fn turn_full(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3] {
-        let rows = h.map(|row| self.rotate(Vector3(row)).0);
-        let columns = [0, 1, 2].map(|k| self.rotate(Vector3([rows[0][k], rows[1][k], rows[2][k]])).0);
-        [0, 1, 2].map(|i| [columns[0][i], columns[1][i], columns[2][i]])
+    fn turn_full<const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3] {
+        let rows = Matrix3([self.rotate(Vector3(h[0])).0, self.rotate(Vector3(h[1])).0, self.rotate(Vector3(h[2])).0]);
+        let mut columns = rows.transposed().0;
+        columns[Self::I] = self.rotate(Vector3(columns[Self::I])).0;
+        columns[Self::K] = self.rotate(Vector3(columns[Self::K])).0;
+        if !PLANAR {
+            columns[ALONG] = self.rotate(Vector3(columns[ALONG])).0;
+        }
+        Matrix3(columns).transposed().0
     }
 }

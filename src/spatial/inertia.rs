@@ -1,6 +1,6 @@
 //! Symmetric 6x6 inertia: rigid, added or articulated.
 
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 
 /// `[[M, H], [H^T, J]]`, M and J symmetric and stored as `xx, xy, xz, yy, yz, zz`: 21 numbers. `[HC eq. 5]`
@@ -22,13 +22,25 @@ pub(crate) const PACKED: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 /// A symmetric 3x3 matrix in full.
 #[inline(always)]
 pub(crate) fn unpacked<L: Copy>(s: &[L; 6]) -> Matrix3<L> {
-    Matrix3(PACKED.map(|row| row.map(|k| s[k])))
+    Matrix3([[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]])
 }
 
 /// The symmetric 3x3 matrix that has this one's upper half.
 #[inline(always)]
 fn packed<L: Copy>(m: &Matrix3<L>) -> [L; 6] {
     [m.0[0][0], m.0[0][1], m.0[0][2], m.0[1][1], m.0[1][2], m.0[2][2]]
+}
+
+/// `A - B [r]`, row by row: a row of `B [r]` is the cross product of the row with r.
+#[inline(always)]
+fn minus_crossed<L: Lane>(a: &Matrix3<L>, b: &Matrix3<L>, r: Vector3<L>) -> Matrix3<L> {
+    let r = -r;
+    let (a, b) = (&a.0, &b.0);
+    Matrix3([
+        Vector3(b[0]).cross_add(r, Vector3(a[0])).0,
+        Vector3(b[1]).cross_add(r, Vector3(a[1])).0,
+        Vector3(b[2]).cross_add(r, Vector3(a[2])).0,
+    ])
 }
 
 impl<P: Copy> SpatialInertia<P> {
@@ -64,14 +76,21 @@ impl<P: Copy> SpatialInertia<P> {
         P: Param<L>,
     {
         SpatialInertia {
-            m: self.m.map(Param::get),
-            h: self.h.map(|row| row.map(Param::get)),
-            j: self.j.map(Param::get),
+            m: get_all(&self.m),
+            h: [get_all(&self.h[0]), get_all(&self.h[1]), get_all(&self.h[2])],
+            j: get_all(&self.j),
         }
     }
 }
 
 impl<L: Lane> SpatialInertia<L> {
+    /// No inertia.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let zero = L::zero();
+        Self { m: [zero; 6], h: [[zero; 3]; 3], j: [zero; 6] }
+    }
+
     /// Entry (i, k) of the 6x6 matrix.
     #[inline(always)]
     pub fn entry(&self, i: usize, k: usize) -> L {
@@ -108,35 +127,89 @@ impl<L: Lane> SpatialInertia<L> {
     /// Sum of two inertias in the same frame.
     #[inline(always)]
     pub fn plus(&self, b: &Self) -> Self {
-        let mut sum = *self;
+        let Self { mut m, mut h, mut j } = *self;
         for i in 0..6 {
-            sum.m[i] += b.m[i];
-            sum.j[i] += b.j[i];
+            m[i] += b.m[i];
+            j[i] += b.j[i];
         }
         for i in 0..3 {
-            for k in 0..3 {
-                sum.h[i][k] += b.h[i][k];
-            }
+            h[i][0] += b.h[i][0];
+            h[i][1] += b.h[i][1];
+            h[i][2] += b.h[i][2];
         }
-        sum
+        Self { m, h, j }
     }
 
-    /// `self - u u^T / d`: what is left of an inertia when the direction that `u` belongs to is free.
+    /// `A - U U^T / D`: what is left of an inertia when a direction is free; U is the direction's column of A.
     #[inline(always)]
     pub fn eliminated(&self, u: Vector6<L>, over_d: L) -> Self {
-        let (f, m) = (u.linear.0, u.angular.0);
-        let (sf, sm) = (f.map(|x| x * over_d), m.map(|x| x * over_d));
-        let mut rest = *self;
-        for i in 0..3 {
-            for k in i..3 {
-                rest.m[PACKED[i][k]] = sf[i].neg_mul_add(f[k], rest.m[PACKED[i][k]]);
-                rest.j[PACKED[i][k]] = sm[i].neg_mul_add(m[k], rest.j[PACKED[i][k]]);
-            }
-            for k in 0..3 {
-                rest.h[i][k] = sf[i].neg_mul_add(m[k], rest.h[i][k]);
-            }
-        }
+        self.eliminate::<3>(u, over_d)
+    }
+
+    /// The same where the direction is the rotation about z: its row and column vanish.
+    #[inline(always)]
+    pub fn turn_eliminated(&self, u: Vector6<L>, over_d: L) -> Self {
+        let mut rest = self.eliminate::<2>(u, over_d);
+        (rest.j[2], rest.j[4], rest.j[5]) = (L::zero(), L::zero(), L::zero());
+        (rest.h[0][2], rest.h[1][2], rest.h[2][2]) = (L::zero(), L::zero(), L::zero());
         rest
+    }
+
+    /// Works on the first `ANGULAR` (2 or 3) angular rows and columns. Unrolled by hand: the compiler would not.
+    #[inline(always)]
+    fn eliminate<const ANGULAR: usize>(&self, u: Vector6<L>, over_d: L) -> Self {
+        let (f, t) = (u.linear.0, u.angular.0);
+        let (sf, st) = (u.linear.scale(over_d).0, u.angular.scale(over_d).0);
+        let Self { mut m, mut h, mut j } = *self;
+        m[0] = sf[0].neg_mul_add(f[0], m[0]);
+        m[1] = sf[0].neg_mul_add(f[1], m[1]);
+        m[2] = sf[0].neg_mul_add(f[2], m[2]);
+        m[3] = sf[1].neg_mul_add(f[1], m[3]);
+        m[4] = sf[1].neg_mul_add(f[2], m[4]);
+        m[5] = sf[2].neg_mul_add(f[2], m[5]);
+        h[0][0] = sf[0].neg_mul_add(t[0], h[0][0]);
+        h[0][1] = sf[0].neg_mul_add(t[1], h[0][1]);
+        h[1][0] = sf[1].neg_mul_add(t[0], h[1][0]);
+        h[1][1] = sf[1].neg_mul_add(t[1], h[1][1]);
+        h[2][0] = sf[2].neg_mul_add(t[0], h[2][0]);
+        h[2][1] = sf[2].neg_mul_add(t[1], h[2][1]);
+        j[0] = st[0].neg_mul_add(t[0], j[0]);
+        j[1] = st[0].neg_mul_add(t[1], j[1]);
+        j[3] = st[1].neg_mul_add(t[1], j[3]);
+        if ANGULAR == 3 {
+            h[0][2] = sf[0].neg_mul_add(t[2], h[0][2]);
+            h[1][2] = sf[1].neg_mul_add(t[2], h[1][2]);
+            h[2][2] = sf[2].neg_mul_add(t[2], h[2][2]);
+            j[2] = st[0].neg_mul_add(t[2], j[2]);
+            j[4] = st[1].neg_mul_add(t[2], j[4]);
+            j[5] = st[2].neg_mul_add(t[2], j[5]);
+        }
+        Self { m, h, j }
+    }
+
+    /// `A c + p` for an inertia left by [`Self::turn_eliminated`] and a c without components along or about z.
+    #[inline(always)]
+    pub fn apply_across(&self, c: Vector6<L>, p: Vector6<L>) -> Vector6<L> {
+        let ([cx, cy, _], [dx, dy, _]) = (c.linear.0, c.angular.0);
+        let (m, h, j) = (&self.m, &self.h, &self.j);
+        let (f, t) = (p.linear.0, p.angular.0);
+        // sum + a x + b y
+        #[inline(always)]
+        fn plus<L: Lane>(sum: L, a: L, x: L, b: L, y: L) -> L {
+            a.mul_add(x, b.mul_add(y, sum))
+        }
+        Vector6 {
+            linear: Vector3([
+                plus(plus(f[0], m[0], cx, m[1], cy), h[0][0], dx, h[0][1], dy),
+                plus(plus(f[1], m[1], cx, m[3], cy), h[1][0], dx, h[1][1], dy),
+                plus(plus(f[2], m[2], cx, m[4], cy), h[2][0], dx, h[2][1], dy),
+            ]),
+            angular: Vector3([
+                plus(plus(t[0], h[0][0], cx, h[1][0], cy), j[0], dx, j[1], dy),
+                plus(plus(t[1], h[0][1], cx, h[1][1], cy), j[1], dx, j[3], dy),
+                t[2],
+            ]),
+        }
     }
 
     /// `Ad_T^-T A Ad_T^-1`: the inertia of a child frame at `T`, seen from the parent frame.
@@ -147,21 +220,10 @@ impl<L: Lane> SpatialInertia<L> {
         let m = r.times(&unpacked(&self.m)).times(&rt);
         let h = r.times(&Matrix3(self.h)).times(&rt);
         let j = r.times(&unpacked(&self.j)).times(&rt);
-        // Shift by r: H' = H - M [r], J' = J - H^T [r] + [r] H'.
-        let cross = |rows: &Matrix3<L>| Matrix3(rows.0.map(|row| Vector3(row).cross(pose.position).0));
-        let shifted = |a: &Matrix3<L>, b: &Matrix3<L>, sign: f64| {
-            let mut sum = *a;
-            for i in 0..3 {
-                for k in 0..3 {
-                    sum.0[i][k] = b.0[i][k].mul_add(L::c(sign), sum.0[i][k]);
-                }
-            }
-            sum
-        };
-        // Row x [r] is row x r, and [r] H' = -(H'^T [r])^T.
-        let h_new = shifted(&h, &cross(&m), -1.0);
-        let j_new =
-            shifted(&shifted(&j, &cross(&h.transposed()), -1.0), &cross(&h_new.transposed()).transposed(), -1.0);
+        // Shift by r: H' = H - M [r], J' = J - H^T [r] + [r] H', where [r] H' = -(H'^T [r])^T.
+        let h_new = minus_crossed(&h, &m, pose.position);
+        let half = minus_crossed(&j, &h.transposed(), pose.position);
+        let j_new = minus_crossed(&half.transposed(), &h_new.transposed(), pose.position).transposed();
         Self { m: packed(&m), h: h_new.0, j: packed(&j_new) }
     }
 

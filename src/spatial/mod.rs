@@ -3,5 +3,5 @@
 mod bend;
 mod inertia;
 
-pub use bend::{Axis, Bend, screw_x, screw_z};
+pub use bend::{Bend, Screw, constant_screw_z, screw_x, screw_z};
 pub use inertia::SpatialInertia;

@@ -44,6 +44,13 @@ struct Normal {
     cos: f64,
 }
 
+impl Normal {
+    /// Signed distance of the lines along the normal.
+    fn length(&self) -> f64 {
+        (self.feet[1] - self.feet[0]).dot(self.direction)
+    }
+}
+
 /// Joint frames of a chain.
 pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
     let normals: Vec<Option<Normal>> = lines.windows(2).map(|pair| common_normal(pair[0], pair[1])).collect();
@@ -53,31 +60,46 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
             Some(normal) => frame(normal.feet[0], normal.direction, line.direction),
             None => frame(line.point, perpendicular(line.direction), line.direction),
         };
-        let normal_from_parent = i.checked_sub(1).and_then(|k| normals[k].as_ref());
-        let next = match (normal_from_parent, frames.last()) {
-            (Some(normal), Some(parent)) => {
-                let (x_parent, x) = (parent.pose.rotation.transposed().0[0], pose.rotation.transposed().0[0]);
-                let (x_parent, x) = (Vector3(x_parent), Vector3(x));
-                let a = (normal.feet[1] - normal.feet[0]).dot(normal.direction);
-                JointFrame {
-                    pose,
-                    stand: Stand::Bend(bend(normal.sin, normal.cos), a),
-                    theta: x_parent.cross(x).dot(line.direction).atan2(x_parent.dot(x)),
-                    d: (pose.position - normal.feet[1]).dot(line.direction),
+        let next = match frames.last() {
+            None => first(*line, pose),
+            Some(parent) => match &normals[i - 1] {
+                Some(normal) => {
+                    let stand = Stand::Bend(bend(normal.sin, normal.cos), normal.length());
+                    by_normal(normal, *line, pose, stand)
                 }
-            }
-            (_, parent) => {
-                let relative = match parent {
-                    Some(parent) => inverse(&parent.pose).times(&pose),
-                    None => pose,
-                };
-                let stand = Stand::Pose(relative.rotation.0, relative.position.0);
-                JointFrame { pose, stand, theta: 0.0, d: 0.0 }
-            }
+                None => by_pose(&inverse(&parent.pose).times(&pose), pose),
+            },
         };
         frames.push(next);
     }
     frames
+}
+
+/// The first joint's frame, reached from the vehicle's along the common normal of their z axes, where there is one.
+fn first(line: Line, pose: Pose<f64>) -> JointFrame {
+    let vertical = Line { point: Vector3([0.0; 3]), direction: Vector3([0.0, 0.0, 1.0]) };
+    let Some(normal) = common_normal(vertical, line) else { return by_pose(&pose, pose) };
+    let [cos, sin, _] = normal.direction.0;
+    // Rounding in a direction that is meant to be straight ahead.
+    let turn = if sin.abs() < PARALLEL && cos > 0.0 { Bend::Flat } else { Bend::General(sin, cos) };
+    let stand = Stand::Crank(turn, normal.feet[0].0[2], bend(normal.sin, normal.cos), normal.length());
+    by_normal(&normal, line, pose, stand)
+}
+
+/// A frame reached along a common normal: what is left is a screw about its own z axis.
+fn by_normal(normal: &Normal, line: Line, pose: Pose<f64>, stand: Stand<f64>) -> JointFrame {
+    let x = Vector3(pose.rotation.transposed().0[0]);
+    JointFrame {
+        pose,
+        stand,
+        theta: normal.direction.cross(x).dot(line.direction).atan2(normal.direction.dot(x)),
+        d: (pose.position - normal.feet[1]).dot(line.direction),
+    }
+}
+
+/// A frame reached by a constant pose.
+fn by_pose(relative: &Pose<f64>, pose: Pose<f64>) -> JointFrame {
+    JointFrame { pose, stand: Stand::Pose(relative.rotation.0, relative.position.0), theta: 0.0, d: 0.0 }
 }
 
 /// `T^-1`
@@ -89,7 +111,9 @@ pub fn inverse(pose: &Pose<f64>) -> Pose<f64> {
 fn bend(sin: f64, cos: f64) -> Bend<f64> {
     if sin == 0.0 && cos > 0.0 {
         Bend::Flat
-    } else if cos == 0.0 {
+    } else if sin == 0.0 {
+        Bend::Half
+    } else if cos == 0.0 && sin > 0.0 {
         Bend::Quarter
     } else {
         Bend::General(sin, cos)

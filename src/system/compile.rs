@@ -157,11 +157,43 @@ fn drag(body: &Body, hydrodynamic: &Pose<f64>) -> Option<Drag<f64>> {
     if (&linear, &quadratic) == (&Coefficients::None, &Coefficients::None) {
         return None;
     }
-    Some(Drag { placement: placement(hydrodynamic), linear, quadratic })
+    Some(placed(linear, quadratic, hydrodynamic))
 }
 
-fn placement(at: &Pose<f64>) -> Placement<f64> {
-    if *at == identity() { Placement::Here } else { Placement::At(at.rotation.0, at.position.0) }
+/// Drag whose coefficients are given at `at`. Where that frame's axes lie along the body's, the coefficients change
+/// places and the frame needs no turning: `v |v|` is odd, so even its quadratic part allows that.
+fn placed(linear: Coefficients<f64>, quadratic: Coefficients<f64>, at: &Pose<f64>) -> Drag<f64> {
+    let Some(axes) = signed_axes(&at.rotation) else {
+        return Drag { placement: Placement::At(at.rotation.0, at.position.0), linear, quadratic };
+    };
+    let placement = if at.position.0 == [0.0; 3] { Placement::Here } else { Placement::Shifted(at.position.0) };
+    Drag { placement, linear: relabelled(&linear, &axes), quadratic: relabelled(&quadratic, &axes) }
+}
+
+/// For each body axis, the axis of the other frame along it and its sign, if that frame only relabels the axes.
+fn signed_axes(rotation: &Matrix3<f64>) -> Option<[(usize, f64); 3]> {
+    let mut axes = [(0, 0.0); 3];
+    for (i, row) in rotation.0.iter().enumerate() {
+        let along = (0..3).find(|&k| row[k].abs() > 0.5)?;
+        if (0..3).any(|k| k != along && row[k].abs() > 1e-14) {
+            return None;
+        }
+        axes[i] = (along, row[along].signum());
+    }
+    Some(axes)
+}
+
+fn relabelled(coefficients: &Coefficients<f64>, axes: &[(usize, f64); 3]) -> Coefficients<f64> {
+    let of = |i: usize| (axes[i % 3].0 + i / 3 * 3, axes[i % 3].1);
+    let six = [0, 1, 2, 3, 4, 5];
+    match coefficients {
+        Coefficients::None => Coefficients::None,
+        Coefficients::Diagonal(d) => Coefficients::Diagonal(six.map(|i| d[of(i).0])),
+        Coefficients::Full(rows) => {
+            let entry = |i: usize, k: usize| of(i).1 * of(k).1 * rows[of(i).0][of(k).0];
+            Coefficients::Full(Box::new(six.map(|i| six.map(|k| entry(i, k)))))
+        }
+    }
 }
 
 /// The parts of a moving body together, in the frame that has the body's own frame at `link`.
@@ -177,11 +209,12 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> BodyTerms<f64> {
         net_mass += n;
         moment = moment + at.rotation.apply(s) + at.position.scale(n);
         drag.extend(part.drag.iter().map(|d| {
-            let frame = match d.placement {
-                Placement::Here => at,
-                Placement::At(r, p) => at.times(&Pose { rotation: Matrix3(r), position: Vector3(p) }),
+            let within = match d.placement {
+                Placement::Here => identity(),
+                Placement::Shifted(p) => Pose { rotation: Matrix3::identity(), position: Vector3(p) },
+                Placement::At(r, p) => Pose { rotation: Matrix3(r), position: Vector3(p) },
             };
-            Drag { placement: placement(&frame), ..d.clone() }
+            placed(d.linear.clone(), d.quadratic.clone(), &at.times(&within))
         }));
     }
     let restoring = Restoring { net_mass, moment: moment.0 };

@@ -60,6 +60,8 @@ pub struct JointTerms<P> {
 pub enum Stand<P> {
     /// `Rx(alpha) Tx(a)`.
     Bend(Bend<P>, P),
+    /// `Rz(theta) Tz(d) Rx(alpha) Tx(a)` with constant theta and d, by theta, d, alpha, a.
+    Crank(Bend<P>, P, Bend<P>, P),
     /// Any pose: rotation by rows, position.
     Pose([[P; 3]; 3], [P; 3]),
 }
@@ -129,6 +131,7 @@ impl<P: Copy> JointTerms<P> {
         JointTerms {
             stand: match self.stand {
                 Stand::Bend(bend, a) => Stand::Bend(bend.map(c), c(a)),
+                Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), c(d), bend.map(c), c(a)),
                 Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
             },
             prismatic: self.prismatic,

@@ -1,0 +1,77 @@
+//! What inputs amount to at the present states: the loads of the closed form.
+
+use nalgebra as na;
+use nalgebra::Vector6;
+
+use super::blocks::InstanceLoads;
+use super::dynamics::Station;
+use super::inputs::{Applied, Inputs};
+use super::simulator::Simulator;
+use crate::balance::Loads;
+use crate::balance::joint::actuator_torque;
+use crate::description::Joint;
+use crate::error::SimulatorError;
+use crate::lie::{self, Matrix3, Pose, Vector3};
+use crate::system::State;
+
+/// Loads on one instance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AppliedLoads {
+    /// Thrust per thruster, N, within its limits.
+    pub thrust: Vec<f64>,
+    /// Wrench per moving body, vehicle first, that of the vehicle's servo included.
+    pub external: Vec<Vector6<f64>>,
+    /// Torque of each joint's actuator, that of its servo included, within its effort.
+    pub joint_command: Vec<f64>,
+}
+
+impl AppliedLoads {
+    /// As the closed form takes them.
+    pub fn loads(&self) -> Loads<'_> {
+        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command }
+    }
+}
+
+impl Simulator {
+    /// Loads that `inputs` put on every instance at its state, at the start of a step.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn applied_loads(&self, inputs: &Inputs) -> Result<Vec<AppliedLoads>, SimulatorError> {
+        let applied = Applied::new(inputs, self.scene(), self.allocation(), self.options())?;
+        Ok((0..self.instances()).map(|i| self.loads_of(&applied, i)).collect())
+    }
+
+    fn loads_of(&self, applied: &Applied, i: usize) -> AppliedLoads {
+        let (state, switches) = (self.state(i), applied.switches());
+        let mut given = InstanceLoads::default();
+        applied.fill(i, &mut given);
+        let mut vehicle = Vector6::from(applied.wrench(i));
+        if switches.station {
+            vehicle += self.station_wrench(&state, &given);
+        }
+        let links = given.links[..self.joints()].iter().map(|&wrench| wrench.into());
+        let torque = |(k, joint): (usize, &Joint)| {
+            let target = switches.servo.then(|| (given.target[k][0], given.target[k][1]));
+            actuator_torque(joint, state.q[k], state.qd[k], given.torque[k], target)
+        };
+        AppliedLoads {
+            thrust: applied.thrust(i)[..self.allocation().count()].to_vec(),
+            external: std::iter::once(vehicle).chain(links).collect(),
+            joint_command: self.scene().joints().enumerate().map(torque).collect(),
+        }
+    }
+
+    /// What the vehicle's servo answers to.
+    fn station_wrench(&self, state: &State, given: &InstanceLoads) -> Vector6<f64> {
+        let Some(gains) = &self.compiled().system.vehicle_servo else { return Vector6::zeros() };
+        let pose = |rotation: &na::Matrix3<f64>, position: &na::Vector3<f64>| Pose {
+            rotation: Matrix3(rotation.transpose().into()),
+            position: Vector3((*position).into()),
+        };
+        let (rotation, position) = &given.station;
+        let station = Station { target: pose(rotation, position), current: Vector3::zero() };
+        let here = pose(&state.rotation, &state.position);
+        station.wrench(gains, &here, 0.0, lie::Vector6::from_array(state.twist.into())).to_array().into()
+    }
+}

@@ -1,0 +1,130 @@
+//! Setting the states of all instances at once, completely checked beforehand.
+
+use nalgebra as na;
+
+use super::inputs::{check, check_rotation};
+use super::simulator::Simulator;
+use crate::error::SimulatorError;
+use crate::system::{State, rotation};
+
+/// Parts of the states of all instances, row-major by instance; an absent one stays as it is.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct States<'a> {
+    /// Vehicle origin in the world, (N, 3), m.
+    pub position: Option<&'a [f64]>,
+    /// Body to world rotation by rows, (N, 9).
+    pub rotation: Option<&'a [f64]>,
+    /// The same as quaternions `[w, x, y, z]` of any length but 0, (N, 4).
+    pub quaternion: Option<&'a [f64]>,
+    /// Absolute body twist, (N, 6), m/s and rad/s.
+    pub twist: Option<&'a [f64]>,
+    /// Joint coordinates, (N, n), rad or m.
+    pub q: Option<&'a [f64]>,
+    /// Joint rates, (N, n), rad/s or m/s.
+    pub qd: Option<&'a [f64]>,
+    /// Time, (N), s.
+    pub time: Option<&'a [f64]>,
+    /// Current in world axes, (N, 3), m/s.
+    pub current: Option<&'a [f64]>,
+}
+
+impl Simulator {
+    /// Puts all instances at the scene's home, at rest at time 0, in the scene's current.
+    pub fn reset(&mut self) {
+        let state = State { q: self.scene().home(), ..State::default() };
+        let current = self.scene().water.current;
+        for i in 0..self.instances() {
+            self.set_state(i, &state);
+            self.set_current(i, &current);
+        }
+    }
+
+    /// Sets parts of the states of all instances.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] where a part has the wrong length, a number that is not finite, a matrix that is no rotation, a
+    /// quaternion without direction, or motion of a held vehicle; nothing has changed then.
+    pub fn set_states(&mut self, states: &States) -> Result<(), SimulatorError> {
+        let joints = self.joints();
+        let widths = [
+            ("position", states.position, 3),
+            ("rotation", states.rotation, 9),
+            ("quaternion", states.quaternion, 4),
+            ("twist", states.twist, 6),
+            ("q", states.q, joints),
+            ("qd", states.qd, joints),
+            ("time", states.time, 1),
+            ("current", states.current, 3),
+        ];
+        for (name, values, width) in widths {
+            check(name, values, width, self.options())?;
+        }
+        if let Some(at) =
+            states.twist.filter(|_| self.scene().vehicle.fixed).and_then(|t| t.iter().position(|x| *x != 0.0))
+        {
+            return Err(SimulatorError::Held { scene: self.scene().name.clone(), instance: at / 6 });
+        }
+        let rotations = self.rotations(states)?;
+        for i in 0..self.instances() {
+            let mut state = self.state(i);
+            let quaternion = self.kept_quaternion(i);
+            set(state.position.as_mut_slice(), states.position, i);
+            set(state.twist.as_mut_slice(), states.twist, i);
+            set(&mut state.q[..joints], states.q, i);
+            set(&mut state.qd[..joints], states.qd, i);
+            set(std::slice::from_mut(&mut state.time), states.time, i);
+            if let Some(rotations) = &rotations {
+                state.rotation = rotations[i];
+            }
+            self.set_state(i, &state);
+            if let (None, Some(quaternion)) = (&rotations, quaternion) {
+                self.set_kept_quaternion(i, &quaternion);
+            }
+            let mut current = self.current(i);
+            set(current.as_mut_slice(), states.current, i);
+            self.set_current(i, &current);
+        }
+        Ok(())
+    }
+
+    /// The rotations that are asked for, orthonormal to rounding.
+    fn rotations(&self, states: &States) -> Result<Option<Vec<na::Matrix3<f64>>>, SimulatorError> {
+        let rounding = 8.0 * self.options().precision.epsilon();
+        match (states.rotation, states.quaternion) {
+            (None, None) => Ok(None),
+            (Some(_), Some(_)) => Err(SimulatorError::TwoAttitudes),
+            (Some(rows), None) => {
+                let clean = |(i, row)| {
+                    let rotation = na::Matrix3::from_row_slice(row);
+                    let exact = check_rotation("rotation", i, &rotation)? <= rounding;
+                    Ok(if exact { rotation } else { orthonormalised(&orthonormalised(&rotation)) })
+                };
+                rows.chunks_exact(9).enumerate().map(clean).collect::<Result<_, _>>().map(Some)
+            }
+            (None, Some(rows)) => {
+                let turn = |(instance, row): (usize, &[f64])| {
+                    let length = row.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    let components = [row[0], row[1], row[2], row[3]];
+                    if length.is_normal() {
+                        Ok(rotation(&components.map(|c| c / length)))
+                    } else {
+                        Err(SimulatorError::NoAttitude { instance })
+                    }
+                };
+                rows.chunks_exact(4).enumerate().map(turn).collect::<Result<_, _>>().map(Some)
+            }
+        }
+    }
+}
+
+/// One Newton step towards the nearest rotation.
+fn orthonormalised(r: &na::Matrix3<f64>) -> na::Matrix3<f64> {
+    r * (na::Matrix3::identity() * 3.0 - r.tr_mul(r)) * 0.5
+}
+
+/// Overwrites `to` with row `i`, if rows are given.
+fn set(to: &mut [f64], rows: Option<&[f64]>, i: usize) {
+    if let Some(rows) = rows {
+        to.copy_from_slice(&rows[i * to.len()..(i + 1) * to.len()]);
+    }
+}

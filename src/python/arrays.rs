@@ -1,0 +1,79 @@
+//! Array arguments in, fresh arrays out.
+
+use numpy::ndarray::{ArrayD, IxDyn};
+use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// An argument that may be left out.
+pub type Given<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+
+/// A fresh array.
+pub type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// An array of `shape` from its numbers by rows.
+pub fn array<'py>(py: Python<'py>, shape: &[usize], numbers: Vec<f64>) -> PyResult<Array<'py>> {
+    let array = ArrayD::from_shape_vec(IxDyn(shape), numbers).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(array.into_pyarray(py))
+}
+
+/// Shape and numbers by rows of anything that NumPy takes for an array of real numbers.
+pub fn read(name: &str, given: &Bound<'_, PyAny>) -> PyResult<(Vec<usize>, Vec<f64>)> {
+    let py = given.py();
+    let numpy = py.import(intern!(py, "numpy"))?;
+    let array = numpy.call_method1(intern!(py, "asarray"), (given,))?;
+    let dtype = array.getattr(intern!(py, "dtype"))?;
+    let kind: String = dtype.getattr(intern!(py, "kind"))?.extract()?;
+    if !["f", "i", "u"].contains(&kind.as_str()) {
+        return Err(PyTypeError::new_err(format!("{name} must be an array of real numbers, not of {}", dtype.str()?)));
+    }
+    // A copy: nobody else can change it while the GIL is released.
+    let options = PyDict::new(py);
+    options.set_item(intern!(py, "order"), "C")?;
+    let array = numpy.call_method(intern!(py, "array"), (array, intern!(py, "float64")), Some(&options))?;
+    let array: Array = array.extract()?;
+    let numbers = array.try_readonly().map_err(|e| PyValueError::new_err(e.to_string()))?.as_slice()?.to_vec();
+    Ok((array.shape().to_vec(), numbers))
+}
+
+/// Rows of shape `row`, one per instance: as given, or one row for all instances.
+pub fn rows(name: &str, given: &Bound<'_, PyAny>, instances: usize, row: &[usize]) -> PyResult<Vec<f64>> {
+    let (shape, numbers) = read(name, given)?;
+    if shape == row {
+        Ok(numbers.repeat(instances))
+    } else if shape.split_first().is_some_and(|(first, rest)| *first == instances && rest == row) {
+        Ok(numbers)
+    } else {
+        let all: Vec<usize> = std::iter::once(instances).chain(row.iter().copied()).collect();
+        let (one, all, shape) = (shape_text(row), shape_text(&all), shape_text(&shape));
+        Err(PyValueError::new_err(format!("{name} has shape {shape}, but must have {one} or {all}")))
+    }
+}
+
+/// [`rows`] of an argument that may be left out.
+pub fn optional_rows(name: &str, given: Given, instances: usize, row: &[usize]) -> PyResult<Option<Vec<f64>>> {
+    given.map(|given| rows(name, given, instances, row)).transpose()
+}
+
+/// A shape as Python writes it.
+pub fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [only] => format!("({only},)"),
+        _ => format!("({})", shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// An integer of at least 1.
+pub fn count(name: &str, given: &Bound<'_, PyAny>) -> PyResult<usize> {
+    let py = given.py();
+    match given.extract::<i64>() {
+        Ok(count) if count >= 1 => Ok(count as usize),
+        Ok(count) => Err(PyValueError::new_err(format!("{name} must be at least 1, not {count}"))),
+        Err(error) if error.is_instance_of::<PyOverflowError>(py) => {
+            Err(PyValueError::new_err(format!("{name} is out of range: {}", given.str()?)))
+        }
+        Err(_) => Err(PyTypeError::new_err(format!("{name} must be an int, not {}", given.get_type().name()?))),
+    }
+}

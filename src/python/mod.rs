@@ -1,0 +1,30 @@
+//! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
+
+mod arrays;
+mod errors;
+mod inputs;
+mod linearize;
+mod model;
+mod motion;
+mod scene;
+mod simulator;
+mod state;
+
+use pyo3::prelude::*;
+
+/// The native part of `uvms_gym`.
+#[pymodule(name = "_core")]
+mod core {
+    #[pymodule_export]
+    use super::errors::SceneError;
+    #[pymodule_export]
+    use super::scene::{load_scene, scenes};
+    #[pymodule_export]
+    use super::simulator::Simulator;
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,367 @@
+//! `uvms_gym.Simulator`: kinematics, books and the closed form at the present states.
+
+use nalgebra::{DMatrix, DVector, Vector6};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arrays::{Array, Given, array, rows};
+use super::inputs::InputArguments;
+use super::simulator::Simulator;
+use crate::balance::ClosedForm;
+use crate::balance::dense::Pose;
+use crate::batch::AppliedLoads;
+use crate::error::BalanceError;
+
+/// Arrays by name.
+type Arrays<'py> = PyResult<Bound<'py, PyDict>>;
+
+impl Simulator {
+    /// K arrays (N, ...) from rows that `f` works out per instance.
+    fn each<'py, const K: usize>(
+        &self,
+        py: Python<'py>,
+        shapes: [&[usize]; K],
+        f: impl Fn(usize, ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
+    ) -> PyResult<[Array<'py>; K]> {
+        let (simulator, instances) = (&self.inner, self.inner.instances());
+        let f = &f;
+        let columns = py.detach(|| {
+            let mut columns = [const { Vec::new() }; K];
+            for i in 0..instances {
+                for (column, row) in columns.iter_mut().zip(f(i, simulator.closed_form(i))?) {
+                    column.extend(row);
+                }
+            }
+            Ok::<_, BalanceError>(columns)
+        })?;
+        let mut arrays = Vec::with_capacity(K);
+        for (row, column) in shapes.into_iter().zip(columns) {
+            arrays.push(array(py, &[&[instances], row].concat(), column)?);
+        }
+        Ok(arrays.try_into().expect("K shapes make K arrays"))
+    }
+
+    /// One array (N, ...).
+    fn every<'py>(
+        &self,
+        py: Python<'py>,
+        shape: &[usize],
+        f: impl Fn(ClosedForm) -> Vec<f64> + Sync,
+    ) -> PyResult<Array<'py>> {
+        let [array] = self.each(py, [shape], |_, form| Ok([f(form)]))?;
+        Ok(array)
+    }
+
+    /// K arrays (N, ...) of one shape by name.
+    fn named<'py, const K: usize>(
+        &self,
+        py: Python<'py>,
+        names: [&str; K],
+        shape: &[usize],
+        f: impl Fn(usize, ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
+    ) -> Arrays<'py> {
+        dict(py, names, self.each(py, [shape; K], f)?)
+    }
+
+    /// One row of `width` finite numbers per instance.
+    fn finite_rows(&self, name: &'static str, given: &Bound<'_, PyAny>, width: usize) -> PyResult<Vec<f64>> {
+        let rows = rows(name, given, self.inner.instances(), &[width])?;
+        self.inner.check_rows(name, &rows, width)?;
+        Ok(rows)
+    }
+
+    fn loads(&self, arguments: &InputArguments) -> PyResult<Vec<AppliedLoads>> {
+        Ok(self.inner.applied_loads(&arguments.read(&self.inner)?.inputs())?)
+    }
+}
+
+fn dict<'py, const K: usize>(py: Python<'py>, names: [&str; K], arrays: [Array<'py>; K]) -> Arrays<'py> {
+    let dict = PyDict::new(py);
+    for (name, array) in names.into_iter().zip(arrays) {
+        dict.set_item(name, array)?;
+    }
+    Ok(dict)
+}
+
+/// Entries row by row.
+fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
+    matrix.transpose().as_slice().to_vec()
+}
+
+/// A homogeneous matrix row by row.
+fn pose_rows(pose: &Pose) -> Vec<f64> {
+    by_rows(&DMatrix::from_fn(4, 4, |i, j| match (i, j) {
+        (3, _) => f64::from(u8::from(j == 3)),
+        (_, 3) => pose.position[i],
+        _ => pose.rotation[(i, j)],
+    }))
+}
+
+fn stacked(wrenches: &[Vector6<f64>]) -> Vec<f64> {
+    wrenches.iter().flatten().copied().collect()
+}
+
+#[pymethods]
+impl Simulator {
+    /// Mass matrix M of W F + L tau = M [V'; q''] + C [V; q'], added mass included. [HC eqs. 13, 31, 34]
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 6 + n, 6 + n)
+    fn mass_matrix<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let width = 6 + self.inner.joints();
+        self.every(py, &[width, width], |form| by_rows(form.mass_matrix()))
+    }
+
+    /// The vector C [V; q']: rigid bodies and added mass, current included; no drag, no restoring. [HC eq. 13]
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 6 + n)
+    fn bias<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.every(py, &[6 + self.inner.joints()], |form| form.bias().as_slice().to_vec())
+    }
+
+    /// Influence matrix W of the wrenches on the moving bodies, six columns per body, vehicle first. [HC eq. 13]
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 6 + n, 6 (n + 1))
+    fn wrench_influence<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let n = self.inner.joints();
+        self.every(py, &[6 + n, 6 * (n + 1)], |form| by_rows(&form.wrench_influence()))
+    }
+
+    /// Influence matrix L of the joint torques. [HC eq. 13]
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 6 + n, n)
+    fn torque_influence<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let n = self.inner.joints();
+        self.every(py, &[6 + n, n], |form| by_rows(form.torque_influence()))
+    }
+
+    /// Wrenches on the moving bodies (vehicle first) in body axes at their frame origins, N and N m. [HC eqs. 21, 26]
+    ///
+    /// The arguments are those of `step`; `external` in the result is `wrench`, `external` and the vehicle's servo.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray (N, n + 1, 6)
+    ///     drag, restoring (weight and buoyancy), thrust, external, and their sum F.
+    #[pyo3(signature = (*, thrust=None, wrench=None, external=None, station=None))]
+    fn body_wrenches<'py>(
+        &self,
+        py: Python<'py>,
+        thrust: Given,
+        wrench: Given,
+        external: Given,
+        station: Given,
+    ) -> Arrays<'py> {
+        let loads = self.loads(&InputArguments { thrust, wrench, external, station, ..Default::default() })?;
+        let bodies = self.inner.joints() + 1;
+        self.named(py, ["drag", "restoring", "thrust", "external", "sum"], &[bodies, 6], |i, form| {
+            let wrenches = form.body_wrenches(&loads[i].loads())?;
+            let mut thrust = vec![Vector6::zeros(); bodies];
+            thrust[0] = wrenches.thrust;
+            Ok([&wrenches.drag, &wrenches.restoring, &thrust, &wrenches.external, &wrenches.sum].map(|w| stacked(w)))
+        })
+    }
+
+    /// Torques at the joints along +q, N m or N.
+    ///
+    /// The arguments are those of `step`.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray (N, n)
+    ///     command (actuators with their servos, within effort), friction, end_stop, and their sum tau.
+    #[pyo3(signature = (*, joint_torque=None, joint_target=None))]
+    fn joint_torques<'py>(&self, py: Python<'py>, joint_torque: Given, joint_target: Given) -> Arrays<'py> {
+        let loads = self.loads(&InputArguments { joint_torque, joint_target, ..Default::default() })?;
+        self.named(py, ["command", "friction", "end_stop", "sum"], &[self.inner.joints()], |i, form| {
+            let torques = form.joint_torques(&loads[i].loads())?;
+            Ok([torques.command, torques.friction, torques.end_stop, torques.sum].map(|t| t.as_slice().to_vec()))
+        })
+    }
+
+    /// Energies, J.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray (N,)
+    ///     kinetic_rigid (bodies, by absolute twists), kinetic_added (the water that they set in motion, by twists
+    ///     relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops), total.
+    fn energy<'py>(&self, py: Python<'py>) -> Arrays<'py> {
+        let names = ["kinetic_rigid", "kinetic_added", "potential", "elastic", "total"];
+        self.named(py, names, &[], |_, form| {
+            let e = form.energy();
+            Ok([e.kinetic_rigid, e.kinetic_added, e.potential, e.elastic, e.total()].map(|x| vec![x]))
+        })
+    }
+
+    /// Powers put into the system, W, by absolute twists; in still water their sum is the rate of the total energy.
+    ///
+    /// The arguments are those of `step`; `external` in the result is that of `wrench`, `external` and the vehicle's servo.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray (N,)
+    ///     drag, friction, end_stop (damping), thrust, external, joint_command, total.
+    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn power<'py>(
+        &self,
+        py: Python<'py>,
+        thrust: Given,
+        wrench: Given,
+        joint_torque: Given,
+        joint_target: Given,
+        external: Given,
+        station: Given,
+    ) -> Arrays<'py> {
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
+        let loads = self.loads(&arguments)?;
+        let names = ["drag", "friction", "end_stop", "thrust", "external", "joint_command", "total"];
+        self.named(py, names, &[], |i, form| {
+            let p = form.power(&loads[i].loads())?;
+            Ok([p.drag, p.friction, p.end_stop, p.thrust, p.external, p.joint_command, p.total()].map(|x| vec![x]))
+        })
+    }
+
+    /// Total momentum [linear; angular] of the bodies and impulse of the water, in world axes about the world origin,
+    /// N s and N m s.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 6)
+    fn momentum<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.every(py, &[6], |form| form.momentum().total().as_slice().to_vec())
+    }
+
+    /// Momentum by its terms, in world axes about the world origin, N s and N m s.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray
+    ///     rigid (N, 6): of the bodies, by absolute twists; added (N, 6): impulse of the water, by twists relative to
+    ///     it; total (N, 6): their sum; rigid_scale and total_scale (N, 2): sum over bodies of the magnitudes of their
+    ///     linear and angular momentum, which a drift is measured against.
+    fn momentum_terms<'py>(&self, py: Python<'py>) -> Arrays<'py> {
+        let names = ["rigid", "added", "total", "rigid_scale", "total_scale"];
+        let arrays = self.each(py, [&[6], &[6], &[6], &[2], &[2]], |_, form| {
+            let m = form.momentum();
+            let [rigid, added, total] = [m.rigid, m.added, m.total()].map(|x| x.as_slice().to_vec());
+            Ok([rigid, added, total, m.rigid_scale.to_vec(), m.total_scale.to_vec()])
+        })?;
+        dict(py, names, arrays)
+    }
+
+    /// Poses of the moving bodies in the world, vehicle first.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, n + 1, 4, 4)
+    fn body_poses<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.every(py, &[self.inner.joints() + 1, 4, 4], |form| form.body_poses().iter().flat_map(pose_rows).collect())
+    }
+
+    /// Pose of the end effector in the world; of the vehicle if there is no arm.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 4, 4)
+    fn end_effector_pose<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.every(py, &[4, 4], |form| pose_rows(&form.end_effector_pose()))
+    }
+
+    /// Body Jacobian: absolute body twist of the end effector per [V; q']. [MLS94]
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 6, 6 + n)
+    fn jacobian<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let width = 6 + self.inner.joints();
+        self.every(py, &[6, width], |form| form.jacobian().transpose().as_slice().to_vec())
+    }
+
+    /// What gives an acceleration, on top of drag, restoring, joint friction, `thrust` and `external`.
+    ///
+    /// Parameters
+    /// ----------
+    /// acceleration : array_like (6 + n,) or (N, 6 + n)
+    ///     [V'; q''], m/s2 and rad/s2.
+    /// thrust, external
+    ///     As in `step`.
+    ///
+    /// Returns
+    /// -------
+    /// wrench : numpy.ndarray (N, 6)
+    ///     On the vehicle in body axes at its origin, N and N m; from the mooring where the vehicle is held.
+    /// joint_torque : numpy.ndarray (N, n)
+    ///     Of the actuators, N m or N, whatever their effort.
+    #[pyo3(signature = (acceleration, *, thrust=None, external=None))]
+    fn inverse_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        acceleration: &Bound<'py, PyAny>,
+        thrust: Given,
+        external: Given,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        let n = self.inner.joints();
+        let loads = self.loads(&InputArguments { thrust, external, ..Default::default() })?;
+        let accelerations = self.finite_rows("acceleration", acceleration, 6 + n)?;
+        let [wrench, torque] = self.each(py, [&[6], &[n]], |i, form| {
+            let acceleration = DVector::from_column_slice(&accelerations[i * (6 + n)..(i + 1) * (6 + n)]);
+            let effort = form.inverse_dynamics(&acceleration, &loads[i].loads())?;
+            Ok([effort.wrench.as_slice().to_vec(), effort.joint_torques.as_slice().to_vec()])
+        })?;
+        Ok((wrench, torque))
+    }
+
+    /// What holds the system at rest at its present pose and joint coordinates, in its current.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray
+    ///     wrench (N, 6): needed on the vehicle, in body axes at its origin, N and N m; thrust (N, m): its
+    ///     allocation, N; joint_torque (N, n): needed of the actuators, N m or N, whatever their effort; residual (N, 6):
+    ///     the part of the wrench that the thrusters cannot provide.
+    fn trim<'py>(&self, py: Python<'py>) -> Arrays<'py> {
+        let (simulator, allocation) = (&self.inner, self.inner.allocation());
+        let shapes: [&[usize]; 4] = [&[6], &[allocation.count()], &[simulator.joints()], &[6]];
+        let arrays = self.each(py, shapes, |i, _| {
+            let effort = simulator.balance().trim(&simulator.state(i), simulator.current(i))?;
+            let thrust = allocation.allocate(&effort.wrench);
+            let residual = effort.wrench - allocation.wrench(&thrust);
+            Ok([
+                effort.wrench.as_slice().to_vec(),
+                thrust[..allocation.count()].to_vec(),
+                effort.joint_torques.as_slice().to_vec(),
+                residual.as_slice().to_vec(),
+            ])
+        })?;
+        dict(py, ["wrench", "thrust", "joint_torque", "residual"], arrays)
+    }
+
+    /// Thrusts that come closest to a wrench on the vehicle, in weighted least squares; where one would exceed its
+    /// limits, all are scaled down together, so that the wrench keeps its direction.
+    ///
+    /// Parameters
+    /// ----------
+    /// wrench : array_like (6,) or (N, 6)
+    ///     In body axes at the vehicle's origin, N and N m.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, m)
+    ///     Thrust per thruster, N.
+    fn allocate<'py>(&self, py: Python<'py>, wrench: &Bound<'py, PyAny>) -> PyResult<Array<'py>> {
+        let allocation = self.inner.allocation();
+        let wrenches = self.finite_rows("wrench", wrench, 6)?;
+        let thrust = |row: &[f64]| allocation.allocate(&Vector6::from_column_slice(row));
+        let thrusts = wrenches.chunks_exact(6).flat_map(|row| thrust(row).into_iter().take(allocation.count()));
+        array(py, &[self.inner.instances(), allocation.count()], thrusts.collect())
+    }
+}

@@ -1,0 +1,92 @@
+//! `uvms_gym.Simulator`: steps and accelerations.
+
+use pyo3::prelude::*;
+
+use super::arrays::{Array, Given, array, count};
+use super::inputs::InputArguments;
+use super::simulator::Simulator;
+
+#[pymethods]
+impl Simulator {
+    /// Step all instances under inputs that are held meanwhile; absent ones are zero.
+    ///
+    /// Each input has one row for all instances, or one per instance. Everything is checked before anything changes.
+    /// The GIL is released; Ctrl-C interrupts between steps.
+    ///
+    /// Parameters
+    /// ----------
+    /// thrust : array_like (m,) or (N, m)
+    ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25]
+    /// wrench : array_like (6,) or (N, 6)
+    ///     Wrench on the vehicle [f; m] in body axes at its origin, N and N m; besides the thrust, without limits.
+    /// joint_torque : array_like (n,) or (N, n)
+    ///     Actuator torque along +q, N m or N; saturates, together with the servo's, at the joint's effort.
+    /// joint_target : array_like (n,), (N, n) or (N, n, k), k <= 4
+    ///     Turns on the joint servos, which are evaluated at every stage: target coordinates, rad or m; or polynomials
+    ///     c0 + c1 t + c2 t^2 + c3 t^3 in the time t since this call, whose derivative is the target of the joint rate.
+    /// external : array_like (n + 1, 6) or (N, n + 1, 6)
+    ///     Wrench on each moving body, vehicle first, in body axes at its frame origin, N and N m.
+    /// station : (array_like (3,) or (N, 3), array_like (3, 3) or (N, 3, 3)) or array_like (4, 4) or (N, 4, 4)
+    ///     Turns on the vehicle's servo (the paper's PD), evaluated at every stage: the tuple (position, rotation) of
+    ///     the target in the world, or its pose.
+    /// substeps : int
+    ///     Number of steps of `dt`.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     A shape, a number that is not finite, a station for a scene without vehicle servo.
+    /// TypeError
+    ///     Something that is no array of real numbers.
+    #[pyo3(
+        signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=None),
+        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=1)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn step(
+        &mut self,
+        py: Python<'_>,
+        thrust: Given,
+        wrench: Given,
+        joint_torque: Given,
+        joint_target: Given,
+        external: Given,
+        station: Given,
+        substeps: Given,
+    ) -> PyResult<()> {
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
+        let arrays = arguments.read(&self.inner)?;
+        let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
+        let mut interrupt = Ok(());
+        let mut go_on = || {
+            interrupt = Python::attach(|py| py.check_signals());
+            interrupt.is_ok()
+        };
+        py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on))?;
+        interrupt
+    }
+
+    /// Accelerations [V'; q''] under the inputs of `step`, by articulated bodies; the state stays as it is.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, 6 + n)
+    ///     Rate of the absolute body twist and of the joint rates, m/s2 and rad/s2. V' = 0 where the vehicle is held.
+    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn forward_dynamics<'py>(
+        &mut self,
+        py: Python<'py>,
+        thrust: Given,
+        wrench: Given,
+        joint_torque: Given,
+        joint_target: Given,
+        external: Given,
+        station: Given,
+    ) -> PyResult<Array<'py>> {
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
+        let arrays = arguments.read(&self.inner)?;
+        let accelerations = py.detach(|| self.inner.forward_dynamics(&arrays.inputs()))?;
+        array(py, &[self.inner.instances(), 6 + self.inner.joints()], accelerations)
+    }
+}

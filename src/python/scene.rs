@@ -1,0 +1,149 @@
+//! Scenes from names, paths and dicts, and back to dicts.
+
+use std::path::PathBuf;
+
+use pyo3::exceptions::PyTypeError;
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
+use toml::Value;
+
+use super::errors::SceneError;
+use crate::description::Scene;
+
+/// Source of a scene that comes as a dict, in errors.
+const DICT: &str = "<dict>";
+/// Dicts and lists within each other; a scene needs 6, and one that contains itself would have no end.
+const DEPTH: usize = 32;
+
+/// Names of the scenes that come with the package.
+#[pyfunction]
+pub fn scenes() -> Vec<&'static str> {
+    Scene::shipped_names()
+}
+
+/// Read and check a scene.
+///
+/// Parameters
+/// ----------
+/// scene : str, os.PathLike or dict
+///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form. Vectors and matrices
+///     in a dict may be NumPy arrays.
+///
+/// Returns
+/// -------
+/// dict
+///     The complete scene in SI units, axes forward-left-up, 6x6 matrices in the order [linear; angular]: every
+///     key has a value, axes have unit length.
+///
+/// Raises
+/// ------
+/// SceneError
+///     The scene cannot be read, or no physical system can be like that. The message names file, key and value.
+#[pyfunction]
+pub fn load_scene<'py>(scene: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    to_python(&read(scene)?, scene.py())
+}
+
+/// The scene that an argument means.
+pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Scene> {
+    if let Ok(name) = given.cast::<PyString>() {
+        return Ok(Scene::load(text(name, "scene")?)?);
+    }
+    if given.is_instance_of::<PyDict>() {
+        return Ok(Scene::from_value(value(given, "", 0)?, DICT)?);
+    }
+    if given.hasattr(intern!(given.py(), "__fspath__"))? {
+        return Ok(Scene::from_file(given.extract::<PathBuf>()?)?);
+    }
+    let kind = given.get_type().name()?.to_string();
+    Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {kind}")))
+}
+
+/// A scene as a dict.
+pub fn to_python<'py>(scene: &Scene, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    let tree = Value::try_from(scene).map_err(|e| SceneError::new_err(format!("{}: {e}", scene.name)))?;
+    object(&tree, py)
+}
+
+fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+    Ok(match value {
+        Value::String(text) => PyString::new(py, text).into_any(),
+        Value::Integer(i) => PyInt::new(py, *i).into_any(),
+        Value::Float(x) => PyFloat::new(py, *x).into_any(),
+        Value::Boolean(b) => PyBool::new(py, *b).to_owned().into_any(),
+        Value::Datetime(time) => PyString::new(py, &time.to_string()).into_any(),
+        Value::Array(list) => {
+            let list: Vec<_> = list.iter().map(|e| object(e, py)).collect::<PyResult<_>>()?;
+            PyList::new(py, list)?.into_any()
+        }
+        Value::Table(table) => {
+            let dict = PyDict::new(py);
+            for (key, value) in table {
+                dict.set_item(key, object(value, py)?)?;
+            }
+            dict.into_any()
+        }
+    })
+}
+
+/// A tree of plain values from Python objects; `key` is the path to `given`.
+fn value(given: &Bound<'_, PyAny>, key: &str, depth: usize) -> PyResult<Value> {
+    if depth > DEPTH {
+        return Err(fault(key, "nested too deeply"));
+    }
+    if let Ok(b) = given.cast::<PyBool>() {
+        return Ok(Value::Boolean(b.is_true()));
+    }
+    if given.is_instance_of::<PyInt>() {
+        let out_of_range = |_| fault(key, "an int must fit into 64 bits");
+        return given.extract().map(Value::Integer).map_err(out_of_range);
+    }
+    if let Ok(x) = given.cast::<PyFloat>() {
+        return Ok(Value::Float(x.value()));
+    }
+    if let Ok(string) = given.cast::<PyString>() {
+        return Ok(Value::String(text(string, key)?.to_owned()));
+    }
+    if let Ok(dict) = given.cast::<PyDict>() {
+        let mut table = toml::Table::new();
+        // The items are a list of their own: the dict may change meanwhile.
+        for item in dict.items() {
+            let (name, item): (Bound<PyAny>, Bound<PyAny>) = item.extract()?;
+            let Ok(name) = name.cast::<PyString>() else {
+                return Err(fault(key, &format!("keys must be strings, not {}", kind(&name)?)));
+            };
+            let name = text(name, key)?;
+            let path = if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
+            table.insert(name.to_owned(), value(&item, &path, depth + 1)?);
+        }
+        return Ok(Value::Table(table));
+    }
+    if given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>() {
+        let mut list = Vec::new();
+        for (i, item) in given.try_iter()?.enumerate() {
+            list.push(value(&item?, &format!("{key}[{i}]"), depth + 1)?);
+        }
+        return Ok(Value::Array(list));
+    }
+    let numpy = given.py().import(intern!(given.py(), "numpy"))?;
+    for class in [intern!(given.py(), "ndarray"), intern!(given.py(), "generic")] {
+        if given.is_instance(&numpy.getattr(class)?)? {
+            return value(&given.call_method0(intern!(given.py(), "tolist"))?, key, depth + 1);
+        }
+    }
+    Err(fault(key, &format!("a {} is none of dict, list, tuple, str, bool, int, float or NumPy array", kind(given)?)))
+}
+
+fn fault(key: &str, problem: &str) -> PyErr {
+    SceneError::new_err(if key.is_empty() { format!("{DICT}: {problem}") } else { format!("{DICT}: {key}: {problem}") })
+}
+
+fn kind(object: &Bound<'_, PyAny>) -> PyResult<String> {
+    Ok(object.get_type().name()?.to_string())
+}
+
+/// A string's text, unless it has surrogates.
+fn text<'a>(string: &'a Bound<'_, PyString>, key: &str) -> PyResult<&'a str> {
+    string.to_str().map_err(|_| fault(key, "text that is no valid Unicode"))
+}

@@ -1,0 +1,257 @@
+//! `uvms_gym.Simulator`: making one, what it is, copies.
+
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString, PyTuple};
+
+use super::arrays::{Array, Given, array, count, read};
+use super::scene;
+use crate::batch::{self, Precision, SimulatorOptions};
+
+/// Batched simulator of one scene, without any task.
+///
+/// Instances are independent: the result of each depends on its own state and inputs alone, bit for bit, whatever
+/// `num_envs`, the instance's place among the others and `threads`.
+///
+/// N is `num_envs`, n the number of joints, m the number of thrusters. SI units. World z up; body x forward, y left,
+/// z up; quaternions [w, x, y, z]; 6-vectors [linear; angular]: twists [v; omega] in body axes at the vehicle
+/// frame, absolute (not relative to the water), and wrenches [f; m] in body axes at the body's frame origin. Bodies
+/// with wrenches of their own are the vehicle and one per joint; a link's frame lies at its joint and moves with it.
+///
+/// Parameters
+/// ----------
+/// scene : str, os.PathLike or dict
+///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form.
+/// num_envs : int
+///     Number of instances N.
+/// dt : float
+///     Step size, s.
+/// integrator : str
+///     "mk4" (the default: Munthe-Kaas, order 4), "mk4-truncated", "mk3", "mk2", "mk1"; or, for comparison,
+///     "quaternion-euler", "quaternion-rk4", "rk4-normalise". [HC eqs. 14, 17, 18]
+/// dtype : str
+///     "float64", or "float32": twice as fast, with an accuracy of its own. Arrays are float64 either way.
+/// threads : int or None
+///     Most threads; one per core where None. Few instances use fewer.
+/// gamma : float
+///     Gain of the norm-restoring term of the quaternion integrators, 1/s. [HC eq. 14]
+///
+/// Raises
+/// ------
+/// SceneError
+///     The scene cannot be read, or no physical system can be like that.
+/// ValueError, TypeError
+///     Another argument is out of range or of the wrong type.
+#[pyclass(module = "uvms_gym", name = "Simulator")]
+pub struct Simulator {
+    pub(super) inner: batch::Simulator,
+}
+
+/// A number of seconds or so.
+fn number(name: &str, given: Given, default: f64) -> PyResult<f64> {
+    let Some(given) = given else { return Ok(default) };
+    given.extract().map_err(|error: PyErr| {
+        if error.is_instance_of::<PyOverflowError>(given.py()) {
+            PyValueError::new_err(format!("{name} is out of range"))
+        } else {
+            PyTypeError::new_err(format!("{name} must be a number: {error}"))
+        }
+    })
+}
+
+fn precision(given: &Bound<'_, PyAny>) -> PyResult<Precision> {
+    let name: String = if given.is_instance_of::<PyString>() || given.is_none() {
+        given.str()?.to_string_lossy().into_owned()
+    } else {
+        given.py().import("numpy")?.call_method1("dtype", (given,))?.getattr("name")?.extract()?
+    };
+    match name.as_str() {
+        "float64" => Ok(Precision::Double),
+        "float32" => Ok(Precision::Single),
+        _ => Err(PyValueError::new_err(format!("dtype must be 'float64' or 'float32', not '{name}'"))),
+    }
+}
+
+#[pymethods]
+impl Simulator {
+    #[new]
+    #[pyo3(
+        signature = (scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None),
+        text_signature = "(scene, num_envs=1, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn new(
+        py: Python<'_>,
+        scene: &Bound<'_, PyAny>,
+        num_envs: Given,
+        dt: Given,
+        integrator: Option<String>,
+        dtype: Given,
+        threads: Given,
+        gamma: Given,
+    ) -> PyResult<Self> {
+        let scene = scene::read(scene)?;
+        let default = SimulatorOptions::default();
+        let options = SimulatorOptions {
+            instances: num_envs.map_or(Ok(default.instances), |n| count("num_envs", n))?,
+            dt: number("dt", dt, default.dt)?,
+            integrator: integrator.unwrap_or(default.integrator),
+            gamma: number("gamma", gamma, default.gamma)?,
+            precision: dtype.map_or(Ok(default.precision), precision)?,
+            threads: threads.map(|n| count("threads", n)).transpose()?,
+        };
+        Ok(Self { inner: py.detach(|| batch::Simulator::new(scene, options))? })
+    }
+
+    /// int: number of instances N.
+    #[getter]
+    fn num_envs(&self) -> usize {
+        self.inner.instances()
+    }
+
+    /// float: step size, s.
+    #[getter]
+    fn dt(&self) -> f64 {
+        self.inner.options().dt
+    }
+
+    /// str: name of the integrator.
+    #[getter]
+    fn integrator(&self) -> &str {
+        &self.inner.options().integrator
+    }
+
+    /// str: number type that the kernel computes with, "float64" or "float32".
+    #[getter]
+    fn dtype(&self) -> &'static str {
+        match self.inner.options().precision {
+            Precision::Double => "float64",
+            Precision::Single => "float32",
+        }
+    }
+
+    /// float: gain of the quaternion integrators, 1/s. [HC eq. 14]
+    #[getter]
+    fn gamma(&self) -> f64 {
+        self.inner.options().gamma
+    }
+
+    /// int: most threads that a step uses.
+    #[getter]
+    fn threads(&self) -> usize {
+        self.inner.threads()
+    }
+
+    /// str: instruction set of the kernel: "avx512", "avx2", "fma" or "plain"; the environment variable UVMS_LANES
+    /// chooses another than the widest. All but "plain" give the same results bit for bit.
+    #[getter]
+    fn lanes(&self) -> &'static str {
+        self.inner.isa().name()
+    }
+
+    /// dict: the complete scene, as `load_scene` gives it.
+    #[getter]
+    fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        scene::to_python(self.inner.scene(), py)
+    }
+
+    /// str: name of the scene.
+    #[getter]
+    fn scene_name(&self) -> &str {
+        &self.inner.scene().name
+    }
+
+    /// int: number of joints n.
+    #[getter]
+    fn num_joints(&self) -> usize {
+        self.inner.joints()
+    }
+
+    /// int: number of moving bodies, n + 1.
+    #[getter]
+    fn num_bodies(&self) -> usize {
+        self.inner.joints() + 1
+    }
+
+    /// int: number of thrusters m.
+    #[getter]
+    fn num_thrusters(&self) -> usize {
+        self.inner.allocation().count()
+    }
+
+    /// list of str: names of the joints, in the order of every joint array.
+    #[getter]
+    fn joint_names(&self) -> Vec<String> {
+        self.inner.scene().joint_names()
+    }
+
+    /// list of str: names of the moving bodies, "vehicle" first, then one per joint.
+    #[getter]
+    fn body_names(&self) -> Vec<String> {
+        self.inner.scene().body_names()
+    }
+
+    /// list of str: names of the thrusters.
+    #[getter]
+    fn thruster_names(&self) -> Vec<String> {
+        self.inner.scene().thruster_names()
+    }
+
+    /// numpy.ndarray (m, 2): least and greatest thrust, N.
+    #[getter]
+    fn thruster_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let allocation = self.inner.allocation();
+        array(py, &[allocation.count(), 2], (0..allocation.count()).flat_map(|i| allocation.limits(i)).collect())
+    }
+
+    /// numpy.ndarray (6, m): thruster configuration matrix, wrench on the vehicle per thrust. [HC eq. 25]
+    #[getter]
+    fn thruster_configuration<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let configuration = self.inner.allocation().configuration();
+        array(py, &[6, configuration.ncols()], configuration.transpose().as_slice().to_vec())
+    }
+
+    /// int: bytes of memory per instance; a few instances fill a block of 8 (float64) or 16 (float32).
+    #[getter]
+    fn bytes_per_env(&self) -> usize {
+        self.inner.bytes_per_instance()
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let name = PyString::new(py, self.scene_name()).repr()?;
+        Ok(format!(
+            "Simulator({name}, num_envs={}, dt={:?}, integrator='{}', dtype='{}')",
+            self.num_envs(),
+            self.dt(),
+            self.integrator(),
+            self.dtype(),
+        ))
+    }
+
+    fn __copy__(&self) -> Self {
+        Self { inner: self.inner.clone() }
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.__copy__()
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let options = PyDict::new(py);
+        options.set_item("dt", self.dt())?;
+        options.set_item("integrator", self.integrator())?;
+        options.set_item("dtype", self.dtype())?;
+        options.set_item("threads", self.inner.options().threads)?;
+        options.set_item("gamma", self.gamma())?;
+        Ok(((self.scene(py)?, self.num_envs()).into_pyobject(py)?, options))
+    }
+
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let numbers = self.inner.save();
+        array(py, &[self.num_envs(), numbers.len() / self.num_envs()], numbers)
+    }
+
+    fn __setstate__(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        Ok(self.inner.load(&read("state", state)?.1)?)
+    }
+}

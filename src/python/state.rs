@@ -1,0 +1,152 @@
+//! `uvms_gym.Simulator`: the state, in and out.
+
+use pyo3::prelude::*;
+
+use super::arrays::{Array, Given, array, optional_rows};
+use super::simulator::Simulator;
+use crate::batch::States;
+use crate::system::{State, quaternion};
+
+impl Simulator {
+    /// Numbers of every instance's state as an array (N, ...).
+    fn gather<'py, I: IntoIterator<Item = f64>>(
+        &self,
+        py: Python<'py>,
+        row: &[usize],
+        numbers: impl Fn(&State, usize) -> I,
+    ) -> PyResult<Array<'py>> {
+        let instances = self.inner.instances();
+        let shape: Vec<usize> = std::iter::once(instances).chain(row.iter().copied()).collect();
+        let mut out = Vec::with_capacity(shape.iter().product());
+        for i in 0..instances {
+            out.extend(numbers(&self.inner.state(i), i));
+        }
+        array(py, &shape, out)
+    }
+}
+
+#[pymethods]
+impl Simulator {
+    /// numpy.ndarray (N, 3): vehicle origin in the world, m.
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.gather(py, &[3], |state, _| <[f64; 3]>::from(state.position))
+    }
+
+    /// numpy.ndarray (N, 3, 3): rotation matrix of the vehicle, body to world.
+    #[getter]
+    fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.gather(py, &[3, 3], |state, _| state.rotation.transpose().as_slice().to_vec())
+    }
+
+    /// numpy.ndarray (N, 4): unit quaternion [w, x, y, z] of the vehicle, w >= 0, body to world. The quaternion
+    /// integrators give theirs as they keep it: of any sign, and only nearly of unit length. [HC eq. 14]
+    #[getter]
+    fn quaternion<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let kept = |i| self.inner.kept_quaternion(i);
+        self.gather(py, &[4], |state, i| kept(i).unwrap_or_else(|| quaternion(&state.rotation)))
+    }
+
+    /// numpy.ndarray (N, 6): absolute body twist [v; omega] of the vehicle, m/s and rad/s.
+    #[getter]
+    fn twist<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.gather(py, &[6], |state, _| <[f64; 6]>::from(state.twist))
+    }
+
+    /// numpy.ndarray (N, n): joint coordinates, rad or m.
+    #[getter]
+    fn q<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let n = self.inner.joints();
+        self.gather(py, &[n], |state, _| state.q.into_iter().take(n))
+    }
+
+    /// numpy.ndarray (N, n): joint rates, rad/s or m/s.
+    #[getter]
+    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let n = self.inner.joints();
+        self.gather(py, &[n], |state, _| state.qd.into_iter().take(n))
+    }
+
+    /// numpy.ndarray (N,): time, s.
+    #[getter]
+    fn time<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.gather(py, &[], |state, _| [state.time])
+    }
+
+    /// numpy.ndarray (N, 3): velocity of the water in the world, m/s.
+    #[getter]
+    fn current<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.gather(py, &[3], |_, i| <[f64; 3]>::from(self.inner.current(i)))
+    }
+
+    /// Set parts of the state; what is left out stays as it is.
+    ///
+    /// Each part has one row for all instances, or one per instance. Everything is checked before anything changes.
+    ///
+    /// Parameters
+    /// ----------
+    /// position : array_like (3,) or (N, 3)
+    ///     Vehicle origin in the world, m.
+    /// rotation : array_like (3, 3) or (N, 3, 3)
+    ///     Body to world. May be off by 1e-6 per entry of R^T R; is made orthonormal.
+    /// quaternion : array_like (4,) or (N, 4)
+    ///     The same as [w, x, y, z]; is normalised. Excludes `rotation`.
+    /// twist : array_like (6,) or (N, 6)
+    ///     Absolute body twist [v; omega], m/s and rad/s; zero if the scene holds the vehicle.
+    /// q : array_like (n,) or (N, n)
+    ///     Joint coordinates, rad or m.
+    /// qd : array_like (n,) or (N, n)
+    ///     Joint rates, rad/s or m/s.
+    /// time : float or array_like (N,)
+    ///     Time, s.
+    /// current : array_like (3,) or (N, 3)
+    ///     Velocity of the water in the world, m/s; steady until it is set again.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError
+    ///     A shape, a number that is not finite, no rotation, a zero quaternion, motion of a held vehicle.
+    /// TypeError
+    ///     Something that is no array of real numbers.
+    #[pyo3(signature = (position=None, rotation=None, quaternion=None, twist=None, q=None, qd=None, time=None, current=None))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn set_state(
+        &mut self,
+        position: Given,
+        rotation: Given,
+        quaternion: Given,
+        twist: Given,
+        q: Given,
+        qd: Given,
+        time: Given,
+        current: Given,
+    ) -> PyResult<()> {
+        let (instances, n) = (self.inner.instances(), self.inner.joints());
+        let rows = |name: &str, given: Given, row: &[usize]| optional_rows(name, given, instances, row);
+        let position = rows("position", position, &[3])?;
+        let rotation = rows("rotation", rotation, &[3, 3])?;
+        let quaternion = rows("quaternion", quaternion, &[4])?;
+        let twist = rows("twist", twist, &[6])?;
+        let q = rows("q", q, &[n])?;
+        let qd = rows("qd", qd, &[n])?;
+        let time = rows("time", time, &[])?;
+        let current = rows("current", current, &[3])?;
+        let states = States {
+            position: position.as_deref(),
+            rotation: rotation.as_deref(),
+            quaternion: quaternion.as_deref(),
+            twist: twist.as_deref(),
+            q: q.as_deref(),
+            qd: qd.as_deref(),
+            time: time.as_deref(),
+            current: current.as_deref(),
+        };
+        Ok(self.inner.set_states(&states)?)
+    }
+
+    /// Put all instances at the scene's home: level at the world origin, at rest at time 0, joints at home, in the
+    /// scene's current.
+    fn reset(&mut self) {
+        self.inner.reset();
+    }
+}

@@ -1,0 +1,11 @@
+"""Underwater vehicle-manipulator systems on SE(3): a batched simulator with Gymnasium environments.
+
+Importing it registers the environments with Gymnasium.
+"""
+
+from uvms_gym._core import SceneError, Simulator, __version__, load_scene, scenes
+from uvms_gym.envs import register_envs
+
+__all__ = ["SceneError", "Simulator", "__version__", "load_scene", "scenes"]
+
+register_envs()
