@@ -122,8 +122,10 @@ impl Simulator {
         if options.threads == Some(0) {
             return Err(SimulatorError::NoThreads);
         }
-        let integrator = Integrator::named(&options.integrator, options.gamma)
-            .ok_or_else(|| SimulatorError::UnknownIntegrator { name: options.integrator.clone() })?;
+        let integrator = Integrator::named(&options.integrator, options.gamma).ok_or_else(|| {
+            let known = Integrator::NAMES.map(|(name, _)| name).into();
+            SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
+        })?;
         let isa = Isa::best()?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
