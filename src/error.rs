@@ -276,10 +276,12 @@ pub enum SimulatorError {
         gamma: f64,
     },
     /// No such integrator.
-    #[error("no integrator named '{name}': one of {}", crate::integrate::Integrator::NAMES.map(|(name, _)| name).join(", "))]
+    #[error("no integrator named '{name}': one of {}", known.join(", "))]
     UnknownIntegrator {
         /// As given.
         name: String,
+        /// Names that there are.
+        known: Vec<&'static str>,
     },
     /// Too many or too few numbers.
     #[error("{name} has {got} numbers, but {expected} are needed")]
@@ -401,6 +403,15 @@ pub enum TaskError {
     /// An action that is no number; out of range is clipped instead.
     #[error("action {index} of instance {instance} is {value}: must be finite")]
     Action { instance: usize, index: usize, value: f32 },
+    /// A step, or a reset that leaves an instance out, before its first reset.
+    #[error("instance {instance} was never reset: call reset() first")]
+    NotBegun { instance: usize },
+    /// A step of an instance whose episode is over, without autoreset.
+    #[error("the episode of instance {instance} is over: reset it first")]
+    Over { instance: usize },
+    /// The physics of the task.
+    #[error(transparent)]
+    Simulator(#[from] SimulatorError),
     /// Numbers that are not a saved episode.
     #[error("saved episode: {0}")]
     Saved(String),

@@ -1,12 +1,12 @@
 """The native part of `uvms_gym`."""
 
 from os import PathLike
-from typing import Any, final
+from typing import Any, ClassVar, TypeAlias, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["SceneError", "Simulator", "__version__", "load_scene", "scenes"]
+__all__ = ["Pd", "SceneError", "Simulator", "StationKeep", "__version__", "load_scene", "scenes"]
 
 __version__: str
 
@@ -222,3 +222,128 @@ class Simulator:
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], int], dict[str, Any]]: ...
     def __getstate__(self) -> NDArray[np.float64]: ...
     def __setstate__(self, state: ArrayLike, /) -> None: ...
+
+@type_check_only
+class _Block(TypedDict):
+    name: str
+    offset: int
+    scale: list[float]
+    bound: list[float]
+    unit: str
+    description: str
+
+_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
+
+@final
+class StationKeep:
+    """A batch of station-keeping episodes: physics, observations, rewards and resets in one call.
+
+    The environments in `uvms_gym.envs` wrap it and document its arguments.
+    """
+
+    INFO: ClassVar[list[str]]
+    """Names of the measures, in the order of the rows of `info`."""
+
+    def __new__(
+        cls,
+        scene: str | PathLike[str] | dict[str, Any],
+        *,
+        num_envs: int,
+        action: str,
+        dt: float,
+        substeps: int,
+        integrator: str,
+        dtype: str,
+        max_current: float,
+        start_distance: float,
+        start_angle: float,
+        target_distance: float,
+        target_turn: float,
+        arm_amplitude: float,
+        reward_pose: float,
+        reward_effort: float,
+        reward_rate: float,
+        threads: int | None,
+        autoreset: str,
+        max_episode_steps: int | None,
+    ) -> StationKeep: ...
+    @property
+    def num_envs(self) -> int:
+        """Number of instances N."""
+
+    @property
+    def control_period(self) -> float:
+        """Control period, s."""
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        """The complete scene, as `load_scene` gives it."""
+
+    @property
+    def simulator(self) -> Simulator:
+        """A copy of the physics as it stands: the true state, and a simulator to look ahead with."""
+
+    @property
+    def observation_bound(self) -> NDArray[np.float32]:
+        """Greatest magnitude of each entry of an observation, (d,)."""
+
+    @property
+    def layout(self) -> list[_Block]:
+        """Blocks of an observation, each with name, offset, scale, bound, unit and description."""
+
+    @property
+    def action_layout(self) -> list[tuple[str, list[float], str]]:
+        """Entries of an action, each with name, what -1 and +1 ask for, and unit."""
+
+    def reset(
+        self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (18, N).
+
+        Keywords give what is not to be drawn, one row for all or (N, .).
+        """
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[
+        NDArray[np.float32],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        NDArray[np.float64],
+        _Finals | None,
+    ]:
+        """One control period of all instances under `actions` (N, a).
+
+        Gives observations, rewards, terminated, truncated, measures (18, N), and of episodes that ended and were
+        replaced the instances, last observations and last measures.
+        """
+
+    def episodes(self) -> dict[str, NDArray[Any]]:
+        """What the episodes drew, and how far they are.
+
+        seed, episode and step (N,), target_position (N, 3), target_rotation (N, 3, 3), current (N, 3),
+        joint_reference and joint_reference_rate (N, n).
+        """
+
+    def pd(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
+        """The paper's PD with these gains (6 each), or with the scene's."""
+
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
+    def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
+
+@final
+class Pd:
+    """PD on the vehicle, `F = -kp e - kd V`, from observations alone."""
+
+    @property
+    def kp(self) -> list[float]:
+        """Proportional gains, N/m and N m/rad."""
+
+    @property
+    def kd(self) -> list[float]:
+        """Derivative gains, N s/m and N m s/rad."""
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (n, a) for observations (n, d)."""

@@ -4,42 +4,17 @@ use nalgebra as na;
 
 use super::layout::Layout;
 use super::step::{Accelerate, Step, Switches};
-use super::threads::for_each_chunk;
+use super::table::{InstanceLoads, Table};
+use super::threads::for_each;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
-use crate::lie::{Pose, Vector6};
-use crate::system::{Compiled, JOINTS, State, System};
+use crate::system::{Compiled, State, System};
 
+/// Blocks that a thread takes at a time.
+const CHUNK: usize = 8;
 /// Instances per thread below which threads cost more than they bring.
 const INSTANCES_PER_THREAD: usize = 256;
-
-/// What is applied to one instance until it is changed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct InstanceLoads {
-    /// Wrench on the vehicle, body frame at its origin.
-    pub wrench: [f64; 6],
-    /// Actuator torques.
-    pub torque: [f64; JOINTS],
-    /// Servo targets: polynomials in the time since the step's call, constant term first.
-    pub target: [[f64; 4]; JOINTS],
-    /// External wrenches on the links, each in its link frame.
-    pub links: [[f64; 6]; JOINTS],
-    /// Station: target rotation and position.
-    pub station: (na::Matrix3<f64>, na::Vector3<f64>),
-}
-
-impl Default for InstanceLoads {
-    fn default() -> Self {
-        Self {
-            wrench: [0.0; 6],
-            torque: [0.0; JOINTS],
-            target: [[0.0; 4]; JOINTS],
-            links: [[0.0; 6]; JOINTS],
-            station: (na::Matrix3::identity(), na::Vector3::zeros()),
-        }
-    }
-}
 
 /// All instances, whatever the precision.
 pub trait Storage: Send + Sync {
@@ -65,12 +40,37 @@ pub trait Storage: Send + Sync {
     fn column_len(&self) -> usize;
     /// Steps all instances.
     fn step(&mut self, run: &Run);
+    /// Instances that [`Self::step_with`] hands to one rider.
+    fn ride(&self) -> usize;
+    /// Steps all instances; each rider works on its own [`Self::ride`] of them (the last may have fewer), before and
+    /// after, on the thread that steps them.
+    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]);
     /// `[V'; q'']` of all instances under their loads, instance by instance.
     fn accelerations(&mut self, switches: Switches) -> Vec<f64>;
     /// Bytes per instance.
     fn bytes_per_instance(&self) -> usize;
     /// An independent copy.
     fn boxed_clone(&self) -> Box<dyn Storage>;
+}
+
+/// Single instances of a few blocks, numbered from 0.
+pub trait Instances {
+    /// State of instance `i`.
+    fn state(&self, i: usize) -> State;
+    /// Sets the state of instance `i`.
+    fn set_state(&mut self, i: usize, state: &State);
+    /// Sets the current at instance `i`.
+    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Sets the loads of instance `i`, as far as they are on.
+    fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
+}
+
+/// What is done to a few instances around their steps.
+pub trait Rider: Send {
+    /// Before the steps.
+    fn before(&mut self, instances: &mut dyn Instances);
+    /// After the steps.
+    fn after(&mut self, instances: &mut dyn Instances);
 }
 
 /// How to step.
@@ -94,8 +94,7 @@ pub struct Run {
 #[derive(Clone)]
 pub struct Blocks<T> {
     system: System<Shared<T>>,
-    links: Vec<Pose<f64>>,
-    layout: Layout,
+    table: Table,
     isa: Isa,
     instances: usize,
     rows: Vec<T>,
@@ -122,7 +121,8 @@ impl<T: Real> Blocks<T> {
         let mut rows = Vec::new();
         rows.try_reserve_exact(size).map_err(|_| memory())?;
         rows.resize(size, T::from_f64(0.0));
-        let mut blocks = Self { system, links: compiled.links.clone(), layout, isa, instances, rows };
+        let table = Table { layout, links: compiled.links.clone() };
+        let mut blocks = Self { system, table, isa, instances, rows };
         // Columns past the last instance hold a sane state too: they are stepped along.
         for i in 0..columns {
             blocks.set_state(i, state);
@@ -131,130 +131,123 @@ impl<T: Real> Blocks<T> {
         Ok(blocks)
     }
 
-    fn place(&self, i: usize, row: usize) -> usize {
-        (i / T::BLOCK * self.layout.rows + row) * T::BLOCK + i % T::BLOCK
+    /// Rows that a thread takes at a time.
+    fn portion(&self) -> usize {
+        CHUNK * T::BLOCK * self.table.layout.rows
     }
 
-    fn get(&self, i: usize, row: usize) -> f64 {
-        self.rows[self.place(i, row)].to_f64()
+    fn threads(&self, run: &Run) -> usize {
+        run.threads.min(self.instances.div_ceil(INSTANCES_PER_THREAD))
+    }
+}
+
+/// Some blocks of rows.
+struct Part<'a, T> {
+    table: &'a Table,
+    rows: &'a mut [T],
+}
+
+impl<T: Real> Part<'_, T> {
+    fn step(&mut self, system: &System<Shared<T>>, isa: Isa, run: &Run) {
+        let mut step = Step {
+            system,
+            layout: &self.table.layout,
+            integrator: run.integrator,
+            h: T::from_f64(run.h),
+            substeps: run.substeps,
+            before: run.before,
+            switches: run.switches,
+            blocks: self.rows,
+        };
+        T::dispatch(isa, &mut step);
+    }
+}
+
+impl<T: Real> Instances for Part<'_, T> {
+    fn state(&self, i: usize) -> State {
+        self.table.state(self.rows, i)
     }
 
-    fn get_all<const K: usize>(&self, i: usize, row: usize) -> [f64; K] {
-        std::array::from_fn(|k| self.get(i, row + k))
+    fn set_state(&mut self, i: usize, state: &State) {
+        self.table.set_state(self.rows, i, state);
     }
 
-    fn set_all(&mut self, i: usize, row: usize, values: impl IntoIterator<Item = f64>) {
-        for (k, value) in values.into_iter().enumerate() {
-            let place = self.place(i, row + k);
-            self.rows[place] = T::from_f64(value);
-        }
+    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
+        self.table.set_current(self.rows, i, current);
+    }
+
+    fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
+        self.table.set_loads(self.rows, i, loads, switches);
     }
 }
 
 impl<T: Real> Storage for Blocks<T> {
     fn state(&self, i: usize) -> State {
-        let layout = &self.layout;
-        let mut state = State {
-            position: self.get_all::<3>(i, layout.position).into(),
-            rotation: na::Matrix3::from_row_slice(&self.get_all::<9>(i, layout.rotation)),
-            twist: self.get_all::<6>(i, layout.twist).into(),
-            time: self.get(i, layout.time) + self.get(i, layout.time + 1),
-            ..State::default()
-        };
-        for k in 0..layout.joints {
-            state.q[k] = self.get(i, layout.q + k);
-            state.qd[k] = self.get(i, layout.qd + k);
-        }
-        state
+        self.table.state(&self.rows, i)
     }
 
     fn set_state(&mut self, i: usize, state: &State) {
-        let layout = self.layout.clone();
-        self.set_all(i, layout.rotation, state.rotation.transpose().iter().copied());
-        self.set_all(i, layout.position, state.position.iter().copied());
-        self.set_all(i, layout.twist, state.twist.iter().copied());
-        self.set_all(i, layout.q, state.q[..layout.joints].iter().copied());
-        self.set_all(i, layout.qd, state.qd[..layout.joints].iter().copied());
-        let time = T::from_f64(state.time).to_f64();
-        self.set_all(i, layout.time, [time, state.time - time]);
-        if layout.quaternion < layout.rows {
-            self.set_all(i, layout.quaternion, crate::system::quaternion(&state.rotation));
-        }
+        self.table.set_state(&mut self.rows, i, state);
     }
 
     fn quaternion(&self, i: usize) -> Option<[f64; 4]> {
-        (self.layout.quaternion < self.layout.rows).then(|| self.get_all(i, self.layout.quaternion))
+        self.table.quaternion(&self.rows, i)
     }
 
     fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
-        if self.layout.quaternion < self.layout.rows {
-            self.set_all(i, self.layout.quaternion, *quaternion);
-        }
+        self.table.set_quaternion(&mut self.rows, i, quaternion);
     }
 
     fn current(&self, i: usize) -> na::Vector3<f64> {
-        self.get_all::<3>(i, self.layout.current).into()
+        self.table.current(&self.rows, i)
     }
 
     fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.set_all(i, self.layout.current, current.iter().copied());
+        self.table.set_current(&mut self.rows, i, current);
     }
 
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
-        let layout = self.layout.clone();
-        self.set_all(i, layout.wrench, loads.wrench);
-        self.set_all(i, layout.torque, loads.torque[..layout.joints].iter().copied());
-        if switches.servo {
-            self.set_all(i, layout.target, loads.target[..layout.joints].iter().flatten().copied());
-        }
-        if switches.on_links {
-            for k in 0..layout.joints {
-                let wrench = self.links[k].co_adjoint_apply_inverse(Vector6::from_array(loads.links[k]));
-                self.set_all(i, layout.links + 6 * k, wrench.to_array());
-            }
-        }
-        if switches.station {
-            let (rotation, position) = &loads.station;
-            self.set_all(i, layout.station, rotation.transpose().iter().copied());
-            self.set_all(i, layout.station + 9, position.iter().copied());
-        }
+        self.table.set_loads(&mut self.rows, i, loads, switches);
     }
 
     fn column(&self, i: usize) -> Vec<f64> {
-        (0..self.layout.rows).map(|row| self.get(i, row)).collect()
+        self.table.column(&self.rows, i)
     }
 
     fn set_column(&mut self, i: usize, column: &[f64]) {
-        self.set_all(i, 0, column.iter().copied());
+        self.table.set_column(&mut self.rows, i, column);
     }
 
     fn column_len(&self) -> usize {
-        self.layout.rows
+        self.table.layout.rows
     }
 
     fn step(&mut self, run: &Run) {
-        let threads = run.threads.min(self.instances.div_ceil(INSTANCES_PER_THREAD));
-        let (system, layout, isa) = (&self.system, &self.layout, self.isa);
-        for_each_chunk(&mut self.rows, layout.rows * T::BLOCK, threads, |_, blocks| {
-            let mut step = Step {
-                system,
-                layout,
-                integrator: run.integrator,
-                h: T::from_f64(run.h),
-                substeps: run.substeps,
-                before: run.before,
-                switches: run.switches,
-                blocks,
-            };
-            T::dispatch(isa, &mut step);
+        let (portion, threads) = (self.portion(), self.threads(run));
+        let (system, table, isa) = (&self.system, &self.table, self.isa);
+        for_each(self.rows.chunks_mut(portion), threads, |rows| Part { table, rows }.step(system, isa, run));
+    }
+
+    fn ride(&self) -> usize {
+        CHUNK * T::BLOCK
+    }
+
+    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) {
+        let (portion, threads) = (self.portion(), self.threads(run));
+        let (system, table, isa) = (&self.system, &self.table, self.isa);
+        for_each(self.rows.chunks_mut(portion).zip(riders), threads, |(rows, rider)| {
+            let mut part = Part { table, rows };
+            rider.before(&mut part);
+            part.step(system, isa, run);
+            rider.after(&mut part);
         });
     }
 
     fn accelerations(&mut self, switches: Switches) -> Vec<f64> {
-        let width = 6 + self.layout.joints;
-        let blocks = self.rows.len() / (self.layout.rows * T::BLOCK);
+        let width = 6 + self.table.layout.joints;
+        let blocks = self.rows.len() / (self.table.layout.rows * T::BLOCK);
         let mut out = vec![T::from_f64(0.0); blocks * width * T::BLOCK];
-        let (system, layout) = (&self.system, &self.layout);
+        let (system, layout) = (&self.system, &self.table.layout);
         let mut job = Accelerate { system, layout, switches, blocks: &mut self.rows, out: &mut out };
         T::dispatch(self.isa, &mut job);
         let entry = |i: usize, k: usize| out[(i / T::BLOCK * width + k) * T::BLOCK + i % T::BLOCK].to_f64();

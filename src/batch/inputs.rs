@@ -2,9 +2,9 @@
 
 use nalgebra as na;
 
-use super::blocks::InstanceLoads;
 use super::simulator::SimulatorOptions;
 use super::step::Switches;
+use super::table::InstanceLoads;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::description::Scene;
 use crate::error::SimulatorError;

@@ -3,10 +3,10 @@
 use nalgebra as na;
 use nalgebra::Vector6;
 
-use super::blocks::InstanceLoads;
 use super::dynamics::Station;
 use super::inputs::{Applied, Inputs};
 use super::simulator::Simulator;
+use super::table::InstanceLoads;
 use crate::balance::Loads;
 use crate::balance::joint::actuator_torque;
 use crate::description::Joint;

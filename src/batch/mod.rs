@@ -7,10 +7,13 @@ mod layout;
 mod loads;
 mod simulator;
 mod states;
+mod station_keep;
 mod step;
+mod table;
 mod threads;
 
 pub use inputs::Inputs;
 pub use loads::AppliedLoads;
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;
+pub use station_keep::{Autoreset, Beginning, Final, INFO, Saved, StationKeepBatch, Transition, Verdict};

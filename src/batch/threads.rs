@@ -1,24 +1,20 @@
-//! Sharing blocks among threads.
+//! Sharing work among threads.
 
 use std::sync::Mutex;
 
-/// Blocks that a thread takes at a time.
-const CHUNK: usize = 8;
-
-/// Calls `work` on all blocks of `rows`, a few at a time, on up to `threads` threads. Which thread does what has no
-/// influence on the result. Threads live for the call only: nothing to go wrong across a fork.
-pub fn for_each_chunk<T: Send>(rows: &mut [T], block: usize, threads: usize, work: impl Fn(usize, &mut [T]) + Sync) {
-    let blocks = rows.len() / block;
-    let threads = threads.min(blocks.div_ceil(CHUNK));
+/// Calls `work` on all items, on up to `threads` threads. Which thread does what has no influence on the result.
+/// Threads live for the call only: nothing to go wrong across a fork.
+pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads: usize, work: impl Fn(I) + Sync) {
+    let threads = threads.min(items.len());
     if threads <= 1 {
-        return work(0, rows);
+        return items.for_each(work);
     }
-    let chunks = Mutex::new(rows.chunks_mut(CHUNK * block).enumerate());
+    let items = Mutex::new(items);
     let turn = || {
         loop {
             // A poisoned lock means that another thread panicked: its panic is raised by the scope.
-            let Ok(Some((i, chunk))) = chunks.lock().map(|mut chunks| chunks.next()) else { break };
-            work(i * CHUNK, chunk);
+            let Ok(Some(item)) = items.lock().map(|mut items| items.next()) else { break };
+            work(item);
         }
     };
     std::thread::scope(|scope| {

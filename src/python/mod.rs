@@ -3,11 +3,13 @@
 mod arrays;
 mod errors;
 mod inputs;
+mod linearize;
 mod model;
 mod motion;
 mod scene;
 mod simulator;
 mod state;
+mod station_keep;
 
 use pyo3::prelude::*;
 
@@ -20,6 +22,8 @@ mod core {
     use super::scene::{load_scene, scenes};
     #[pymodule_export]
     use super::simulator::Simulator;
+    #[pymodule_export]
+    use super::station_keep::{Pd, StationKeep};
     use pyo3::prelude::*;
 
     #[pymodule_init]

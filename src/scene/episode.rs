@@ -48,6 +48,11 @@ impl Episode {
         }
     }
 
+    /// An episode in which nothing was drawn.
+    pub fn blank(key: EpisodeKey) -> Self {
+        Self::new(key, Pose::default(), Vector3::zeros())
+    }
+
     /// Seed and number.
     pub fn key(&self) -> EpisodeKey {
         self.key
@@ -90,7 +95,7 @@ impl Episode {
     /// # Errors
     /// `TaskError::Saved` if there are too many or too few numbers, or one is not of the kind that stands there.
     pub fn from_numbers(numbers: &[f64]) -> Result<Self, TaskError> {
-        let mut this = Self::new(EpisodeKey::default(), Pose::default(), Vector3::zeros());
+        let mut this = Self::blank(EpisodeKey::default());
         let expected = this.to_numbers().len();
         if numbers.len() != expected {
             return Err(TaskError::Saved(format!("{} numbers, expected {expected}", numbers.len())));

@@ -15,6 +15,13 @@ pub struct EpisodeKey {
     pub episode: u64,
 }
 
+impl EpisodeKey {
+    /// The next episode under the same seed.
+    pub fn following(self) -> Self {
+        Self { episode: self.episode.wrapping_add(1), ..self }
+    }
+}
+
 /// What a stream of draws is for. A stream's draws do not depend on how many another stream takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]

@@ -214,47 +214,58 @@ impl StationKeep {
             *point = reference.at(next);
         }
 
-        let pose = Pose::of_vehicle(state);
-        let error = pose.error_from(&episode.target);
+        let error = Pose::of_vehicle(state).error_from(&episode.target);
         let diverged = self.violation(&episode.target, state).is_some();
         if !diverged {
             // Exact for an error that is constant over the period.
             let keep = (-LEAK * period).exp();
             episode.integral = episode.integral * keep + stack(&error) * ((1.0 - keep) / LEAK);
         }
-        let (position_error, attitude_error) = magnitudes(&error);
-        let joint_reference = episode.now.map(|point| point.value);
-        let reached = end_effector(&pose, &state.q);
-        let wanted = end_effector(&episode.target, &joint_reference);
-        let (end_effector_position_error, end_effector_attitude_error) = magnitudes(&reached.error_from(&wanted));
-
-        let allocation = self.allocation();
-        let mean = |power: fn(f64) -> f64| {
-            allocation.relative(&episode.thrusts).map(power).sum::<f64>() / allocation.count() as f64
-        };
-        let mut metrics = Metrics {
-            position_error,
-            attitude_error,
-            end_effector_position_error,
-            end_effector_attitude_error,
-            effort: mean(|u| u.abs() * u.abs().sqrt()),
-            saturation: allocation.saturation(&episode.thrusts),
-            running: [0.0; 6],
-            current: episode.current,
-        };
+        let mut metrics = self.measure(episode, state, end_effector);
         metrics.accumulate(&mut episode.sums, episode.step);
 
         let weights = &self.options.reward;
-        let pose_error = position_error.hypot(RADIAN * attitude_error);
+        let pose_error = metrics.position_error.hypot(RADIAN * metrics.attitude_error);
         let change: f64 =
             episode.action.iter().zip(&episode.previous_action).map(|(a, b)| f64::from(a - b).powi(2)).sum();
         let terms = RewardTerms {
             pose: -weights.pose * ((pose_error / FINE).powi(2).ln_1p() + pose_error / COARSE),
-            effort: -weights.effort * mean(|u| u * u),
+            effort: -weights.effort * self.mean_thrust(episode, |u| u * u),
             rate: -weights.rate * change / self.action_len() as f64,
         };
         let reward = terms.pose + terms.effort + terms.rate;
         Outcome { reward, terms, terminated: diverged, diverged, metrics }
+    }
+
+    /// What there is to say of an episode at its start: measures as they are, no reward, running means still 0.
+    pub fn survey(&self, episode: &Episode, state: &State, end_effector: impl Fn(&Pose, &Joints) -> Pose) -> Outcome {
+        let metrics = self.measure(episode, state, end_effector);
+        Outcome { reward: 0.0, terms: RewardTerms::default(), terminated: false, diverged: false, metrics }
+    }
+
+    /// Measures at the current control instant, without running means.
+    fn measure(&self, episode: &Episode, state: &State, end_effector: impl Fn(&Pose, &Joints) -> Pose) -> Metrics {
+        let pose = Pose::of_vehicle(state);
+        let (position_error, attitude_error) = magnitudes(&pose.error_from(&episode.target));
+        let reached = end_effector(&pose, &state.q);
+        let wanted = end_effector(&episode.target, &episode.now.map(|point| point.value));
+        let (end_effector_position_error, end_effector_attitude_error) = magnitudes(&reached.error_from(&wanted));
+        Metrics {
+            position_error,
+            attitude_error,
+            end_effector_position_error,
+            end_effector_attitude_error,
+            effort: self.mean_thrust(episode, |u| u.abs() * u.abs().sqrt()),
+            saturation: self.allocation().saturation(&episode.thrusts),
+            running: [0.0; 6],
+            current: episode.current,
+        }
+    }
+
+    /// Mean over the thrusters of a function of their relative thrust.
+    fn mean_thrust(&self, episode: &Episode, of: fn(f64) -> f64) -> f64 {
+        let allocation = self.allocation();
+        allocation.relative(&episode.thrusts).map(of).sum::<f64>() / allocation.count() as f64
     }
 }
 

@@ -1,0 +1,151 @@
+//! Single instances in rows of blocks.
+
+use nalgebra as na;
+
+use super::layout::Layout;
+use super::step::Switches;
+use crate::lane::Real;
+use crate::lie::{Pose, Vector6};
+use crate::system::{JOINTS, State};
+
+/// What is applied to one instance until it is changed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InstanceLoads {
+    /// Wrench on the vehicle, body frame at its origin.
+    pub wrench: [f64; 6],
+    /// Actuator torques.
+    pub torque: [f64; JOINTS],
+    /// Servo targets: polynomials in the time since the step's call, constant term first.
+    pub target: [[f64; 4]; JOINTS],
+    /// External wrenches on the links, each in its link frame.
+    pub links: [[f64; 6]; JOINTS],
+    /// Station: target rotation and position.
+    pub station: (na::Matrix3<f64>, na::Vector3<f64>),
+}
+
+impl Default for InstanceLoads {
+    fn default() -> Self {
+        Self {
+            wrench: [0.0; 6],
+            torque: [0.0; JOINTS],
+            target: [[0.0; 4]; JOINTS],
+            links: [[0.0; 6]; JOINTS],
+            station: (na::Matrix3::identity(), na::Vector3::zeros()),
+        }
+    }
+}
+
+/// Reads and writes instance `i` of any rows laid out like this.
+#[derive(Debug, Clone)]
+pub struct Table {
+    /// Rows of a block.
+    pub layout: Layout,
+    /// Each link's frame in its joint's frame.
+    pub links: Vec<Pose<f64>>,
+}
+
+impl Table {
+    fn place<T: Real>(&self, i: usize, row: usize) -> usize {
+        (i / T::BLOCK * self.layout.rows + row) * T::BLOCK + i % T::BLOCK
+    }
+
+    fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
+        rows[self.place::<T>(i, row)].to_f64()
+    }
+
+    fn get_all<T: Real, const K: usize>(&self, rows: &[T], i: usize, row: usize) -> [f64; K] {
+        std::array::from_fn(|k| self.get(rows, i, row + k))
+    }
+
+    fn set_all<T: Real>(&self, rows: &mut [T], i: usize, row: usize, values: impl IntoIterator<Item = f64>) {
+        for (k, value) in values.into_iter().enumerate() {
+            rows[self.place::<T>(i, row + k)] = T::from_f64(value);
+        }
+    }
+
+    /// State.
+    pub fn state<T: Real>(&self, rows: &[T], i: usize) -> State {
+        let layout = &self.layout;
+        let mut state = State {
+            position: self.get_all::<T, 3>(rows, i, layout.position).into(),
+            rotation: na::Matrix3::from_row_slice(&self.get_all::<T, 9>(rows, i, layout.rotation)),
+            twist: self.get_all::<T, 6>(rows, i, layout.twist).into(),
+            time: self.get(rows, i, layout.time) + self.get(rows, i, layout.time + 1),
+            ..State::default()
+        };
+        for k in 0..layout.joints {
+            state.q[k] = self.get(rows, i, layout.q + k);
+            state.qd[k] = self.get(rows, i, layout.qd + k);
+        }
+        state
+    }
+
+    /// Sets the state.
+    pub fn set_state<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
+        let layout = &self.layout;
+        self.set_all(rows, i, layout.rotation, state.rotation.transpose().iter().copied());
+        self.set_all(rows, i, layout.position, state.position.iter().copied());
+        self.set_all(rows, i, layout.twist, state.twist.iter().copied());
+        self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
+        self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
+        let time = T::from_f64(state.time).to_f64();
+        self.set_all(rows, i, layout.time, [time, state.time - time]);
+        if layout.quaternion < layout.rows {
+            self.set_all(rows, i, layout.quaternion, crate::system::quaternion(&state.rotation));
+        }
+    }
+
+    /// Quaternion as the integrator keeps it, if it keeps one.
+    pub fn quaternion<T: Real>(&self, rows: &[T], i: usize) -> Option<[f64; 4]> {
+        let layout = &self.layout;
+        (layout.quaternion < layout.rows).then(|| self.get_all(rows, i, layout.quaternion))
+    }
+
+    /// Sets that quaternion, if one is kept.
+    pub fn set_quaternion<T: Real>(&self, rows: &mut [T], i: usize, quaternion: &[f64; 4]) {
+        if self.layout.quaternion < self.layout.rows {
+            self.set_all(rows, i, self.layout.quaternion, *quaternion);
+        }
+    }
+
+    /// Current.
+    pub fn current<T: Real>(&self, rows: &[T], i: usize) -> na::Vector3<f64> {
+        self.get_all::<T, 3>(rows, i, self.layout.current).into()
+    }
+
+    /// Sets the current.
+    pub fn set_current<T: Real>(&self, rows: &mut [T], i: usize, current: &na::Vector3<f64>) {
+        self.set_all(rows, i, self.layout.current, current.iter().copied());
+    }
+
+    /// Sets the loads, as far as they are on.
+    pub fn set_loads<T: Real>(&self, rows: &mut [T], i: usize, loads: &InstanceLoads, switches: Switches) {
+        let layout = &self.layout;
+        self.set_all(rows, i, layout.wrench, loads.wrench);
+        self.set_all(rows, i, layout.torque, loads.torque[..layout.joints].iter().copied());
+        if switches.servo {
+            self.set_all(rows, i, layout.target, loads.target[..layout.joints].iter().flatten().copied());
+        }
+        if switches.on_links {
+            for k in 0..layout.joints {
+                let wrench = self.links[k].co_adjoint_apply_inverse(Vector6::from_array(loads.links[k]));
+                self.set_all(rows, i, layout.links + 6 * k, wrench.to_array());
+            }
+        }
+        if switches.station {
+            let (rotation, position) = &loads.station;
+            self.set_all(rows, i, layout.station, rotation.transpose().iter().copied());
+            self.set_all(rows, i, layout.station + 9, position.iter().copied());
+        }
+    }
+
+    /// Every number of the instance, bit for bit.
+    pub fn column<T: Real>(&self, rows: &[T], i: usize) -> Vec<f64> {
+        (0..self.layout.rows).map(|row| self.get(rows, i, row)).collect()
+    }
+
+    /// Sets every number of the instance.
+    pub fn set_column<T: Real>(&self, rows: &mut [T], i: usize, column: &[f64]) {
+        self.set_all(rows, i, 0, column[..self.layout.rows].iter().copied());
+    }
+}

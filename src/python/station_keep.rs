@@ -1,0 +1,398 @@
+//! `_core.StationKeep` and `_core.Pd`.
+
+use numpy::ndarray::{Array1, Array2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+
+use super::arrays;
+use super::scene;
+use super::simulator::Simulator;
+use crate::batch::{Autoreset, INFO, Precision, Saved, SimulatorOptions, StationKeepBatch};
+use crate::control;
+use crate::control::ActionKind;
+use crate::description::VehicleServo;
+use crate::error::TaskError;
+use crate::scene::{Outcome, RewardWeights, StartOverride, StationKeepOptions};
+
+const ACTIONS: [(&str, ActionKind); 2] = [("wrench", ActionKind::Wrench), ("thrusters", ActionKind::Thrusters)];
+const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
+const MODES: [(&str, Autoreset); 3] =
+    [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
+
+type Rows<'py, T> = Bound<'py, PyArray2<T>>;
+type Row<'py, T> = Bound<'py, PyArray1<T>>;
+/// Instances, their last observations, their last measures (18, k).
+type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>);
+/// Observations, rewards, terminated, truncated, measures (18, N), ends of episodes.
+type StepResult<'py> =
+    (Rows<'py, f32>, Row<'py, f64>, Row<'py, bool>, Row<'py, bool>, Rows<'py, f64>, Option<Finals<'py>>);
+
+/// A batch of station-keeping episodes: physics, observations, rewards and resets in one call.
+///
+/// The environments in `uvms_gym.envs` wrap it and document its arguments.
+#[pyclass(module = "uvms_gym._core")]
+pub struct StationKeep {
+    batch: StationKeepBatch,
+}
+
+#[pymethods]
+impl StationKeep {
+    /// Names of the measures, in the order of the rows of `info`.
+    #[classattr]
+    const INFO: [&'static str; INFO] = Outcome::INFO;
+
+    #[new]
+    #[pyo3(signature = (
+        scene, *, num_envs, action, dt, substeps, integrator, dtype, max_current, start_distance, start_angle,
+        target_distance, target_turn, arm_amplitude, reward_pose, reward_effort, reward_rate, threads, autoreset,
+        max_episode_steps
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
+    fn new(
+        scene: &Bound<'_, PyAny>,
+        num_envs: usize,
+        action: &str,
+        dt: f64,
+        substeps: u32,
+        integrator: String,
+        dtype: &str,
+        max_current: f64,
+        start_distance: f64,
+        start_angle: f64,
+        target_distance: f64,
+        target_turn: f64,
+        arm_amplitude: f64,
+        reward_pose: f64,
+        reward_effort: f64,
+        reward_rate: f64,
+        threads: Option<usize>,
+        autoreset: &str,
+        max_episode_steps: Option<u32>,
+    ) -> PyResult<Self> {
+        let (action, precision) = (one_of("action", action, ACTIONS)?, one_of("dtype", dtype, DTYPES)?);
+        let autoreset = one_of("autoreset_mode", autoreset, MODES)?;
+        let options = StationKeepOptions {
+            action,
+            dt,
+            substeps,
+            max_current,
+            start_distance,
+            start_angle,
+            target_distance,
+            target_turn,
+            arm_amplitude,
+            reward: RewardWeights { pose: reward_pose, effort: reward_effort, rate: reward_rate },
+        };
+        let simulator =
+            SimulatorOptions { instances: num_envs, integrator, precision, threads, ..SimulatorOptions::default() };
+        let batch = StationKeepBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps)?;
+        Ok(Self { batch })
+    }
+
+    /// Number of instances N.
+    #[getter]
+    fn num_envs(&self) -> usize {
+        self.batch.instances()
+    }
+
+    /// Control period, s.
+    #[getter]
+    fn control_period(&self) -> f64 {
+        self.batch.task().options().control_period()
+    }
+
+    /// The complete scene, as `load_scene` gives it.
+    #[getter]
+    fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        scene::to_python(self.batch.simulator().scene(), py)
+    }
+
+    /// A copy of the physics as it stands: the true state, and a simulator to look ahead with.
+    #[getter]
+    fn simulator(&self) -> Simulator {
+        Simulator { inner: self.batch.simulator().clone() }
+    }
+
+    /// Greatest magnitude of each entry of an observation, (d,).
+    #[getter]
+    fn observation_bound<'py>(&self, py: Python<'py>) -> Row<'py, f32> {
+        PyArray1::from_slice(py, self.batch.task().layout().bound())
+    }
+
+    /// Blocks of an observation, each with name, offset, scale, bound, unit and description.
+    #[getter]
+    fn layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let blocks = PyList::empty(py);
+        for block in self.batch.task().layout().blocks() {
+            let entry = PyDict::new(py);
+            entry.set_item("name", block.name)?;
+            entry.set_item("offset", block.offset)?;
+            entry.set_item("scale", block.scale.clone())?;
+            entry.set_item("bound", block.bound.clone())?;
+            entry.set_item("unit", block.unit)?;
+            entry.set_item("description", block.description)?;
+            blocks.append(entry)?;
+        }
+        Ok(blocks)
+    }
+
+    /// Entries of an action, each with name, what -1 and +1 ask for, and unit.
+    #[getter]
+    fn action_layout(&self) -> Vec<(String, [f64; 2], &'static str)> {
+        self.batch.task().action_ranges().into_iter().map(|r| (r.name, r.limits, r.unit)).collect()
+    }
+
+    /// Starts episodes: of all instances, or of those that `mask` picks. Keywords give what is not to be drawn, (N, .).
+    /// Returns observations (N, d) and measures (18, N).
+    #[pyo3(signature = (seeds, mask=None, **given))]
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        seeds: Vec<Option<u64>>,
+        mask: Option<PyReadonlyArray1<'py, bool>>,
+        given: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<(Rows<'py, f32>, Rows<'py, f64>)> {
+        let mask = mask.map(|mask| mask.as_array().to_vec());
+        let starts = self.starts(given)?;
+        let begun = self.batch.reset(&seeds, mask.as_deref(), &starts).map_err(refused)?;
+        Ok((self.observations(py, begun.observations)?, measures(py, &begun.info)))
+    }
+
+    /// One control period of all instances under `actions` (N, a).
+    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray2<'py, f32>) -> PyResult<StepResult<'py>> {
+        let expected = [self.batch.instances(), self.batch.task().action_len()];
+        if actions.shape() != expected {
+            let message = format!("actions have shape {:?}, expected {expected:?}", actions.shape());
+            return Err(PyValueError::new_err(message));
+        }
+        // A copy: the caller's array may change while other Python threads run.
+        let actions: Vec<f32> = actions.as_array().iter().copied().collect();
+        let batch = &mut self.batch;
+        let done = py.detach(|| batch.step(&actions)).map_err(refused)?;
+        let verdicts = &done.verdicts;
+        let rewards: Array1<f64> = verdicts.iter().map(|v| v.reward).collect();
+        let terminated: Array1<bool> = verdicts.iter().map(|v| v.terminated).collect();
+        let truncated: Array1<bool> = verdicts.iter().map(|v| v.truncated).collect();
+        let info: Vec<[f64; INFO]> = verdicts.iter().map(|v| v.info).collect();
+        let finals = if done.finals.is_empty() {
+            None
+        } else {
+            let instances: Array1<i64> = done.finals.iter().map(|end| end.instance as i64).collect();
+            let last: Vec<f32> = done.finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
+            let info: Vec<[f64; INFO]> = done.finals.iter().map(|end| end.info).collect();
+            Some((instances.into_pyarray(py), self.observations(py, last)?, measures(py, &info)))
+        };
+        Ok((
+            self.observations(py, done.observations)?,
+            rewards.into_pyarray(py),
+            terminated.into_pyarray(py),
+            truncated.into_pyarray(py),
+            measures(py, &info),
+            finals,
+        ))
+    }
+
+    /// Everything that makes the batch go on as if it had not been interrupted: two arrays (N, .).
+    fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<(Rows<'py, f64>, Rows<'py, f64>)> {
+        let Saved { physics, episodes } = self.batch.save();
+        let n = self.batch.instances();
+        Ok((rows(py, physics, n)?, rows(py, episodes, n)?))
+    }
+
+    /// Continues from what `__getstate__` of a batch with the same arguments gave.
+    fn __setstate__(&mut self, state: (Bound<'_, PyAny>, Bound<'_, PyAny>)) -> PyResult<()> {
+        let (physics, episodes) = (arrays::read("physics", &state.0)?.1, arrays::read("episodes", &state.1)?.1);
+        Ok(self.batch.load(&Saved { physics, episodes })?)
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let (batch, task, simulator) = (&self.batch, self.batch.task().options(), self.batch.simulator().options());
+        let options = PyDict::new(py);
+        options.set_item("num_envs", batch.instances())?;
+        options.set_item("action", name_of(task.action, ACTIONS))?;
+        options.set_item("dt", task.dt)?;
+        options.set_item("substeps", task.substeps)?;
+        options.set_item("integrator", &simulator.integrator)?;
+        options.set_item("dtype", name_of(simulator.precision, DTYPES))?;
+        options.set_item("max_current", task.max_current)?;
+        options.set_item("start_distance", task.start_distance)?;
+        options.set_item("start_angle", task.start_angle)?;
+        options.set_item("target_distance", task.target_distance)?;
+        options.set_item("target_turn", task.target_turn)?;
+        options.set_item("arm_amplitude", task.arm_amplitude)?;
+        options.set_item("reward_pose", task.reward.pose)?;
+        options.set_item("reward_effort", task.reward.effort)?;
+        options.set_item("reward_rate", task.reward.rate)?;
+        options.set_item("threads", simulator.threads)?;
+        options.set_item("autoreset", name_of(batch.autoreset(), MODES))?;
+        options.set_item("max_episode_steps", batch.max_steps())?;
+        Ok(((self.scene(py)?,).into_pyobject(py)?, options))
+    }
+
+    /// What the episodes drew, and how far they are: seed, episode and step (N,), target_position (N, 3),
+    /// target_rotation (N, 3, 3), current (N, 3), joint_reference and joint_reference_rate (N, n).
+    fn episodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let n = self.batch.instances();
+        let all = (0..n).map(|i| self.batch.episode(i).ok_or(TaskError::NotBegun { instance: i }));
+        let all: Vec<_> = all.collect::<Result<_, _>>().map_err(refused)?;
+        let gather = |of: &dyn Fn(&crate::scene::Episode) -> Vec<f64>| {
+            rows(py, all.iter().flat_map(|episode| of(episode)).collect(), n)
+        };
+        let joints = self.batch.task().joint_count();
+        let result = PyDict::new(py);
+        result.set_item("seed", PyArray1::from_iter(py, all.iter().map(|e| e.key().seed)))?;
+        result.set_item("episode", PyArray1::from_iter(py, all.iter().map(|e| e.key().episode)))?;
+        result.set_item("step", PyArray1::from_iter(py, all.iter().map(|e| e.step())))?;
+        result.set_item("target_position", gather(&|e| e.target().position.iter().copied().collect())?)?;
+        let rotation = gather(&|e| e.target().rotation.transpose().iter().copied().collect())?;
+        result.set_item("target_rotation", rotation.call_method1("reshape", (n, 3, 3))?)?;
+        result.set_item("current", gather(&|e| e.current().iter().copied().collect())?)?;
+        result.set_item("joint_reference", gather(&|e| e.reference()[..joints].iter().map(|r| r.value).collect())?)?;
+        let rates = gather(&|e| e.reference()[..joints].iter().map(|r| r.rate).collect())?;
+        result.set_item("joint_reference_rate", rates)?;
+        Ok(result)
+    }
+
+    /// The paper's PD with these gains (6 each), or with the scene's.
+    #[pyo3(signature = (kp=None, kd=None))]
+    fn pd(&self, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Pd> {
+        let task = self.batch.task();
+        let gains = match (kp, kd) {
+            (Some(kp), Some(kd)) => VehicleServo { kp, kd },
+            (kp, kd) => {
+                let own = task.pd(None)?.gains().clone();
+                VehicleServo { kp: kp.unwrap_or(own.kp), kd: kd.unwrap_or(own.kd) }
+            }
+        };
+        let sizes = [task.observation_len(), task.action_len()];
+        Ok(Pd { pd: task.pd(Some(gains))?, sizes })
+    }
+}
+
+impl StationKeep {
+    fn observations<'py>(&self, py: Python<'py>, flat: Vec<f32>) -> PyResult<Rows<'py, f32>> {
+        let width = self.batch.task().observation_len();
+        let count = flat.len() / width;
+        rows(py, flat, count)
+    }
+
+    /// One start per instance, from arrays by name.
+    fn starts(&self, given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<StartOverride>> {
+        let Some(given) = given.filter(|given| !given.is_empty()) else { return Ok(Vec::new()) };
+        let n = self.batch.instances();
+        let joints = self.batch.task().joint_count();
+        let mut starts = vec![StartOverride::default(); n];
+        for (name, values) in given.iter() {
+            let name: String = name.extract()?;
+            let Some(width) = start_width(&name, joints) else {
+                return Err(PyValueError::new_err(format!("there is no start of the name '{name}'")));
+            };
+            let values = arrays::rows(&name, &values, n, &[width])?;
+            for (i, start) in starts.iter_mut().enumerate() {
+                let row = &values[i * width..(i + 1) * width];
+                match name.as_str() {
+                    "position" => start.position = row.try_into().ok(),
+                    "attitude" => start.attitude = row.try_into().ok(),
+                    "twist" => start.twist = row.try_into().ok(),
+                    "q" => start.q = Some(row.to_vec()),
+                    "qd" => start.qd = Some(row.to_vec()),
+                    "target_position" => start.target_position = row.try_into().ok(),
+                    "target_attitude" => start.target_attitude = row.try_into().ok(),
+                    _ => start.current = row.try_into().ok(),
+                }
+            }
+        }
+        Ok(starts)
+    }
+}
+
+/// PD on the vehicle, `F = -kp e - kd V`, from observations alone.
+#[pyclass(module = "uvms_gym._core", frozen)]
+pub struct Pd {
+    pd: control::Pd,
+    /// Entries of an observation and of an action.
+    sizes: [usize; 2],
+}
+
+#[pymethods]
+impl Pd {
+    /// Proportional gains, N/m and N m/rad.
+    #[getter]
+    fn kp(&self) -> [f64; 6] {
+        self.pd.gains().kp
+    }
+
+    /// Derivative gains, N s/m and N m s/rad.
+    #[getter]
+    fn kd(&self) -> [f64; 6] {
+        self.pd.gains().kd
+    }
+
+    /// Actions (n, a) for observations (n, d).
+    fn act<'py>(&self, py: Python<'py>, observations: PyReadonlyArray2<'py, f32>) -> PyResult<Rows<'py, f32>> {
+        let [d, a] = self.sizes;
+        let &[n, width] = observations.shape() else { unreachable!("the array has two dimensions") };
+        if width != d {
+            return Err(PyValueError::new_err(format!("observations have {width} entries, expected {d}")));
+        }
+        let observations: Vec<f32> = observations.as_array().iter().copied().collect();
+        let mut actions = vec![0.0; n * a];
+        py.detach(|| self.pd.act(&observations, &mut actions))?;
+        rows(py, actions, n)
+    }
+}
+
+/// An error of a call; those about the order of calls are Gymnasium's own.
+fn refused(error: TaskError) -> PyErr {
+    if !matches!(error, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
+        return error.into();
+    }
+    Python::attach(|py| {
+        let class = py.import("gymnasium.error").and_then(|module| module.getattr("ResetNeeded"));
+        match class.and_then(|class| class.call1((error.to_string(),))) {
+            Ok(raised) => PyErr::from_value(raised),
+            Err(error) => error,
+        }
+    })
+}
+
+/// The value of that name.
+fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
+    let known = choices.each_ref().map(|(name, _)| format!("'{name}'")).join(", ");
+    let found = choices.into_iter().find(|(choice, _)| *choice == name);
+    found
+        .map(|(_, value)| value)
+        .ok_or_else(|| PyValueError::new_err(format!("{what} is '{name}', but must be one of {known}")))
+}
+
+/// The name of that value.
+fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
+    choices.into_iter().find(|(_, choice)| *choice == value).map(|(name, _)| name)
+}
+
+/// Numbers that a given part of a start has.
+fn start_width(name: &str, joints: usize) -> Option<usize> {
+    match name {
+        "position" | "target_position" | "current" => Some(3),
+        "attitude" | "target_attitude" => Some(4),
+        "twist" => Some(6),
+        "q" | "qd" => Some(joints),
+        _ => None,
+    }
+}
+
+/// A fresh (count, .) array.
+fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
+    let width = flat.len() / count.max(1);
+    match Array2::from_shape_vec((count, width), flat) {
+        Ok(array) => Ok(array.into_pyarray(py)),
+        Err(error) => Err(PyValueError::new_err(error.to_string())),
+    }
+}
+
+/// Measures by name: (18, N).
+fn measures<'py>(py: Python<'py>, info: &[[f64; INFO]]) -> Rows<'py, f64> {
+    Array2::from_shape_fn((INFO, info.len()), |(k, i)| info[i][k]).into_pyarray(py)
+}
