@@ -9,10 +9,10 @@ from uvms_gym.envs._station_keep import Actions, Options, native
 
 
 class PD:
-    """The paper's PD on the vehicle, `F = -kp e - kd V`, from observations alone. [HC sec. 5.2]
+    """The paper's PD on the vehicle, `F = -kp e - kd V`, from observations alone.
 
-    It reads the pose error e (body axes, attitude as rotation vector) and the body twist V; the arm is held by its
-    own servos. The wrench is turned into an action of the environment's kind, clipped to [-1, 1].
+    [HC sec. 5.2] It reads the pose error e (body axes, attitude as rotation vector) and the body twist V; the arm is
+    held by its own servos. The wrench is turned into an action of the environment's kind, clipped to [-1, 1].
 
     Parameters
     ----------
@@ -96,6 +96,6 @@ def _gains(given: ArrayLike | None) -> list[float] | None:
 
 
 def _unwrapped(env: Any) -> Any:
-    """The environment inside wrappers and vector environments."""
+    """Find the environment inside wrappers and vector environments."""
     inner = getattr(env, "unwrapped", env)
     return inner if hasattr(inner, "options") else env.get_attr("unwrapped")[0]

@@ -95,18 +95,8 @@ pub(super) fn station_keep_layout(joints: &[Joint], actions: usize) -> Layout {
     layout.push("angular_velocity", "rad/s", "absolute angular velocity, body axes", &[(TWIST_SCALE, TURN_BOUND); 3]);
     layout.push("joint_position", "rad or m", "joint coordinates relative to home", &coordinates);
     layout.push("joint_rate", "rad/s or m/s", "joint rates", &rates);
-    layout.push(
-        "joint_reference",
-        "rad or m",
-        "joint reference at the next control instant, relative to home",
-        &coordinates,
-    );
-    layout.push(
-        "joint_reference_rate",
-        "rad/s or m/s",
-        "rate of the joint reference at the next control instant",
-        &rates,
-    );
+    layout.push("joint_reference", "rad or m", "reference at the next control instant, relative to home", &coordinates);
+    layout.push("joint_reference_rate", "rad/s or m/s", "rate of the reference at the next control instant", &rates);
     layout.push("previous_action", "1", "the last action, as clipped", &vec![(1.0, 1.0); actions]);
     layout.push("error_integral", "m s and rad s", "leaky integral of both errors, I' = e - 0.1 I", &integral);
     layout

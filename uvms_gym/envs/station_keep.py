@@ -76,8 +76,8 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
     | 9-11 | `angular_velocity`: absolute angular velocity, body axes | 0.2 | 100 | rad/s |
     | 12-16 | `joint_position`: joint coordinates relative to home | 0.5 | 20 to 24.8 | rad or m |
     | 17-21 | `joint_rate`: joint rates | 0.5 | 40 | rad/s or m/s |
-    | 22-26 | `joint_reference`: joint reference at the next control instant, relative to home | 0.5 | 20 to 24.8 | rad or m |
-    | 27-31 | `joint_reference_rate`: rate of the joint reference at the next control instant | 0.5 | 40 | rad/s or m/s |
+    | 22-26 | `joint_reference`: reference at the next control instant, relative to home | 0.5 | 20 to 24.8 | rad or m |
+    | 27-31 | `joint_reference_rate`: rate of the reference at the next control instant | 0.5 | 40 | rad/s or m/s |
     | 32-37 | `previous_action`: the last action, as clipped | 1 | 1 | 1 |
     | 38-43 | `error_integral`: leaky integral of both errors, I' = e - 0.1 I | 0.2 | 157.1 to 500 | m s and rad s |
 
@@ -100,9 +100,9 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
     ## Information
     `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) and the same of the end
     effector against where target and arm reference would have it; `effort` (mean of |u|^1.5) and `saturation`; their
-    root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `_y`, `_z` (m/s, world);
-    and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`. None depends on the reward's weights but
-    the last three.
+    root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`,
+    `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`. None but the last
+    three depends on the reward's weights.
 
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
@@ -135,7 +135,7 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
     - v0: first version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
     observation_space: gym.spaces.Box
     action_space: gym.spaces.Box
 
@@ -262,9 +262,7 @@ class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, A
         self.options = options
         self.num_envs = num_envs
         mode = AutoresetMode(autoreset_mode)
-        self._native = native(
-            options, num_envs=num_envs, autoreset=_MODES[mode], max_episode_steps=max_episode_steps
-        )
+        self._native = native(options, num_envs=num_envs, autoreset=_MODES[mode], max_episode_steps=max_episode_steps)
         self._seeded = False
         self.metadata = {"render_modes": [], "render_fps": 1.0 / self._native.control_period, "autoreset_mode": mode}
         self.single_observation_space, self.single_action_space = self._spaces()
