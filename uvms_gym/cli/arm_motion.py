@@ -34,7 +34,7 @@ def target(home: Floats, time: float) -> tuple[Floats, Floats]:
 
 def case_scene(case: str) -> dict[str, Any]:
     """PETASUS-PUM, with its vehicle held for the ideal end effector."""
-    scene = load_scene("petasus-pum")
+    scene: dict[str, Any] = load_scene("petasus-pum")
     if case == "vehicle held":
         scene["vehicle"]["fixed"] = True
     return scene

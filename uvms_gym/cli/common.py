@@ -13,13 +13,15 @@ from typing import Annotated, Any
 import gymnasium
 import numpy as np
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 import uvms_gym
 
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
+Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
 Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
 
 console = Console(highlight=False)
@@ -33,19 +35,22 @@ def fail(message: str) -> typer.TyperException:
 
 
 def progress() -> Progress:
-    """Make a bar on stderr that leaves nothing behind."""
+    """Make a bar on stderr that leaves nothing behind; none where stderr is no terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), transient=True)
+    terminal = Console(stderr=True)
+    return Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal)
 
 
 def table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int = 1) -> None:
     """Print a table; all but the first columns hold numbers."""
-    drawn = Table(title=title, title_justify="left", title_style="bold", header_style="bold")
+    console.print(title, style="bold", markup=False)
+    drawn = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for i, name in enumerate(header):
         drawn.add_column(name, justify="left" if i < text_columns else "right", overflow="fold")
     for row in rows:
-        drawn.add_row(*row)
+        drawn.add_row(*(escape(cell) for cell in row))
     console.print(drawn)
+    console.print()
 
 
 def say(text: str) -> None:
@@ -103,7 +108,7 @@ def circumstances(command: str, arguments: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Data as JSON has it."""
+    """Turn data into what JSON has."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

@@ -4,7 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import Simulator, load_scene
 
@@ -52,7 +52,7 @@ TUMBLING_METHODS = (
 )
 
 
-def exact_yaw(steps: int | Floats) -> Any:
+def exact_yaw(steps: ArrayLike) -> Any:
     """Yaw after so many tenths of a second at 1 rad/s, in [0, 2 pi): the time itself, modulo 2 pi."""
     return np.mod(np.asarray(steps, dtype=np.float64) / 10.0, 2.0 * math.pi)
 
@@ -145,7 +145,11 @@ def tumbling() -> dict[str, Any]:
         "angular_velocity": TUMBLING_SPIN[3:],
         "time": TUMBLING_TIME,
         "steps": TUMBLING_STEPS,
-        "reference": {"method": "MK4", "step": finest, "doubt": _angle_between(attitude(TUMBLING_METHODS[1], finest), reference)},
+        "reference": {
+            "method": "MK4",
+            "step": finest,
+            "doubt": _angle_between(attitude(TUMBLING_METHODS[1], finest), reference),
+        },
         "errors": errors,
         "orders": {name: order(TUMBLING_STEPS, values) for name, values in errors.items()},
     }

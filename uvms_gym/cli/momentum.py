@@ -15,7 +15,7 @@ TIME = 100.0
 STEPS = (0.04, 0.02, 0.01, 0.005)
 #: The step that the paper uses, and the greatest drift that it may have.
 PAPER_STEP, BAR = 0.01, 1e-8
-# The joints' targets are cubics over intervals of this length, whatever the step, so that every step sees the same drive.
+# The joints' targets are cubics over intervals of this length, so that all step sizes see the same drive.
 INTERVAL = 0.2
 AMPLITUDE, FREQUENCY = 1.0, 0.5
 CENTRE = np.array([0.0, 0.5, 0.8, 0.4, 0.0])
@@ -30,7 +30,7 @@ def conservative_scene(wet: bool) -> dict[str, Any]:
     The joints get soft servos of about equal bandwidth: stiff ones would make coarse steps unstable, and torques
     between bodies change no momentum anyway.
     """
-    scene = load_scene("petasus-pum")
+    scene: dict[str, Any] = load_scene("petasus-pum")
     scene["provenance"] = {}
     scene["water"]["gravity"] = [0.0, 0.0, 0.0]
     links = scene["arm"]["links"]
@@ -66,7 +66,9 @@ def target(time: float) -> tuple[Floats, Floats]:
     return CENTRE + AMPLITUDE * np.sin(angle), AMPLITUDE * FREQUENCY * np.cos(angle)
 
 
-def drift(scene: dict[str, Any], step: float, time: float = TIME, tick: Callable[[], None] = lambda: None) -> dict[str, Any]:
+def drift(
+    scene: dict[str, Any], step: float, time: float = TIME, tick: Callable[[], None] = lambda: None
+) -> dict[str, Any]:
     """Follow a run; drifts are relative to the sum over bodies of |momentum| at the start."""
     simulator = Simulator(scene, dt=step)
     q, qd = target(0.0)

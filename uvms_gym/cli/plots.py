@@ -14,7 +14,7 @@ from uvms_gym.cli.common import fail
 # Okabe and Ito's colours: told apart by everyone.
 BLACK, ORANGE, BLUE, GREEN, VERMILION, PURPLE = "#000000", "#e69f00", "#0072b2", "#009e73", "#d55e00", "#cc79a7"
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
-STYLE = {
+STYLE: Any = {
     "font.size": 10.0,
     "axes.titlesize": 11.0,
     "axes.titlelocation": "left",
@@ -71,12 +71,19 @@ def gamma_sweep(path: Path, data: Mapping[str, Any], printed: float, truth: floa
         for axes, (integrator, sweep) in zip(figure.subplots(1, 2), data.items(), strict=True):
             gamma = [row["gamma"] for row in sweep["rows"]]
             yaw = [row["yaw_499_9"] for row in sweep["rows"]]
-            axes.axhline(printed, color=VERMILION, linestyle="--", linewidth=1.0, label=f"printed for Fossen: {printed}")
+            axes.axhline(
+                printed, color=VERMILION, linestyle="--", linewidth=1.0, label=f"printed for Fossen: {printed}"
+            )
             axes.axhline(truth, color=BLACK, linestyle=":", linewidth=1.2, label=f"reference: {truth:.5f}")
             axes.plot(gamma, yaw, "o-", color=BLUE, markersize=4.0)
-            axes.set(title=titles[integrator], xlabel="γ (1/s)", ylabel="yaw at 499.9 s (rad)", ylim=(3.5, 3.8))
+            axes.set(
+                title=titles[integrator],
+                xlabel="gain gamma of eq. 14 (1/s)",
+                ylabel="yaw at 499.9 s (rad)",
+                ylim=(3.5, 3.8),
+            )
             if integrator == "quaternion-rk4":
-                axes.axvline(27.85, color="#888888", linewidth=1.0, label="limit of stability, h γ = 2.785")
+                axes.axvline(27.85, color="#888888", linewidth=1.0, label="limit of stability, h gamma = 2.785")
             axes.legend(loc="upper left" if integrator == "quaternion-rk4" else "center right")
         _save(figure, path)
 
@@ -90,7 +97,13 @@ def tumbling(path: Path, data: Mapping[str, Any]) -> None:
         axes = figure.subplots()
         for (name, errors), colour, marker in zip(data["errors"].items(), COLOURS, markers, strict=False):
             axes.loglog(steps, errors, marker=marker, color=colour, label=f"{name} (order {data['orders'][name]:.2f})")
-        axes.loglog(steps, data["errors"]["MK4"][-1] / 3.0 * (steps / steps[-1]) ** 4, color="#888888", linestyle=":", label="h⁴")
+        axes.loglog(
+            steps,
+            data["errors"]["MK4"][-1] / 3.0 * (steps / steps[-1]) ** 4,
+            color="#888888",
+            linestyle=":",
+            label="h⁴",
+        )
         title = f"Tumbling about three axes: attitude error after {data['time']:g} s"
         axes.set(title=title, xlabel="step h (s)", ylabel="angle from the reference (rad)")
         _step_ticks(axes, steps)
@@ -105,14 +118,21 @@ def momentum(path: Path, data: Mapping[str, Any], bar: float) -> None:
         rows = figure.subplots(2, 2, width_ratios=(3, 2))
         for (over_time, by_step), (name, study) in zip(rows, data.items(), strict=True):
             for run, colour in zip(study["runs"], COLOURS, strict=False):
-                over_time.semilogy(run["time"][1:], np.maximum(run["drift"][1:, 1], 1e-17), color=colour, label=f"h = {run['step']:g} s")
+                over_time.semilogy(
+                    run["time"][1:],
+                    np.maximum(run["drift"][1:, 1], 1e-17),
+                    color=colour,
+                    label=f"h = {run['step']:g} s",
+                )
             over_time.set(title=f"Angular momentum, {name}", xlabel="time (s)", ylabel="relative drift")
             over_time.legend(loc="lower right", ncols=2)
             steps = np.array([run["step"] for run in study["runs"]])
             for kind, marker, colour in (("linear", "s", GREEN), ("angular", "o", BLUE)):
                 label = f"{kind} (order {study['orders'][kind]:.2f})"
                 by_step.loglog(steps, [run[kind] for run in study["runs"]], marker=marker, color=colour, label=label)
-            by_step.axhline(bar, color=VERMILION, linestyle="--", linewidth=1.0, label=f"{bar:.0e}, the most at h = 0.01 s")
+            by_step.axhline(
+                bar, color=VERMILION, linestyle="--", linewidth=1.0, label=f"{bar:.0e}, the most at h = 0.01 s"
+            )
             by_step.set(title="Greatest drift in 100 s", xlabel="step h (s)", ylabel="relative drift")
             _step_ticks(by_step, steps)
             by_step.legend(loc="lower right")
@@ -152,6 +172,47 @@ def end_effector(path: Path, cases: Mapping[str, Mapping[str, Any]]) -> None:
         _save(figure, path)
 
 
+def comparison(path: Path, results: Mapping[str, Any], metrics: Sequence[Any]) -> None:
+    """Every episode as a dot, and interquartile means with their intervals, by scene, metric and controller."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(2.6 * len(metrics) + 0.6, 3.2 * len(results) + 0.5))
+        grid = figure.subplots(len(results), len(metrics), squeeze=False)
+        for row, (scene, result) in zip(grid, results.items(), strict=True):
+            for axes, metric in zip(row, metrics, strict=True):
+                _compare(axes, metric, result)
+            row[0].annotate(scene, (0.0, 1.16), xycoords="axes fraction", fontweight="bold")
+        handles, labels = grid[0][0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        _save(figure, path)
+
+
+def _compare(axes: Axes, metric: Any, result: Mapping[str, Any]) -> None:
+    """One metric of one scene."""
+    shift = np.random.default_rng(0)
+    for k, (controller, by_entry) in enumerate(result["estimates"].items()):
+        colour = COLOURS[k % len(COLOURS)]
+        episodes = metric.scale * result["runs"][controller][metric.entry]["whole"]
+        places = k - 0.25 + shift.uniform(-0.1, 0.1, size=len(episodes))
+        axes.plot(places, episodes, ".", color=colour, alpha=0.25, markersize=3.0, markeredgewidth=0.0)
+        for part, place, face in (("whole", k, colour), ("settled", k + 0.22, "white")):
+            value, low, high = (metric.scale * number for number in by_entry[metric.entry][part])
+            interval = [[value - low], [high - value]]
+            axes.errorbar(
+                place, value, yerr=interval, fmt="o", color=colour, mfc=face, markersize=6.0, capsize=4.0, clip_on=False
+            )
+    # One legend for all: shapes mean the same everywhere, colours are on the axis.
+    axes.plot([], [], ".", color="#888888", label="an episode")
+    axes.plot([], [], "o", color="#888888", label="interquartile mean and 95 % interval: whole episode")
+    axes.plot([], [], "o", color="#888888", mfc="white", label="after 3 s")
+    axes.set(title=metric.label, xlim=(-0.6, len(result["estimates"]) - 0.4))
+    axes.set_xticks(range(len(result["estimates"])), list(result["estimates"]))
+    axes.grid(axis="x", visible=False)
+    if metric.square:
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(0.0, None)
+
+
 def _three(axes: Axes, time: Any, values: Any, names: Sequence[str]) -> None:
     # Curves may lie on one another: dashes let the one beneath be seen.
     for k, (name, colour, line) in enumerate(zip(names, (BLUE, ORANGE, VERMILION), ("-", "--", "-."), strict=True)):
@@ -166,7 +227,7 @@ def _step_ticks(axes: Axes, steps: Any) -> None:
 
 
 def _cut(angle: Any) -> Any:
-    """An angle with its jumps from 2 pi to 0 left out."""
+    """Return an angle with its jumps from 2 pi to 0 left out."""
     return np.where(np.abs(np.diff(angle, prepend=angle[0])) > np.pi, np.nan, angle)
 
 

@@ -16,7 +16,6 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
 
     Prints tables, and writes pictures and reproduce.json to --out.
     """
-    assert out is not None
     prepare(out, json_file)
     samples = len(arm_motion.CASES) * round(arm_motion.TIME / arm_motion.STEP / arm_motion.STRIDE)
     intervals = 2 * len(momentum.STEPS) * round(momentum.TIME / momentum.INTERVAL)
@@ -83,18 +82,18 @@ def _print_table_1(results: dict[str, Any]) -> None:
         "The paper says 500 s, but prints 3.528, which is 499.9 modulo 2 pi: 5000 samples from t = 0 end there. "
         "500 modulo 2 pi is 3.62836. About a fixed axis MK4 is exact whatever the step."
     )
-    rows = [
+    sweeps = [
         (UPDATES[integrator], f"{row['gamma']:g}", f"{row['yaw_499_9']:.4f}", f"{row['quaternion_length']:.3f}")
         for integrator, sweep in results["gamma_sweep"].items()
         for row in sweep["rows"]
     ]
-    table("Eq. 14 by its gain gamma", ("update", "gamma 1/s", "yaw at 499.9 s", "|Q|"), rows)
+    table("Eq. 14 by its gain gamma", ("update", "gamma 1/s", "yaw at 499.9 s", "|Q|"), sweeps)
     rk4, euler = (results["gamma_sweep"][integrator]["gamma_of_printed"] for integrator in UPDATES)
     say(
         "Gamma is not printed. With the RK4 update that the paper names, eq. 14 stays within 0.001 rad of the truth up "
-        f"to gamma 20; the 3.683 printed for it takes gamma = {rk4:.2f}, next to the limit of stability h gamma = 2.785, "
-        f"or the Euler update (eq. 14 as written) with gamma = {euler:.2f} and yaw read from a quaternion of length "
-        "1.05. So 3.683 is no property of quaternions under RK4."
+        f"to gamma 20; the 3.683 printed for it takes gamma = {rk4:.2f}, next to the limit of stability "
+        f"h gamma = 2.785, or the Euler update (eq. 14 as written) with gamma = {euler:.2f} and yaw read from a "
+        "quaternion of length 1.05. So 3.683 is no property of quaternions under RK4."
     )
 
 
@@ -141,16 +140,21 @@ def _print_arm_motion(data: dict[str, Any]) -> None:
     ):
         for case in arm_motion.CASES[:2]:
             numbers = data["numbers"][case]
-            rows.append((quantity, case, *(f"{scale * numbers[f'{key}_{what}']:.2f}" for what in ("max", "rms", "final"))))
+            rows.append(
+                (quantity, case, *(f"{scale * numbers[f'{key}_{what}']:.2f}" for what in ("max", "rms", "final")))
+            )
     header = ("quantity", "vehicle", "greatest", "RMS", "at 50 s")
-    table("Figs. 5, 6 and 7: joint 2 moves 45 deg and back in 50 s, still water, h = 0.01 s", header, rows, text_columns=2)
+    table(
+        "Figs. 5, 6 and 7: joint 2 moves 45 deg and back in 50 s, still water, h = 0.01 s", header, rows, text_columns=2
+    )
     free, held = (data["numbers"][case] for case in arm_motion.CASES[:2])
     times = {key: free[f"{key}_max"] / held[f"{key}_max"] for key in ("position", "angle", "end_effector")}
     say(
         "Uncontrolled the vehicle moves much more than controlled, as the paper sees it: by factors of "
-        f"{times['position']:.0f} in position, {times['angle']:.1f} in attitude and {times['end_effector']:.0f} at the end "
-        "effector. The PD has no integral: what is left under it is mostly the pitch at which its moment balances the "
-        "arm's shifted weight. Agreement is qualitative only: the paper prints no profile, gains or numbers. Our choice "
-        "is q_d = q_0 + 45 deg (1 - cos(2 pi t / 50 s)) / 2, PDs on joints and vehicle evaluated at every stage, and a "
-        "start from each loop's equilibrium; masses and coefficients of PETASUS-PUM are estimates."
+        f"{times['position']:.0f} in position, {times['angle']:.1f} in attitude and {times['end_effector']:.0f} at "
+        "the end effector. The PD has no integral: what is left under it is mostly the pitch at which its moment "
+        "balances the arm's shifted weight. Agreement is qualitative only: the paper prints no profile, gains or "
+        "numbers. Our choice is q_d = q_0 + 45 deg (1 - cos(2 pi t / 50 s)) / 2, PDs on joints and vehicle evaluated "
+        "at every stage, and a start from each loop's equilibrium; masses and coefficients of PETASUS-PUM are "
+        "estimates."
     )

@@ -36,7 +36,7 @@ def list_scenes() -> None:
         scene = simulator.scene
         freedom = simulator.num_joints + (0 if scene["vehicle"]["fixed"] else 6)
         counts = (str(freedom), str(simulator.num_joints), str(simulator.num_thrusters))
-        rows.append((name, " ".join(scene["summary"].split()), *counts))
+        rows.append((name, " ".join(scene["summary"].split()).split(". ")[0].rstrip("."), *counts))
     table("Scenes", ("name", "what it is", "DoF", "joints", "thrusters"), rows, text_columns=2)
 
 
@@ -57,7 +57,7 @@ def show(scene: Scene, json_file: Json = None) -> None:
         [(n, f"{b['mass']:.4g}", f"{1e3 * b.get('volume', 0.0):.4g}") for n, b in zip(names, bodies, strict=True)],
     )
     if simulator.num_joints:
-        table("Joints, as they enter every joint array", ("index", "joint"), list(_numbered(simulator.joint_names)))
+        table("Joints", ("index", "joint"), list(_numbered(simulator.joint_names)))
     if simulator.num_thrusters:
         rows = [
             (name, f"{low:g}", f"{high:g}")

@@ -92,7 +92,7 @@ def improvement_probability(
     for given_x, given_y in pairs:
         x = np.asarray(given_x, dtype=np.float64)
         y = np.sort(np.asarray(given_y, dtype=np.float64))
-        # With y sorted, a resample of y is a number of copies of each, and their running sum counts those up to a place.
+        # A resample of the sorted y is a number of copies of each; their running sum counts those up to a place.
         below, upto = np.searchsorted(y, x, "left"), np.searchsorted(y, x, "right")
         value += (1.0 - 0.5 * (below + upto).mean() / len(y)) / len(pairs)
         start = 0
