@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import uvms_gym
 from uvms_gym.cli import arm_motion, compare, main, momentum
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -207,9 +208,8 @@ def test_bad_input_is_one_clear_line_and_a_failure(
 
 def test_errors_name_what_is_wrong(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     scene = tmp_path / "heavy.toml"
-    scene.write_text(
-        'name = "heavy"\n[vehicle]\nname = "heavy"\n[vehicle.body]\nmass = -1.0\ninertia = [1.0, 1.0, 1.0]\n'
-    )
+    shipped = Path(uvms_gym.__file__).parent / "scenes/free-body.toml"
+    scene.write_text(shipped.read_text().replace("\nmass = 1.0", "\nmass = -1.0"))
     assert main(["scenes", "check", str(scene)]) == 2
     message = capsys.readouterr().err
     assert all(part in message for part in ("heavy.toml", "mass", "-1"))
