@@ -276,10 +276,12 @@ pub enum SimulatorError {
         gamma: f64,
     },
     /// No such integrator.
-    #[error("no integrator named '{name}': one of {}", crate::integrate::Integrator::NAMES.map(|(name, _)| name).join(", "))]
+    #[error("no integrator named '{name}': one of {}", known.join(", "))]
     UnknownIntegrator {
         /// As given.
         name: String,
+        /// Names that there are.
+        known: Vec<&'static str>,
     },
     /// Too many or too few numbers.
     #[error("{name} has {got} numbers, but {expected} are needed")]

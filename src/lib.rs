@@ -16,6 +16,8 @@
 //! batch         blocks of lanes, threads
 //! python        the Python module
 //! ```
+//!
+#![doc = include_str!("NOTATION.md")]
 
 pub mod balance;
 pub mod batch;

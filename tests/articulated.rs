@@ -155,3 +155,62 @@ fn a_fixed_arm_obeys_the_joint_rows_alone() {
         assert_eq!(turned, before);
     }
 }
+
+/// `T exp xi`, twist, joints and rates of a state moved by `step` along coordinate `k` of `[xi; q; V; q']`.
+fn moved(state: &State, n: usize, k: usize, step: f64) -> State {
+    let mut next = state.clone();
+    let rates = 6 + n;
+    match k {
+        0..3 => next.position += state.rotation.column(k) * step,
+        3..6 => {
+            let turn = nalgebra::Rotation3::new(nalgebra::Vector3::ith(k - 3, step));
+            next.rotation = state.rotation * turn.matrix();
+        }
+        _ if k < rates => next.q[k - 6] += step,
+        _ if k < rates + 6 => next.twist[k - rates] += step,
+        _ => next.qd[k - rates - 6] += step,
+    }
+    next
+}
+
+#[test]
+fn linearization_is_the_derivative_of_the_accelerations() {
+    for seed in 0..30 {
+        let scene = random_scene(seed, Options { fixed: Some(seed % 5 == 0), ..Options::default() });
+        let n = scene.joints().count();
+        let mut state = random_state(seed, &scene);
+        if scene.vehicle.fixed {
+            state.twist = Vector6::zeros();
+        }
+        let loads = RandomLoads::new(seed, &scene);
+        let inputs = loads.inputs();
+        let mut simulator = Simulator::new(scene, SimulatorOptions::default()).unwrap();
+        simulator.set_state(0, &state);
+        let linear = simulator.linearize(&inputs, 0).unwrap();
+
+        let step = 1e-6;
+        let mut at = |state: &State, inputs: &Inputs| {
+            simulator.set_state(0, state);
+            DVector::from_vec(simulator.forward_dynamics(inputs).unwrap())
+        };
+        let rates = 6 + n;
+        for k in 0..2 * rates {
+            let ahead = at(&moved(&state, n, k, step), &inputs);
+            let behind = at(&moved(&state, n, k, -step), &inputs);
+            let numeric = (ahead - behind) / (2.0 * step);
+            let exact = linear.a.view((rates, k), (rates, 1)).column(0).into_owned();
+            let scale = exact.norm().max(linear.a.norm() * 1e-3).max(1.0);
+            assert!((&numeric - &exact).norm() < 1e-4 * scale, "seed {seed}, column {k}: {numeric} {exact}");
+        }
+        for k in 0..6 {
+            let mut wrench = [0.0; 6];
+            let mut with = |x: f64| {
+                wrench[k] = x;
+                at(&state, &Inputs { wrench: Some(&wrench), ..inputs })
+            };
+            let numeric = (with(1.0) - with(-1.0)) / 2.0;
+            let exact = linear.b.view((rates, k), (rates, 1)).column(0).into_owned();
+            assert!((&numeric - &exact).norm() < 1e-9 * exact.norm().max(1.0), "seed {seed}, wrench {k}");
+        }
+    }
+}

@@ -1,4 +1,349 @@
+"""The native part of `uvms_gym`."""
+
+from os import PathLike
+from typing import Any, ClassVar, TypeAlias, TypedDict, final, type_check_only
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Pd", "SceneError", "Simulator", "StationKeep", "__version__", "load_scene", "scenes"]
+
 __version__: str
 
 class SceneError(ValueError):
-    """A scene that cannot be read, or that no physical system can have."""
+    """A scene that cannot be read, or that no physical system can have. The message names the file, key and value."""
+
+def scenes() -> list[str]:
+    """Names of the scenes that come with the package."""
+
+def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
+    """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units.
+
+    Raises SceneError, whose message names file, key and value.
+    """
+
+@final
+class Simulator:
+    """Batched simulator of one scene, without any task.
+
+    N is `num_envs`, n the number of joints, m the number of thrusters. SI units; world z up; body x forward, y left,
+    z up; quaternions [w, x, y, z]; 6-vectors [linear; angular]: absolute twists [v; omega] in body axes at the vehicle
+    frame, wrenches [f; m] in body axes at the body's frame origin. Moving bodies: the vehicle, then one per joint.
+    Array arguments have one row for all instances, or one per instance (leading N).
+
+    Integrators: "mk4", "mk4-truncated", "mk3", "mk2", "mk1", "quaternion-euler", "quaternion-rk4", "rk4-normalise".
+    dtypes: "float64", "float32".
+    """
+
+    def __new__(
+        cls,
+        scene: str | PathLike[str] | dict[str, Any],
+        num_envs: int = 1,
+        *,
+        dt: float = 0.01,
+        integrator: str = "mk4",
+        dtype: str | np.dtype[Any] | type[Any] = "float64",
+        threads: int | None = None,
+        gamma: float = 1.0,
+    ) -> Simulator: ...
+    @property
+    def num_envs(self) -> int:
+        """Number of instances N."""
+    @property
+    def dt(self) -> float:
+        """Step size, s."""
+    @property
+    def integrator(self) -> str:
+        """Name of the integrator."""
+    @property
+    def dtype(self) -> str:
+        """Number type that the kernel computes with."""
+    @property
+    def gamma(self) -> float:
+        """Gain of the quaternion integrators, 1/s. [HC eq. 14]"""
+    @property
+    def threads(self) -> int:
+        """Most threads that a step uses."""
+    @property
+    def lanes(self) -> str:
+        """Instruction set of the kernel: "avx512", "avx2", "fma" or "plain" (environment variable UVMS_LANES)."""
+    @property
+    def scene(self) -> dict[str, Any]:
+        """The complete scene, as `load_scene` gives it."""
+    @property
+    def scene_name(self) -> str:
+        """Name of the scene."""
+    @property
+    def num_joints(self) -> int:
+        """Number of joints n."""
+    @property
+    def num_bodies(self) -> int:
+        """Number of moving bodies, n + 1."""
+    @property
+    def num_thrusters(self) -> int:
+        """Number of thrusters m."""
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the joints, in the order of every joint array."""
+    @property
+    def body_names(self) -> list[str]:
+        """Names of the moving bodies, "vehicle" first."""
+    @property
+    def thruster_names(self) -> list[str]:
+        """Names of the thrusters."""
+    @property
+    def thruster_limits(self) -> NDArray[np.float64]:
+        """(m, 2) least and greatest thrust, N."""
+    @property
+    def thruster_configuration(self) -> NDArray[np.float64]:
+        """(6, m) wrench on the vehicle per thrust. [HC eq. 25]"""
+    @property
+    def bytes_per_env(self) -> int:
+        """Bytes of memory per instance."""
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(N, 3) vehicle origin in the world, m."""
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """(N, 3, 3) rotation matrix, body to world."""
+    @property
+    def quaternion(self) -> NDArray[np.float64]:
+        """(N, 4) [w, x, y, z], w >= 0, body to world; as kept, for the quaternion integrators."""
+    @property
+    def twist(self) -> NDArray[np.float64]:
+        """(N, 6) absolute body twist [v; omega], m/s and rad/s."""
+    @property
+    def q(self) -> NDArray[np.float64]:
+        """(N, n) joint coordinates, rad or m."""
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        """(N, n) joint rates, rad/s or m/s."""
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """(N,) time, s."""
+    @property
+    def current(self) -> NDArray[np.float64]:
+        """(N, 3) velocity of the water in the world, m/s."""
+    def set_state(
+        self,
+        position: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        quaternion: ArrayLike | None = None,
+        twist: ArrayLike | None = None,
+        q: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+        current: ArrayLike | None = None,
+    ) -> None:
+        """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
+    def reset(self) -> None:
+        """Put all instances at the scene's home, at rest at time 0."""
+    def step(
+        self,
+        *,
+        thrust: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+        joint_torque: ArrayLike | None = None,
+        joint_target: ArrayLike | None = None,
+        external: ArrayLike | None = None,
+        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        substeps: int = 1,
+    ) -> None:
+        """Step all instances under held inputs, one row for all or one per instance (leading N).
+
+        thrust (m,), wrench (6,), joint_torque (n,), joint_target (n,) or polynomials (N, n, k <= 4), external
+        (n + 1, 6), station (position (3,), rotation (3, 3)) or pose (4, 4).
+        """
+    def forward_dynamics(
+        self,
+        *,
+        thrust: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+        joint_torque: ArrayLike | None = None,
+        joint_target: ArrayLike | None = None,
+        external: ArrayLike | None = None,
+        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+    ) -> NDArray[np.float64]:
+        """(N, 6 + n) accelerations [V'; q''] under the inputs of `step`."""
+    def mass_matrix(self) -> NDArray[np.float64]:
+        """(N, 6 + n, 6 + n) M, added mass included. [HC eq. 13]"""
+    def bias(self) -> NDArray[np.float64]:
+        """(N, 6 + n) the vector C [V; q']: no drag, no restoring. [HC eq. 13]"""
+    def wrench_influence(self) -> NDArray[np.float64]:
+        """(N, 6 + n, 6 (n + 1)) W. [HC eq. 13]"""
+    def torque_influence(self) -> NDArray[np.float64]:
+        """(N, 6 + n, n) L. [HC eq. 13]"""
+    def body_wrenches(
+        self,
+        *,
+        thrust: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+        external: ArrayLike | None = None,
+        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+    ) -> dict[str, NDArray[np.float64]]:
+        """(N, n + 1, 6) each: drag, restoring, thrust, external, sum; N and N m."""
+    def joint_torques(
+        self, *, joint_torque: ArrayLike | None = None, joint_target: ArrayLike | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        """(N, n) each: command, friction, end_stop, sum; N m or N."""
+    def energy(self) -> dict[str, NDArray[np.float64]]:
+        """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, total; J."""
+    def power(
+        self,
+        *,
+        thrust: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+        joint_torque: ArrayLike | None = None,
+        joint_target: ArrayLike | None = None,
+        external: ArrayLike | None = None,
+        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+    ) -> dict[str, NDArray[np.float64]]:
+        """(N,) each: drag, friction, end_stop, thrust, external, joint_command, total; W."""
+    def momentum(self) -> NDArray[np.float64]:
+        """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
+    def momentum_terms(self) -> dict[str, NDArray[np.float64]]:
+        """Momentum by terms: rigid, added, total (N, 6); rigid_scale, total_scale (N, 2)."""
+    def body_poses(self) -> NDArray[np.float64]:
+        """(N, n + 1, 4, 4) poses of the moving bodies in the world."""
+    def end_effector_pose(self) -> NDArray[np.float64]:
+        """(N, 4, 4) pose of the end effector in the world."""
+    def jacobian(self) -> NDArray[np.float64]:
+        """(N, 6, 6 + n) absolute body twist of the end effector per [V; q']. [MLS94]"""
+    def inverse_dynamics(
+        self, acceleration: ArrayLike, *, thrust: ArrayLike | None = None, external: ArrayLike | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Vehicle wrench (N, 6) and actuator torques (N, n) that give `acceleration` (6 + n,) or (N, 6 + n)."""
+    def trim(self) -> dict[str, NDArray[np.float64]]:
+        """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
+    def allocate(self, wrench: ArrayLike) -> NDArray[np.float64]:
+        """(N, m) thrusts that come closest to `wrench` (6,) or (N, 6), scaled uniformly into their limits."""
+    def __copy__(self) -> Simulator: ...
+    def __deepcopy__(self, memo: object, /) -> Simulator: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], int], dict[str, Any]]: ...
+    def __getstate__(self) -> NDArray[np.float64]: ...
+    def __setstate__(self, state: ArrayLike, /) -> None: ...
+
+@type_check_only
+class _Block(TypedDict):
+    name: str
+    offset: int
+    scale: list[float]
+    bound: list[float]
+    unit: str
+    description: str
+
+_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
+
+@final
+class StationKeep:
+    """A batch of station-keeping episodes: physics, observations, rewards and resets in one call.
+
+    The environments in `uvms_gym.envs` wrap it and document its arguments.
+    """
+
+    INFO: ClassVar[list[str]]
+    """Names of the measures, in the order of the rows of `info`."""
+
+    def __new__(
+        cls,
+        scene: str | PathLike[str] | dict[str, Any],
+        *,
+        num_envs: int,
+        action: str,
+        dt: float,
+        substeps: int,
+        integrator: str,
+        dtype: str,
+        max_current: float,
+        start_distance: float,
+        start_angle: float,
+        target_distance: float,
+        target_turn: float,
+        arm_amplitude: float,
+        reward_pose: float,
+        reward_effort: float,
+        reward_rate: float,
+        threads: int | None,
+        autoreset: str,
+        max_episode_steps: int | None,
+    ) -> StationKeep: ...
+    @property
+    def num_envs(self) -> int:
+        """Number of instances N."""
+
+    @property
+    def control_period(self) -> float:
+        """Control period, s."""
+
+    @property
+    def scene(self) -> dict[str, Any]:
+        """The complete scene, as `load_scene` gives it."""
+
+    @property
+    def simulator(self) -> Simulator:
+        """A copy of the physics as it stands: the true state, and a simulator to look ahead with."""
+
+    @property
+    def observation_bound(self) -> NDArray[np.float32]:
+        """Greatest magnitude of each entry of an observation, (d,)."""
+
+    @property
+    def layout(self) -> list[_Block]:
+        """Blocks of an observation, each with name, offset, scale, bound, unit and description."""
+
+    @property
+    def action_layout(self) -> list[tuple[str, list[float], str]]:
+        """Entries of an action, each with name, what -1 and +1 ask for, and unit."""
+
+    def reset(
+        self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (18, N).
+
+        Keywords give what is not to be drawn, one row for all or (N, .).
+        """
+
+    def step(
+        self, actions: NDArray[np.float32]
+    ) -> tuple[
+        NDArray[np.float32],
+        NDArray[np.float64],
+        NDArray[np.bool_],
+        NDArray[np.bool_],
+        NDArray[np.float64],
+        _Finals | None,
+    ]:
+        """One control period of all instances under `actions` (N, a).
+
+        Gives observations, rewards, terminated, truncated, measures (18, N), and of episodes that ended and were
+        replaced the instances, last observations and last measures.
+        """
+
+    def episodes(self) -> dict[str, NDArray[Any]]:
+        """What the episodes drew, and how far they are.
+
+        seed, episode and step (N,), target_position (N, 3), target_rotation (N, 3, 3), current (N, 3),
+        joint_reference and joint_reference_rate (N, n).
+        """
+
+    def pd(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
+        """The paper's PD with these gains (6 each), or with the scene's."""
+
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
+    def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
+
+@final
+class Pd:
+    """PD on the vehicle, `F = -kp e - kd V`, from observations alone."""
+
+    @property
+    def kp(self) -> list[float]:
+        """Proportional gains, N/m and N m/rad."""
+
+    @property
+    def kd(self) -> list[float]:
+        """Derivative gains, N s/m and N m s/rad."""
+
+    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (n, a) for observations (n, d)."""

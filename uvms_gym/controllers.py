@@ -1,6 +1,6 @@
 """Controllers with the signature of Stable-Baselines3's policies."""
 
-from typing import Any, Unpack
+from typing import Any, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,7 +37,7 @@ class PD:
             if options:
                 raise TypeError(f"env tells the options: {', '.join(options)} cannot be given besides")
             options = _unwrapped(env).options
-        chosen: Options = {key: options[key] for key in ("scene", "action") if key in options}  # type: ignore[literal-required, misc]
+        chosen = cast(Options, {key: value for key, value in options.items() if key in ("scene", "action")})
         self._arguments = (chosen, _gains(kp), _gains(kd))
         self._pd = native(chosen).pd(*self._arguments[1:])
 

@@ -6,12 +6,14 @@ use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
 use super::step::Switches;
 use super::table::InstanceLoads;
-use crate::balance::{Balance, ClosedForm};
+use crate::balance::articulated::Loads;
+use crate::balance::{Balance, ClosedForm, Linearization, linearize};
 use crate::control::{Allocation, Thrusts};
 use crate::description::Scene;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::Isa;
+use crate::lie::Vector6;
 use crate::system::{Compiled, State, compile};
 
 /// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
@@ -120,8 +122,10 @@ impl Simulator {
         if options.threads == Some(0) {
             return Err(SimulatorError::NoThreads);
         }
-        let integrator = Integrator::named(&options.integrator, options.gamma)
-            .ok_or_else(|| SimulatorError::UnknownIntegrator { name: options.integrator.clone() })?;
+        let integrator = Integrator::named(&options.integrator, options.gamma).ok_or_else(|| {
+            let known = Integrator::NAMES.map(|(name, _)| name).into();
+            SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
+        })?;
         let isa = Isa::best()?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
@@ -301,6 +305,24 @@ impl Simulator {
     /// The closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
     pub fn closed_form(&self, i: usize) -> ClosedForm<'_> {
         self.balance.at(&self.state(i), self.current(i))
+    }
+
+    /// Linearizes instance `i` about its state under `inputs` (servos off).
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn linearize(&self, inputs: &Inputs, i: usize) -> Result<Linearization, SimulatorError> {
+        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let mut given = InstanceLoads::default();
+        applied.fill(i, &mut given);
+        let mut loads = Loads::none();
+        loads.torque = given.torque;
+        loads.on_links = applied.switches().on_links;
+        for (k, link) in self.compiled.links.iter().enumerate() {
+            loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
+        }
+        let (state, current) = (self.state(i), self.current(i));
+        Ok(linearize(&self.compiled.system, &state, &current, &given.wrench, &loads))
     }
 
     /// The composed scene.

@@ -8,8 +8,9 @@ use crate::lane::{Kernel, Lane, Real, Shared, get_all};
 use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System};
 
-/// Rotation within a step up to which the Munthe-Kaas maps hold; beyond it a lane's step is halved.
-const GREATEST_TURN: f64 = std::f64::consts::PI;
+/// Rotation within a step beyond which a lane's step is halved. The maps hold up to pi, but the velocity of a spinning
+/// body turns in body axes as fast, and grows where that is outside of a tableau's stability: 2.83 (RK4), 1.73 (Heun).
+const GREATEST_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// Most pieces that a step is cut into; a lane that needs more becomes NaN, never a wrong number.
 const MOST_PIECES: usize = 1024;
 
@@ -219,7 +220,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
     }
 }
 
-/// A step of size `h`; lanes that turn by more than half a revolution within it take it in halves, quarters, and so
+/// A step of size `h`; lanes that turn by more than a quarter revolution within it take it in halves, quarters, and so
 /// on, while their neighbours keep the step they had.
 #[inline(always)]
 fn guarded<L: Lane>(
@@ -248,18 +249,43 @@ fn guarded<L: Lane>(
             keep(L::c(0.5).lt(pending), &trial, motion);
             trial = start;
         }
-        pending = L::select(limit.lt(greatest), pending, L::zero());
+        // A turn that is NaN is not below the limit either: the maps overflow on far too great ones.
+        pending = L::select(greatest.lt(limit), L::zero(), pending);
         if !L::any(L::c(0.5).lt(pending)) {
             return;
         }
+        if pieces == 1 {
+            // No step mends what was lost before it.
+            let sound = sound(&start);
+            keep(L::c(0.5).lt(pending - sound), &lost(), motion);
+            pending = L::select(L::c(0.5).lt(sound), pending, L::zero());
+        }
         if pieces == MOST_PIECES {
-            let mut lost = start;
-            lost.pose.position = Vector3([L::c(f64::NAN); 3]);
-            lost.twist = Vector6::from_array([L::c(f64::NAN); 6]);
-            keep(L::c(0.5).lt(pending), &lost, motion);
+            keep(L::c(0.5).lt(pending), &lost(), motion);
             return;
         }
         pieces *= 2;
+    }
+}
+
+/// 1 in lanes where every number is finite, else 0.
+#[inline(always)]
+fn sound<L: Lane>(motion: &Motion<L, JOINTS>) -> L {
+    let Motion { pose, twist, q, qd } = motion;
+    let vehicle = pose.rotation.0.iter().flatten().chain(&pose.position.0);
+    let zero = vehicle.chain(&twist.to_array()).chain(q).chain(qd).fold(L::zero(), |sum, &x| x.mul_add(L::zero(), sum));
+    L::select(zero.lt(L::c(1.0)), L::c(1.0), L::zero())
+}
+
+/// NaN throughout.
+#[inline(always)]
+fn lost<L: Lane>() -> Motion<L, JOINTS> {
+    let nan = Vector3([L::c(f64::NAN); 3]);
+    Motion {
+        pose: Pose { rotation: Matrix3([nan.0; 3]), position: nan },
+        twist: Vector6 { linear: nan, angular: nan },
+        q: [L::c(f64::NAN); JOINTS],
+        qd: [L::c(f64::NAN); JOINTS],
     }
 }
 

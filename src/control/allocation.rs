@@ -100,7 +100,7 @@ impl Allocation {
 
     /// Thruster configuration matrix T_tcm, 6 x m: thrusts to the body wrench at the vehicle origin. `[HC eq. 25]`
     pub fn configuration(&self) -> Matrix6xX<f64> {
-        Matrix6xX::from_columns(&self.configuration[..self.count])
+        Matrix6xX::from_fn(self.count, |r, i| self.configuration[i][r])
     }
 
     /// Least and greatest thrust of thruster i, N.

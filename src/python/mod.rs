@@ -3,6 +3,7 @@
 mod arrays;
 mod errors;
 mod inputs;
+mod linearize;
 mod model;
 mod motion;
 mod scene;

@@ -33,8 +33,8 @@ pub fn scenes() -> Vec<&'static str> {
 /// Returns
 /// -------
 /// dict
-///     The complete scene in SI units, axes forward-left-up, 6x6 matrices in the order [linear; angular]: every
-///     key has a value, axes have unit length.
+///     The scene in SI units, axes forward-left-up, 6x6 matrices in the order [linear; angular], defaults filled in, axes
+///     of unit length.
 ///
 /// Raises
 /// ------

@@ -115,12 +115,6 @@ impl StationKeep {
         Simulator { inner: self.batch.simulator().clone() }
     }
 
-    /// Number of joints n.
-    #[getter]
-    fn joint_count(&self) -> usize {
-        self.batch.task().joint_count()
-    }
-
     /// Greatest magnitude of each entry of an observation, (d,).
     #[getter]
     fn observation_bound<'py>(&self, py: Python<'py>) -> Row<'py, f32> {

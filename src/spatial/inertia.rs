@@ -227,39 +227,62 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m: packed(&m), h: h_new.0, j: packed(&j_new) }
     }
 
-    /// Solves `A x = b` by LDL^T, without pivots: A is positive definite.
+    /// Solves `A x = b` by LDL^T, without pivoting: A is positive definite.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
-        let mut x = b.to_array();
-        let mut lower = [[L::zero(); 6]; 6];
-        let mut over_d = [L::zero(); 6];
-        for k in 0..6 {
-            // Column k of L, times D; rows below k.
-            let mut column = [L::zero(); 6];
-            for i in k..6 {
-                let mut entry = self.entry(i, k);
-                for p in 0..k {
-                    // lower[.][p] holds L D here, so that its quotient by D is L.
-                    entry = lower[i][p].neg_mul_add(lower[k][p] * over_d[p], entry);
-                }
-                column[i] = entry;
-            }
-            over_d[k] = L::c(1.0) / column[k];
-            for i in k..6 {
-                lower[i][k] = column[i];
-            }
-            let pivot = x[k] * over_d[k];
-            for i in k + 1..6 {
-                x[i] = column[i].neg_mul_add(pivot, x[i]);
+        let mut a = [[L::zero(); 6]; 6];
+        for i in 0..6 {
+            for k in 0..=i {
+                a[i][k] = self.entry(i, k);
             }
         }
-        for k in (0..6).rev() {
-            let mut sum = x[k];
-            for i in k + 1..6 {
-                sum = lower[i][k].neg_mul_add(x[i], sum);
+        let mut system = Elimination { a, over_d: [L::zero(); 6], x: b.to_array() };
+        system.eliminate::<0>();
+        system.eliminate::<1>();
+        system.eliminate::<2>();
+        system.eliminate::<3>();
+        system.eliminate::<4>();
+        system.eliminate::<5>();
+        system.substitute::<5>();
+        system.substitute::<4>();
+        system.substitute::<3>();
+        system.substitute::<2>();
+        system.substitute::<1>();
+        system.substitute::<0>();
+        Vector6::from_array(system.x)
+    }
+}
+
+/// A system of six equations on its way to the solution. (Steps are constants, so that every index below is one.)
+struct Elimination<L> {
+    /// Lower triangle of what is left of A; columns already eliminated hold L D.
+    a: [[L; 6]; 6],
+    over_d: [L; 6],
+    x: [L; 6],
+}
+
+impl<L: Lane> Elimination<L> {
+    /// Eliminates unknown K from the equations after it.
+    #[inline(always)]
+    fn eliminate<const K: usize>(&mut self) {
+        let over_d = L::c(1.0) / self.a[K][K];
+        for i in K + 1..6 {
+            let factor = self.a[i][K] * over_d;
+            for k in K + 1..=i {
+                self.a[i][k] = factor.neg_mul_add(self.a[k][K], self.a[i][k]);
             }
-            x[k] = sum * over_d[k];
+            self.x[i] = factor.neg_mul_add(self.x[K], self.x[i]);
         }
-        Vector6::from_array(x)
+        self.over_d[K] = over_d;
+    }
+
+    /// Works out unknown K from those after it.
+    #[inline(always)]
+    fn substitute<const K: usize>(&mut self) {
+        let mut sum = self.x[K];
+        for i in K + 1..6 {
+            sum = self.a[i][K].neg_mul_add(self.x[i], sum);
+        }
+        self.x[K] = sum * self.over_d[K];
     }
 }

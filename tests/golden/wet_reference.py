@@ -196,7 +196,7 @@ def check_against_pinocchio():
 
 
 def check_current():
-    """Galilei: V_r' in still water is V' + [omega x R^T v_c; 0] in the current, for the twist V_r = V - [R^T v_c; 0]."""
+    """Galilei: V_r' in still water is V' + [omega x R^T v_c; 0] in the current, for V_r = V - [R^T v_c; 0]."""
     model, reader = read("random-no-arm", mpf, mp)
     state = random_state(np.random.default_rng(5), model)
     lagrangian = Lagrangian(model, reader, state)

@@ -1,7 +1,7 @@
 """What the single and the vector environment of station keeping have in common."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypedDict
 
 import numpy as np
@@ -95,10 +95,13 @@ class StationKeepBase:
     _native: StationKeep
     options: Options
 
-    def _spaces(self) -> tuple[spaces.Box, spaces.Box]:
+    _action_shape: tuple[int, ...]
+
+    def _spaces(self) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
         """Spaces of one instance's observation and action."""
         bound = self._native.observation_bound
         action = np.ones(len(self._native.action_layout), dtype=np.float32)
+        self._action_shape = action.shape
         return spaces.Box(-bound, bound, dtype=np.float32), spaces.Box(-action, action, dtype=np.float32)
 
     @property
@@ -107,12 +110,12 @@ class StationKeepBase:
         return self._native.simulator
 
     @property
-    def layout(self) -> list[dict[str, Any]]:
+    def layout(self) -> Sequence[Mapping[str, Any]]:
         """Blocks of an observation: name, offset, scale, bound, unit, description."""
         return self._native.layout
 
     @property
-    def action_layout(self) -> list[tuple[str, tuple[float, float], str]]:
+    def action_layout(self) -> list[tuple[str, list[float], str]]:
         """Entries of an action: name, what -1 and +1 ask for, unit."""
         return self._native.action_layout
 

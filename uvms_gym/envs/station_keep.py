@@ -1,7 +1,7 @@
 """Station keeping: `UVMS-StationKeep-v0`, single and vector."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, Unpack
+from typing import Any, Literal, Unpack, cast
 
 import gymnasium as gym
 import numpy as np
@@ -136,8 +136,6 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
-    observation_space: gym.spaces.Box
-    action_space: gym.spaces.Box
 
     def __init__(
         self,
@@ -209,7 +207,7 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
         gymnasium.error.ResetNeeded
             There is no episode, or it has terminated.
         """
-        actions = as_actions(action, self.action_space.shape)
+        actions = as_actions(action, self._action_shape)
         observations, rewards, terminated, truncated, info, _ = self._native.step(actions[None])
         measures = dict(zip(INFO, info[:, 0].tolist(), strict=True))
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), measures
@@ -299,7 +297,7 @@ class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, A
             raise ValueError(f"seeds must not be negative: {seed}")
         super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
         if not self._seeded and None in seeds:
-            first = self.np_random_seed
+            first = cast(int, self.np_random_seed)
             seeds = [first + i if s is None else s for i, s in enumerate(seeds)]
         observations, info = self._native.reset([None if s is None else s % _SEEDS for s in seeds], mask, **given)
         self._seeded = True
@@ -317,7 +315,7 @@ class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, A
         gymnasium.error.ResetNeeded
             There is no episode, or autoreset is disabled and one is over.
         """
-        given = as_actions(actions, self.action_space.shape)
+        given = as_actions(actions, (self.num_envs, *self._action_shape))
         observations, rewards, terminated, truncated, info, finals = self._native.step(given)
         infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
         if finals is not None:
@@ -333,7 +331,7 @@ class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, A
             infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
         return observations, rewards, terminated, truncated, infos
 
-    def render(self) -> tuple[None, ...]:
+    def render(self) -> tuple[Any, ...]:
         """Warn, as there is nothing to render with."""
         warn_of_rendering()
         return (None,) * self.num_envs

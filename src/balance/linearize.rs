@@ -1,0 +1,117 @@
+//! Linearization by dual numbers: the articulated-body form differentiates itself, exact to rounding.
+
+use nalgebra::{DMatrix, Vector3};
+
+use super::articulated::{Instant, Loads, Scratch, accelerations};
+use crate::lane::{Dual, Shared};
+use crate::lie::{self, Matrix3, Vector6};
+use crate::system::{JOINTS, State, System};
+
+/// `z' = A z + B u` about a motion, in `z = [xi; dq; dV; dq']`, `u = [dF; dtau]`.
+///
+/// `xi` is the pose error in body axes, `T = T_0 exp xi`; V is the absolute body twist, F the wrench on the vehicle.
+/// About a moving frame `xi' = dV - ad_V0 xi`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linearization {
+    /// A, (2(6+n), 2(6+n)).
+    pub a: DMatrix<f64>,
+    /// B, (2(6+n), 6+n).
+    pub b: DMatrix<f64>,
+}
+
+/// A direction to differentiate along.
+#[derive(Clone, Copy, PartialEq)]
+enum Direction {
+    Turn(usize),
+    Joint(usize),
+    Twist(usize),
+    Rate(usize),
+    Wrench(usize),
+    Torque(usize),
+}
+
+/// Linearizes a system about a state under held loads; servos count as off, saturated actuators as stuck.
+pub fn linearize(
+    system: &System<Shared<f64>>,
+    state: &State,
+    current: &Vector3<f64>,
+    wrench: &[f64; 6],
+    loads: &Loads<f64>,
+) -> Linearization {
+    let n = system.joints.len();
+    let (rates, size) = (6 + n, 2 * (6 + n));
+    let mut a = DMatrix::zeros(size, size);
+    let mut b = DMatrix::zeros(size, rates);
+    let derivative = |direction| accelerations_along(system, state, current, wrench, loads, direction);
+
+    for k in 0..3 {
+        a.view_mut((rates, 3 + k), (rates, 1)).copy_from_slice(&derivative(Direction::Turn(k)));
+    }
+    for k in 0..n {
+        a.view_mut((rates, 6 + k), (rates, 1)).copy_from_slice(&derivative(Direction::Joint(k)));
+        a.view_mut((rates, rates + 6 + k), (rates, 1)).copy_from_slice(&derivative(Direction::Rate(k)));
+        b.view_mut((rates, 6 + k), (rates, 1)).copy_from_slice(&derivative(Direction::Torque(k)));
+    }
+    for k in 0..6 {
+        a.view_mut((rates, rates + k), (rates, 1)).copy_from_slice(&derivative(Direction::Twist(k)));
+        b.view_mut((rates, k), (rates, 1)).copy_from_slice(&derivative(Direction::Wrench(k)));
+    }
+
+    // Kinematics: xi' = dV - ad_V0 xi, dq' = dq'.
+    let minus_ad = -super::dense::ad(&state.twist);
+    a.view_mut((0, 0), (6, 6)).copy_from(&minus_ad);
+    a.view_mut((0, rates), (rates, rates)).fill_with_identity();
+    Linearization { a, b }
+}
+
+/// Derivative of `[V'; q'']` along a direction.
+fn accelerations_along(
+    system: &System<Shared<f64>>,
+    state: &State,
+    current: &Vector3<f64>,
+    wrench: &[f64; 6],
+    loads: &Loads<f64>,
+    direction: Direction,
+) -> Vec<f64> {
+    let number = |value: f64, along: Direction| Dual::new(value, if along == direction { 1.0 } else { 0.0 });
+    let vector = |v: &Vector3<f64>| lie::Vector3([Dual::new(v.x, 0.0), Dual::new(v.y, 0.0), Dual::new(v.z, 0.0)]);
+    let six = |x: &dyn Fn(usize) -> Dual| Vector6::from_array(std::array::from_fn(x));
+
+    // R = R_0 (I + [xi_omega]) to first order.
+    let turn = match direction {
+        Direction::Turn(k) => Vector3::ith(k, 1.0),
+        _ => Vector3::zeros(),
+    };
+    let slope = state.rotation * turn.cross_matrix();
+    let rotation =
+        Matrix3(std::array::from_fn(|i| std::array::from_fn(|k| Dual::new(state.rotation[(i, k)], slope[(i, k)]))));
+    let water = rotation.apply_transposed(vector(current));
+    let mut twist = six(&|k| number(state.twist[k], Direction::Twist(k)));
+    twist.linear = twist.linear - water;
+    let q: [Dual; JOINTS] = std::array::from_fn(|k| number(state.q[k], Direction::Joint(k)));
+    let qd: [Dual; JOINTS] = std::array::from_fn(|k| number(state.qd[k], Direction::Rate(k)));
+    let zero = Dual::new(0.0, 0.0);
+    let instant = Instant {
+        gravity: rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| Dual::new(g, 0.0)))),
+        twist,
+        q: &q,
+        qd: &qd,
+        wrench: six(&|k| number(wrench[k], Direction::Wrench(k))),
+        time: zero,
+    };
+    let loads = Loads {
+        torque: std::array::from_fn(|k| number(loads.torque[k], Direction::Torque(k))),
+        servo: false,
+        target: [[zero; 4]; JOINTS],
+        on_links: loads.on_links,
+        links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| Dual::new(x, 0.0)))),
+    };
+    let (mut twist_rate, mut qdd) = (Vector6::zero(), [zero; JOINTS]);
+    accelerations(system, &instant, &loads, &mut Scratch::new(), &mut twist_rate, &mut qdd);
+    if !system.fixed {
+        // V' = V_r' - [omega x R^T v_c; 0]
+        twist_rate.linear = twist_rate.linear - twist.angular.cross(water);
+    }
+    let joints = &qdd[..system.joints.len()];
+    twist_rate.to_array().iter().chain(joints).map(|x| x.slope).collect()
+}

@@ -1,0 +1,57 @@
+//! `uvms_gym.Simulator.linearize`.
+
+use pyo3::prelude::*;
+
+use super::arrays::{Array, Given, array};
+use super::inputs::InputArguments;
+use super::simulator::Simulator;
+use crate::error::SimulatorError;
+
+#[pymethods]
+impl Simulator {
+    /// Linearization `z' = A z + B u` about the present states, exact to rounding.
+    ///
+    /// `z = [xi; dq; dV; dq']` with the pose error xi (6) in body axes, `T = T_0 exp xi`, and the absolute body twist
+    /// V; `u = [dF; dtau]` with the wrench F (6) on the vehicle, body axes at its origin, and the joint torques tau.
+    /// About a moving vehicle `xi' = dV - ad_V0 xi`. Servos count as off, saturated actuators as stuck.
+    /// By dual numbers through the articulated-body form. [PC05]
+    ///
+    /// Parameters
+    /// ----------
+    /// thrust, wrench, joint_torque, external
+    ///     Inputs of the motion that it is about, as in `step`.
+    ///
+    /// Returns
+    /// -------
+    /// A : numpy.ndarray (N, 12 + 2n, 12 + 2n)
+    /// B : numpy.ndarray (N, 12 + 2n, 6 + n)
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     An input has the wrong shape or type, or is not finite.
+    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, external=None))]
+    fn linearize<'py>(
+        &self,
+        py: Python<'py>,
+        thrust: Given,
+        wrench: Given,
+        joint_torque: Given,
+        external: Given,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        let given = InputArguments { thrust, wrench, joint_torque, external, ..Default::default() };
+        let arrays = given.read(&self.inner)?;
+        let (simulator, instances) = (&self.inner, self.inner.instances());
+        let (a, b) = py.detach(|| {
+            let (mut a, mut b) = (Vec::new(), Vec::new());
+            for i in 0..instances {
+                let linear = simulator.linearize(&arrays.inputs(), i)?;
+                a.extend_from_slice(linear.a.transpose().as_slice());
+                b.extend_from_slice(linear.b.transpose().as_slice());
+            }
+            Ok::<_, SimulatorError>((a, b))
+        })?;
+        let rates = 6 + simulator.joints();
+        Ok((array(py, &[instances, 2 * rates, 2 * rates], a)?, array(py, &[instances, 2 * rates, rates], b)?))
+    }
+}

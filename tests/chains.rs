@@ -1,0 +1,202 @@
+//! The joint frames that `compile` chooses, against direct forward kinematics of the scene.
+
+mod common;
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use common::random_scene::{Options, Random, random_scene};
+use nalgebra as na;
+use uvms_gym::balance::Balance;
+use uvms_gym::description::{Frame, JointKind, Scene};
+use uvms_gym::lane::Shared;
+use uvms_gym::lie::{Matrix3, Pose, Vector3};
+use uvms_gym::spatial::Bend;
+use uvms_gym::system::{Stand, State, compile};
+
+type Dense = na::Isometry3<f64>;
+
+/// Rotation about (and shift along) x or z.
+fn screw(axis: na::Vector3<f64>, angle: f64, shift: f64) -> na::Matrix4<f64> {
+    na::Rotation3::new(axis * angle).to_homogeneous().append_translation(&(axis * shift))
+}
+
+fn homogeneous(rotation: &[[f64; 3]; 3], position: &[f64; 3]) -> na::Matrix4<f64> {
+    let mut t = na::Matrix4::identity();
+    t.fixed_view_mut::<3, 3>(0, 0).copy_from(&na::Matrix3::from_fn(|i, k| rotation[i][k]));
+    t.fixed_view_mut::<3, 1>(0, 3).copy_from(&na::Vector3::from(*position));
+    t
+}
+
+/// Link poses in the vehicle frame through the compiled joint frames.
+fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
+    let compiled = compile(scene);
+    let mut here = na::Matrix4::<f64>::identity();
+    let mut links = Vec::new();
+    for (i, (joint, link)) in compiled.system.joints.iter().zip(&compiled.links).enumerate() {
+        here *= match joint.stand {
+            Stand::Pose(r, p) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
+            Stand::Bend(bend, Shared(a)) => {
+                let alpha = match bend {
+                    Bend::Flat => 0.0,
+                    Bend::Quarter => FRAC_PI_2,
+                    Bend::General(Shared(sin), Shared(cos)) => sin.atan2(cos),
+                };
+                screw(na::Vector3::x(), alpha, a)
+            }
+        };
+        let (Shared(offset), [Shared(k0), Shared(k1)]) = (joint.offset, joint.constant);
+        let (theta, d) = if joint.prismatic { (k0.atan2(k1), offset + q[i]) } else { (offset + q[i], k0) };
+        here *= screw(na::Vector3::z(), theta, d);
+        let Pose { rotation: Matrix3(rotation), position: Vector3(position) } = link;
+        links.push(here * homogeneous(rotation, position));
+    }
+    links
+}
+
+/// Link poses in the vehicle frame as the scene states them.
+fn direct(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
+    let of = |frame: &Frame| {
+        let [x, y, z] = frame.rpy.into();
+        Dense::from_parts(frame.position.into(), na::UnitQuaternion::from_euler_angles(x, y, z))
+    };
+    let arm = scene.arm.as_ref().unwrap();
+    let mut here = of(&arm.mount.frame);
+    let mut links = Vec::new();
+    for (i, joint) in scene.joints().enumerate() {
+        here *= of(&joint.frame);
+        here *= match joint.kind {
+            JointKind::Revolute => Dense::rotation(joint.axis * q[i]),
+            JointKind::Prismatic => Dense::translation(joint.axis.x * q[i], joint.axis.y * q[i], joint.axis.z * q[i]),
+        };
+        links.push(here.to_homogeneous());
+    }
+    links
+}
+
+fn worst(scene: &Scene, seed: u64) -> f64 {
+    let mut random = Random::new(seed);
+    let mut worst = 0.0_f64;
+    for _ in 0..3 {
+        let q: Vec<f64> = scene.joints().map(|_| random.between(-3.0, 3.0)).collect();
+        let (a, b) = (compiled(scene, &q), direct(scene, &q));
+        assert_eq!(a.len(), b.len());
+        worst = a.iter().zip(&b).fold(worst, |w, (a, b)| w.max((a - b).amax()));
+    }
+    worst
+}
+
+/// How an axis lies to the one before it.
+#[derive(Debug, Clone, Copy)]
+enum Lie {
+    Parallel,
+    Coincident,
+    Antiparallel,
+    /// Turned by this much about a random direction.
+    Turned(f64),
+    /// At a right angle, and crossing.
+    Crossing,
+    General,
+}
+
+/// A random chain whose axes lie to each other as asked.
+fn chain(seed: u64, lies: &[Lie]) -> Scene {
+    let mut random = Random::new(seed ^ 0xC4A1);
+    let options =
+        Options { links: Some(1 + lies.len()), joint_loading: Some(false), fixed: Some(false), ..Options::default() };
+    let mut scene = random_scene(seed, options);
+    let arm = scene.arm.as_mut().unwrap();
+    for (i, &lie) in lies.iter().enumerate() {
+        let before = arm.links[i].joint.axis;
+        let joint = &mut arm.links[i + 1].joint;
+        let aligned = Frame { position: random.vector(0.4), rpy: na::Vector3::zeros() };
+        let across = before.cross(&random.direction()).normalize();
+        match lie {
+            Lie::General => {}
+            Lie::Parallel => (joint.frame, joint.axis) = (aligned, before),
+            Lie::Coincident => {
+                (joint.frame, joint.axis) = (Frame { position: before * random.between(-0.4, 0.4), ..aligned }, before);
+            }
+            Lie::Antiparallel => (joint.frame, joint.axis) = (aligned, -before),
+            Lie::Turned(angle) => (joint.frame, joint.axis) = (aligned, na::Rotation3::new(across * angle) * before),
+            Lie::Crossing => (joint.frame, joint.axis) = (Frame::default(), across),
+        }
+    }
+    scene
+}
+
+#[test]
+fn chains_in_general_position_move_as_described() {
+    for seed in 0..100 {
+        let scene = random_scene(seed, Options { links: Some(8), ..Options::default() });
+        let error = worst(&scene, seed);
+        assert!(error < 1e-12, "seed {seed}: {error:e}");
+    }
+}
+
+#[test]
+fn chains_of_special_axes_move_as_described() {
+    let lies = [Lie::Parallel, Lie::Coincident, Lie::Antiparallel, Lie::Crossing, Lie::General];
+    for seed in 0..200_u64 {
+        let pick = |k: u64| lies[((seed + 1).wrapping_mul(0x9E37_79B9) >> (3 * k)) as usize % lies.len()];
+        let picked: Vec<Lie> = (0..6).map(pick).collect();
+        let scene = chain(seed, &picked);
+        let error = worst(&scene, seed);
+        assert!(error < 2e-13, "seed {seed} {picked:?}: {error:e}");
+    }
+}
+
+#[test]
+fn nearly_parallel_axes_keep_their_digits() {
+    let mut greatest = 0.0_f64;
+    for exponent in 0..30 {
+        let angle = 10.0_f64.powf(-16.0 + 0.5 * f64::from(exponent));
+        for seed in 0..3 {
+            for angle in [angle, PI - angle] {
+                let scene = chain(seed, &[Lie::Turned(angle), Lie::General, Lie::Turned(angle), Lie::Turned(-angle)]);
+                let error = worst(&scene, seed);
+                greatest = greatest.max(error);
+                assert!(error < 1e-12, "angle {angle:e}, seed {seed}: {error:e}");
+            }
+        }
+    }
+    println!("nearly parallel axes: greatest error {greatest:e}");
+}
+
+#[test]
+fn ordinary_arms_compute_in_the_cheap_frames() {
+    let stands = |scene: &Scene| -> Vec<Stand<Shared<f64>>> {
+        compile(scene).system.joints.iter().map(|joint| joint.stand).skip(1).collect()
+    };
+    let petasus = stands(&Scene::shipped("petasus-pum").unwrap());
+    let flat = petasus.iter().filter(|s| matches!(s, Stand::Bend(Bend::Flat, _))).count();
+    let quarter = petasus.iter().filter(|s| matches!(s, Stand::Bend(Bend::Quarter, _))).count();
+    assert_eq!((petasus.len(), flat, quarter), (4, 2, 2), "{petasus:?}");
+    let lies = [Lie::Parallel, Lie::Coincident, Lie::Antiparallel, Lie::Crossing, Lie::General];
+    for (stand, lie) in stands(&chain(4, &lies)).iter().zip(lies) {
+        let expected = match lie {
+            Lie::Parallel | Lie::Coincident => matches!(stand, Stand::Bend(Bend::Flat, _)),
+            Lie::Crossing => matches!(stand, Stand::Bend(Bend::Quarter, _)),
+            _ => matches!(stand, Stand::Bend(Bend::General(..), _)),
+        };
+        assert!(expected, "{lie:?}: {stand:?}");
+    }
+    assert!(matches!(stands(&chain(4, &[Lie::Turned(1e-3)]))[0], Stand::Pose(..)));
+}
+
+#[test]
+fn body_poses_of_the_balance_are_those_of_the_scene() {
+    for seed in 0..30 {
+        let scene =
+            random_scene(seed, Options { links: Some(5), joint_loading: Some(seed % 2 == 0), ..Options::default() });
+        let mut state = State::default();
+        let mut random = Random::new(seed);
+        scene.joints().enumerate().for_each(|(i, _)| state.q[i] = random.between(-3.0, 3.0));
+        let balance = Balance::new(&scene).unwrap();
+        let poses = balance.at(&state, na::Vector3::zeros()).body_poses();
+        for (pose, expected) in poses[1..].iter().zip(direct(&scene, &state.q)) {
+            let rotation = pose.rotation - expected.fixed_view::<3, 3>(0, 0);
+            let position = pose.position - expected.fixed_view::<3, 1>(0, 3);
+            assert!(rotation.amax() < 1e-13 && position.amax() < 1e-13);
+        }
+    }
+}

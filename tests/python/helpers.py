@@ -1,0 +1,109 @@
+"""Shared by the tests."""
+
+import copy
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from uvms_gym import Simulator, load_scene
+
+PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current")
+
+
+def state_of(simulator: Simulator) -> dict[str, np.ndarray]:
+    """All parts of the state."""
+    return {part: getattr(simulator, part) for part in PARTS}
+
+
+def assert_same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> None:
+    """Bit for bit the same arrays."""
+    assert a.keys() == b.keys()
+    for name in a:
+        assert a[name].tobytes() == b[name].tobytes(), name
+
+
+def is_fixed(simulator: Simulator) -> bool:
+    """Whether the scene holds the vehicle."""
+    return bool(simulator.scene["vehicle"]["fixed"])
+
+
+def random_state(simulator: Simulator, seed: int = 0) -> dict[str, np.ndarray]:
+    """A state in which everything moves, one row per instance; row i is the same whatever the number of instances."""
+    rows = []
+    held, n, home = is_fixed(simulator), simulator.num_joints, simulator.q
+    for i in range(simulator.num_envs):
+        rng = np.random.default_rng((seed, i))
+        rows.append(
+            {
+                "position": rng.normal(size=3),
+                "quaternion": rng.normal(size=4),
+                "twist": np.zeros(6) if held else 0.5 * rng.normal(size=6),
+                "q": home[i] + 0.3 * rng.normal(size=n),
+                "qd": 0.5 * rng.normal(size=n),
+                "current": 0.3 * rng.normal(size=3),
+            }
+        )
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def random_inputs(simulator: Simulator, seed: int = 0) -> dict[str, Any]:
+    """Every input that the scene takes, one row per instance."""
+    rows = []
+    has_servo = simulator.scene["vehicle"].get("servo") is not None
+    n, now = simulator.num_joints, simulator.q
+    for i in range(simulator.num_envs):
+        rng = np.random.default_rng((seed, i, 1))
+        row = {
+            "thrust": 20.0 * rng.normal(size=simulator.num_thrusters),
+            "wrench": 5.0 * rng.normal(size=6),
+            "joint_torque": 0.1 * rng.normal(size=n),
+            "external": 0.01 * rng.normal(size=(n + 1, 6)),
+        }
+        if n:
+            row["joint_target"] = now[i][:, None] * [1.0, 0.0, 0.0] + 0.1 * rng.normal(size=(n, 3))
+        if has_servo:
+            pose = np.eye(4)
+            pose[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            pose[:3, 0] *= np.linalg.det(pose[:3, :3])
+            pose[:3, 3] = rng.normal(size=3)
+            row["station"] = pose
+        rows.append(row)
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def moving(scene: str | dict[str, Any], num_envs: int = 3, seed: int = 0, **options: Any) -> Simulator:
+    """A simulator in a random state."""
+    simulator = Simulator(scene, num_envs, **options)
+    simulator.set_state(**random_state(simulator, seed))
+    return simulator
+
+
+def bodies(scene: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Every body of a scene."""
+    yield scene["vehicle"]["body"]
+    arm = scene.get("arm", {})
+    if arm.get("base"):
+        yield arm["base"]
+    for link in arm.get("links", []):
+        yield link["body"]
+    if scene.get("payload"):
+        yield scene["payload"]["body"]
+
+
+def dry(name: str) -> dict[str, Any]:
+    """A shipped scene without water, gravity and whatever else acts from outside."""
+    scene = load_scene(name)
+    scene["water"] = {"density": 0.0, "gravity": [0.0, 0.0, 0.0]}
+    scene["provenance"] = {}
+    for body in bodies(scene):
+        for key in ("added_mass", "damping", "volume", "buoyancy", "weight"):
+            body.pop(key, None)
+    return scene
+
+
+def fixed_base() -> dict[str, Any]:
+    """The arm of petasus-pum on a vehicle that is held."""
+    scene = copy.deepcopy(load_scene("petasus-pum"))
+    scene["vehicle"]["fixed"] = True
+    return scene

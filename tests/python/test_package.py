@@ -1,0 +1,59 @@
+"""The package as such."""
+
+import inspect
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import pytest
+
+import uvms_gym
+from uvms_gym import Simulator, _core
+
+HEAVY = ["torch", "stable_baselines3", "matplotlib", "pygame", "typer", "rich"]
+
+
+def test_the_package_under_test_is_the_one_meant() -> None:
+    meant = os.environ.get("UVMS_GYM_UNDER_TEST")
+    if meant is not None:
+        assert Path(uvms_gym.__file__).parent.parent == Path(meant)
+
+
+def test_importing_pulls_in_nothing_heavy() -> None:
+    code = f"import sys, uvms_gym; print(*[m for m in {HEAVY!r} if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert result.stdout.split() == []
+
+
+def test_the_check_for_heavy_modules_can_fail() -> None:
+    code = f"import sys, matplotlib; print(*[m for m in {HEAVY!r} if m in sys.modules])"
+    result = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert "matplotlib" in result.stdout
+
+
+def test_everything_public_is_exported_and_typed() -> None:
+    package = Path(uvms_gym.__file__).parent
+    assert (package / "py.typed").is_file()
+    assert set(_core.__all__) <= set(uvms_gym.__all__)
+    assert re.fullmatch(r"\d+\.\d+\.\d+", uvms_gym.__version__)
+
+
+def test_everything_has_a_docstring() -> None:
+    members = [value for name, value in vars(Simulator).items() if not name.startswith("_")]
+    assert len(members) > 40
+    for member in [Simulator, uvms_gym.SceneError, uvms_gym.scenes, uvms_gym.load_scene, *members]:
+        assert inspect.getdoc(member), member
+
+
+@pytest.mark.parametrize("name", uvms_gym.scenes())
+def test_scene_files_are_package_data(name: str) -> None:
+    path = Path(uvms_gym.__file__).parent / "scenes" / f"{name}.toml"
+    assert uvms_gym.load_scene(path) == uvms_gym.load_scene(str(path)) == uvms_gym.load_scene(name)
+
+
+def test_gymnasium_is_of_a_supported_version() -> None:
+    major, minor = map(int, gymnasium.__version__.split(".")[:2])
+    assert (major, minor) >= (1, 2)

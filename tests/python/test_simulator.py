@@ -1,0 +1,405 @@
+"""`Simulator`: options, the state in and out, errors, copies."""
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import assert_same, fixed_base, moving, random_inputs, random_state, state_of
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from uvms_gym import Simulator, scenes
+
+INTEGRATORS = ["mk4", "mk4-truncated", "mk3", "mk2", "mk1", "quaternion-euler", "quaternion-rk4", "rk4-normalise"]
+DTYPES = ["float64", "float32"]
+
+
+@pytest.mark.parametrize("name", scenes())
+def test_shapes(name: str) -> None:
+    s = Simulator(name, 3)
+    n, m = s.num_joints, s.num_thrusters
+    assert (s.num_envs, s.dt, s.integrator, s.dtype, s.gamma) == (3, 0.01, "mk4", "float64", 1.0)
+    assert s.threads >= 1
+    assert s.lanes in {"avx512", "avx2", "fma", "plain"}
+    assert s.scene_name == name
+    assert s.num_bodies == n + 1
+    assert len(s.joint_names) == n
+    assert s.body_names == ["vehicle", *s.joint_names]
+    assert len(s.thruster_names) == m
+    shapes = {
+        "position": (3, 3),
+        "rotation": (3, 3, 3),
+        "quaternion": (3, 4),
+        "twist": (3, 6),
+        "q": (3, n),
+        "qd": (3, n),
+        "time": (3,),
+        "current": (3, 3),
+        "thruster_limits": (m, 2),
+        "thruster_configuration": (6, m),
+    }
+    for attribute, shape in shapes.items():
+        array = getattr(s, attribute)
+        assert array.shape == shape, attribute
+        assert array.dtype == np.float64, attribute
+        assert array.flags.c_contiguous, attribute
+        assert array.flags.writeable, attribute
+
+
+def test_arrays_are_fresh() -> None:
+    s = moving("petasus-pum")
+    before = state_of(s)
+    for array in state_of(s).values():
+        array[...] = 7.0
+    assert_same(state_of(s), before)
+
+
+def test_a_simulator_starts_at_home() -> None:
+    s = Simulator("bluerov2-heavy-alpha5", 2)
+    assert np.array_equal(s.position, np.zeros((2, 3)))
+    assert np.array_equal(s.quaternion, [[1, 0, 0, 0]] * 2)
+    links = s.scene["arm"]["links"]
+    assert np.array_equal(s.q[0], [link["joint"]["home"] for link in links])
+    start = state_of(s)
+    s.set_state(**random_state(s), time=3.0)
+    s.step(substeps=3)
+    s.reset()
+    assert_same(state_of(s), start)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_what_is_set_is_read_back(integrator: str, dtype: str) -> None:
+    s = Simulator("petasus-pum", 5, integrator=integrator, dtype=dtype)
+    state = random_state(s) | {"time": np.arange(5.0)}
+    s.set_state(**state)
+    eps = np.finfo(dtype).eps
+    q = state.pop("quaternion")
+    q = q / np.linalg.norm(q, axis=1, keepdims=True) * np.where(q[:, :1] < 0, -1, 1)
+    assert np.allclose(s.quaternion, q, rtol=0, atol=4 * eps)
+    w, v = q[:, 0], q[:, 1:]
+    x = np.array([1.0, -2.0, 3.0])
+    turned = x + 2 * np.cross(v, np.cross(v, x) + w[:, None] * x)
+    assert np.allclose(s.rotation @ x, turned, rtol=0, atol=30 * eps)
+    for part, value in state.items():
+        assert np.array_equal(getattr(s, part), value.astype(dtype)), part
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("integrator", ["mk4", "quaternion-euler"])
+def test_setting_a_part_leaves_the_others(integrator: str, dtype: str) -> None:
+    s = moving("petasus-pum", integrator=integrator, dtype=dtype)
+    s.step(**random_inputs(s), substeps=10)
+    before = state_of(s)
+    new = random_state(s, seed=1)
+    for part in ("position", "twist", "q", "qd", "current"):
+        s.set_state(**{part: new[part]})
+        before[part] = new[part].astype(dtype).astype(float)
+        assert_same(state_of(s), before)
+    s.set_state(time=3.5)
+    before["time"][:] = 3.5
+    assert_same(state_of(s), before)
+    s.set_state()
+    assert_same(state_of(s), before)
+
+
+def test_the_rotation_that_is_read_can_be_set() -> None:
+    for dtype in DTYPES:
+        s = moving("petasus-pum", dtype=dtype)
+        s.step(substeps=50)
+        before = state_of(s)
+        s.set_state(rotation=s.rotation)
+        assert_same(state_of(s), before)
+
+
+def test_a_rotation_with_errors_is_made_orthonormal() -> None:
+    s = moving("free-body")
+    rotation = s.rotation
+    s.set_state(rotation=rotation + 2e-7 * np.random.default_rng(0).normal(size=(3, 3, 3)))
+    assert np.allclose(s.rotation, rotation, rtol=0, atol=2e-6)
+    assert np.abs(np.einsum("nji,njk->nik", s.rotation, s.rotation) - np.eye(3)).max() < 1e-15
+
+
+def test_one_row_stands_for_all() -> None:
+    one, all_ = Simulator("petasus-pum", 3), Simulator("petasus-pum", 3)
+    row = {name: value[0] for name, value in random_state(one).items()}
+    one.set_state(**row, time=1.0)
+    all_.set_state(**{name: np.array([value] * 3) for name, value in row.items()}, time=np.ones(3))
+    assert_same(state_of(one), state_of(all_))
+    inputs = {name: value[0] for name, value in random_inputs(one).items() if name != "joint_target"}
+    one.step(**inputs)
+    all_.step(**{name: np.array([value] * 3) for name, value in inputs.items()})
+    assert_same(state_of(one), state_of(all_))
+
+
+def test_lists_and_other_number_types_are_arrays_too() -> None:
+    a, b = Simulator("free-body"), Simulator("free-body")
+    a.set_state(position=[1, 2, 3])
+    b.set_state(position=np.array([1, 2, 3], dtype=np.float16))
+    a.step(wrench=[1, 0, 0, 0, 0, 2])
+    b.step(wrench=np.array([[1, 9, 0, 9, 0, 9, 0, 9, 0, 9, 2, 9]])[:, ::2])
+    assert_same(state_of(a), state_of(b))
+
+
+NAN = float("nan")
+BAD_STATES: list[dict[str, Any]] = [
+    {"position": [1.0, 2.0]},
+    {"position": [[1.0, 2.0, 3.0]] * 2},
+    {"position": [[[1.0, 2.0, 3.0]] * 3]},
+    {"position": [1.0, NAN, 3.0]},
+    {"position": [1.0, np.inf, 3.0]},
+    {"position": "abc"},
+    {"position": ["1", "2", "3"]},
+    {"position": [1.0, None, 3.0]},
+    {"position": [1j, 0, 0]},
+    {"position": [True, False, True]},
+    {"position": {"x": 1}},
+    {"position": 1.0},
+    {"position": [[1.0, 2.0, 3.0], [1.0], []]},
+    {"twist": np.zeros(7)},
+    {"twist": [0, 0, 0, 0, 0, -np.inf]},
+    {"rotation": np.zeros((3, 3))},
+    {"rotation": np.diag([1.0, 1.0, -1.0])},
+    {"rotation": np.eye(3) * (1 + 1e-5)},
+    {"rotation": np.full((3, 3), NAN)},
+    {"rotation": np.full((3, 3), 1e200)},
+    {"rotation": np.eye(4)},
+    {"quaternion": np.zeros(4)},
+    {"quaternion": np.full(4, 1e300)},
+    {"quaternion": [1.0, 0.0, 0.0]},
+    {"quaternion": [1.0, 0.0, 0.0, NAN]},
+    {"rotation": np.eye(3), "quaternion": [1.0, 0.0, 0.0, 0.0]},
+    {"q": np.zeros(4)},
+    {"q": np.full((3, 5), NAN)},
+    {"qd": np.zeros((2, 5))},
+    {"time": NAN},
+    {"time": np.zeros(2)},
+    {"time": np.zeros((3, 1))},
+    {"current": [1.0]},
+    {"current": [1.0, 0.0, NAN]},
+    {"position": [1.0, 2.0, 3.0], "current": [1.0, 0.0, NAN]},
+]
+
+
+@pytest.mark.parametrize("bad", BAD_STATES, ids=str)
+def test_a_bad_state_changes_nothing(bad: dict[str, Any]) -> None:
+    s = moving("petasus-pum")
+    before = state_of(s)
+    with pytest.raises((ValueError, TypeError)):
+        s.set_state(**bad)
+    assert_same(state_of(s), before)
+
+
+BAD_INPUTS: list[dict[str, Any]] = [
+    {"thrust": np.zeros(5)},
+    {"thrust": np.full(6, NAN)},
+    {"thrust": np.zeros((2, 6))},
+    {"wrench": np.zeros(3)},
+    {"wrench": [0, 0, 0, 0, 0, np.inf]},
+    {"wrench": None, "thrust": "full ahead"},
+    {"joint_torque": np.zeros(6)},
+    {"joint_torque": np.full((3, 5), NAN)},
+    {"joint_target": np.zeros(4)},
+    {"joint_target": np.zeros((5, 3))},
+    {"joint_target": np.zeros((3, 5, 5))},
+    {"joint_target": np.zeros((3, 5, 0))},
+    {"joint_target": np.zeros((3, 5, 2, 1))},
+    {"joint_target": np.full((3, 5, 4), NAN)},
+    {"external": np.zeros((5, 6))},
+    {"external": np.zeros(36)},
+    {"external": np.full((6, 6), np.inf)},
+    {"station": np.zeros((4, 4))},
+    {"station": np.eye(3)},
+    {"station": np.eye(4) * 2},
+    {"station": (np.zeros(3),)},
+    {"station": (np.zeros(3), np.eye(4))},
+    {"station": (np.zeros(3), np.diag([1.0, -1.0, 1.0]))},
+    {"station": (np.full(3, NAN), np.eye(3))},
+]
+
+
+@pytest.mark.parametrize("bad", BAD_INPUTS, ids=str)
+def test_a_bad_input_changes_nothing(bad: dict[str, Any]) -> None:
+    s = moving("petasus-pum")
+    before = state_of(s)
+    for method in (s.step, s.forward_dynamics, s.power):
+        with pytest.raises((ValueError, TypeError)):
+            method(**bad)
+        assert_same(state_of(s), before)
+
+
+@pytest.mark.parametrize("substeps", [0, -1, 2**63, 1.5, "1", None.__class__])
+def test_a_bad_number_of_substeps_changes_nothing(substeps: Any) -> None:
+    s = moving("free-body")
+    before = state_of(s)
+    with pytest.raises((ValueError, TypeError), match="substeps"):
+        s.step(substeps=substeps)
+    assert_same(state_of(s), before)
+
+
+def test_errors_name_the_input_and_the_number() -> None:
+    s = Simulator("petasus-pum", 3)
+    thrust = np.zeros((3, 6))
+    thrust[1, 4] = NAN
+    with pytest.raises(ValueError, match="thrust of instance 1, entry 4, is NaN"):
+        s.step(thrust=thrust)
+    with pytest.raises(ValueError, match=r"thrust has shape \(5,\), but must have \(6,\) or \(3, 6\)"):
+        s.step(thrust=np.zeros(5))
+
+
+def test_what_a_scene_lacks_cannot_be_used() -> None:
+    with pytest.raises(ValueError, match=r"vehicle\.servo"):
+        Simulator("free-body").step(station=np.eye(4))
+    scene = Simulator("petasus-pum").scene
+    for link in scene["arm"]["links"]:
+        del link["joint"]["servo"]
+    scene["provenance"] = {}
+    with pytest.raises(ValueError, match="no joint with a servo"):
+        Simulator(scene).step(joint_target=np.zeros(5))
+
+
+def test_float32_refuses_what_it_cannot_hold() -> None:
+    s = moving("free-body", dtype="float32")
+    before = state_of(s)
+    with pytest.raises(ValueError, match="finite"):
+        s.set_state(position=[1e39, 0, 0])
+    with pytest.raises(ValueError, match="finite"):
+        s.step(wrench=[1e39, 0, 0, 0, 0, 0])
+    assert_same(state_of(s), before)
+
+
+def test_a_held_vehicle_stays() -> None:
+    s = moving(fixed_base())
+    before = state_of(s)
+    with pytest.raises(ValueError, match=r"vehicle\.fixed"):
+        s.set_state(twist=[0, 0, 0, 0, 0, 1e-9])
+    s.step(**random_inputs(s), substeps=10)
+    after = state_of(s)
+    for part in ("position", "rotation", "twist"):
+        assert after[part].tobytes() == before[part].tobytes(), part
+    assert not np.array_equal(after["q"], before["q"])
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"num_envs": 0},
+        {"num_envs": -1},
+        {"num_envs": 1.5},
+        {"num_envs": "2"},
+        {"num_envs": 10**15},
+        {"num_envs": 2**63 - 1},
+        {"num_envs": 2**70},
+        {"dt": 0.0},
+        {"dt": -0.01},
+        {"dt": NAN},
+        {"dt": np.inf},
+        {"dt": "0.01"},
+        {"dt": 10**400},
+        {"integrator": "rk5"},
+        {"integrator": 4},
+        {"dtype": "float16"},
+        {"dtype": np.int32},
+        {"dtype": "nonsense"},
+        {"dtype": Ellipsis},
+        {"threads": 0},
+        {"threads": -2},
+        {"threads": 1.5},
+        {"gamma": -1.0},
+        {"gamma": NAN},
+        {"gamma": []},
+    ],
+    ids=str,
+)
+def test_a_bad_option_is_refused(options: dict[str, Any]) -> None:
+    with pytest.raises((ValueError, TypeError)):
+        Simulator("free-body", **options)
+
+
+def test_dtypes_have_several_names() -> None:
+    for name in ("float32", np.float32, np.dtype("float32")):
+        assert Simulator("free-body", dtype=name).dtype == "float32"
+
+
+ARRAYS = st.one_of(
+    hnp.arrays(
+        st.sampled_from([np.float64, np.float32, np.int64, np.uint8, np.bool_, np.complex128, np.dtype("U1")]),
+        hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=6),
+    ),
+    hnp.arrays(np.float64, st.sampled_from([(2, 6), (6,), (2, 3), (3, 3), (2, 4), (2, 5), (2, 5, 4), (6, 6), (4, 4)])),
+    st.none(),
+    st.text(max_size=2),
+)
+
+
+@given(data=st.data())
+def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
+    s = Simulator("petasus-pum", 2)
+    before = state_of(s)
+    states = ["position", "rotation", "quaternion", "twist", "q", "qd", "time", "current"]
+    inputs = ["thrust", "wrench", "joint_torque", "joint_target", "external", "station"]
+    method, names = data.draw(st.sampled_from([(s.set_state, states), (s.step, inputs), (s.forward_dynamics, inputs)]))
+    arguments = {
+        name: data.draw(ARRAYS) for name in data.draw(st.lists(st.sampled_from(names), unique=True, max_size=3))
+    }
+    try:
+        method(**arguments)
+    except (ValueError, TypeError):
+        assert_same(state_of(s), before)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_copies_and_pickles_go_on_alike(integrator: str, dtype: str) -> None:
+    s = moving("petasus-pum", 3, integrator=integrator, dtype=dtype, dt=0.02, gamma=0.5, threads=1)
+    inputs = random_inputs(s)
+    s.step(**inputs, substeps=7)
+    others = [copy.copy(s), copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
+    for other in others:
+        assert repr(other) == repr(s)
+        assert (other.gamma, other.threads, other.scene) == (s.gamma, s.threads, s.scene)
+        assert_same(state_of(other), state_of(s))
+    for simulator in (s, *others):
+        simulator.step(**inputs, substeps=9)
+    for other in others:
+        assert_same(state_of(other), state_of(s))
+
+
+@pytest.mark.parametrize("name", scenes())
+def test_a_pickled_scene_goes_on_alike(name: str) -> None:
+    s = moving(name)
+    other = pickle.loads(pickle.dumps(s))
+    inputs = random_inputs(s)
+    for simulator in (s, other):
+        simulator.step(**inputs, substeps=5)
+    assert np.isfinite(s.twist).all()
+    assert_same(state_of(other), state_of(s))
+
+
+def test_copies_are_independent() -> None:
+    s = moving("free-body")
+    before = state_of(s)
+    copy.copy(s).step(wrench=np.ones(6))
+    assert_same(state_of(s), before)
+
+
+@pytest.mark.parametrize("state", [None, [], np.zeros((3, 3)), "x", np.zeros((2, 1000))])
+def test_a_foreign_pickle_is_refused(state: Any) -> None:
+    s = moving("free-body")
+    before = state_of(s)
+    with pytest.raises((ValueError, TypeError)):
+        s.__setstate__(state)
+    assert_same(state_of(s), before)
+
+
+def test_memory_per_instance() -> None:
+    for dtype, limit in (("float64", 3000), ("float32", 1500)):
+        assert 0 < Simulator("petasus-pum", 1024, dtype=dtype).bytes_per_env < limit
+
+
+def test_repr_says_what_it_is() -> None:
+    text = repr(Simulator("free-body", 2, integrator="mk2", dtype="float32"))
+    assert text == "Simulator('free-body', num_envs=2, dt=0.01, integrator='mk2', dtype='float32')"

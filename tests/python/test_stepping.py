@@ -1,0 +1,207 @@
+"""Steps: determinism, interruption, threads."""
+
+import hashlib
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from helpers import assert_same, moving, random_inputs, state_of
+
+from uvms_gym import Simulator, scenes
+
+DTYPES = ["float64", "float32"]
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("integrator", ["mk4", "rk4-normalise"])
+@pytest.mark.parametrize("name", ["petasus-pum", "rexrov"])
+def test_an_instance_does_not_depend_on_its_neighbours(name: str, integrator: str, dtype: str) -> None:
+    results = []
+    for num_envs in (1, 7, 40):
+        s = moving(name, num_envs, integrator=integrator, dtype=dtype)
+        s.step(**random_inputs(s), substeps=5)
+        results.append(state_of(s))
+    for fewer, more in itertools.pairwise(results):
+        count = len(fewer["time"])
+        assert_same(fewer, {part: value[:count] for part, value in more.items()})
+
+
+def test_an_instance_does_not_depend_on_its_place() -> None:
+    s = moving("petasus-pum", 19)
+    state, inputs = state_of(s), random_inputs(s)
+    state.pop("quaternion")
+    other = Simulator("petasus-pum", 19)
+    other.set_state(**{part: value[::-1] for part, value in state.items()})
+    for simulator, order in ((s, 1), (other, -1)):
+        simulator.step(**{name: value[::order] for name, value in inputs.items()}, substeps=5)
+    assert_same(state_of(s), {part: np.ascontiguousarray(value[::-1]) for part, value in state_of(other).items()})
+
+
+def test_an_instance_does_not_depend_on_threads() -> None:
+    results = []
+    for threads in (1, 2, 5):
+        s = moving("petasus-pum", 700, threads=threads)
+        s.step(**random_inputs(s), substeps=2)
+        results.append(state_of(s))
+    for other in results[1:]:
+        assert_same(results[0], other)
+
+
+DIGEST = """
+import hashlib
+from helpers import *
+digest = hashlib.sha256()
+for dtype in ("float64", "float32"):
+    for name in ("petasus-pum", "rexrov", "free-body"):
+        s = moving(name, 9, dtype=dtype)
+        inputs = random_inputs(s)
+        digest.update(s.forward_dynamics(**inputs).tobytes())
+        s.step(**inputs, substeps=5)
+        for value in state_of(s).values():
+            digest.update(value.tobytes())
+print(s.lanes, digest.hexdigest())
+"""
+
+
+def run_with_lanes(lanes: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"UVMS_LANES": lanes}
+    environment["PYTHONPATH"] = os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")])
+    return subprocess.run([sys.executable, "-c", DIGEST], env=environment, capture_output=True, text=True)
+
+
+def test_the_width_of_lanes_makes_no_difference() -> None:
+    digests = {}
+    for lanes in ("avx512", "avx2", "fma"):
+        result = run_with_lanes(lanes)
+        if result.returncode != 0:
+            assert "this machine offers" in result.stderr
+            continue
+        used, digest = result.stdout.split()
+        assert used == lanes
+        digests[lanes] = digest
+    assert len(set(digests.values())) == 1, digests
+
+
+def test_unknown_lanes_are_refused() -> None:
+    result = run_with_lanes("mmx")
+    assert result.returncode == 1
+    assert 'ValueError: UVMS_LANES="mmx": this machine offers' in result.stderr
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("integrator", ["mk4", "mk1", "quaternion-rk4"])
+@pytest.mark.parametrize("name", scenes())
+def test_ten_substeps_are_ten_steps(name: str, integrator: str, dtype: str) -> None:
+    a = moving(name, integrator=integrator, dtype=dtype)
+    b = moving(name, integrator=integrator, dtype=dtype)
+    inputs = random_inputs(a)
+    if "joint_target" in inputs:
+        inputs["joint_target"] = inputs["joint_target"][:, :, 0]
+    a.step(**inputs, substeps=10)
+    for _ in range(10):
+        b.step(**inputs)
+    assert_same(state_of(a), state_of(b))
+
+
+def test_parts_of_long_calls_make_no_difference() -> None:
+    """1000 instances are interrupted for signals every 65 steps, one instance is not: nor does its target's clock."""
+    many, one = moving("petasus-pum", 1000), moving("petasus-pum", 1)
+    target = np.zeros((1, 5, 4))
+    target[0, :, 1:] = [0.1, 0.2, -0.1]
+    many.step(joint_target=np.repeat(target, 1000, axis=0), substeps=150)
+    one.step(joint_target=target, substeps=150)
+    assert_same({part: value[:1] for part, value in state_of(many).items()}, state_of(one))
+
+
+def test_a_target_is_a_polynomial_in_the_time_since_the_call() -> None:
+    s = Simulator("petasus-pum", dt=0.001)
+    s.set_state(time=100.0)
+    target = np.zeros((1, 5, 4))
+    target[0, 2] = [0.1, 0.2, -0.3, 0.4]
+    q, qd = s.q[0, 2], s.qd[0, 2]
+    servo = s.scene["arm"]["links"][2]["joint"]["servo"]
+    command = s.joint_torques(joint_target=target)["command"][0, 2]
+    assert command == pytest.approx(servo["kp"] * (0.1 - q) + servo["kd"] * (0.2 - qd), rel=1e-12)
+    position = Simulator("petasus-pum")
+    assert np.array_equal(
+        position.joint_torques(joint_target=target[:, :, 0])["command"],
+        position.joint_torques(joint_target=target[:, :, :1])["command"],
+    )
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_time_is_the_sum_of_steps(dtype: str) -> None:
+    s = Simulator("free-body", dt=0.01, dtype=dtype)
+    s.set_state(time=1000.0)
+    s.step(substeps=100_000)
+    s.step()
+    assert s.time[0] == pytest.approx(1000.0 + 100_001 * float(np.dtype(dtype).type(0.01)), rel=1e-14)
+
+
+def test_forward_dynamics_is_what_a_small_step_does() -> None:
+    for name in scenes():
+        s = moving(name, dt=1e-7, integrator="mk1")
+        inputs = random_inputs(s)
+        before = state_of(s)
+        a = s.forward_dynamics(**inputs)
+        assert_same(state_of(s), before)
+        s.step(**inputs)
+        rates = np.hstack([s.twist - before["twist"], s.qd - before["qd"]]) / 1e-7
+        assert np.allclose(rates, a, rtol=1e-6, atol=1e-6 * np.abs(a).max()), name
+
+
+LONG = """
+import uvms_gym
+s = uvms_gym.Simulator("petasus-pum", 64)
+print("go", flush=True)
+try:
+    s.step(substeps=10**15)
+except KeyboardInterrupt:
+    print("interrupted", (s.time > 0).all())
+"""
+
+
+def test_a_long_call_can_be_interrupted() -> None:
+    with subprocess.Popen([sys.executable, "-c", LONG], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            assert process.stdout.readline() == "go\n"
+            time.sleep(0.5)
+            process.send_signal(signal.SIGINT)
+            assert process.communicate(timeout=20)[0].split() == ["interrupted", "True"]
+        finally:
+            process.kill()
+
+
+def test_a_step_releases_the_gil_and_keeps_others_out() -> None:
+    s = Simulator("petasus-pum", 1, threads=1)
+    started = threading.Event()
+
+    def work() -> None:
+        started.set()
+        s.step(substeps=60_000)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    started.wait()
+    refused = 0
+    while thread.is_alive():
+        try:
+            s.reset()
+        except RuntimeError:
+            refused += 1
+    thread.join()
+    assert refused > 100
+
+
+def test_the_digest_of_states_tells_them_apart() -> None:
+    """What the comparison of lanes rests on."""
+    a, b = moving("free-body", seed=0), moving("free-body", seed=1)
+    digests = {hashlib.sha256(s.position.tobytes()).hexdigest() for s in (a, b)}
+    assert len(digests) == 2
