@@ -20,6 +20,15 @@ fn screw(axis: na::Vector3<f64>, angle: f64, shift: f64) -> na::Matrix4<f64> {
     na::Rotation3::new(axis * angle).to_homogeneous().append_translation(&(axis * shift))
 }
 
+fn angle(bend: Bend<Shared<f64>>) -> f64 {
+    match bend {
+        Bend::Flat => 0.0,
+        Bend::Quarter => FRAC_PI_2,
+        Bend::Half => PI,
+        Bend::General(Shared(sin), Shared(cos)) => sin.atan2(cos),
+    }
+}
+
 fn homogeneous(rotation: &[[f64; 3]; 3], position: &[f64; 3]) -> na::Matrix4<f64> {
     let mut t = na::Matrix4::identity();
     t.fixed_view_mut::<3, 3>(0, 0).copy_from(&na::Matrix3::from_fn(|i, k| rotation[i][k]));
@@ -35,13 +44,9 @@ fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
     for (i, (joint, link)) in compiled.system.joints.iter().zip(&compiled.links).enumerate() {
         here *= match joint.stand {
             Stand::Pose(r, p) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
-            Stand::Bend(bend, Shared(a)) => {
-                let alpha = match bend {
-                    Bend::Flat => 0.0,
-                    Bend::Quarter => FRAC_PI_2,
-                    Bend::General(Shared(sin), Shared(cos)) => sin.atan2(cos),
-                };
-                screw(na::Vector3::x(), alpha, a)
+            Stand::Bend(bend, Shared(a)) => screw(na::Vector3::x(), angle(bend), a),
+            Stand::Crank(turn, Shared(d), bend, Shared(a)) => {
+                screw(na::Vector3::z(), angle(turn), d) * screw(na::Vector3::x(), angle(bend), a)
             }
         };
         let (Shared(offset), [Shared(k0), Shared(k1)]) = (joint.offset, joint.constant);
@@ -176,6 +181,7 @@ fn ordinary_arms_compute_in_the_cheap_frames() {
         let expected = match lie {
             Lie::Parallel | Lie::Coincident => matches!(stand, Stand::Bend(Bend::Flat, _)),
             Lie::Crossing => matches!(stand, Stand::Bend(Bend::Quarter, _)),
+            Lie::Antiparallel => matches!(stand, Stand::Bend(Bend::Half, _)),
             _ => matches!(stand, Stand::Bend(Bend::General(..), _)),
         };
         assert!(expected, "{lie:?}: {stand:?}");

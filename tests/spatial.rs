@@ -2,12 +2,14 @@
 
 mod common;
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use common::random_scene::Random;
 use nalgebra as na;
 use proptest::prelude::*;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3, Vector6, ad};
-use uvms_gym::spatial::{Axis, Bend, SpatialInertia, screw_x, screw_z};
+use uvms_gym::spatial::{Bend, Screw, SpatialInertia, constant_screw_z, screw_x, screw_z};
 
 fn lanes(x: &na::Vector6<f64>) -> Vector6<f64> {
     Vector6::from_array((*x).into())
@@ -127,34 +129,66 @@ proptest! {
         prop_assert!((six(here) - six(pose.co_adjoint_apply_inverse(there))).amax() < 1e-12);
     }
 
-    /// About x by alpha, flat, square or general, and about z: each is the general change of frame.
+    /// About x and about z, by any angle and by those that need no sine: each is the general change of frame.
     #[test]
     fn screw_moves_are_changes_of_frame(seed in any::<u64>(), angle in -3.2..3.2_f64, shift in -2.0..2.0_f64) {
         let random = &mut Random::new(seed);
         let (sin, cos) = angle.sin_cos();
-        let x = na::Vector3::x();
-        let quarter = std::f64::consts::FRAC_PI_2;
-        let about = |axis: na::Vector3<f64>, angle: f64| *na::Rotation3::new(axis * angle).matrix();
-        let cases: [(Axis<f64>, na::Matrix3<f64>, na::Vector3<f64>); 4] = [
-            (screw_x(Bend::<Shared<f64>>::Flat, Shared(shift)), na::Matrix3::identity(), x),
-            (screw_x(Bend::<Shared<f64>>::Quarter, Shared(shift)), about(x, quarter), x),
-            (screw_x(Bend::General(Shared(sin), Shared(cos)), Shared(shift)), about(x, angle), x),
-            (screw_z(sin, cos, shift), about(na::Vector3::z(), angle), na::Vector3::z()),
-        ];
-        let (v, f, m) = (vector6(random), vector6(random), definite(random));
-        for (screw, rotation, axis) in cases {
-            let pose = pose_of(&rotation, &(axis * shift));
-            let near = |a: Vector6<f64>, b: Vector6<f64>| (six(a) - six(b)).amax() < 4e-15;
-            prop_assert!(near(screw.adjoint_apply_inverse(lanes(&v)), pose.adjoint_apply_inverse(lanes(&v))));
-            prop_assert!(near(screw.co_adjoint_apply_inverse(lanes(&f)), pose.co_adjoint_apply_inverse(lanes(&f))));
-            let vector = lanes(&v).linear;
-            let turned = |a: Vector3<f64>, b: Vector3<f64>| (0..3).all(|i| (a.0[i] - b.0[i]).abs() < 1e-15);
-            prop_assert!(turned(screw.rotate(vector), pose.rotation.apply(vector)));
-            prop_assert!(turned(screw.rotate_back(vector), pose.rotation.apply_transposed(vector)));
-            let (special, general) = (screw.inertia_to_parent(&packed(&m)), packed(&m).to_parent(&pose));
-            prop_assert!((dense(&special) - dense(&general)).amax() < 4e-14, "{}", dense(&special) - dense(&general));
+        for (bend, angle) in [
+            (Bend::Flat, 0.0),
+            (Bend::Quarter, FRAC_PI_2),
+            (Bend::Half, PI),
+            (Bend::General(Shared(sin), Shared(cos)), angle),
+        ] {
+            check_screw(random, &screw_x(bend, Shared(shift)), na::Vector3::x(), angle, shift)?;
+            check_screw(random, &constant_screw_z(bend, Shared(shift)), na::Vector3::z(), angle, shift)?;
         }
+        check_screw(random, &screw_z(sin, cos, shift), na::Vector3::z(), angle, shift)?;
     }
+
+    /// The short forms for what a revolute joint leaves: an inertia without row and column of its own rotation.
+    #[test]
+    fn short_forms_of_a_free_turn_are_the_general_ones(seed in any::<u64>(), angle in -3.2..3.2_f64, shift in -2.0..2.0_f64) {
+        let random = &mut Random::new(seed);
+        let a = packed(&definite(random));
+        let u = a.apply(lanes(&na::Vector6::ith(5, 1.0)));
+        let over_d = 1.0 / u.angular.0[2];
+        let rest = a.turn_eliminated(u, over_d);
+        let scale = dense(&a).amax();
+        prop_assert!((dense(&rest) - dense(&a.eliminated(u, over_d))).amax() < 4e-14 * scale);
+        prop_assert!((0..6).all(|k| rest.entry(5, k) == 0.0 && rest.entry(k, 5) == 0.0));
+        let (sin, cos) = angle.sin_cos();
+        for screw in [screw_z(sin, cos, shift), constant_screw_z(Bend::<Shared<f64>>::Quarter, Shared(shift))] {
+            let (short, general) = (screw.turning_inertia_to_parent(&rest), screw.inertia_to_parent(&rest));
+            prop_assert!((dense(&short) - dense(&general)).amax() < 1e-14 * scale);
+        }
+        let (mut c, p) = (vector6(random), vector6(random));
+        (c[2], c[5]) = (0.0, 0.0);
+        let expected = six(rest.apply(lanes(&c))) + p;
+        prop_assert!((six(rest.apply_across(lanes(&c), lanes(&p))) - expected).amax() < 1e-14 * scale);
+    }
+}
+
+/// A screw against the pose of the same turn and shift.
+fn check_screw<const ALONG: usize>(
+    random: &mut Random,
+    screw: &Screw<f64, ALONG>,
+    axis: na::Vector3<f64>,
+    angle: f64,
+    shift: f64,
+) -> Result<(), TestCaseError> {
+    let pose = pose_of(na::Rotation3::new(axis * angle).matrix(), &(axis * shift));
+    let (v, f, m) = (vector6(random), vector6(random), definite(random));
+    let near = |a: Vector6<f64>, b: Vector6<f64>| (six(a) - six(b)).amax() < 4e-15;
+    prop_assert!(near(screw.adjoint_apply_inverse(lanes(&v)), pose.adjoint_apply_inverse(lanes(&v))));
+    prop_assert!(near(screw.co_adjoint_apply_inverse(lanes(&f)), pose.co_adjoint_apply_inverse(lanes(&f))));
+    let vector = lanes(&v).linear;
+    let turned = |a: Vector3<f64>, b: Vector3<f64>| (0..3).all(|i| (a.0[i] - b.0[i]).abs() < 1e-15);
+    prop_assert!(turned(screw.rotate(vector), pose.rotation.apply(vector)));
+    prop_assert!(turned(screw.rotate_back(vector), pose.rotation.apply_transposed(vector)));
+    let (special, general) = (screw.inertia_to_parent(&packed(&m)), packed(&m).to_parent(&pose));
+    prop_assert!((dense(&special) - dense(&general)).amax() < 4e-14, "{}", dense(&special) - dense(&general));
+    Ok(())
 }
 
 #[test]

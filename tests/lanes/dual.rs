@@ -1,6 +1,6 @@
 //! Dual numbers: the kernel differentiates itself.
 
-use uvms_gym::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use uvms_gym::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use uvms_gym::lane::{Dual, Lane, Shared, horner, sin_cos};
 use uvms_gym::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6, dexp_inverse_negative, exp_se3};
 use uvms_gym::system::{JOINTS, System, compile};
@@ -81,9 +81,9 @@ fn accelerations_of_duals_are_their_derivatives() {
         let twist = Vector6::from_array(std::array::from_fn(&x));
         let gravity = Vector3([0.3, -2.0, -9.0].map(L::c));
         let instant = Instant { gravity, twist, q: &q, qd: &qd, wrench: Vector6::zero(), time: L::zero() };
-        let mut out = Accelerations { twist: Vector6::zero(), joints: [L::zero(); JOINTS] };
-        accelerations(system, &instant, &Loads::none(), &mut Scratch::new(), &mut out);
-        out.twist.to_array().into_iter().chain(out.joints).collect()
+        let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
+        accelerations(system, &instant, &Loads::none(), &mut Scratch::new(), &mut twist_rate, &mut qdd);
+        twist_rate.to_array().into_iter().chain(qdd).collect()
     }
     let place: Vec<f64> = state.twist.iter().chain(&state.q).chain(&state.qd).copied().collect();
     let values = |t: f64| run::<f64>(&system, |i| place[i] + t * direction[i]);

@@ -6,7 +6,7 @@ mod random_scene;
 mod dual;
 
 use random_scene::{Options, Random, random_scene};
-use uvms_gym::balance::articulated::{Accelerations, Instant, Loads, Scratch, accelerations};
+use uvms_gym::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use uvms_gym::description::Scene;
 use uvms_gym::lane::{Isa, Kernel, Lane, Real, Shared, horner, sin_cos};
 use uvms_gym::lie::{Vector3, Vector6};
@@ -335,9 +335,9 @@ impl<T: Real> Kernel<T> for Dynamics<'_, T> {
                 wrench: six(9 + 2 * JOINTS),
                 time: L::zero(),
             };
-            let mut out = Accelerations { twist: Vector6::zero(), joints: [L::zero(); JOINTS] };
-            accelerations(self.system, &instant, &Loads::none(), &mut scratch, &mut out);
-            for (k, x) in out.twist.to_array().into_iter().chain(out.joints).enumerate() {
+            let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
+            accelerations(self.system, &instant, &Loads::none(), &mut scratch, &mut twist_rate, &mut qdd);
+            for (k, x) in twist_rate.to_array().into_iter().chain(qdd).enumerate() {
                 let mut lanes = vec![T::default(); L::LANES];
                 x.store(&mut lanes);
                 for (i, x) in lanes.into_iter().enumerate() {
