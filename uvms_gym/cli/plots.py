@@ -204,7 +204,10 @@ def _compare(axes: Axes, metric: Any, result: Mapping[str, Any]) -> None:
     axes.plot([], [], ".", color="#888888", label="an episode")
     axes.plot([], [], "o", color="#888888", label="interquartile mean and 95 % interval: whole episode")
     axes.plot([], [], "o", color="#888888", mfc="white", label="after 3 s")
-    axes.set(title=metric.label, xlim=(-0.6, len(result["estimates"]) - 0.4))
+    axes.set(
+        title=f"RMS {metric.title} error, {metric.unit}" if metric.square else metric.label,
+        xlim=(-0.6, len(result["estimates"]) - 0.4),
+    )
     axes.set_xticks(range(len(result["estimates"])), list(result["estimates"]))
     axes.grid(axis="x", visible=False)
     if metric.square:
