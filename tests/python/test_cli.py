@@ -1,0 +1,266 @@
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import uvms_gym
+from uvms_gym.cli import arm_motion, compare, main, momentum
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def uvms(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-P", "-m", "uvms_gym", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, env=os.environ | environment)
+
+
+@pytest.fixture(scope="module")
+def reproduction(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    out = tmp_path_factory.mktemp("reproduce")
+    done = uvms("reproduce", "--out", str(out / "a/b"), "--json", str(out / "c/numbers.json"))
+    assert (done.returncode, done.stderr) == (0, "")
+    data = json.loads((out / "c/numbers.json").read_text())
+    assert data == json.loads((out / "a/b/reproduce.json").read_text())
+    return data | {"text": done.stdout, "folder": out / "a/b"}
+
+
+@pytest.fixture(scope="module")
+def comparison(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    out = tmp_path_factory.mktemp("compare")
+    assert main(["compare", "--episodes", "24", "--seed", "3", "--out", str(out)]) == 0
+    assert (out / "compare.png").read_bytes().startswith(PNG)
+    return json.loads((out / "compare.json").read_text())
+
+
+def test_table_1_is_the_time_modulo_two_pi_at_both_instants(reproduction: dict[str, Any]) -> None:
+    rows = {row["method"]: row for row in reproduction["results"]["table_1"]}
+    assert rows["MK4"]["yaw_499_9"] == pytest.approx(3.528360732812665, abs=1e-9)
+    assert rows["MK4"]["yaw_500"] == pytest.approx(3.628360732812688, abs=1e-9)
+    for instant, time in (("yaw_499_9", 499.9), ("yaw_500", 500.0)):
+        assert rows["reference, t mod 2 pi"][instant] == pytest.approx(math.fmod(time, 2 * math.pi), abs=1e-12)
+    # What the paper prints for MK4 and the reference is the earlier instant.
+    assert f"{rows['MK4']['yaw_499_9']:.3f}" == "3.528"
+    assert f"{rows['MK4']['yaw_500']:.3f}" == "3.628"
+
+
+def test_what_the_paper_prints_for_eq_14_needs_the_limit_of_stability_or_the_euler_update(
+    reproduction: dict[str, Any],
+) -> None:
+    sweep = reproduction["results"]["gamma_sweep"]
+    rk4 = {row["gamma"]: row["yaw_499_9"] for row in sweep["quaternion-rk4"]["rows"]}
+    assert all(abs(yaw - 3.5285) < 0.0006 for gamma, yaw in rk4.items() if gamma <= 20.0)
+    assert sweep["quaternion-rk4"]["gamma_of_printed"] == pytest.approx(27.19, abs=0.02)
+    euler = {row["gamma"]: row for row in sweep["quaternion-euler"]["rows"]}
+    assert euler[0.24]["yaw_499_9"] == pytest.approx(3.683, abs=5e-4)
+    assert euler[0.24]["quaternion_length"] == pytest.approx(1.05, abs=0.01)
+    assert all(3.72 < euler[gamma]["yaw_499_9"] < 3.737 for gamma in (1.0, 1.5, 2.0))
+
+
+def test_on_a_tumble_mk4_and_normalised_rk4_have_the_same_order(reproduction: dict[str, Any]) -> None:
+    tumble = reproduction["results"]["tumbling"]
+    assert tumble["orders"]["MK4"] == pytest.approx(4.0, abs=0.25)
+    assert tumble["orders"]["RK4 + normalise"] == pytest.approx(4.0, abs=0.25)
+    # Two integrators agree at the reference's step far better than the errors that are measured against it.
+    assert tumble["reference"]["doubt"] < 1e-2 * min(map(min, tumble["errors"].values()))
+
+
+@pytest.mark.parametrize("system", ["without water", "total impulse in still water"])
+def test_momentum_is_conserved(system: str, reproduction: dict[str, Any]) -> None:
+    study = reproduction["results"]["momentum"][system]
+    (at_paper_step,) = [run for run in study["runs"] if run["step"] == 0.01]
+    for kind in ("linear", "angular"):
+        assert at_paper_step[kind] < 1e-8
+        assert study["orders"][kind] > 3.8
+    # It is no conservation at rest: momentum to begin with, joints near 0.5 rad/s, and all of 100 s.
+    assert np.linalg.norm(at_paper_step["initial_momentum"][:3]) > 10.0
+    assert min(at_paper_step["joint_rate_max"]) > 0.4
+    assert at_paper_step["time"][-1] == pytest.approx(100.0)
+
+
+def test_gravity_would_break_the_conservation_that_is_measured() -> None:
+    scene = momentum.conservative_scene(False)
+    scene["water"]["gravity"] = [0.0, 0.0, -1e-6]
+    assert momentum.drift(scene, 0.02, time=10.0)["linear"] > 1e-5
+
+
+def test_an_uncontrolled_vehicle_moves_much_more_than_a_controlled_one(reproduction: dict[str, Any]) -> None:
+    study = reproduction["results"]["arm_motion"]
+    free, controlled, held = (study["numbers"][case] for case in arm_motion.CASES)
+    assert free["position_max"] > 20.0 * controlled["position_max"] > 0.0
+    assert free["end_effector_max"] > 5.0 * controlled["end_effector_max"]
+    assert held["position_max"] == held["angle_max"] == 0.0
+    columns = {name: np.array(values) for name, values in study["cases"]["uncontrolled"].items()}
+    # The loop is at rest before the arm starts, and the arm does what it is told.
+    assert np.abs(np.diff(columns["rpy"][:3], axis=0)).max() < 1e-4
+    assert np.ptp(columns["q"][:, arm_motion.JOINT]) == pytest.approx(math.radians(45.0), rel=0.03)
+    assert np.ptp(np.delete(columns["q"], arm_motion.JOINT, axis=1), axis=0).max() < 0.06
+
+
+def test_cubic_meets_values_and_rates_at_both_ends() -> None:
+    start, end = (np.array([1.0]), np.array([-2.0])), (np.array([0.5]), np.array([3.0]))
+    cubic = np.polynomial.Polynomial(momentum.cubic(start, end, 0.7)[0])
+    rate = cubic.deriv()
+    assert [cubic(0.0), rate(0.0), cubic(0.7), rate(0.7)] == pytest.approx([1.0, -2.0, 0.5, 3.0])
+
+
+def test_reproduce_prints_tables_and_writes_pictures(reproduction: dict[str, Any]) -> None:
+    assert "3.52836" in reproduction["text"]
+    assert "3.62836" in reproduction["text"]
+    names = ("fig2", "gamma", "tumbling", "momentum", "fig5", "fig6", "fig7")
+    assert all((reproduction["folder"] / f"{name}.png").read_bytes().startswith(PNG) for name in names)
+    assert reproduction["circumstances"]["machine"]["cores"] == os.cpu_count()
+
+
+def test_pd_beats_no_control_with_intervals_apart(comparison: dict[str, Any]) -> None:
+    assert set(comparison["results"]) == set(compare.SCENES)
+    for result in comparison["results"].values():
+        none, pd = (result["estimates"][name] for name in ("none", "pd"))
+        for entry in ("position_error", "attitude_error", "end_effector_position_error"):
+            for part in ("whole", "settled"):
+                assert pd[entry][part]["high"] < none[entry][part]["low"]
+                against = result["against_baseline"]["pd"][entry][part]
+                assert against["difference"]["high"] < 0.0
+                assert against["probability_of_improvement"]["low"] > 0.8
+        assert none["effort"]["whole"]["value"] == 0.0 < pd["effort"]["whole"]["low"]
+
+
+def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_path: Path) -> None:
+    def again(seed: str) -> Any:
+        arguments = ["compare", "--scene", "petasus-pum", "--episodes", "24", "--seed", seed, "--out", str(tmp_path)]
+        assert main(arguments) == 0
+        return json.loads((tmp_path / "compare.json").read_text())["results"]["petasus-pum"]
+
+    def timeless(result: Any) -> Any:
+        for run in result["runs"].values():
+            run.pop("seconds", None)
+        return result
+
+    first = timeless(comparison["results"]["petasus-pum"])
+    assert timeless(again("3")) == first
+    assert timeless(again("4")) != first
+
+
+def test_episodes_are_paired_and_do_not_depend_on_their_number() -> None:
+    options = {"scene": "bluerov2-heavy"}
+    few, many = (compare.run("UVMS-StationKeep-v0", options, "pd", n, 5) for n in (3, 9))
+    for part in ("whole", "settled"):
+        assert np.array_equal(few["position_error"][part], many["position_error"][part][:3])
+    shifted = compare.run("UVMS-StationKeep-v0", options, "pd", 2, 6)
+    assert np.array_equal(shifted["position_error"]["whole"], few["position_error"]["whole"][1:])
+
+
+def test_a_comparison_measures_what_the_environment_reports() -> None:
+    import gymnasium
+
+    run = compare.run("UVMS-StationKeep-v0", {"scene": "bluerov2-heavy"}, "none", 2, 5)
+    env = gymnasium.make("UVMS-StationKeep-v0", scene="bluerov2-heavy")
+    env.reset(seed=6)
+    over = False
+    while not over:
+        *_, terminated, truncated, info = env.step(np.zeros(6, dtype=np.float32))
+        over = terminated or truncated
+    assert run["position_error"]["whole"][1] == pytest.approx(info["rms_position_error"], rel=1e-12)
+    assert run["attitude_error"]["whole"][1] == pytest.approx(info["rms_attitude_error"], rel=1e-12)
+
+
+BAD_INPUT = {
+    "unknown command": ["juggle"],
+    "unknown option": ["compare", "--wrong"],
+    "unknown scene": ["compare", "--scene", "no-such-scene"],
+    "scene file that is none": ["scenes", "check", "no/such/file.toml"],
+    "scene without thrusters": ["compare", "--scene", "free-body"],
+    "unknown controller": ["compare", "--controllers", "none,magic"],
+    "controller twice": ["compare", "--controllers", "pd,pd"],
+    "no controller": ["compare", "--controllers", ","],
+    "unknown environment": ["compare", "--env", "NoSuchEnv-v0"],
+    "environment of another kind": ["compare", "--env", "CartPole-v1"],
+    "one episode": ["compare", "--episodes", "1"],
+    "episodes that are no number": ["compare", "--episodes", "many"],
+    "negative seed": ["compare", "--seed", "-1"],
+    "negative current": ["compare", "--current", "-0.1"],
+    "current that is no number": ["compare", "--current", "nan"],
+    "unknown action": ["compare", "--action", "sails"],
+    "folder that is a file": ["reproduce", "--out", __file__],
+    "folder below a file": ["compare", "--out", f"{__file__}/deeper"],
+    "JSON file that is a folder": ["reproduce", "--out", ".", "--json", "/"],
+    "missing argument": ["scenes", "show"],
+}
+
+
+@pytest.mark.parametrize("arguments", BAD_INPUT.values(), ids=BAD_INPUT)
+def test_bad_input_is_one_clear_line_and_a_failure(
+    arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    assert line.startswith("uvms: ")
+    assert len(line) > 20
+
+
+def test_errors_name_what_is_wrong(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    scene = tmp_path / "heavy.toml"
+    shipped = Path(uvms_gym.__file__).parent / "scenes/free-body.toml"
+    scene.write_text(shipped.read_text().replace("\nmass = 1.0", "\nmass = -1.0"))
+    assert main(["scenes", "check", str(scene)]) == 2
+    message = capsys.readouterr().err
+    assert all(part in message for part in ("heavy.toml", "mass", "-1"))
+    assert main(["compare", "--controllers", "magic"]) == 2
+    assert "'magic'" in capsys.readouterr().err
+
+
+def test_a_folder_without_permission_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    # Not even root may make a folder there.
+    assert main(["reproduce", "--out", "/proc/uvms"]) == 2
+    assert "/proc/uvms" in capsys.readouterr().err
+
+
+def test_exit_status_reaches_the_shell() -> None:
+    done = uvms("compare", "--scene", "no-such-scene")
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert "no-such-scene" in done.stderr
+    done = uvms("--version")
+    assert (done.returncode, done.stdout.split()[0]) == (0, "uvms")
+
+
+def test_help_names_commands_and_options() -> None:
+    done = uvms("--help", COLUMNS="100")
+    assert done.returncode == 0
+    assert all(command in done.stdout for command in ("reproduce", "compare", "scenes"))
+
+
+def test_a_missing_extra_is_one_line_that_says_what_to_install(tmp_path: Path) -> None:
+    code = (
+        "import importlib.util as u, sys; real = u.find_spec\n"
+        "u.find_spec = lambda name, *rest: None if name == 'typer' else real(name, *rest)\n"
+        "from uvms_gym.cli import main; sys.exit(main(['reproduce']))"
+    )
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert "uvms-gym[cli]" in line
+    assert "typer" in line
+
+
+def test_importing_the_package_imports_nothing_of_the_command_line() -> None:
+    code = "import sys, uvms_gym; print(sorted({'typer', 'rich', 'matplotlib', 'torch'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+
+
+def test_scenes_lists_shows_and_checks(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert main(["scenes", "list"]) == 0
+    assert "petasus-pum" in capsys.readouterr().out
+    assert main(["scenes", "show", "petasus-pum", "--json", str(tmp_path / "scene.json")]) == 0
+    assert "upper-arm" in capsys.readouterr().out
+    assert json.loads((tmp_path / "scene.json").read_text())["name"] == "petasus-pum"
+    assert main(["scenes", "check", "rexrov"]) == 0

@@ -1,0 +1,59 @@
+"""The commands, and what becomes of their errors."""
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from uvms_gym import __version__
+from uvms_gym.cli import scenes
+from uvms_gym.cli.compare import compare
+from uvms_gym.cli.reproduce import reproduce
+
+app = typer.Typer(
+    name="uvms",
+    help="Simulate, reproduce and compare: underwater vehicle-manipulator systems.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(reproduce)
+app.command()(compare)
+app.add_typer(scenes.app, name="scenes")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"uvms {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; an error of the user's is one line on stderr. Returns the exit status."""
+    try:
+        status = app(args=arguments, prog_name="uvms", standalone_mode=False)
+        sys.stdout.flush()
+    except typer.TyperException as error:
+        # A bare `uvms` has printed its help already.
+        if message := " ".join(error.format_message().split()):
+            print(f"uvms: {message}", file=sys.stderr)
+        return error.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        print("uvms: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        # Python flushes stdout once more on its way out.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return status if isinstance(status, int) else 0
