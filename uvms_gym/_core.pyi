@@ -213,6 +213,15 @@ class Simulator:
         self, acceleration: ArrayLike, *, thrust: ArrayLike | None = None, external: ArrayLike | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Vehicle wrench (N, 6) and actuator torques (N, n) that give `acceleration` (6 + n,) or (N, 6 + n)."""
+    def linearize(
+        self,
+        *,
+        thrust: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+        joint_torque: ArrayLike | None = None,
+        external: ArrayLike | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
     def allocate(self, wrench: ArrayLike) -> NDArray[np.float64]:
