@@ -348,6 +348,18 @@ pub enum SimulatorError {
         /// Name of the scene.
         scene: String,
     },
+    /// A factor that no body's parameter can take.
+    #[error(
+        "factor on {name} of instance {instance} is {value}: it must be finite and not negative, and not 0 for mass"
+    )]
+    Factor {
+        /// Name of the parameter.
+        name: &'static str,
+        /// Instance.
+        instance: usize,
+        /// The factor.
+        value: f64,
+    },
     /// A station for a vehicle without servo.
     #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot keep a station")]
     NoVehicleServo {

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector, Vector6};
 use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::system::State;
+use uvms_gym::system::{Factors, State};
 
 /// Random loads of a scene, as both forms take them.
 struct RandomLoads {
@@ -153,6 +153,51 @@ fn a_fixed_arm_obeys_the_joint_rows_alone() {
         let turned: DMatrix<f64> = DMatrix::from_iterator(3, 3, simulator.state(0).rotation.iter().copied());
         let before: DMatrix<f64> = DMatrix::from_iterator(3, 3, state.rotation.iter().copied());
         assert_eq!(turned, before);
+    }
+}
+
+#[test]
+fn factors_on_parameters_give_the_scene_that_has_them() {
+    for seed in 0..60 {
+        let scene = random_scene(seed, Options { fixed: Some(seed % 7 == 0), ..Options::default() });
+        let mut state = random_state(seed, &scene);
+        if scene.vehicle.fixed {
+            state.twist = Vector6::zeros();
+        }
+        let loads = RandomLoads::new(seed, &scene);
+        let mut random = Random::new(seed);
+        let factors: [f64; 5] = std::array::from_fn(|_| random.between(0.6, 1.5));
+        let varied = scene.varied(&factors);
+
+        // The second instance of three, so that its neighbours differ.
+        let options = SimulatorOptions { instances: 3, ..SimulatorOptions::default() };
+        let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+        simulator.set_factors(&[Factors::ONE, Factors::from_array(factors), Factors::ONE]).unwrap();
+        let mut twin = Simulator::new(varied.clone(), SimulatorOptions::default()).unwrap();
+        let mut plain = Simulator::new(scene, SimulatorOptions::default()).unwrap();
+        for k in 0..3 {
+            simulator.set_state(k, &state);
+        }
+        twin.set_state(0, &state);
+        plain.set_state(0, &state);
+        let three = |x: &[f64]| x.repeat(3);
+        let (thrust, torque, external) = (three(&loads.thrust), three(&loads.torque), three(&loads.external));
+        let inputs = Inputs {
+            thrust: Some(&thrust),
+            joint_torque: Some(&torque),
+            external: Some(&external),
+            ..Inputs::default()
+        };
+        simulator.step(&inputs, 20).unwrap();
+        twin.step(&loads.inputs(), 20).unwrap();
+        plain.step(&loads.inputs(), 20).unwrap();
+        for (k, other) in [(0, &plain), (1, &twin), (2, &plain)] {
+            let (a, b) = (simulator.state(k), other.state(0));
+            assert!((a.twist - b.twist).norm() < 1e-10 * b.twist.norm().max(1.0), "seed {seed}, instance {k}");
+            assert!((a.position - b.position).norm() < 1e-11, "seed {seed}, instance {k}");
+        }
+        let mass = simulator.closed_form(1, |form| form.mass_matrix().clone());
+        assert!((mass.clone() - twin.closed_form(0, |form| form.mass_matrix().clone())).norm() < 1e-9 * mass.norm());
     }
 }
 

@@ -9,7 +9,7 @@ use super::threads::for_each;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
-use crate::system::{Compiled, State, System};
+use crate::system::{Compiled, Factors, Ingredients, State, System};
 
 /// Blocks that a thread takes at a time.
 const CHUNK: usize = 8;
@@ -30,6 +30,10 @@ pub trait Storage: Send + Sync {
     fn current(&self, i: usize) -> na::Vector3<f64>;
     /// Sets the current at instance `i`.
     fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Factors on the parameters of instance `i`.
+    fn factors(&self, i: usize) -> Factors<f64>;
+    /// Sets those factors.
+    fn set_factors(&mut self, i: usize, factors: &Factors<f64>);
     /// Sets the loads of instance `i`, as far as they are on.
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
     /// Every number of instance `i`, to be saved.
@@ -93,11 +97,20 @@ pub struct Run {
 /// Blocks of instances in one precision.
 #[derive(Clone)]
 pub struct Blocks<T> {
-    system: System<Shared<T>>,
+    scene: Parameters<T>,
     table: Table,
     isa: Isa,
     instances: usize,
     rows: Vec<T>,
+    /// Instances whose factors are not all 1.
+    varied: usize,
+}
+
+/// The scene's parameters.
+#[derive(Clone)]
+struct Parameters<T> {
+    system: System<Shared<T>>,
+    ingredients: Vec<Ingredients<Shared<T>>>,
 }
 
 impl<T: Real> Blocks<T> {
@@ -113,8 +126,10 @@ impl<T: Real> Blocks<T> {
         state: &State,
         current: &na::Vector3<f64>,
     ) -> Result<Self, SimulatorError> {
-        let system = compiled.system.map(|Shared(x)| Shared(T::from_f64(x)));
-        let layout = Layout::new(system.joints.len(), keeps_quaternion);
+        let number = |Shared(x)| Shared(T::from_f64(x));
+        let ingredients = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
+        let scene = Parameters { system: compiled.system.map(number), ingredients };
+        let layout = Layout::new(compiled.links.len(), keeps_quaternion);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -122,11 +137,12 @@ impl<T: Real> Blocks<T> {
         rows.try_reserve_exact(size).map_err(|_| memory())?;
         rows.resize(size, T::from_f64(0.0));
         let table = Table { layout, links: compiled.links.clone() };
-        let mut blocks = Self { system, table, isa, instances, rows };
+        let mut blocks = Self { scene, table, isa, instances, rows, varied: 0 };
         // Columns past the last instance hold a sane state too: they are stepped along.
         for i in 0..columns {
             blocks.set_state(i, state);
             blocks.set_current(i, current);
+            blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
         }
         Ok(blocks)
     }
@@ -134,6 +150,12 @@ impl<T: Real> Blocks<T> {
     /// Rows that a thread takes at a time.
     fn portion(&self) -> usize {
         CHUNK * T::BLOCK * self.table.layout.rows
+    }
+
+    /// What a change of an instance's factors does to the count of varied ones.
+    fn recount(&mut self, before: &Factors<f64>, after: &Factors<f64>) {
+        self.varied += usize::from(*after != Factors::ONE);
+        self.varied -= usize::from(*before != Factors::ONE);
     }
 
     fn threads(&self, run: &Run) -> usize {
@@ -148,9 +170,10 @@ struct Part<'a, T> {
 }
 
 impl<T: Real> Part<'_, T> {
-    fn step(&mut self, system: &System<Shared<T>>, isa: Isa, run: &Run) {
+    fn step(&mut self, scene: &Parameters<T>, varied: bool, isa: Isa, run: &Run) {
         let mut step = Step {
-            system,
+            system: &scene.system,
+            ingredients: varied.then_some(&scene.ingredients[..]),
             layout: &self.table.layout,
             integrator: run.integrator,
             h: T::from_f64(run.h),
@@ -210,12 +233,24 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_loads(&mut self.rows, i, loads, switches);
     }
 
+    fn factors(&self, i: usize) -> Factors<f64> {
+        self.table.factors(&self.rows, i)
+    }
+
+    fn set_factors(&mut self, i: usize, factors: &Factors<f64>) {
+        let before = self.factors(i);
+        self.table.set_factors(&mut self.rows, i, factors);
+        self.recount(&before, &self.factors(i));
+    }
+
     fn column(&self, i: usize) -> Vec<f64> {
         self.table.column(&self.rows, i)
     }
 
     fn set_column(&mut self, i: usize, column: &[f64]) {
+        let before = self.factors(i);
         self.table.set_column(&mut self.rows, i, column);
+        self.recount(&before, &self.factors(i));
     }
 
     fn column_len(&self) -> usize {
@@ -224,8 +259,8 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn step(&mut self, run: &Run) {
         let (portion, threads) = (self.portion(), self.threads(run));
-        let (system, table, isa) = (&self.system, &self.table, self.isa);
-        for_each(self.rows.chunks_mut(portion), threads, |rows| Part { table, rows }.step(system, isa, run));
+        let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
+        for_each(self.rows.chunks_mut(portion), threads, |rows| Part { table, rows }.step(scene, varied, isa, run));
     }
 
     fn ride(&self) -> usize {
@@ -234,11 +269,11 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) {
         let (portion, threads) = (self.portion(), self.threads(run));
-        let (system, table, isa) = (&self.system, &self.table, self.isa);
+        let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
         for_each(self.rows.chunks_mut(portion).zip(riders), threads, |(rows, rider)| {
             let mut part = Part { table, rows };
             rider.before(&mut part);
-            part.step(system, isa, run);
+            part.step(scene, varied, isa, run);
             rider.after(&mut part);
         });
     }
@@ -247,8 +282,14 @@ impl<T: Real> Storage for Blocks<T> {
         let width = 6 + self.table.layout.joints;
         let blocks = self.rows.len() / (self.table.layout.rows * T::BLOCK);
         let mut out = vec![T::from_f64(0.0); blocks * width * T::BLOCK];
-        let (system, layout) = (&self.system, &self.table.layout);
-        let mut job = Accelerate { system, layout, switches, blocks: &mut self.rows, out: &mut out };
+        let mut job = Accelerate {
+            system: &self.scene.system,
+            ingredients: (self.varied > 0).then_some(&self.scene.ingredients[..]),
+            layout: &self.table.layout,
+            switches,
+            blocks: &mut self.rows,
+            out: &mut out,
+        };
         T::dispatch(self.isa, &mut job);
         let entry = |i: usize, k: usize| out[(i / T::BLOCK * width + k) * T::BLOCK + i % T::BLOCK].to_f64();
         (0..self.instances).flat_map(|i| (0..width).map(move |k| (i, k))).map(|(i, k)| entry(i, k)).collect()

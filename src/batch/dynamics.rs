@@ -2,7 +2,7 @@
 
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Derivative, Rates, StagePose};
-use crate::lane::{Lane, Param, Shared, get_all};
+use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
@@ -41,9 +41,9 @@ impl<L: Lane> Station<L> {
 }
 
 /// A system under loads, in the frame that moves with the water.
-pub struct Dynamics<'a, L: Lane> {
+pub struct Dynamics<'a, L: Lane, P> {
     /// The system.
-    pub system: &'a System<Shared<L::Real>>,
+    pub system: &'a System<P>,
     /// Loads at the joints and on the links.
     pub loads: &'a Loads<L>,
     /// Wrench on the vehicle.
@@ -56,7 +56,7 @@ pub struct Dynamics<'a, L: Lane> {
     pub scratch: &'a mut Scratch<L>,
 }
 
-impl<L: Lane> Derivative<L, JOINTS> for Dynamics<'_, L> {
+impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     #[inline(always)]
     fn joints(&self) -> usize {
         self.system.joints.len()

@@ -33,6 +33,8 @@ pub struct Layout {
     pub station: usize,
     /// Quaternion, 4: only where the integrator keeps one.
     pub quaternion: usize,
+    /// Factors on the instance's parameters, 5.
+    pub factors: usize,
     /// Rows in all.
     pub rows: usize,
 }
@@ -60,6 +62,7 @@ impl Layout {
             target: take(4 * joints),
             links: take(6 * joints),
             station: take(12),
+            factors: take(5),
             quaternion: take(if keeps_quaternion { 4 } else { 0 }),
             rows: take(0),
         }

@@ -1,5 +1,7 @@
 //! The batched simulator without any task.
 
+use std::borrow::Cow;
+
 use nalgebra as na;
 
 use super::blocks::{Blocks, Rider, Run, Storage};
@@ -14,7 +16,7 @@ use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::Isa;
 use crate::lie::Vector6;
-use crate::system::{Compiled, State, compile};
+use crate::system::{Compiled, Factors, State, compile};
 
 /// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
 const PART: usize = 1 << 16;
@@ -302,9 +304,47 @@ impl Simulator {
         Ok(self.storage.accelerations(switches))
     }
 
-    /// The closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
-    pub fn closed_form(&self, i: usize) -> ClosedForm<'_> {
-        self.balance.at(&self.state(i), self.current(i))
+    /// Factors on the parameters of instance `i`.
+    pub fn factors(&self, i: usize) -> Factors<f64> {
+        self.storage.factors(i)
+    }
+
+    /// Sets the factors on the parameters of all instances, for domain randomisation; they stay through `reset`.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Factor`] where one is not finite or negative, or a mass is 0; nothing has changed then.
+    pub fn set_factors(&mut self, factors: &[Factors<f64>]) -> Result<(), SimulatorError> {
+        let (expected, got) = (self.options.instances, factors.len());
+        if got != expected {
+            return Err(SimulatorError::Length { name: "factors", expected, got });
+        }
+        for (instance, factors) in factors.iter().enumerate() {
+            for (name, value) in Factors::<f64>::NAMES.into_iter().zip(factors.to_array()) {
+                if !(value.is_finite() && value >= 0.0 && (name != "mass" || value > 0.0)) {
+                    return Err(SimulatorError::Factor { name, instance, value });
+                }
+            }
+        }
+        for (i, factors) in factors.iter().enumerate() {
+            self.storage.set_factors(i, factors);
+        }
+        Ok(())
+    }
+
+    /// The composed scene with the parameters of instance `i`.
+    pub fn balance_of(&self, i: usize) -> Cow<'_, Balance> {
+        let factors = self.factors(i);
+        if factors == Factors::ONE {
+            return Cow::Borrowed(&self.balance);
+        }
+        // A scene that composed does so with other masses too.
+        let varied = Balance::new(&self.scene.varied(&factors.to_array()));
+        varied.map_or(Cow::Borrowed(&self.balance), Cow::Owned)
+    }
+
+    /// Reads the closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
+    pub fn closed_form<R>(&self, i: usize, read: impl FnOnce(&ClosedForm) -> R) -> R {
+        read(&self.balance_of(i).at(&self.state(i), self.current(i)))
     }
 
     /// Linearizes instance `i` about its state under `inputs` (servos off).
@@ -322,12 +362,8 @@ impl Simulator {
             loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
         }
         let (state, current) = (self.state(i), self.current(i));
-        Ok(linearize(&self.compiled.system, &state, &current, &given.wrench, &loads))
-    }
-
-    /// The composed scene.
-    pub fn balance(&self) -> &Balance {
-        &self.balance
+        let scene = self.scene.varied(&self.factors(i).to_array());
+        Ok(linearize(&compile(&scene).system, &state, &current, &given.wrench, &loads))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

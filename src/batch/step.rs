@@ -4,9 +4,9 @@ use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Integrator, Motion, QuaternionMotion, Stages, Tableau, munthe_kaas, quaternion_runge_kutta};
-use crate::lane::{Kernel, Lane, Real, Shared, get_all};
+use crate::lane::{Kernel, Lane, Param, Real, Shared};
 use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
-use crate::system::{JOINTS, System};
+use crate::system::{Factors, Ingredients, JOINTS, System};
 
 /// Rotation within a step beyond which a lane's step is halved. The maps hold up to pi, but the velocity of a spinning
 /// body turns in body axes as fast, and grows where that is outside of a tableau's stability: 2.83 (RK4), 1.73 (Heun).
@@ -97,6 +97,15 @@ impl<T: Real> Columns<'_, T> {
     }
 
     #[inline(always)]
+    fn factors<L: Lane<Real = T>>(&self, layout: &Layout) -> Factors<L> {
+        let mut factors = [L::zero(); 5];
+        for k in 0..5 {
+            factors[k] = self.get(layout.factors + k);
+        }
+        Factors::from_array(factors)
+    }
+
+    #[inline(always)]
     fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
         loads.servo = switches.servo;
         loads.on_links = switches.on_links;
@@ -132,6 +141,8 @@ fn shift_twist<L: Lane>(twist: Vector6<L>, rotation: &Matrix3<L>, current: Vecto
 pub struct Step<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
+    /// What its bodies are made of, if instances differ in their parameters.
+    pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
     /// Rows of a block.
     pub layout: &'a Layout,
     /// How to step.
@@ -148,87 +159,125 @@ pub struct Step<'a, T> {
     pub blocks: &'a mut [T],
 }
 
+/// Working memory of the steps.
+struct Memory<L: Lane> {
+    scratch: Scratch<L>,
+    stages: Stages<L, JOINTS>,
+    loads: Loads<L>,
+    motion: Motion<L, JOINTS>,
+}
+
 impl<T: Real> Kernel<T> for Step<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        let mut scratch = Scratch::new();
-        let mut stages = Stages::new();
-        let mut loads = Loads::none();
-        let mut motion = blank_motion::<L>();
-        for rows in self.blocks.chunks_exact_mut(self.layout.rows * T::BLOCK) {
-            for first in (0..T::BLOCK).step_by(L::LANES) {
-                let mut columns = Columns { rows: &mut *rows, first };
-                columns.motion(self.layout, &mut motion);
-                columns.loads(self.layout, self.switches, &mut loads);
-                let current = columns.vector(self.layout.current);
-                let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
-                let mut dynamics = Dynamics {
-                    system: self.system,
-                    loads: &loads,
-                    wrench: columns.six(self.layout.wrench),
-                    station,
-                    time: L::zero(),
-                    scratch: &mut scratch,
-                };
-                match self.integrator {
-                    Integrator::MuntheKaas(tableau, form) => {
-                        for k in self.before..self.before + self.substeps {
-                            let clock = T::from_f64(k as f64) * self.h;
-                            let held = motion.pose;
-                            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
-                            guarded((tableau, form), self.h, clock, &mut motion, &mut dynamics, &mut stages);
-                            motion.pose.position = current.scale_add(L::splat(self.h), motion.pose.position);
-                            if self.system.fixed {
-                                motion.pose = held;
-                            }
-                            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
-                        }
-                    }
-                    Integrator::Quaternion(tableau, correction) => {
-                        let mut quaternion = [L::zero(); 4];
-                        for k in 0..4 {
-                            quaternion[k] = columns.get(self.layout.quaternion + k);
-                        }
-                        let Motion { pose, twist, q, qd } = motion;
-                        let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
-                        for k in self.before..self.before + self.substeps {
-                            dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
-                            rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
-                            quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
-                            rival.position = current.scale_add(L::splat(self.h), rival.position);
-                            if self.system.fixed {
-                                (rival.quaternion, rival.position) = (quaternion, pose.position);
-                            }
-                            rival.twist = shift_twist(rival.twist, &rival.rotation(), current, 1.0);
-                        }
-                        columns.set_all(self.layout.quaternion, &rival.quaternion, 4);
-                        motion.pose = Pose { rotation: rival.rotation(), position: rival.position };
-                        (motion.twist, motion.q, motion.qd) = (rival.twist, rival.q, rival.qd);
+        let mut memory = Memory {
+            scratch: Scratch::new(),
+            stages: Stages::new(),
+            loads: Loads::none(),
+            motion: blank_motion::<L>(),
+        };
+        let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut(self.layout.rows * T::BLOCK);
+        match self.ingredients {
+            None => {
+                for rows in blocks {
+                    for first in (0..T::BLOCK).step_by(L::LANES) {
+                        self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
                     }
                 }
-                columns.set_motion(self.layout, &motion);
-                // Compensated, so that neither many steps nor their division into calls shows in the time.
-                let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
-                for _ in 0..self.substeps {
-                    let passed = rest + L::splat(self.h);
-                    let next = time + passed;
-                    (time, rest) = (next, passed - (next - time));
+            }
+            Some(ingredients) => {
+                let mut varied: System<L> = self.system.variable();
+                for rows in blocks {
+                    for first in (0..T::BLOCK).step_by(L::LANES) {
+                        let mut columns = Columns { rows: &mut *rows, first };
+                        varied.vary(self.system, ingredients, &columns.factors(self.layout));
+                        self.visit(&varied, &mut columns, &mut memory);
+                    }
                 }
-                columns.set_all(self.layout.time, &[time, rest], 2);
             }
         }
+    }
+}
+
+impl<T: Real> Step<'_, T> {
+    /// Steps the instances of one column group.
+    #[inline(always)]
+    fn visit<L: Lane<Real = T>, P: Param<L>>(
+        &self,
+        system: &System<P>,
+        columns: &mut Columns<T>,
+        memory: &mut Memory<L>,
+    ) {
+        let motion = &mut memory.motion;
+        columns.motion(self.layout, motion);
+        columns.loads(self.layout, self.switches, &mut memory.loads);
+        let current = columns.vector(self.layout.current);
+        let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
+        let mut dynamics = Dynamics {
+            system,
+            loads: &memory.loads,
+            wrench: columns.six(self.layout.wrench),
+            station,
+            time: L::zero(),
+            scratch: &mut memory.scratch,
+        };
+        match self.integrator {
+            Integrator::MuntheKaas(tableau, form) => {
+                for k in self.before..self.before + self.substeps {
+                    let clock = T::from_f64(k as f64) * self.h;
+                    let held = motion.pose;
+                    motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
+                    guarded((tableau, form), self.h, clock, motion, &mut dynamics, &mut memory.stages);
+                    motion.pose.position = current.scale_add(L::splat(self.h), motion.pose.position);
+                    if system.fixed {
+                        motion.pose = held;
+                    }
+                    motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
+                }
+            }
+            Integrator::Quaternion(tableau, correction) => {
+                let mut quaternion = [L::zero(); 4];
+                for k in 0..4 {
+                    quaternion[k] = columns.get(self.layout.quaternion + k);
+                }
+                let Motion { pose, twist, q, qd } = *motion;
+                let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
+                for k in self.before..self.before + self.substeps {
+                    dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
+                    rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
+                    quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
+                    rival.position = current.scale_add(L::splat(self.h), rival.position);
+                    if system.fixed {
+                        (rival.quaternion, rival.position) = (quaternion, pose.position);
+                    }
+                    rival.twist = shift_twist(rival.twist, &rival.rotation(), current, 1.0);
+                }
+                columns.set_all(self.layout.quaternion, &rival.quaternion, 4);
+                motion.pose = Pose { rotation: rival.rotation(), position: rival.position };
+                (motion.twist, motion.q, motion.qd) = (rival.twist, rival.q, rival.qd);
+            }
+        }
+        columns.set_motion(self.layout, motion);
+        // Compensated, so that neither many steps nor their division into calls shows in the time.
+        let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
+        for _ in 0..self.substeps {
+            let passed = rest + L::splat(self.h);
+            let next = time + passed;
+            (time, rest) = (next, passed - (next - time));
+        }
+        columns.set_all(self.layout.time, &[time, rest], 2);
     }
 }
 
 /// A step of size `h`; lanes that turn by more than a quarter revolution within it take it in halves, quarters, and so
 /// on, while their neighbours keep the step they had.
 #[inline(always)]
-fn guarded<L: Lane>(
+fn guarded<L: Lane, P: Param<L>>(
     (tableau, form): (&Tableau, DexpInverse),
     h: L::Real,
     clock: L::Real,
     motion: &mut Motion<L, JOINTS>,
-    dynamics: &mut Dynamics<L>,
+    dynamics: &mut Dynamics<L, P>,
     stages: &mut Stages<L, JOINTS>,
 ) {
     let start = *motion;
@@ -313,6 +362,8 @@ fn pick<L: Lane, const K: usize>(mask: L::Mask, new: &[L; K], old: &mut [L; K]) 
 pub struct Accelerate<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
+    /// What its bodies are made of, if instances differ in their parameters.
+    pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
     /// Rows of a block.
     pub layout: &'a Layout,
     /// Loads that are on.
@@ -327,6 +378,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.layout;
+        // One form for instances that differ and for those that do not: speed does not matter here.
+        let mut system: System<L> = self.system.variable();
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = blank_motion::<L>();
@@ -338,26 +391,29 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let columns = Columns { rows: &mut *rows, first };
                 columns.motion(layout, &mut motion);
                 columns.loads(layout, self.switches, &mut loads);
+                if let Some(ingredients) = self.ingredients {
+                    system.vary(self.system, ingredients, &columns.factors(layout));
+                }
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
                 let mut wrench = columns.six(layout.wrench);
-                if let (true, Some(gains)) = (self.switches.station, &self.system.vehicle_servo) {
+                if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
                     let station = columns.station(layout);
                     wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
                 }
                 let instant = Instant {
-                    gravity: rotation.apply_transposed(Vector3(get_all(&self.system.gravity))),
+                    gravity: rotation.apply_transposed(Vector3(system.gravity)),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
                     wrench,
                     time: L::zero(),
                 };
-                accelerations(self.system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
+                accelerations(&system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
                 // V' = V_r' - [omega x R^T v_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
-                if !self.system.fixed {
+                if !system.fixed {
                     twist_rate.linear = twist_rate.linear - turn;
                 }
                 let mut out = Columns { rows: &mut *out, first };

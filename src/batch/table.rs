@@ -6,7 +6,7 @@ use super::layout::Layout;
 use super::step::Switches;
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{JOINTS, State};
+use crate::system::{Factors, JOINTS, State};
 
 /// What is applied to one instance until it is changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -116,6 +116,16 @@ impl Table {
     /// Sets the current.
     pub fn set_current<T: Real>(&self, rows: &mut [T], i: usize, current: &na::Vector3<f64>) {
         self.set_all(rows, i, self.layout.current, current.iter().copied());
+    }
+
+    /// Factors on the parameters.
+    pub fn factors<T: Real>(&self, rows: &[T], i: usize) -> Factors<f64> {
+        Factors::from_array(self.get_all(rows, i, self.layout.factors))
+    }
+
+    /// Sets the factors on the parameters.
+    pub fn set_factors<T: Real>(&self, rows: &mut [T], i: usize, factors: &Factors<f64>) {
+        self.set_all(rows, i, self.layout.factors, factors.to_array());
     }
 
     /// Sets the loads, as far as they are on.

@@ -53,3 +53,26 @@ pub struct Payload {
     /// Rigid body and hydrodynamics in the payload frame.
     pub body: Body,
 }
+
+impl Scene {
+    /// The scene with factors on mass (and inertia), added mass, linear drag, quadratic drag and displaced volume of
+    /// every body.
+    pub fn varied(&self, [mass, added_mass, linear, quadratic, volume]: &[f64; 5]) -> Self {
+        let mut scene = self.clone();
+        let arm =
+            scene.arm.iter_mut().flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|l| &mut l.body)));
+        let payload = scene.payload.iter_mut().map(|payload| &mut payload.body);
+        for body in std::iter::once(&mut scene.vehicle.body).chain(arm).chain(payload) {
+            body.mass *= mass;
+            body.inertia *= *mass;
+            body.weight = None;
+            body.added_mass *= *added_mass;
+            body.damping.linear *= *linear;
+            body.damping.quadratic *= *quadratic;
+            for displaced in [&mut body.volume, &mut body.buoyancy].into_iter().flatten() {
+                *displaced *= volume;
+            }
+        }
+        scene
+    }
+}

@@ -97,6 +97,7 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
 }
 
+/// (In modules of their own, so that the compiler works on both precisions at a time.)
 macro_rules! real {
     ($real:ty, $block:literal, $single:literal, $wide:ident, $half:ident) => {
         impl Real for $real {
@@ -146,5 +147,11 @@ macro_rules! real {
         }
     };
 }
-real!(f64, 8, false, F64x8, F64x4);
-real!(f32, 16, true, F32x16, F32x8);
+mod double {
+    use super::*;
+    real!(f64, 8, false, F64x8, F64x4);
+}
+mod single {
+    use super::*;
+    real!(f32, 16, true, F32x16, F32x8);
+}

@@ -6,6 +6,7 @@ mod inputs;
 mod linearize;
 mod model;
 mod motion;
+mod parameters;
 mod scene;
 mod simulator;
 mod state;

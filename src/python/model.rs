@@ -21,14 +21,14 @@ impl Simulator {
         &self,
         py: Python<'py>,
         shapes: [&[usize]; K],
-        f: impl Fn(usize, ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
+        f: impl Fn(usize, &ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
     ) -> PyResult<[Array<'py>; K]> {
         let (simulator, instances) = (&self.inner, self.inner.instances());
         let f = &f;
         let columns = py.detach(|| {
             let mut columns = [const { Vec::new() }; K];
             for i in 0..instances {
-                for (column, row) in columns.iter_mut().zip(f(i, simulator.closed_form(i))?) {
+                for (column, row) in columns.iter_mut().zip(simulator.closed_form(i, |form| f(i, form))?) {
                     column.extend(row);
                 }
             }
@@ -46,7 +46,7 @@ impl Simulator {
         &self,
         py: Python<'py>,
         shape: &[usize],
-        f: impl Fn(ClosedForm) -> Vec<f64> + Sync,
+        f: impl Fn(&ClosedForm) -> Vec<f64> + Sync,
     ) -> PyResult<Array<'py>> {
         let [array] = self.each(py, [shape], |_, form| Ok([f(form)]))?;
         Ok(array)
@@ -58,7 +58,7 @@ impl Simulator {
         py: Python<'py>,
         names: [&str; K],
         shape: &[usize],
-        f: impl Fn(usize, ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
+        f: impl Fn(usize, &ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
     ) -> Arrays<'py> {
         dict(py, names, self.each(py, [shape; K], f)?)
     }
@@ -332,7 +332,7 @@ impl Simulator {
         let (simulator, allocation) = (&self.inner, self.inner.allocation());
         let shapes: [&[usize]; 4] = [&[6], &[allocation.count()], &[simulator.joints()], &[6]];
         let arrays = self.each(py, shapes, |i, _| {
-            let effort = simulator.balance().trim(&simulator.state(i), simulator.current(i))?;
+            let effort = simulator.balance_of(i).trim(&simulator.state(i), simulator.current(i))?;
             let thrust = allocation.allocate(&effort.wrench);
             let residual = effort.wrench - allocation.wrench(&thrust);
             Ok([

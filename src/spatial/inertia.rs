@@ -124,6 +124,28 @@ impl<L: Lane> SpatialInertia<L> {
         }
     }
 
+    /// `self * s`
+    #[inline(always)]
+    pub fn scale(&self, s: L) -> Self {
+        self.scale_add(s, &Self::zero())
+    }
+
+    /// `self * s + b`, in the same frame.
+    #[inline(always)]
+    pub fn scale_add(&self, s: L, b: &Self) -> Self {
+        let Self { mut m, mut h, mut j } = *self;
+        for i in 0..6 {
+            m[i] = m[i].mul_add(s, b.m[i]);
+            j[i] = j[i].mul_add(s, b.j[i]);
+        }
+        for i in 0..3 {
+            for k in 0..3 {
+                h[i][k] = h[i][k].mul_add(s, b.h[i][k]);
+            }
+        }
+        Self { m, h, j }
+    }
+
     /// Sum of two inertias in the same frame.
     #[inline(always)]
     pub fn plus(&self, b: &Self) -> Self {

@@ -4,6 +4,7 @@ use nalgebra as na;
 
 use super::chain::{Line, inverse, joint_frames};
 use super::model::{BodyTerms, Friction, JointTerms, Limits, Servo, System, VehicleServo};
+use super::variation::Ingredients;
 use crate::description::{Body, Frame, Joint, JointKind, Scene, Water};
 use crate::hydro::{Coefficients, Drag, Placement, Restoring};
 use crate::lane::Shared;
@@ -17,6 +18,8 @@ pub struct Compiled {
     pub system: System<Shared<f64>>,
     /// Constant pose of each link's frame in its joint's frame.
     pub links: Vec<Pose<f64>>,
+    /// What the terms of each moving body are made of, vehicle first.
+    pub ingredients: Vec<Ingredients<Shared<f64>>>,
 }
 
 /// Compiles a checked scene: joins what is fixed together, chooses joint frames, drops absent terms.
@@ -64,18 +67,22 @@ pub fn compile(scene: &Scene) -> Compiled {
     let links: Vec<Pose<f64>> =
         frames.iter().zip(&zero_poses).map(|(frame, link)| inverse(&frame.pose).times(link)).collect();
 
+    let (vehicle, of_vehicle) = merged(&vehicle, &identity());
+    let mut ingredients = vec![of_vehicle.map(Shared)];
     let joints = moving
         .iter()
         .zip(&frames)
         .zip(&links)
         .map(|(((joint, parts), frame), link)| {
             let prismatic = joint.kind == JointKind::Prismatic;
+            let (body, of_body) = merged(parts, link);
+            ingredients.push(of_body.map(Shared));
             JointTerms {
                 stand: frame.stand,
                 prismatic,
                 offset: if prismatic { frame.d } else { frame.theta },
                 constant: if prismatic { frame.theta.sin_cos().into() } else { [frame.d, 0.0] },
-                body: merged(parts, link),
+                body,
                 friction: friction(joint),
                 limits: joint
                     .limits
@@ -89,37 +96,37 @@ pub fn compile(scene: &Scene) -> Compiled {
     let system = System {
         gravity: water.gravity.into(),
         fixed: scene.vehicle.fixed,
-        vehicle: merged(&vehicle, &identity()),
+        vehicle,
         joints,
         vehicle_servo: scene.vehicle.servo.as_ref().map(|s| VehicleServo { kp: s.kp, kd: s.kd }),
     };
-    Compiled { system: system.map(Shared), links }
+    Compiled { system: system.map(Shared), links, ingredients }
 }
 
-/// One body of the scene, fixed to a moving body at `at`.
+/// One body of the scene, fixed to a moving body at `at`; all else in its own frame.
 struct Part {
     at: Pose<f64>,
-    /// Rigid and added inertia in its own frame.
-    inertia: SpatialInertia<f64>,
-    /// Mass less displaced mass, and its moment.
-    restoring: (f64, Vector3<f64>),
+    rigid: SpatialInertia<f64>,
+    added: SpatialInertia<f64>,
+    /// Mass and displaced mass that gravity acts on, each with its moment.
+    weight: Restoring<f64>,
+    displaced: Restoring<f64>,
     drag: Option<Drag<f64>>,
 }
 
 impl Part {
     fn of(body: &Body, at: Pose<f64>, water: &Water) -> Self {
-        let (mass, com) = (body.mass, body.center_of_mass);
-        let displaced = water.density * body.displaced_volume(water);
-        // Without gravity there is neither weight nor buoyancy.
-        let heavy = if water.gravity.norm() == 0.0 { 0.0 } else { 1.0 };
-        let moment = heavy * (mass * com - displaced * body.center_of_buoyancy);
         let hydrodynamic = pose(&body.hydrodynamic_frame);
         let added = &body.added_mass;
-        let added = SpatialInertia::from_entries(|i, k| added[(i, k)]).to_parent(&hydrodynamic);
+        // Without gravity there is neither weight nor buoyancy.
+        let heavy = if water.gravity.norm() == 0.0 { 0.0 } else { 1.0 };
+        let pull = |mass: f64, at: &na::Vector3<f64>| Restoring { net_mass: mass, moment: (mass * at).into() };
         Self {
             at,
-            inertia: rigid_inertia(mass, &com, &body.inertia_about_com()).plus(&added),
-            restoring: (heavy * (mass - displaced), vector(&moment)),
+            rigid: rigid_inertia(body.mass, &body.center_of_mass, &body.inertia_about_com()),
+            added: SpatialInertia::from_entries(|i, k| added[(i, k)]).to_parent(&hydrodynamic),
+            weight: pull(heavy * body.mass, &body.center_of_mass),
+            displaced: pull(heavy * water.density * body.displaced_volume(water), &body.center_of_buoyancy),
             drag: drag(body, &hydrodynamic),
         }
     }
@@ -196,18 +203,22 @@ fn relabelled(coefficients: &Coefficients<f64>, axes: &[(usize, f64); 3]) -> Coe
     }
 }
 
-/// The parts of a moving body together, in the frame that has the body's own frame at `link`.
-fn merged(parts: &[Part], link: &Pose<f64>) -> BodyTerms<f64> {
-    let mut inertia = SpatialInertia::from_entries(|_, _| 0.0);
-    let mut net_mass = 0.0;
-    let mut moment = Vector3([0.0; 3]);
+/// The parts of a moving body together, in the frame that has the body's own frame at `link`: its terms, and what
+/// they are made of.
+fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>) {
+    let none = Restoring { net_mass: 0.0, moment: [0.0; 3] };
+    let mut sum =
+        Ingredients { rigid: SpatialInertia::zero(), added: SpatialInertia::zero(), weight: none, displaced: none };
     let mut drag = Vec::new();
     for part in parts {
         let at = link.times(&part.at);
-        inertia = inertia.plus(&part.inertia.to_parent(&at));
-        let (n, s) = part.restoring;
-        net_mass += n;
-        moment = moment + at.rotation.apply(s) + at.position.scale(n);
+        sum.rigid = sum.rigid.plus(&part.rigid.to_parent(&at));
+        sum.added = sum.added.plus(&part.added.to_parent(&at));
+        for (sum, part) in [(&mut sum.weight, &part.weight), (&mut sum.displaced, &part.displaced)] {
+            let moment = at.rotation.apply(Vector3(part.moment)) + at.position.scale(part.net_mass);
+            sum.net_mass += part.net_mass;
+            sum.moment = (Vector3(sum.moment) + moment).0;
+        }
         drag.extend(part.drag.iter().map(|d| {
             let within = match d.placement {
                 Placement::Here => identity(),
@@ -217,9 +228,10 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> BodyTerms<f64> {
             placed(d.linear.clone(), d.quadratic.clone(), &at.times(&within))
         }));
     }
-    let restoring = Restoring { net_mass, moment: moment.0 };
-    let weightless = net_mass == 0.0 && moment.0 == [0.0; 3];
-    BodyTerms { inertia, restoring: (!weightless).then_some(restoring), drag }
+    let moment = (Vector3(sum.weight.moment) - Vector3(sum.displaced.moment)).0;
+    let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
+    let restoring = (restoring != none).then_some(restoring);
+    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag }, sum)
 }
 
 fn friction(joint: &Joint) -> Option<Friction<f64>> {

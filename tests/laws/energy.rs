@@ -26,7 +26,7 @@ fn power(simulator: &Simulator, thrust: &[f64], target: &[f64]) -> Power {
             torque
         })
         .collect();
-    simulator.closed_form(0).power(&Loads { thrust, external: &[], joint_command: &command }).unwrap()
+    simulator.closed_form(0, |form| form.power(&Loads { thrust, external: &[], joint_command: &command }).unwrap())
 }
 
 /// Residual of the ledger by the absolute work: |E(T) - E(0) - integral of power|, by Boole's rule on the steps.
@@ -46,7 +46,7 @@ fn ledger(h: f64, stops: bool) -> f64 {
     let mut simulator = simulator(&scene, "mk4", h, &state);
     let steps = (1.0 / h).round() as usize;
     assert_eq!(steps % 4, 0);
-    let (before, mut work, mut absolute) = (simulator.closed_form(0).energy().total(), 0.0, 0.0);
+    let (before, mut work, mut absolute) = (simulator.closed_form(0, |form| form.energy().total()), 0.0, 0.0);
     let mut shares = [0.0; 5];
     for second in 0..SECONDS {
         let mut random = Random::new(second as u64);
@@ -78,7 +78,7 @@ fn ledger(h: f64, stops: bool) -> f64 {
     }
     assert!(shares[..4].iter().all(|&share| share > 1e-3 * absolute), "all take part: {shares:?}");
     assert_eq!(shares[4] > 0.0, stops, "{shares:?}");
-    let residual = (simulator.closed_form(0).energy().total() - before - work).abs() / absolute;
+    let residual = (simulator.closed_form(0, |form| form.energy().total()) - before - work).abs() / absolute;
     println!("h = {h}, end stops {stops}: residual {residual:.3e} of {absolute:.1} J of work");
     residual
 }

@@ -49,7 +49,7 @@ impl Run {
         let sway = Sway::about(scene.home(), 5);
         let mut simulator = simulator(&scene, "mk4", h, &state);
         let books = |simulator: &Simulator| {
-            let momentum = simulator.closed_form(0).momentum();
+            let momentum = simulator.closed_form(0, |form| form.momentum());
             if water { (momentum.total(), momentum.total_scale) } else { (momentum.rigid, momentum.rigid_scale) }
         };
         let (start, start_scale) = books(&simulator);

@@ -1,0 +1,77 @@
+//! `uvms_gym.Simulator`: parameters of single instances.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arrays::{Given, array, read, shape_text};
+use super::simulator::Simulator;
+use crate::system::Factors;
+
+#[pymethods]
+impl Simulator {
+    /// Factors on the scene's parameters, per instance; all 1 unless set.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray (N,)
+    ///     mass, added_mass, linear_drag, quadratic_drag, volume: see `set_parameters`.
+    #[getter]
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let instances = self.inner.instances();
+        let factors: Vec<_> = (0..instances).map(|i| self.inner.factors(i).to_array()).collect();
+        let dict = PyDict::new(py);
+        for (k, name) in Factors::<f64>::NAMES.into_iter().enumerate() {
+            dict.set_item(name, array(py, &[instances], factors.iter().map(|f| f[k]).collect())?)?;
+        }
+        Ok(dict)
+    }
+
+    /// Sets factors on the parameters of every body of each instance, for domain randomisation.
+    ///
+    /// They stay through `reset`. Parameters that are left out keep their factors.
+    ///
+    /// Parameters
+    /// ----------
+    /// mass : array_like () or (N,)
+    ///     Factor on mass, and with it inertia and weight. Positive.
+    /// added_mass : array_like () or (N,)
+    ///     Factor on added mass.
+    /// linear_drag, quadratic_drag : array_like () or (N,)
+    ///     Factors on drag coefficients.
+    /// volume : array_like () or (N,)
+    ///     Factor on displaced volume, and with it buoyancy.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     A factor has the wrong shape or type, is negative or not finite; nothing has changed then.
+    #[pyo3(signature = (*, mass=None, added_mass=None, linear_drag=None, quadratic_drag=None, volume=None))]
+    fn set_parameters(
+        &mut self,
+        mass: Given,
+        added_mass: Given,
+        linear_drag: Given,
+        quadratic_drag: Given,
+        volume: Given,
+    ) -> PyResult<()> {
+        let instances = self.inner.instances();
+        let mut factors: Vec<_> = (0..instances).map(|i| self.inner.factors(i).to_array()).collect();
+        let given = [mass, added_mass, linear_drag, quadratic_drag, volume];
+        for (k, (name, given)) in Factors::<f64>::NAMES.into_iter().zip(given).enumerate() {
+            let Some(given) = given else { continue };
+            let (shape, numbers) = read(name, given)?;
+            if !shape.is_empty() && shape != [instances] {
+                let shape = shape_text(&shape);
+                return Err(PyValueError::new_err(format!(
+                    "{name} has shape {shape}, but must have () or ({instances},)"
+                )));
+            }
+            for (factors, number) in factors.iter_mut().zip(numbers.iter().cycle()) {
+                factors[k] = *number;
+            }
+        }
+        let factors: Vec<_> = factors.into_iter().map(Factors::from_array).collect();
+        Ok(self.inner.set_factors(&factors)?)
+    }
+}

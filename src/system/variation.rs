@@ -1,0 +1,132 @@
+//! Parameters of single instances: factors on what the scene states, for domain randomisation.
+
+use super::model::{BodyTerms, System};
+use crate::hydro::{Coefficients, Restoring};
+use crate::lane::{Lane, Param, Shared};
+use crate::spatial::SpatialInertia;
+
+/// Factors on the parameters of every body of one instance; all 1 for the scene as it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Factors<L> {
+    /// Mass, and with it inertia and weight.
+    pub mass: L,
+    /// Added mass.
+    pub added_mass: L,
+    /// Linear drag.
+    pub linear_drag: L,
+    /// Quadratic drag.
+    pub quadratic_drag: L,
+    /// Displaced volume, and with it buoyancy.
+    pub volume: L,
+}
+
+impl Factors<f64> {
+    /// The scene as it is.
+    pub const ONE: Self = Self { mass: 1.0, added_mass: 1.0, linear_drag: 1.0, quadratic_drag: 1.0, volume: 1.0 };
+}
+
+impl<L: Copy> Factors<L> {
+    /// Names, in the order of [`Self::to_array`].
+    pub const NAMES: [&'static str; 5] = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume"];
+
+    /// From five numbers.
+    #[inline(always)]
+    pub fn from_array([mass, added_mass, linear_drag, quadratic_drag, volume]: [L; 5]) -> Self {
+        Self { mass, added_mass, linear_drag, quadratic_drag, volume }
+    }
+
+    /// As five numbers.
+    pub fn to_array(&self) -> [L; 5] {
+        [self.mass, self.added_mass, self.linear_drag, self.quadratic_drag, self.volume]
+    }
+}
+
+/// What the terms of a moving body are made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ingredients<P> {
+    /// Rigid inertia.
+    pub rigid: SpatialInertia<P>,
+    /// Added inertia.
+    pub added: SpatialInertia<P>,
+    /// Mass and its moment.
+    pub weight: Restoring<P>,
+    /// Displaced mass and its moment.
+    pub displaced: Restoring<P>,
+}
+
+impl<P: Copy> Ingredients<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Ingredients<Q> {
+        Ingredients {
+            rigid: self.rigid.map(&change),
+            added: self.added.map(&change),
+            weight: self.weight.map(&change),
+            displaced: self.displaced.map(&change),
+        }
+    }
+}
+
+impl<T: Copy> System<Shared<T>> {
+    /// Memory for a system of single instances, with every term that [`System::vary`] may bring about.
+    pub fn variable<L: Lane<Real = T>>(&self) -> System<L> {
+        let mut system = self.map(|Shared(x)| L::splat(x));
+        let none = Restoring { net_mass: L::zero(), moment: [L::zero(); 3] };
+        system.vehicle.restoring.get_or_insert(none);
+        for joint in &mut system.joints {
+            joint.body.restoring.get_or_insert(none);
+        }
+        system
+    }
+}
+
+impl<L: Lane> System<L> {
+    /// Makes this the system `of`, of bodies of these `ingredients` (vehicle first), with these factors.
+    #[inline(always)]
+    pub fn vary<P: Param<L>>(&mut self, of: &System<P>, ingredients: &[Ingredients<P>], factors: &Factors<L>) {
+        vary_body(&mut self.vehicle, &of.vehicle, &ingredients[0], factors);
+        for ((joint, of), parts) in self.joints.iter_mut().zip(&of.joints).zip(&ingredients[1..]) {
+            vary_body(&mut joint.body, &of.body, parts, factors);
+        }
+    }
+}
+
+#[inline(always)]
+fn vary_body<L: Lane, P: Param<L>>(
+    body: &mut BodyTerms<L>,
+    of: &BodyTerms<P>,
+    parts: &Ingredients<P>,
+    factors: &Factors<L>,
+) {
+    let (rigid, added) = (parts.rigid.get(), parts.added.get());
+    body.inertia = rigid.scale_add(factors.mass, &added.scale(factors.added_mass));
+    if let Some(restoring) = &mut body.restoring {
+        let net = |weight: P, displaced: P| displaced.get().neg_mul_add(factors.volume, weight.get() * factors.mass);
+        restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass);
+        for k in 0..3 {
+            restoring.moment[k] = net(parts.weight.moment[k], parts.displaced.moment[k]);
+        }
+    }
+    for (drag, of) in body.drag.iter_mut().zip(&of.drag) {
+        scale(&mut drag.linear, &of.linear, factors.linear_drag);
+        scale(&mut drag.quadratic, &of.quadratic, factors.quadratic_drag);
+    }
+}
+
+#[inline(always)]
+fn scale<L: Lane, P: Param<L>>(to: &mut Coefficients<L>, of: &Coefficients<P>, factor: L) {
+    match (to, of) {
+        (Coefficients::Diagonal(to), Coefficients::Diagonal(of)) => {
+            for k in 0..6 {
+                to[k] = of[k].get() * factor;
+            }
+        }
+        (Coefficients::Full(to), Coefficients::Full(of)) => {
+            for i in 0..6 {
+                for k in 0..6 {
+                    to[i][k] = of[i][k].get() * factor;
+                }
+            }
+        }
+        _ => {}
+    }
+}
