@@ -222,6 +222,19 @@ class Simulator:
         external: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
+    @property
+    def parameters(self) -> dict[str, NDArray[np.float64]]:
+        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag and volume; all 1 unless set."""
+    def set_parameters(
+        self,
+        *,
+        mass: ArrayLike | None = None,
+        added_mass: ArrayLike | None = None,
+        linear_drag: ArrayLike | None = None,
+        quadratic_drag: ArrayLike | None = None,
+        volume: ArrayLike | None = None,
+    ) -> None:
+        """Set factors, () or (N,), on the parameters of every body of each instance; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
     def allocate(self, wrench: ArrayLike) -> NDArray[np.float64]:

@@ -1,0 +1,90 @@
+"""`Simulator.set_parameters`: instances that differ in mass, added mass, drag and volume."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from helpers import assert_same, moving, state_of
+
+from uvms_gym import Simulator, load_scene
+
+NAMES = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume"]
+
+
+def test_parameters_start_at_one_and_stay_through_reset() -> None:
+    s = Simulator("petasus-pum", 3)
+    assert list(s.parameters) == NAMES
+    assert all((factor == 1.0).all() for factor in s.parameters.values())
+    s.set_parameters(mass=[0.9, 1.0, 1.1], volume=1.05)
+    s.reset()
+    assert np.array_equal(s.parameters["mass"], [0.9, 1.0, 1.1])
+    assert np.array_equal(s.parameters["volume"], [1.05] * 3)
+    s.set_parameters(mass=1.0, volume=1.0)
+    assert all((factor == 1.0).all() for factor in s.parameters.values())
+
+
+def test_factors_are_those_of_a_scene_with_other_numbers() -> None:
+    scene = load_scene("bluerov2-heavy")
+    body = scene["vehicle"]["body"]
+    body["mass"] *= 1.2
+    body["inertia"] = (1.2 * np.array(body["inertia"])).tolist()
+    body["added_mass"] = (0.8 * np.array(body["added_mass"])).tolist()
+    body["damping"]["quadratic"] = (1.5 * np.array(body["damping"]["quadratic"])).tolist()
+    scene["provenance"] = {}
+    twin, varied = Simulator(scene), Simulator("bluerov2-heavy")
+    varied.set_parameters(mass=1.2, added_mass=0.8, quadratic_drag=1.5)
+    for s in (twin, varied):
+        s.set_state(twist=[0.4, 0.2, -0.1, 0.3, -0.2, 0.5])
+    assert np.allclose(varied.mass_matrix(), twin.mass_matrix(), rtol=1e-14)
+    for s in (twin, varied):
+        s.step(thrust=10.0 * np.ones(8), substeps=50)
+    assert np.allclose(varied.twist, twin.twist, rtol=1e-12, atol=1e-14)
+    assert np.allclose(varied.position, twin.position, rtol=1e-12, atol=1e-14)
+
+
+def test_neighbours_with_other_parameters_do_not_matter() -> None:
+    alone, among = moving("petasus-pum", 9), moving("petasus-pum", 9)
+    among.set_parameters(mass=np.linspace(1.0, 1.4, 9))
+    once = moving("petasus-pum", 9)
+    once.set_parameters(mass=np.linspace(1.0, 1.4, 9)[::-1])
+    for s in (alone, among, once):
+        s.step(substeps=20)
+    middle = {name: array[4:5] for name, array in state_of(among).items()}
+    assert_same(middle, {name: array[4:5] for name, array in state_of(once).items()})
+    assert np.allclose(among.twist[0], alone.twist[0], rtol=1e-10, atol=1e-12)
+
+
+def test_copies_keep_parameters() -> None:
+    s = moving("petasus-pum", 2)
+    s.set_parameters(added_mass=[0.7, 1.3])
+    copies = [copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
+    for other in (s, *copies):
+        other.step(substeps=5)
+    for other in copies:
+        assert np.array_equal(other.parameters["added_mass"], [0.7, 1.3])
+        assert_same(state_of(other), state_of(s))
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ({"mass": 0.0}, "mass of instance 0 is 0"),
+        ({"mass": -1.0}, "mass of instance 0 is -1"),
+        ({"volume": [1.0, np.nan]}, "volume of instance 1 is NaN"),
+        ({"linear_drag": [1.0, 2.0, 3.0]}, r"linear_drag has shape \(3,\)"),
+    ],
+)
+def test_bad_factors_change_nothing(factors: dict[str, object], words: str) -> None:
+    s = Simulator("petasus-pum", 2)
+    s.set_parameters(added_mass=1.1)
+    with pytest.raises(ValueError, match=words):
+        s.set_parameters(quadratic_drag=2.0, **factors)
+    assert (s.parameters["added_mass"] == 1.1).all()
+    assert (s.parameters["quadratic_drag"] == 1.0).all()
+
+
+def test_memory_with_parameters() -> None:
+    s = Simulator("petasus-pum", 1024)
+    s.set_parameters(mass=np.linspace(0.9, 1.1, 1024))
+    assert s.bytes_per_env < 3000
