@@ -127,8 +127,10 @@ impl<T: Real> Blocks<T> {
         current: &na::Vector3<f64>,
     ) -> Result<Self, SimulatorError> {
         let number = |Shared(x)| Shared(T::from_f64(x));
-        let ingredients = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
-        let scene = Parameters { system: compiled.system.map(number), ingredients };
+        let ingredients: Vec<_> = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
+        // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
+        let system = compiled.system.map(number).put_together(&ingredients);
+        let scene = Parameters { system, ingredients };
         let layout = Layout::new(compiled.links.len(), keeps_quaternion);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;

@@ -186,7 +186,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 }
             }
             Some(ingredients) => {
-                let mut varied: System<L> = self.system.variable();
+                let mut varied: System<L> = self.system.variable(ingredients);
                 for rows in blocks {
                     for first in (0..T::BLOCK).step_by(L::LANES) {
                         let mut columns = Columns { rows: &mut *rows, first };
@@ -379,7 +379,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.layout;
         // One form for instances that differ and for those that do not: speed does not matter here.
-        let mut system: System<L> = self.system.variable();
+        let mut system: System<L> = self.system.variable(self.ingredients.unwrap_or_default());
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = blank_motion::<L>();

@@ -2,7 +2,7 @@
 
 use super::model::{BodyTerms, System};
 use crate::hydro::{Coefficients, Restoring};
-use crate::lane::{Lane, Param, Shared};
+use crate::lane::{Lane, Param, Real, Shared};
 use crate::spatial::SpatialInertia;
 
 /// Factors on the parameters of every body of one instance; all 1 for the scene as it is.
@@ -66,16 +66,28 @@ impl<P: Copy> Ingredients<P> {
     }
 }
 
-impl<T: Copy> System<Shared<T>> {
-    /// Memory for a system of single instances, with every term that [`System::vary`] may bring about.
-    pub fn variable<L: Lane<Real = T>>(&self) -> System<L> {
+impl<T: Real> System<Shared<T>> {
+    /// Memory for a system of single instances of bodies of these `ingredients`, with every term that
+    /// [`System::vary`] may bring about.
+    pub fn variable<L: Lane<Real = T>>(&self, ingredients: &[Ingredients<Shared<T>>]) -> System<L> {
         let mut system = self.map(|Shared(x)| L::splat(x));
+        let zero = Shared(T::from_f64(0.0));
+        let weightless = Restoring { net_mass: zero, moment: [zero; 3] };
         let none = Restoring { net_mass: L::zero(), moment: [L::zero(); 3] };
-        system.vehicle.restoring.get_or_insert(none);
-        for joint in &mut system.joints {
-            joint.body.restoring.get_or_insert(none);
+        let joints = system.joints.iter_mut().map(|joint| &mut joint.body);
+        for (body, parts) in std::iter::once(&mut system.vehicle).chain(joints).zip(ingredients) {
+            if parts.weight != weightless || parts.displaced != weightless {
+                body.restoring.get_or_insert(none);
+            }
         }
         system
+    }
+
+    /// The system with terms put together from `ingredients` as [`System::vary`] does: to the same bits.
+    pub fn put_together(&self, ingredients: &[Ingredients<Shared<T>>]) -> Self {
+        let mut system = self.map(|Shared(x)| x);
+        system.vary(self, ingredients, &Factors::from_array([T::from_f64(1.0); 5]));
+        system.map(Shared)
     }
 }
 
