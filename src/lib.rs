@@ -1,6 +1,6 @@
 //! Underwater vehicle-manipulator systems on SE(3).
 //!
-//! Layers, each of which imports only those above it:
+//! Layers; each imports only those before it in this list, and any of them its errors from `error`:
 //!
 //! ```text
 //! lane          numbers, one or many at a time

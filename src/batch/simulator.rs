@@ -10,7 +10,7 @@ use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::balance::articulated::Loads;
 use crate::balance::{Balance, ClosedForm, Linearization, linearize};
-use crate::control::{Allocation, Thrusts};
+use crate::control::Allocation;
 use crate::description::Scene;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
@@ -372,14 +372,6 @@ impl Simulator {
     /// [`SimulatorError::Length`] or [`SimulatorError::NotFinite`].
     pub fn check_rows(&self, name: &'static str, values: &[f64], width: usize) -> Result<(), SimulatorError> {
         check(name, Some(values), width, &self.options)
-    }
-
-    /// Thrust of instance `i` under `inputs`, within limits.
-    ///
-    /// # Errors
-    /// As [`Self::step`].
-    pub fn applied_thrust(&self, inputs: &Inputs, i: usize) -> Result<Thrusts, SimulatorError> {
-        Ok(Applied::new(inputs, &self.scene, &self.allocation, &self.options)?.thrust(i))
     }
 
     fn apply(&mut self, inputs: &Inputs) -> Result<Switches, SimulatorError> {

@@ -17,6 +17,9 @@ pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 /// Singular values below this share of the greatest count as 0: such an axis would take a million times the thrust.
 const RANK_TOLERANCE: f64 = 1e-6;
 
+/// Wrenches beyond this (N, N m) saturate any thrusters.
+const HUGE: f64 = 1e100;
+
 /// Relative thrusts below this share of the greatest are rounding: they are left out, or saturate nothing.
 const ROUNDING: f64 = 1e-12;
 
@@ -140,7 +143,9 @@ impl Allocation {
     /// Thrusts for `wrench` within the limits: scaled down together where one would exceed its own, so that the
     /// wrench keeps its direction.
     pub fn allocate(&self, wrench: &Vector6<f64>) -> Thrusts {
-        let thrusts = self.unsaturated(wrench);
+        // Far beyond all limits only the direction counts, and a shorter wrench cannot overflow.
+        let shrink = (HUGE / wrench.amax()).min(1.0);
+        let thrusts = self.unsaturated(&(wrench * shrink));
         let factor = self.room(&thrusts).min(1.0);
         // The clamp removes what rounding leaves beyond a limit.
         std::array::from_fn(|i| (factor * thrusts[i]).clamp(self.limits[i][0], self.limits[i][1]))

@@ -174,6 +174,15 @@ fn impossible_thrusters_are_refused() {
     assert!(matches!(Allocation::new(&with_thrusters(&many)), Err(ControlError::TooManyThrusters { count: 17, .. })));
 }
 
+#[test]
+fn a_wrench_beyond_all_bounds_keeps_its_direction() {
+    let allocation = allocation();
+    let direction = Vector6::new(1.0, -0.4, 0.3, 0.1, -0.2, 0.05);
+    let unit = allocation.wrench(&allocation.allocate(&(1e6 * direction)));
+    let huge = allocation.wrench(&allocation.allocate(&(1.7e308 * direction)));
+    assert!((huge - unit).norm() < 1e-9 * unit.norm());
+}
+
 fn pd(kind: ActionKind) -> Pd {
     let reading =
         Reading { width: 12, error: std::array::from_fn(|k| (k, 0.1)), twist: std::array::from_fn(|k| (6 + k, 0.2)) };

@@ -57,7 +57,7 @@ impl Integrator {
     /// Names of the integrators, each with what it is.
     pub const NAMES: [(&'static str, &'static str); 8] = [
         ("mk4", "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)"),
-        ("mk4-truncated", "Munthe-Kaas, order 4, inverse of dexp cut off after ad^2/12"),
+        ("mk4-truncated", "Munthe-Kaas, order 4, inverse of dexp cut off after ad^2/12: adds an error of order 5"),
         ("mk3", "Munthe-Kaas on Heun's third-order tableau"),
         ("mk2", "Munthe-Kaas on the midpoint rule"),
         ("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)"),

@@ -327,14 +327,16 @@ impl Simulator {
     /// dict of numpy.ndarray
     ///     wrench (N, 6): needed on the vehicle, in body axes at its origin, N and N m; thrust (N, m): its
     ///     allocation, N; joint_torque (N, n): needed of the actuators, N m or N, whatever their effort; residual (N, 6):
-    ///     the part of the wrench that the thrusters cannot provide.
+    ///     the part of the wrench that the thrusters cannot provide. A held vehicle needs none of them: its mooring provides
+    ///     the wrench.
     fn trim<'py>(&self, py: Python<'py>) -> Arrays<'py> {
         let (simulator, allocation) = (&self.inner, self.inner.allocation());
         let shapes: [&[usize]; 4] = [&[6], &[allocation.count()], &[simulator.joints()], &[6]];
         let arrays = self.each(py, shapes, |i, _| {
             let effort = simulator.balance_of(i).trim(&simulator.state(i), simulator.current(i))?;
-            let thrust = allocation.allocate(&effort.wrench);
-            let residual = effort.wrench - allocation.wrench(&thrust);
+            let needed = if simulator.scene().vehicle.fixed { Vector6::zeros() } else { effort.wrench };
+            let thrust = allocation.allocate(&needed);
+            let residual = needed - allocation.wrench(&thrust);
             Ok([
                 effort.wrench.as_slice().to_vec(),
                 thrust[..allocation.count()].to_vec(),

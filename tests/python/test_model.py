@@ -243,3 +243,12 @@ def test_free_body_weighs_what_it_says() -> None:
     s.step(substeps=10)
     assert s.position[0, 2] == pytest.approx(-9.81 / 2, rel=1e-9)
     assert s.twist[0, 2] == pytest.approx(-9.81, rel=1e-9)
+
+
+def test_the_mooring_of_a_held_vehicle_needs_no_thrust() -> None:
+    scene = load_scene("petasus-pum")
+    scene["vehicle"]["fixed"] = True
+    trim = Simulator(scene).trim()
+    assert np.abs(trim["wrench"]).max() > 0.0
+    assert not trim["thrust"].any()
+    assert not trim["residual"].any()
