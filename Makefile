@@ -45,16 +45,16 @@ clean: ## remove everything that was built
 prerequisites:
 	@sh .ci/prerequisites.sh >/dev/null
 
-$(VENV)/made:
+$(VENV)/made: | prerequisites
 	python=$$(sh .ci/prerequisites.sh) && "$$python" -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet 'maturin>=1.16,<2'
 	touch $@
 
-$(VENV)/run: $(VENV)/made pyproject.toml $(RUST)
+$(VENV)/run: $(VENV)/made pyproject.toml $(RUST) | prerequisites
 	$(call develop,cli)
 	touch $@
 
-$(VENV)/dev: $(VENV)/made pyproject.toml $(RUST)
+$(VENV)/dev: $(VENV)/made pyproject.toml $(RUST) | prerequisites
 	$(call develop,dev)
 	touch $@
 

@@ -204,7 +204,7 @@ pub enum Problem {
     #[error("missing: mount.joint moves the arm's base, which therefore needs a mass")]
     MasslessBase,
     /// Provenance of something that the scene does not have.
-    #[error("'{text}' describes no key of this scene")]
+    #[error("'{text}' describes no key of this scene: remove this entry, or set provenance = {{}}")]
     ProvenanceOfNothing {
         /// The text.
         text: String,

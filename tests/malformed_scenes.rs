@@ -206,7 +206,11 @@ fn a_joint_loaded_base_needs_mass() {
 fn provenance_of_nothing_or_of_no_origin() {
     let old = "\"vehicle.body.mass\" = \"cited:";
     refused_body(old, "\"vehicle.body.mass\" = \"guess:", &["provenance.\"vehicle.body.mass\"", "guess:"]);
-    refused_body(old, "\"vehicle.wings\" = \"cited:", &["provenance.\"vehicle.wings\"", "no key of this scene"]);
+    refused_body(
+        old,
+        "\"vehicle.wings\" = \"cited:",
+        &["provenance.\"vehicle.wings\"", "no key of this scene: remove this entry, or set provenance = {}"],
+    );
 }
 
 #[test]

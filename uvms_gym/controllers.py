@@ -5,7 +5,7 @@ from typing import Any, Unpack, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uvms_gym.envs._station_keep import Actions, Options, native
+from uvms_gym.envs._station_keep import Actions, Options, StationKeepBase, native
 
 
 class PD:
@@ -28,6 +28,8 @@ class PD:
     ------
     ValueError
         The scene has no gains and none are given, or a gain is negative or not finite.
+    TypeError
+        `env` is something else, or options are given besides.
     """
 
     def __init__(
@@ -70,12 +72,16 @@ class PD:
         Raises
         ------
         ValueError
-            Observations of another width.
+            Observations of another width, or that are not finite.
         """
         given = np.asarray(observation, dtype=np.float32)
         if given.ndim not in (1, 2):
             raise ValueError(f"observation has shape {given.shape}, but must have (d,) or (n, d)")
-        actions = self._pd.act(np.atleast_2d(given))
+        rows = np.atleast_2d(given)
+        if not (finite := np.isfinite(rows)).all():
+            row, entry = np.argwhere(~finite)[0]
+            raise ValueError(f"observation in row {row}, entry {entry} is {rows[row, entry]}, but must be finite")
+        actions = self._pd.act(rows)
         return (actions[0] if given.ndim == 1 else actions), state
 
     def __getstate__(self) -> Any:
@@ -95,7 +101,11 @@ def _gains(given: ArrayLike | None) -> list[float] | None:
     return [float(gain) for gain in gains]
 
 
-def _unwrapped(env: Any) -> Any:
+def _unwrapped(env: Any) -> StationKeepBase:
     """Find the environment inside wrappers and vector environments."""
     inner = getattr(env, "unwrapped", env)
-    return inner if hasattr(inner, "options") else env.get_attr("unwrapped")[0]
+    if not isinstance(inner, StationKeepBase) and hasattr(env, "get_attr"):
+        inner = env.get_attr("unwrapped")[0]
+    if not isinstance(inner, StationKeepBase):
+        raise TypeError(f"PD takes a UVMS-StationKeep environment, single or vector, not a {type(inner).__name__}")
+    return inner

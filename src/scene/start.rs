@@ -49,6 +49,12 @@ impl StationKeep {
                 return Err(TaskError::Start { name, value: *value, allowed: "finite".into() });
             }
         }
+        for ((q, home), bound) in given.q.iter().flatten().zip(&self.home).zip(self.joint_bounds()) {
+            if (q - home).abs() > bound {
+                let allowed = format!("within {bound} of home ({home}), beyond which it is not observed");
+                return Err(TaskError::Start { name: "q", value: *q, allowed });
+            }
+        }
         for (name, quaternion) in [("attitude", given.attitude), ("target_attitude", given.target_attitude)] {
             let norm = quaternion.map_or(1.0, |q| q.iter().map(|x| x * x).sum::<f64>().sqrt());
             if !(1e-6..1e6).contains(&norm) {
@@ -64,6 +70,12 @@ impl StationKeep {
             }),
             None => Ok((episode, state)),
         }
+    }
+
+    /// Greatest observed distance of each joint coordinate from home.
+    fn joint_bounds(&self) -> impl Iterator<Item = f64> {
+        let block = self.layout().block("joint_position");
+        block.into_iter().flat_map(|b| b.bound.iter().zip(&b.scale).map(|(bound, scale)| bound * scale))
     }
 
     fn start(&self, key: EpisodeKey, given: &StartOverride) -> (Episode, State) {

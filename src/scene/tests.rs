@@ -366,6 +366,10 @@ fn impossible_starts_are_refused() {
     assert!(matches!(flat, TaskError::Start { name: "attitude", .. }));
     let nan = refused(StartOverride { current: Some([0.0, f64::NAN, 0.0]), ..Default::default() });
     assert!(matches!(nan, TaskError::Start { name: "current", .. }));
+    let bent = refused(StartOverride { q: Some(vec![1e300; task().joint_count()]), ..Default::default() });
+    assert!(matches!(bent, TaskError::Start { name: "q", value: 1e300, .. }), "{bent}");
+    let spun = refused(StartOverride { qd: Some(vec![-1e300; task().joint_count()]), ..Default::default() });
+    assert!(matches!(spun, TaskError::Start { name: "joint rate", .. }), "{spun}");
     let short = refused(StartOverride { q: Some(vec![0.0]), ..Default::default() });
     assert!(matches!(short, TaskError::Control(ControlError::Shape { what: "q", got: 1, .. })));
 }

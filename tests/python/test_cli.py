@@ -217,6 +217,57 @@ def test_errors_name_what_is_wrong(capsys: pytest.CaptureFixture[str], tmp_path:
     assert "'magic'" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--current", "nan"], "--current is nan"),
+        (["--current", "1e300"], "--current is 1e+300"),
+        (["--current", "-0.1"], "--current is -0.1"),
+        (["--episodes", "0"], "--episodes is 0"),
+        (["--episodes", "100001"], "--episodes is 100001, but must be 2 to 100000"),
+        (["--seed", "-1"], "--seed is -1"),
+        (["--env", "CartPole-v1"], "--env is 'CartPole-v1', but only versions of UVMS-StationKeep"),
+        (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
+    ],
+)
+def test_options_of_a_comparison_are_named_with_their_value(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert main(["compare", *arguments, "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "name"), [("compare", "compare.json"), ("compare", "compare.png"), ("reproduce", "fig7.png")]
+)
+def test_files_that_cannot_be_written_are_refused_before_computing(
+    command: str, name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / name).mkdir()
+    assert main([command, "--out", str(tmp_path)]) == 2
+    assert f"{name}: it is a folder" in capsys.readouterr().err
+    (tmp_path / name).rmdir()
+    (tmp_path / name).touch()
+    access = os.access
+    # Root may write to all files, so the answer is made up.
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: (mode != os.W_OK or Path(path).name != name) and access(path, mode)
+    )
+    for arguments in (["--out", str(tmp_path)], ["--out", str(tmp_path / "other"), "--json", str(tmp_path / name)]):
+        assert main([command, *arguments]) == 2
+        assert f"{name}: permission denied" in capsys.readouterr().err
+
+
+def test_no_control_is_asked_as_any_policy_is() -> None:
+    env = uvms_gym.envs.station_keep.StationKeepVectorEnv(2)
+    observations, _ = env.reset(seed=0)
+    actions, state = compare.Rest(env).predict(observations, None, episode_start=np.ones(2), deterministic=True)
+    assert (actions.shape, actions.any(), state) == ((2, 6), False, None)
+
+
 def test_a_folder_without_permission_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     # Not even root may make a folder there.
     assert main(["reproduce", "--out", "/proc/uvms"]) == 2

@@ -253,11 +253,21 @@ def test_bad_actions_change_nothing(make):
     before = env.get_state()
     good = np.zeros(env.action_space.shape, dtype=np.float32)
     bad = []
-    for value in (np.nan, np.inf, -np.inf, 1e300):
+    for value in (np.nan, np.inf, -np.inf):
         action = good.astype(np.float64)
         action.flat[-1] = value
         bad.append(action)
-    bad += [good[..., :-1], good[None], np.float32(0.0), good.astype(str), good.astype(complex), None, [], "idle"]
+    bad += [
+        good[..., :-1],
+        good[None],
+        np.float32(0.0),
+        good.astype(str),
+        good.astype(complex),
+        None,
+        [],
+        "idle",
+        [1.0, [2.0]],
+    ]
     for action in bad:
         with pytest.raises(ValueError, match="action"):
             env.step(action)
@@ -269,7 +279,7 @@ def test_actions_beyond_the_range_are_clipped():
     one, other = StationKeepEnv(scene=SMALL), StationKeepEnv(scene=SMALL)
     one.reset(seed=0)
     other.reset(seed=0)
-    wild = np.array([3.0, -2.0, 0.5, 1e30, -7.0, 1.5])
+    wild = np.array([3.0, -2.0, 0.5, 1e300, -7.0, -1e300])
     assert same(one.step(wild), other.step(np.clip(wild, -1.0, 1.0)))
 
 

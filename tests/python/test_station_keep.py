@@ -96,6 +96,37 @@ def test_impossible_arguments_are_refused(arguments, words):
             make(**arguments)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({"max_episode_steps": -1}, ValueError, "max_episode_steps is -1"),
+        ({"max_episode_steps": 2**70}, ValueError, f"max_episode_steps is {2**70}"),
+        ({"max_episode_steps": "many"}, TypeError, "max_episode_steps is 'many'"),
+        ({"num_envs": "3"}, TypeError, "num_envs is '3'"),
+        ({"num_envs": 0}, ValueError, "num_envs is 0"),
+        ({"num_envs": -1}, ValueError, "num_envs is -1"),
+        ({"threads": -1}, ValueError, "threads is -1"),
+        ({"threads": 0}, ValueError, "threads is 0"),
+        ({"threads": 2**70}, ValueError, f"threads is {2**70}"),
+        ({"substeps": 1.5}, TypeError, "substeps is 1.5"),
+        ({"substeps": -1}, ValueError, "substeps is -1"),
+        ({"dt": "a"}, TypeError, "dt is 'a'"),
+        ({"dt": 10**400}, ValueError, "dt is an integer of 1329 bits"),
+        ({"max_current": None}, TypeError, "max_current is None"),
+        ({"dtype": np.float32}, TypeError, "dtype is <class 'numpy.float32'>"),
+        ({"reward": "a"}, TypeError, "reward is 'a'"),
+        ({"reward": [1]}, TypeError, "reward is [1]"),
+        ({"reward": {"pose": "a"}}, TypeError, "reward['pose'] is 'a'"),
+    ],
+)
+def test_arguments_of_wrong_type_or_size_are_named_with_their_value(arguments, error, words):
+    with pytest.raises(error, match=re.escape(words)):
+        gym.make_vec(ENV, **arguments)
+    if arguments.keys() <= DEFAULTS.keys():
+        with pytest.raises(error, match=re.escape(words)):
+            StationKeepEnv(**arguments)
+
+
 def test_unknown_arguments_are_refused():
     for make in (StationKeepEnv, StationKeepVectorEnv):
         with pytest.raises(TypeError, match="depth"):
@@ -114,6 +145,77 @@ def test_unknown_reset_options_name_the_known_ones():
         with pytest.raises(ValueError, match=next(iter(options)) + "|distance"):
             env.reset(options=options)
     assert all(np.array_equal(value, before[key]) for key, value in env.get_state().items())
+
+
+@pytest.mark.parametrize("make", [StationKeepEnv, StationKeepVectorEnv])
+@pytest.mark.parametrize("options", [[1], [], "current", 3])
+def test_reset_options_that_are_no_dict_are_refused(make, options):
+    env = make(scene=SMALL)
+    with pytest.raises(TypeError, match="options must be a dict"):
+        env.reset(options=options)
+
+
+@pytest.mark.parametrize(
+    ("keep", "error", "words"),
+    [
+        ((), ValueError, "'physics'"),
+        (("physics",), ValueError, "'episodes'"),
+        (("episodes",), ValueError, "'physics'"),
+        (None, TypeError, "state must be a dict"),
+    ],
+)
+def test_a_state_that_lacks_a_part_is_refused(keep, error, words):
+    env = StationKeepEnv(scene=SMALL)
+    env.reset(seed=3)
+    before = env.get_state()
+    with pytest.raises(error, match=words):
+        env.set_state(None if keep is None else {part: before[part] for part in keep})
+    assert all(np.array_equal(value, before[key]) for key, value in env.get_state().items())
+
+
+@pytest.mark.parametrize("action", [[0.0, [1.0]], None, "abc", [1j] * 6, [[0.0] * 6]])
+def test_actions_that_are_none_are_refused_with_what_they_must_be(action):
+    env = StationKeepEnv(scene=SMALL)
+    env.reset(seed=3)
+    with pytest.raises(ValueError, match=r"^action .*\(6,\)"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float16, np.int64, np.uint8])
+def test_actions_of_any_real_type_are_clipped_alike(dtype):
+    one, other = StationKeepEnv(scene=SMALL), StationKeepEnv(scene=SMALL)
+    one.reset(seed=3)
+    other.reset(seed=3)
+    given = np.array([0, 1, 2, 0, 100, 1], dtype=dtype)
+    np.testing.assert_array_equal(one.step(given)[0], other.step(np.float32([0, 1, 1, 0, 1, 1]))[0])
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: uvms_gym.Simulator(SMALL), "Simulator"),
+        (lambda: gym.make("CartPole-v1"), "CartPoleEnv"),
+        (lambda: gym.make_vec("CartPole-v1", 2), "CartPoleVectorEnv"),
+        (lambda: gym.make_vec("CartPole-v1", 2, vectorization_mode="sync"), "CartPoleEnv"),
+        (lambda: ENV, "str"),
+    ],
+)
+def test_a_pd_for_something_else_is_refused(make, name):
+    with pytest.raises(TypeError, match=f"PD takes a UVMS-StationKeep environment.* {name}$"):
+        uvms_gym.PD(make())
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_pd_refuses_observations_that_are_not_finite(value):
+    env = StationKeepVectorEnv(3, scene=SMALL)
+    pd = uvms_gym.PD(env)
+    observations, _ = env.reset(seed=3)
+    observations[1, 4] = value
+    with pytest.raises(ValueError, match=f"row 1, entry 4 is {value}"):
+        pd.predict(observations)
+    with pytest.raises(ValueError, match=f"row 0, entry 4 is {value}"):
+        pd.predict(observations[1])
+    pd.predict(observations[::2])
 
 
 def test_reset_options_give_the_start():

@@ -59,8 +59,20 @@ def say(text: str) -> None:
     console.print()
 
 
-def prepare(out: Path | None, json_file: Path | None) -> None:
-    """Make the folders that a command is to write to.
+def check_range(option: str, value: float, least: float, most: float) -> None:
+    """Refuse a value that is out of range or no number.
+
+    Raises
+    ------
+    TyperException
+        It is; the message names option and value.
+    """
+    if not least <= value <= most:
+        raise fail(f"{option} is {value}, but must be {least:g} to {most:.15g}")
+
+
+def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ()) -> None:
+    """Make the folders that a command is to write to, and check them and the files `names` in `out`.
 
     Raises
     ------
@@ -74,8 +86,14 @@ def prepare(out: Path | None, json_file: Path | None) -> None:
             raise fail(f"cannot make the folder {folder}: {error.strerror}") from None
         if not os.access(folder, os.W_OK | os.X_OK):
             raise fail(f"cannot write to the folder {folder}: permission denied")
-    if json_file is not None and json_file.is_dir():
-        raise fail(f"cannot write {json_file}: it is a folder")
+    files = [json_file] if json_file is not None else []
+    if out is not None:
+        files += [out / name for name in names]
+    for file in files:
+        if file.is_dir():
+            raise fail(f"cannot write {file}: it is a folder")
+        if file.exists() and not os.access(file, os.W_OK):
+            raise fail(f"cannot write {file}: permission denied")
 
 
 def write_json(path: Path, data: dict[str, Any]) -> None:

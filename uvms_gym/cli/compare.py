@@ -14,7 +14,19 @@ from numpy.typing import NDArray
 
 from uvms_gym import PD
 from uvms_gym.cli import plots
-from uvms_gym.cli.common import Json, Out, circumstances, console, fail, prepare, progress, say, table, write_json
+from uvms_gym.cli.common import (
+    Json,
+    Out,
+    check_range,
+    circumstances,
+    console,
+    fail,
+    prepare,
+    progress,
+    say,
+    table,
+    write_json,
+)
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.cli.statistics import Estimate, bootstrap, improvement_probability
 
@@ -25,6 +37,8 @@ SCENES = ("petasus-pum", "bluerov2-heavy-alpha5")
 SETTLED = 3.0
 #: Most episodes of one run, so that a slip of the keyboard does not ask for all memory.
 MOST_EPISODES = 100_000
+#: Greatest speed of the current that can be asked for, m/s.
+MOST_CURRENT = 10.0
 
 
 class Metric(NamedTuple):
@@ -61,8 +75,10 @@ class Rest:
     def __init__(self, env: Any) -> None:
         self.shape = env.action_space.shape
 
-    def predict(self, observation: Any) -> tuple[NDArray[np.float32], None]:
-        """Say zero."""
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[NDArray[np.float32], None]:
+        """Say zero, whatever is given."""
         return np.zeros(self.shape, dtype=np.float32), None
 
 
@@ -76,13 +92,15 @@ def compare(
         typer.Option(help=f"Scene: name or TOML file; may be repeated. Without it: {', '.join(SCENES)}."),
     ] = None,
     episodes: Annotated[
-        int, typer.Option(min=2, max=MOST_EPISODES, help="Episodes of each controller in each scene.")
+        int, typer.Option(help=f"Episodes of each controller in each scene, 2 to {MOST_EPISODES}.")
     ] = 256,
-    seed: Annotated[int, typer.Option(min=0, help="Episode i has the seed SEED + i.")] = 0,
+    seed: Annotated[int, typer.Option(help="Episode i has the seed SEED + i.")] = 0,
     controllers: Annotated[
         str, typer.Option(help=f"Any of {', '.join(CONTROLLERS)}; the others are set against the first.")
     ] = "none,pd",
-    current: Annotated[float, typer.Option(min=0.0, help="Greatest speed of the drawn current, m/s.")] = 0.3,
+    current: Annotated[
+        float, typer.Option(help=f"Greatest speed of the drawn current, 0 to {MOST_CURRENT:g} m/s.")
+    ] = 0.3,
     action: Annotated[Literal["wrench", "thrusters"], typer.Option(help="What controllers command.")] = "wrench",
     out: Out = Path("out/compare"),
     json_file: Json = None,
@@ -92,10 +110,16 @@ def compare(
     Prints interquartile means with 95 % intervals, and writes a picture and compare.json to --out.
     """
     names = _controllers(controllers)
+    check_range("--episodes", episodes, 2, MOST_EPISODES)
+    check_range("--seed", seed, 0, math.inf)
+    check_range("--current", current, 0.0, MOST_CURRENT)
     chosen = scene or list(SCENES)
+    for name in chosen:
+        if chosen.count(name) > 1:
+            raise fail(f"scene {name!r} is given twice")
     loaded = {name: read_scene(name) for name in chosen}
-    prepare(out, json_file)
     steps = _length(env)
+    prepare(out, json_file, ("compare.json", "compare.png"))
     results: dict[str, Any] = {}
     with progress() as bar:
         for name, description in loaded.items():
@@ -247,8 +271,11 @@ def _controllers(given: str) -> list[str]:
 
 
 def _length(env: str) -> int | None:
-    """Look up the number of steps of an episode."""
+    """Look up the number of steps of an episode, and whether it is station keeping."""
     try:
-        return gymnasium.spec(env).max_episode_steps
+        spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
         raise fail(str(error)) from None
+    if spec.name != "UVMS-StationKeep":
+        raise fail(f"--env is {env!r}, but only versions of UVMS-StationKeep, such as UVMS-StationKeep-v0, work")
+    return spec.max_episode_steps

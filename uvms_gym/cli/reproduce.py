@@ -10,13 +10,15 @@ from uvms_gym.cli.common import Json, Out, circumstances, console, prepare, prog
 
 UPDATES = {"quaternion-rk4": "RK4", "quaternion-euler": "Euler"}
 
+PICTURES = tuple(f"{name}.png" for name in ("fig2", "gamma", "tumbling", "momentum", "fig5", "fig6", "fig7"))
+
 
 def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
     """Reproduce the paper: table 1, fig. 2, momentum conservation, figs. 5, 6 and 7.
 
     Prints tables, and writes pictures and reproduce.json to --out.
     """
-    prepare(out, json_file)
+    prepare(out, json_file, ("reproduce.json", *PICTURES))
     samples = len(arm_motion.CASES) * round(arm_motion.TIME / arm_motion.STEP / arm_motion.STRIDE)
     intervals = 2 * len(momentum.STEPS) * round(momentum.TIME / momentum.INTERVAL)
     with progress() as bar:
@@ -35,7 +37,7 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
         task = bar.add_task("arm motion", total=samples)
         results["arm_motion"] = arm_motion.arm_motion(lambda: bar.advance(task))
         task = bar.add_task("pictures", total=None)
-        pictures = _draw(out, results)
+        _draw(out, results)
 
     _print_table_1(results)
     _print_tumbling(results["tumbling"])
@@ -44,14 +46,13 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
     data = {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
     for path in {out / "reproduce.json", json_file or out / "reproduce.json"}:
         write_json(path, data)
-    console.print(f"{out}: reproduce.json, {', '.join(pictures)}", markup=False, soft_wrap=True)
+    console.print(f"{out}: reproduce.json, {', '.join(PICTURES)}", markup=False, soft_wrap=True)
 
 
-def _draw(out: Path, results: dict[str, Any]) -> list[str]:
+def _draw(out: Path, results: dict[str, Any]) -> None:
     cases = results["arm_motion"]["cases"]
     truth = float(free_body.exact_yaw(free_body.STEPS - 1))
-    names = [f"{name}.png" for name in ("fig2", "gamma", "tumbling", "momentum", "fig5", "fig6", "fig7")]
-    fig2, gamma, tumbling, drift, fig5, fig6, fig7 = (out / name for name in names)
+    fig2, gamma, tumbling, drift, fig5, fig6, fig7 = (out / name for name in PICTURES)
     plots.figure_2(fig2, results["figure_2"])
     plots.gamma_sweep(gamma, results["gamma_sweep"], free_body.PRINTED["Fossen"], truth)
     plots.tumbling(tumbling, results["tumbling"])
@@ -59,7 +60,6 @@ def _draw(out: Path, results: dict[str, Any]) -> list[str]:
     for path, number, case in ((fig5, 5, "uncontrolled"), (fig6, 6, "PD-controlled")):
         plots.vehicle_motion(path, f"Fig. {number}: vehicle {case}, joint 2 moves 45° and back", cases[case])
     plots.end_effector(fig7, cases)
-    return names
 
 
 def _print_table_1(results: dict[str, Any]) -> None:

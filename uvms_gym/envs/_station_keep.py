@@ -1,5 +1,7 @@
 """What the single and the vector environment of station keeping have in common."""
 
+import math
+import operator
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypedDict
@@ -62,6 +64,10 @@ DEFAULTS: Options = {
     "threads": None,
 }
 REWARD: RewardWeights = {"pose": 0.1, "effort": 0.02, "rate": 0.1}
+_WORDS = ("action", "integrator", "dtype")
+_NUMBERS = tuple(name for name, value in DEFAULTS.items() if isinstance(value, float))
+#: Greatest count that is handed on.
+_MOST = 2**31 - 1
 
 
 def native(
@@ -77,9 +83,12 @@ def native(
     given: dict[str, Any] = {**DEFAULTS, **options}
     if unknown := given.keys() - DEFAULTS.keys():
         raise TypeError(f"unexpected keyword argument {min(unknown)!r}; known: {', '.join(DEFAULTS)}")
+    _check(given, num_envs, max_episode_steps)
     weights = given.pop("reward") or {}
     if unknown := weights.keys() - REWARD.keys():
         raise ValueError(f"unknown reward weight {min(unknown)!r}; known: {', '.join(REWARD)}")
+    for term, weight in weights.items():
+        _check_number(f"reward[{term!r}]", weight)
     return StationKeep(
         **given,
         **{f"reward_{term}": weight for term, weight in {**REWARD, **weights}.items()},
@@ -87,6 +96,43 @@ def native(
         autoreset=autoreset,
         max_episode_steps=max_episode_steps or None,
     )
+
+
+def _check(given: Mapping[str, Any], num_envs: Any, max_episode_steps: Any) -> None:
+    """Check types, and that counts are such; ranges are checked further down."""
+    for name in _WORDS:
+        if not isinstance(given[name], str):
+            raise TypeError(f"{name} is {given[name]!r}, but must be a string")
+    for name in _NUMBERS:
+        _check_number(name, given[name])
+    _check_count("substeps", given["substeps"])
+    _check_count("num_envs", num_envs)
+    if given["threads"] is not None:
+        _check_count("threads", given["threads"])
+    if max_episode_steps is not None:
+        _check_count("max_episode_steps", max_episode_steps, least=0)
+    if not isinstance(given["reward"], Mapping | None):
+        raise TypeError(f"reward is {given['reward']!r}, but must be a dict or None")
+
+
+def _check_number(name: str, value: Any) -> None:
+    try:
+        math.isfinite(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, but must be a real number") from None
+    except OverflowError:
+        raise ValueError(f"{name} is an integer of {value.bit_length()} bits, which is too large") from None
+
+
+def _check_count(name: str, value: Any, least: int = 1) -> None:
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, but must be an integer") from None
+    if count < least:
+        raise ValueError(f"{name} is {count}, but must be at least {least}")
+    if count > _MOST:
+        raise ValueError(f"{name} is {count}, but must be at most {_MOST}")
 
 
 class StationKeepBase:
@@ -134,25 +180,36 @@ class StationKeepBase:
 
         Raises
         ------
-        ValueError
+        ValueError, TypeError
             The state is not one of such an environment; nothing has changed then.
         """
+        if not isinstance(state, Mapping):
+            raise TypeError(f"state must be a dict as get_state gives it, not {type(state).__name__}")
+        for part in ("physics", "episodes"):
+            if part not in state:
+                raise ValueError(f"state lacks {part!r}, which get_state gives")
         self._native.__setstate__((state["physics"], state["episodes"]))
 
 
 def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
-    """Check shape and type; whether the numbers are finite is checked further down."""
-    array = np.asarray(given)
+    """Check shape and type, and clip what float32 may not hold; whether it is finite is checked further down."""
+    try:
+        array = np.asarray(given)
+    except ValueError:
+        raise ValueError(f"action must be an array of shape {shape}, but its rows differ in length") from None
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"action must be an array of real numbers of shape {shape}, not of dtype {array.dtype}")
     if array.shape != shape:
         raise ValueError(f"action has shape {array.shape}, but must have {shape}")
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"action must be an array of real numbers, not of {array.dtype}")
-    with np.errstate(over="ignore"):
-        return array.astype(np.float32, copy=False)
+    if array.dtype != np.float32:
+        array = np.where(np.isfinite(array), np.clip(array, -1.0, 1.0), array)
+    return array.astype(np.float32, copy=False)
 
 
 def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
     """Check the names of reset options; a new dict without those whose value is None."""
+    if not isinstance(options, Mapping | None):
+        raise TypeError(f"options must be a dict or None, not {type(options).__name__}")
     known = (*RESET_OPTIONS, *extra)
     for name in options or {}:
         if name not in known:

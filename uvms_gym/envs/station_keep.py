@@ -185,7 +185,7 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
 
         Raises
         ------
-        ValueError
+        ValueError, TypeError
             An unknown option (the message lists the known ones), or an impossible start; the running episode goes
             on then.
         """
