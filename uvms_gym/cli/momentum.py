@@ -17,7 +17,7 @@ STEPS = (0.04, 0.02, 0.01, 0.005)
 PAPER_STEP, BAR = 0.01, 1e-8
 # The joints' targets are cubics over intervals of this length, so that all step sizes see the same drive.
 INTERVAL = 0.2
-AMPLITUDE, FREQUENCY = 0.5, 0.5
+AMPLITUDE, FREQUENCY = 0.85, 0.5
 CENTRE = np.array([0.0, 0.5, 0.8, 0.4, 0.0])
 PHASE = np.array([0.0, np.pi, 0.0, np.pi, 0.0])
 BANDWIDTH = 0.5
@@ -61,7 +61,7 @@ def cubic(start: tuple[Floats, Floats], end: tuple[Floats, Floats], length: floa
 
 
 def target(time: float) -> tuple[Floats, Floats]:
-    """Give the joints' targets and their rates: sines that peak at 0.25 rad/s, which the soft servos overshoot."""
+    """Give the joints' targets and their rates: sines that peak at 0.42 rad/s, which the soft servos overshoot."""
     angle = FREQUENCY * time + PHASE
     return CENTRE + AMPLITUDE * np.sin(angle), AMPLITUDE * FREQUENCY * np.cos(angle)
 
