@@ -157,7 +157,9 @@ def test_forward_dynamics_is_what_a_small_step_does() -> None:
 
 
 LONG = """
+import signal
 import uvms_gym
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent may have it ignored
 s = uvms_gym.Simulator("petasus-pum", 64)
 print("go", flush=True)
 try:
