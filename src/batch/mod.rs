@@ -5,6 +5,7 @@ mod dynamics;
 mod inputs;
 mod layout;
 mod loads;
+mod rates;
 mod simulator;
 mod states;
 mod station_keep;
@@ -14,6 +15,7 @@ mod threads;
 
 pub use inputs::Inputs;
 pub use loads::AppliedLoads;
+pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;
 pub use station_keep::{Autoreset, Beginning, Final, INFO, Saved, StationKeepBatch, Transition, Verdict};

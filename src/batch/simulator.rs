@@ -169,6 +169,11 @@ impl Simulator {
         &self.compiled
     }
 
+    /// The integrator.
+    pub fn integrator(&self) -> Integrator {
+        self.integrator
+    }
+
     /// Number of instances.
     pub fn instances(&self) -> usize {
         self.options.instances
