@@ -15,6 +15,13 @@ pub struct Servos {
     pub station: bool,
 }
 
+impl Servos {
+    /// Number of the choice, 0 to 3.
+    pub fn index(self) -> usize {
+        usize::from(self.joints) + 2 * usize::from(self.station)
+    }
+}
+
 impl Linearization {
     /// The same motion under servos whose targets move along with it: `u = -kp [xi; dq] - kd [dV; dq']`.
     pub fn with_servos(mut self, system: &System<Shared<f64>>, servos: Servos) -> Self {

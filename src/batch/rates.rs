@@ -1,18 +1,18 @@
 //! The rates of a scene: its modes at a spread of states, and the steps that are stable for them.
 
 use std::collections::VecDeque;
+use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::{Complex, Vector3};
 
-use super::simulator::Simulator;
+use super::simulator::{Simulator, SimulatorOptions};
 use crate::balance::articulated::Loads;
 use crate::balance::{Linearization, Modes, Servos, linearize};
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
 use crate::error::SimulatorError;
-use crate::integrate::{Integrator, Stability};
-use crate::lie::Vector6;
+use crate::integrate::{Integrator, PASSING, Stability};
 use crate::system::{Compiled, JOINTS, Joints, State};
 
 /// Configurations of the arm besides home.
@@ -43,13 +43,48 @@ pub struct Mode {
     pub stop: bool,
 }
 
-/// A step that is not stable.
+/// A step that is not stable; displays as a warning of one line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Unstable {
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the integrator.
+    pub integrator: String,
+    /// The step, s.
+    pub dt: f64,
     /// The mode that asks for the smallest step.
     pub mode: Mode,
     /// Greatest stable step, s.
     pub stable: f64,
+}
+
+impl fmt::Display for Unstable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { scene, integrator, dt, mode, stable } = self;
+        let known = |name: &&str| Integrator::named(name, 0.0).is_some();
+        let others: Vec<String> =
+            ["ros2", "mk54"].iter().filter(|name| known(name)).map(|name| format!("'{name}'")).collect();
+        let others = if others.is_empty() { String::new() } else { format!(", or integrator {}", others.join(" or ")) };
+        write!(
+            f,
+            "scene '{scene}': integrator '{integrator}' is unstable at dt = {dt} s: the mode of {} has the rate {} \
+             1/s ({}), for which steps are stable up to {} s; take a smaller dt{others}",
+            mode.what,
+            text(mode.rate),
+            mode.place,
+            digits(*stable),
+        )
+    }
+}
+
+fn text(rate: Complex<f64>) -> String {
+    if rate.im == 0.0 { digits(rate.re) } else { format!("{} +- {} i", digits(rate.re), digits(rate.im)) }
+}
+
+/// With three significant digits.
+fn digits(x: f64) -> String {
+    let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{x:.decimals$}")
 }
 
 /// A scene linearized at a spread of states.
@@ -70,7 +105,10 @@ pub struct Survey {
 #[derive(Debug)]
 struct Sample {
     place: String,
-    stop: bool,
+    /// The joint that stands against a stop.
+    stop: Option<usize>,
+    /// Whether the motion would last if it were left alone.
+    rest: bool,
     linear: Linearization,
 }
 
@@ -98,18 +136,18 @@ impl Survey {
 
         let mut samples = Vec::new();
         for (q, place) in configurations(scene, &joints) {
-            let mut add = |motion: &str, linear| {
-                samples.push(Sample { place: format!("{place}, {motion}"), stop: false, linear });
+            let mut add = |motion: &str, rest, linear| {
+                samples.push(Sample { place: format!("{place}, {motion}"), stop: None, rest, linear });
             };
-            add("at rest", at(&q, [0.0; 6], still));
+            add("at rest", true, at(&q, [0.0; 6], still));
             for (axis, &speed) in speeds.iter().enumerate().filter(|(_, speed)| **speed > 0.0) {
                 let mut twist = [0.0; 6];
                 twist[axis] = speed;
                 let unit = if axis < 3 { "m/s" } else { "rad/s" };
-                add(&format!("{} at {speed:.3} {unit}", AXES[axis]), at(&q, twist, still));
+                add(&format!("{} at {speed:.3} {unit}", AXES[axis]), false, at(&q, twist, still));
             }
             if joint_speeds != still {
-                add("joints at speed", at(&q, [0.0; 6], joint_speeds));
+                add("joints at speed", false, at(&q, [0.0; 6], joint_speeds));
             }
         }
         for (k, joint) in joints.iter().enumerate() {
@@ -125,7 +163,7 @@ impl Survey {
                     q[k] += side * depth;
                     let end = if side < 0.0 { "lower" } else { "upper" };
                     let place = format!("joint {k} ({}) at its {end} stop", joint_names[k]);
-                    samples.push(Sample { place, stop: true, linear: at(&q, [0.0; 6], still) });
+                    samples.push(Sample { place, stop: Some(k), rest: true, linear: at(&q, [0.0; 6], still) });
                 }
             }
         }
@@ -135,8 +173,7 @@ impl Survey {
 
     /// Modes at each sample.
     fn found(&self, servos: Servos) -> &[Found] {
-        let which = usize::from(servos.joints) + 2 * usize::from(servos.station);
-        self.modes[which].get_or_init(|| {
+        self.modes[servos.index()].get_or_init(|| {
             let find = |sample: &Sample| {
                 let modes = sample.linear.clone().with_servos(&self.system, servos).modes();
                 Found { rates: modes.rates(), modes }
@@ -151,7 +188,7 @@ impl Survey {
         order.sort_by(|&i, &k| shares[k].total_cmp(&shares[i]));
         let named = order.iter().enumerate().filter(|(i, k)| *i == 0 || shares[**k] >= NAMED);
         let what = named.map(|(_, &k)| self.coordinate(k)).collect::<Vec<_>>().join(" and ");
-        Mode { rate, what, place: place.clone(), stop: *stop }
+        Mode { rate, what, place: place.clone(), stop: stop.is_some() }
     }
 
     /// Name of an entry of `[V; q']`.
@@ -162,8 +199,8 @@ impl Survey {
         }
     }
 
-    /// For each coordinate the fastest mode that it has most of the energy of, of decaying, of growing ones, and of
-    /// those at end stops; fastest first.
+    /// For each coordinate the fastest mode that it has most of the energy of: among decaying ones, among growing ones, and
+    /// for each joint against its end stops; fastest first.
     pub fn modes(&self, servos: Servos) -> Vec<Mode> {
         let mut fastest: Vec<((usize, bool, bool), usize, Vec<f64>, Complex<f64>)> = Vec::new();
         for (sample, found) in self.found(servos).iter().enumerate() {
@@ -171,7 +208,11 @@ impl Survey {
             for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0 && rate.norm() > SLOW) {
                 let shares = found.modes.shares(rate);
                 let most = (0..shares.len()).fold(0, |best, k| if shares[k] > shares[best] { k } else { best });
-                let kind = (most, rate.re > SLOW, self.samples[sample].stop);
+                let stop = self.samples[sample].stop;
+                if stop.is_some_and(|joint| most != 6 + joint) {
+                    continue;
+                }
+                let kind = (most, rate.re > SLOW, stop.is_some());
                 match fastest.iter_mut().find(|entry| entry.0 == kind) {
                     Some(entry) if entry.3.norm() >= rate.norm() => {}
                     Some(entry) => *entry = (kind, sample, shares, rate),
@@ -187,11 +228,13 @@ impl Survey {
     pub fn stable_step(&self, stability: Stability, servos: Servos, stops: bool) -> (f64, Option<Mode>) {
         let (mut least, mut bound) = (f64::INFINITY, None);
         for (sample, found) in self.found(servos).iter().enumerate() {
-            if self.samples[sample].stop && !stops {
+            let Sample { stop, rest, .. } = self.samples[sample];
+            if stop.is_some() && !stops {
                 continue;
             }
+            let lenience = if rest { 0.0 } else { PASSING };
             for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0) {
-                let step = stability.greatest_step(rate, least);
+                let step = stability.greatest_step(rate, lenience, least);
                 if step < least {
                     (least, bound) = (step, Some((sample, rate)));
                 }
@@ -240,25 +283,26 @@ fn of_kind(joint: &Joint, [revolute, prismatic]: [f64; 2]) -> f64 {
 static SURVEYS: Mutex<VecDeque<(Scene, Arc<Survey>)>> = Mutex::new(VecDeque::new());
 
 impl Simulator {
-    /// Speed along each axis at which the vehicle's own drag balances full thrust, at most 5 m/s and 5 rad/s; 0 where there
-    /// is no thrust, or the vehicle is held.
+    /// Speed through the water along each axis, arm at home, at which drag balances full thrust; at most 5 m/s and
+    /// 5 rad/s, and 0 where there is no thrust or the vehicle is held.
     pub fn expected_speed(&self) -> [f64; 6] {
-        let vehicle = &self.compiled().system.vehicle;
         let thrust = self.allocation().wrench_limits();
         std::array::from_fn(|axis| {
             if self.scene().vehicle.fixed || thrust[axis] == 0.0 {
                 return 0.0;
             }
             let drag = |speed: f64| {
-                let twist = Vector6::from_array(std::array::from_fn(|k| if k == axis { speed } else { 0.0 }));
-                vehicle.drag.iter().map(|drag| -drag.wrench(twist).to_array()[axis]).sum::<f64>()
+                let twist = nalgebra::Vector6::ith(axis, speed);
+                let state = State { q: self.scene().home(), twist, ..State::default() };
+                let power = self.balance().at(&state, Vector3::zeros()).power(&crate::balance::Loads::default());
+                power.map_or(0.0, |power| -power.drag / speed)
             };
-            let (mut low, mut high) = (0.0, FASTEST);
-            for _ in 0..40 {
-                let middle = 0.5 * (low + high);
-                if drag(middle) < thrust[axis] { low = middle } else { high = middle }
-            }
-            high
+            // drag = linear v + quadratic v^2
+            let [at_one, at_two] = [1.0, 2.0].map(drag);
+            let quadratic = 0.5 * at_two - at_one;
+            let linear = at_one - quadratic;
+            let speed = 2.0 * thrust[axis] / (linear + (linear * linear + 4.0 * quadratic * thrust[axis]).sqrt());
+            if speed < FASTEST { speed } else { FASTEST }
         })
     }
 
@@ -286,12 +330,29 @@ impl Simulator {
         Ok(survey)
     }
 
-    /// Whether the step is unstable for a mode of the scene under `servos`, end stops left out.
-    pub fn unstable(&self, servos: Servos) -> Option<Unstable> {
+    /// What to warn of before a step with these `servos` on: that it is unstable for a mode of the scene, end stops left
+    /// out. Says so once.
+    pub fn warn_of_step(&mut self, servos: Servos) -> Option<Unstable> {
+        let watch = self.watch_mut();
+        let looked = &mut watch.looked[servos.index()];
+        if watch.warned || std::mem::replace(looked, true) {
+            return None;
+        }
         let survey = self.survey(None).ok()?;
         let (stable, mode) = survey.stable_step(self.integrator().stability(), servos, false);
-        mode.filter(|_| self.options().dt > stable).map(|mode| Unstable { mode, stable })
+        let mode = mode.filter(|_| self.options().dt > stable)?;
+        self.watch_mut().warned = true;
+        let SimulatorOptions { dt, integrator, .. } = self.options().clone();
+        Some(Unstable { scene: self.scene().name.clone(), integrator, dt, mode, stable })
     }
+}
+
+/// What was looked at and warned of already.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Watch {
+    /// By servos that are on.
+    looked: [bool; 4],
+    warned: bool,
 }
 
 /// Integrators whose stability is known, with their names.

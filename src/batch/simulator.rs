@@ -6,6 +6,7 @@ use nalgebra as na;
 
 use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
+use super::rates::Watch;
 use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::balance::articulated::Loads;
@@ -90,6 +91,7 @@ pub struct Simulator {
     threads: usize,
     isa: Isa,
     storage: Box<dyn Storage>,
+    watch: Watch,
 }
 
 impl Clone for Simulator {
@@ -151,6 +153,7 @@ impl Simulator {
             integrator,
             isa,
             storage,
+            watch: Watch::default(),
         })
     }
 
@@ -172,6 +175,15 @@ impl Simulator {
     /// The integrator.
     pub fn integrator(&self) -> Integrator {
         self.integrator
+    }
+
+    /// The scene composed, with the scene's own parameters.
+    pub(super) fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    pub(super) fn watch_mut(&mut self) -> &mut Watch {
+        &mut self.watch
     }
 
     /// Number of instances.

@@ -7,7 +7,7 @@ mod tableau;
 
 pub use munthe_kaas::{Motion, Stages, munthe_kaas};
 pub use quaternion::{Correction, QuaternionMotion, quaternion_runge_kutta};
-pub use stability::{GROWTH, Stability};
+pub use stability::{GROWTH, PASSING, Stability};
 pub use tableau::{EULER, HEUN3, MIDPOINT, RK4, Tableau};
 
 use crate::lane::Lane;

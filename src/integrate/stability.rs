@@ -7,6 +7,8 @@ use super::{Integrator, Tableau};
 /// Growth of a mode by integration alone that passes for none, 1/s: 1 % per second. Some is inevitable: the methods of
 /// order 1 and 2 amplify an undamped oscillation at any step.
 pub const GROWTH: f64 = 0.01;
+/// Error of a mode's damping, as a share of its rate, that passes where the motion that it belongs to does not last.
+pub const PASSING: f64 = 0.1;
 /// Growth that physics asks for is no fault of a step: modes whose rate is real beyond this share of its size do not
 /// count.
 const GROWING: f64 = 0.01;
@@ -51,14 +53,16 @@ impl Stability {
 
     /// Greatest h such that all steps up to h are stable for a mode of that rate, at most `most`; s.
     ///
-    /// A stable step makes it grow by no more than [`GROWTH`] beyond what physics asks for. Modes that grow by
+    /// A step is stable where it makes the mode grow by no more than [`GROWTH`], or than its damping allows when it is
+    /// wrong by the share `lenience` of the rate: 0 for motions that last, [`PASSING`] for others. Modes that grow by
     /// themselves do not count.
-    pub fn greatest_step(&self, rate: Complex<f64>, most: f64) -> f64 {
+    pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
         if *self == Stability::Always || size < SLOW || rate.re > GROWING * size {
             return most;
         }
-        let stable = |h: f64| self.factor(rate * h) <= (rate.re.max(0.0) * h + GROWTH * h.min(1.0)).exp();
+        let damping = rate.re + lenience * size;
+        let stable = |h: f64| self.factor(rate * h) <= (damping * h).max(GROWTH * h.min(1.0)).exp();
         let step = FINENESS / size;
         let mut low = 0.0;
         loop {
