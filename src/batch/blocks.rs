@@ -1,7 +1,5 @@
 //! Storage of all instances in one precision, and access to single ones.
 
-use nalgebra as na;
-
 use super::layout::Layout;
 use super::step::{Accelerate, Step, Switches};
 use super::table::{InstanceLoads, Table};
@@ -9,7 +7,7 @@ use super::threads::for_each;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
-use crate::system::{Compiled, Factors, Ingredients, State, System};
+use crate::system::{Compiled, Factors, Flow, Ingredients, State, System};
 
 /// Blocks that a thread takes at a time.
 const CHUNK: usize = 8;
@@ -22,14 +20,14 @@ pub trait Storage: Send + Sync {
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Quaternion `[w, x, y, z]` of instance `i` as the integrator keeps it, if it keeps one.
-    fn quaternion(&self, i: usize) -> Option<[f64; 4]>;
-    /// Sets that quaternion, if one is kept.
-    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]);
-    /// Current at instance `i`.
-    fn current(&self, i: usize) -> na::Vector3<f64>;
-    /// Sets the current at instance `i`.
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Coordinates of the attitude of instance `i` that the integrator keeps: a quaternion `[w, x, y, z]`, or nothing.
+    fn attitude(&self, i: usize) -> Vec<f64>;
+    /// Sets those coordinates.
+    fn set_attitude(&mut self, i: usize, attitude: &[f64]);
+    /// Flow of the water at instance `i`.
+    fn flow(&self, i: usize) -> Flow;
+    /// Sets the flow of the water at instance `i`.
+    fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Factors on the parameters of instance `i`.
     fn factors(&self, i: usize) -> Factors<f64>;
     /// Sets those factors.
@@ -63,8 +61,8 @@ pub trait Instances {
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Sets the current at instance `i`.
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Sets the flow of the water at instance `i`.
+    fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Sets the loads of instance `i`, as far as they are on.
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
 }
@@ -114,24 +112,24 @@ struct Parameters<T> {
 }
 
 impl<T: Real> Blocks<T> {
-    /// `instances` instances of a compiled scene, all in `state` and in the same `current`.
+    /// `instances` instances of a compiled scene, all in `state` and in the same `flow`.
     ///
     /// # Errors
     /// [`SimulatorError::Memory`] if they do not fit into memory.
     pub fn new(
         compiled: &Compiled,
         instances: usize,
-        keeps_quaternion: bool,
+        integrator: &Integrator,
         isa: Isa,
         state: &State,
-        current: &na::Vector3<f64>,
+        flow: &Flow,
     ) -> Result<Self, SimulatorError> {
         let number = |Shared(x)| Shared(T::from_f64(x));
         let ingredients: Vec<_> = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
         // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
         let system = compiled.system.map(number).put_together(&ingredients);
         let scene = Parameters { system, ingredients };
-        let layout = Layout::new(compiled.links.len(), keeps_quaternion);
+        let layout = Layout::new(compiled.links.len(), integrator.kept());
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -143,7 +141,7 @@ impl<T: Real> Blocks<T> {
         // Columns past the last instance hold a sane state too: they are stepped along.
         for i in 0..columns {
             blocks.set_state(i, state);
-            blocks.set_current(i, current);
+            blocks.set_flow(i, flow);
             blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
         }
         Ok(blocks)
@@ -197,8 +195,8 @@ impl<T: Real> Instances for Part<'_, T> {
         self.table.set_state(self.rows, i, state);
     }
 
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.table.set_current(self.rows, i, current);
+    fn set_flow(&mut self, i: usize, flow: &Flow) {
+        self.table.set_flow(self.rows, i, flow);
     }
 
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
@@ -215,20 +213,20 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_state(&mut self.rows, i, state);
     }
 
-    fn quaternion(&self, i: usize) -> Option<[f64; 4]> {
-        self.table.quaternion(&self.rows, i)
+    fn attitude(&self, i: usize) -> Vec<f64> {
+        self.table.attitude(&self.rows, i)
     }
 
-    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
-        self.table.set_quaternion(&mut self.rows, i, quaternion);
+    fn set_attitude(&mut self, i: usize, attitude: &[f64]) {
+        self.table.set_attitude(&mut self.rows, i, attitude);
     }
 
-    fn current(&self, i: usize) -> na::Vector3<f64> {
-        self.table.current(&self.rows, i)
+    fn flow(&self, i: usize) -> Flow {
+        self.table.flow(&self.rows, i)
     }
 
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.table.set_current(&mut self.rows, i, current);
+    fn set_flow(&mut self, i: usize, flow: &Flow) {
+        self.table.set_flow(&mut self.rows, i, flow);
     }
 
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {

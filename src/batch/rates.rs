@@ -126,7 +126,7 @@ impl Survey {
         let system = &compiled.system;
         let at = |q: &Joints, twist: [f64; 6], qd: Joints| {
             let state = State { q: *q, qd, twist: twist.into(), ..State::default() };
-            linearize(system, &state, &Vector3::zeros(), &[0.0; 6], &Loads::none())
+            linearize(system, &state, &Vector3::zeros().into(), &[0.0; 6], &Loads::none())
         };
         let still = [0.0; JOINTS];
         let mut joint_speeds = still;
@@ -357,5 +357,5 @@ pub(super) struct Watch {
 
 /// Integrators whose stability is known, with their names.
 pub fn stabilities() -> impl Iterator<Item = (&'static str, Stability)> {
-    Integrator::NAMES.iter().filter_map(|&(name, _)| Some((name, Integrator::named(name, 0.0)?.stability())))
+    Integrator::NAMES.into_iter().map(|entry| (entry.name, entry.integrator.stability()))
 }

@@ -2,8 +2,6 @@
 
 use std::borrow::Cow;
 
-use nalgebra as na;
-
 use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
 use super::rates::Watch;
@@ -17,7 +15,7 @@ use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::Isa;
 use crate::lie::Vector6;
-use crate::system::{Compiled, Factors, State, compile};
+use crate::system::{Compiled, Factors, Flow, State, compile};
 
 /// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
 const PART: usize = 1 << 16;
@@ -127,19 +125,19 @@ impl Simulator {
             return Err(SimulatorError::NoThreads);
         }
         let integrator = Integrator::named(&options.integrator, options.gamma).ok_or_else(|| {
-            let known = Integrator::NAMES.map(|(name, _)| name).into();
+            let known = Integrator::NAMES.map(|entry| entry.name).into();
             SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
         })?;
         let isa = Isa::best()?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
-        let (current, quaternion) = (scene.water.current, integrator.keeps_quaternion());
+        let flow = Flow::from(scene.water.current);
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -228,22 +226,29 @@ impl Simulator {
 
     /// Quaternion of instance `i` as a quaternion integrator keeps it, which need not be of unit length.
     pub fn kept_quaternion(&self, i: usize) -> Option<[f64; 4]> {
-        self.storage.quaternion(i)
+        self.kept_attitude(i).try_into().ok()
     }
 
-    /// Sets that quaternion, if one is kept.
-    pub fn set_kept_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
-        self.storage.set_quaternion(i, quaternion);
+    /// Coordinates of the attitude of instance `i` that the integrator keeps, if it does.
+    pub(super) fn kept_attitude(&self, i: usize) -> Vec<f64> {
+        self.storage.attitude(i)
     }
 
-    /// Current at instance `i`, world axes, m/s.
-    pub fn current(&self, i: usize) -> na::Vector3<f64> {
-        self.storage.current(i)
+    /// Sets those coordinates.
+    pub(super) fn set_kept_attitude(&mut self, i: usize, attitude: &[f64]) {
+        self.storage.set_attitude(i, attitude);
     }
 
-    /// Sets the current at instance `i`.
-    pub fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.storage.set_current(i, current);
+    /// Flow of the water at instance `i`.
+    pub fn flow(&self, i: usize) -> Flow {
+        self.storage.flow(i)
+    }
+
+    /// Sets the flow of the water at instance `i`; its velocity then changes by the acceleration times the time.
+    ///
+    /// Where the scene has no gravity, its acceleration must be 0: weight and buoyancy are not compiled then.
+    pub fn set_flow(&mut self, i: usize, flow: impl Into<Flow>) {
+        self.storage.set_flow(i, &flow.into());
     }
 
     /// Steps all instances `substeps` times under held inputs.
@@ -361,7 +366,7 @@ impl Simulator {
 
     /// Reads the closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
     pub fn closed_form<R>(&self, i: usize, read: impl FnOnce(&ClosedForm) -> R) -> R {
-        read(&self.balance_of(i).at(&self.state(i), self.current(i)))
+        read(&self.balance_of(i).at(&self.state(i), self.flow(i)))
     }
 
     /// Linearizes instance `i` about its state under `inputs` (servos off).
@@ -378,9 +383,9 @@ impl Simulator {
         for (k, link) in self.compiled.links.iter().enumerate() {
             loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
         }
-        let (state, current) = (self.state(i), self.current(i));
+        let (state, flow) = (self.state(i), self.flow(i));
         let scene = self.scene.varied(&self.factors(i).to_array());
-        Ok(linearize(&compile(&scene).system, &state, &current, &given.wrench, &loads))
+        Ok(linearize(&compile(&scene).system, &state, &flow, &given.wrench, &loads))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

@@ -2,15 +2,14 @@
 
 use nalgebra::Complex;
 
-use super::{Integrator, Tableau};
+use super::{Integrator, STAGES, Tableau};
 
 /// Growth of a mode by integration alone that passes for none, 1/s: 1 % per second. Some is inevitable: the methods of
 /// order 1 and 2 amplify an undamped oscillation at any step.
 pub const GROWTH: f64 = 0.01;
 /// Error of a mode's damping, as a share of its rate, that passes where the motion that it belongs to does not last.
 pub const PASSING: f64 = 0.1;
-/// Growth that physics asks for is no fault of a step: modes whose rate is real beyond this share of its size do not
-/// count.
+/// Real part of the rate, as a share of its size, from which on a mode grows by itself.
 const GROWING: f64 = 0.01;
 /// Rates below this need no step shorter than hours, and are next to rounding, 1/s.
 const SLOW: f64 = 1e-4;
@@ -20,7 +19,7 @@ const FINENESS: f64 = 1.0 / 16.0;
 impl Tableau {
     /// `R(z) = 1 + z b^T (I - z A)^-1 1`: one step of size h makes `R(h rate)` of a mode, where `exp(h rate)` is right.
     pub fn stability(&self, z: Complex<f64>) -> Complex<f64> {
-        let mut stages = [Complex::new(0.0, 0.0); super::tableau::STAGES];
+        let mut stages = [Complex::new(0.0, 0.0); STAGES];
         for i in 0..self.stages {
             let inner: Complex<f64> = (0..i).map(|j| stages[j] * self.a[i][j]).sum();
             stages[i] = z * inner + 1.0;
@@ -53,16 +52,16 @@ impl Stability {
 
     /// Greatest h such that all steps up to h are stable for a mode of that rate, at most `most`; s.
     ///
-    /// A step is stable where it makes the mode grow by no more than [`GROWTH`], or than its damping allows when it is
-    /// wrong by the share `lenience` of the rate: 0 for motions that last, [`PASSING`] for others. Modes that grow by
-    /// themselves do not count.
+    /// A step is stable where it makes the mode grow by no more than [`GROWTH`] beyond what physics asks for, or than its
+    /// damping allows when it is wrong by the share `lenience` of the rate: 0 for motions that last, [`PASSING`] for
+    /// others. Modes that grow fast by themselves do not count.
     pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
         if *self == Stability::Always || size < SLOW || rate.re > GROWING * size {
             return most;
         }
-        let damping = rate.re + lenience * size;
-        let stable = |h: f64| self.factor(rate * h) <= (damping * h).max(GROWTH * h.min(1.0)).exp();
+        let allowed = |h: f64| (rate.re.max(0.0) * h + GROWTH * h.min(1.0)).max((rate.re + lenience * size) * h);
+        let stable = |h: f64| self.factor(rate * h) <= allowed(h).exp();
         let step = FINENESS / size;
         let mut low = 0.0;
         loop {
@@ -102,7 +101,7 @@ impl Integrator {
     /// What its steps make of a mode. The stability of a method on the group is that of its tableau.
     pub fn stability(&self) -> Stability {
         match self {
-            Integrator::MuntheKaas(tableau, _) | Integrator::Quaternion(tableau, _) => Stability::Explicit(tableau),
+            Integrator::Explicit(method) => Stability::Explicit(method.tableau),
         }
     }
 }
