@@ -61,7 +61,7 @@ fn val_rate_of_a_mass_and_a_damper() {
     let survey = simulator(&scene, "mk4", 0.01).survey(Some(&[1.5, 0.0, 0.0, 0.0, 0.0, 0.0])).unwrap();
     let fastest = &survey.modes(OFF)[0];
     assert!((fastest.rate + 10.0).norm() < 1e-9, "{fastest:?}");
-    assert_eq!((fastest.what.as_str(), fastest.place.as_str()), ("vehicle surge", "at home, surge at 1.500 m/s"));
+    assert_eq!((fastest.what.as_str(), fastest.place.as_str()), ("vehicle surge", "at home, surge at 1.50 m/s"));
 }
 
 #[test]
@@ -118,8 +118,10 @@ fn val_rates_of_a_servo_on_one_joint_of_a_floating_vehicle() {
 #[test]
 fn val_rates_of_the_station_servo() {
     let mut scene = body();
-    scene.vehicle.servo =
-        Some(uvms_gym::description::VehicleServo { kp: [20.0, 8.0, 0.0, 9.0, 0.0, 0.0], kd: [5.0, 1.0, 0.0, 2.0, 0.0, 0.0] });
+    scene.vehicle.servo = Some(uvms_gym::description::VehicleServo {
+        kp: [20.0, 8.0, 0.0, 9.0, 0.0, 0.0],
+        kd: [5.0, 1.0, 0.0, 2.0, 0.0, 0.0],
+    });
     let found = rates(&scene, &Inputs::default(), BOTH);
     for root in [roots(5.0, 5.0, 20.0), roots(2.0, 1.0, 8.0), roots(1.0, 2.0, 9.0)].concat() {
         assert_has(&found, root, 1e-9);

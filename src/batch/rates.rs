@@ -107,7 +107,7 @@ struct Sample {
     place: String,
     /// The joint that stands against a stop.
     stop: Option<usize>,
-    /// Whether the motion would last if it were left alone.
+    /// Whether nothing moves.
     rest: bool,
     linear: Linearization,
 }
@@ -144,7 +144,7 @@ impl Survey {
                 let mut twist = [0.0; 6];
                 twist[axis] = speed;
                 let unit = if axis < 3 { "m/s" } else { "rad/s" };
-                add(&format!("{} at {speed:.3} {unit}", AXES[axis]), false, at(&q, twist, still));
+                add(&format!("{} at {} {unit}", AXES[axis], digits(speed)), false, at(&q, twist, still));
             }
             if joint_speeds != still {
                 add("joints at speed", false, at(&q, [0.0; 6], joint_speeds));
@@ -232,7 +232,9 @@ impl Survey {
             if stop.is_some() && !stops {
                 continue;
             }
-            let lenience = if rest { 0.0 } else { PASSING };
+            // An arm without servos does not stay where it is.
+            let lasts = rest && (servos.joints || self.joint_names.is_empty());
+            let lenience = if lasts { 0.0 } else { PASSING };
             for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0) {
                 let step = stability.greatest_step(rate, lenience, least);
                 if step < least {

