@@ -5,6 +5,7 @@ mod dynamics;
 mod inputs;
 mod layout;
 mod loads;
+mod monitor;
 mod rates;
 mod simulator;
 mod states;
@@ -15,6 +16,7 @@ mod threads;
 
 pub use inputs::Inputs;
 pub use loads::AppliedLoads;
+pub use monitor::{Sighting, Stray};
 pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;

@@ -61,19 +61,29 @@ pub struct Unstable {
 impl fmt::Display for Unstable {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, integrator, dt, mode, stable } = self;
-        let known = |name: &&str| Integrator::named(name, 0.0).is_some();
-        let others: Vec<String> =
-            ["ros2", "mk54"].iter().filter(|name| known(name)).map(|name| format!("'{name}'")).collect();
-        let others = if others.is_empty() { String::new() } else { format!(", or integrator {}", others.join(" or ")) };
         write!(
             f,
             "scene '{scene}': integrator '{integrator}' is unstable at dt = {dt} s: the mode of {} has the rate {} \
-             1/s ({}), for which steps are stable up to {} s; take a smaller dt{others}",
+             1/s ({}), for which steps are stable up to {} s; take a smaller dt{}",
             mode.what,
             text(mode.rate),
             mode.place,
             digits(*stable),
+            Others,
         )
+    }
+}
+
+/// What there is besides a smaller step.
+pub(super) struct Others;
+
+impl fmt::Display for Others {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let known = |name: &str| Integrator::NAMES.iter().any(|entry| entry.name == name);
+        for (k, name) in ["ros2", "mk54"].into_iter().filter(|name| known(name)).enumerate() {
+            write!(f, "{}'{name}'", if k == 0 { ", or integrator " } else { " or " })?;
+        }
+        Ok(())
     }
 }
 
@@ -82,7 +92,7 @@ fn text(rate: Complex<f64>) -> String {
 }
 
 /// With three significant digits.
-fn digits(x: f64) -> String {
+pub(super) fn digits(x: f64) -> String {
     let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
     format!("{x:.decimals$}")
 }
@@ -335,26 +345,16 @@ impl Simulator {
     /// What to warn of before a step with these `servos` on: that it is unstable for a mode of the scene, end stops left
     /// out. Says so once.
     pub fn warn_of_step(&mut self, servos: Servos) -> Option<Unstable> {
-        let watch = self.watch_mut();
-        let looked = &mut watch.looked[servos.index()];
-        if watch.warned || std::mem::replace(looked, true) {
+        if !self.watch_mut().looks(servos) {
             return None;
         }
         let survey = self.survey(None).ok()?;
         let (stable, mode) = survey.stable_step(self.integrator().stability(), servos, false);
         let mode = mode.filter(|_| self.options().dt > stable)?;
-        self.watch_mut().warned = true;
+        self.watch_mut().warned();
         let SimulatorOptions { dt, integrator, .. } = self.options().clone();
         Some(Unstable { scene: self.scene().name.clone(), integrator, dt, mode, stable })
     }
-}
-
-/// What was looked at and warned of already.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Watch {
-    /// By servos that are on.
-    looked: [bool; 4],
-    warned: bool,
 }
 
 /// Integrators whose stability is known, with their names.

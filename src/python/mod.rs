@@ -3,6 +3,7 @@
 mod arrays;
 mod errors;
 mod inputs;
+mod integrators;
 mod linearize;
 mod model;
 mod motion;
@@ -20,6 +21,8 @@ use pyo3::prelude::*;
 mod core {
     #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
+    #[pymodule_export]
+    use super::integrators::integrators;
     #[pymodule_export]
     use super::scene::{load_scene, scenes};
     #[pymodule_export]

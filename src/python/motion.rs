@@ -44,8 +44,9 @@ impl Simulator {
     /// Warns
     /// -----
     /// StepWarning
-    ///     Once per simulator: at the first step with the servos that make `dt` unstable for a mode of the scene (see
-    ///     `modes`).
+    ///     Once per simulator: before the first step with the servos that make `dt` unstable for a mode of the scene (see
+    ///     `modes`). And once after the first call in which the motion of an instance left what the integrator follows
+    ///     (`stiffness` beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2"), or its state became infinite or NaN.
     #[pyo3(
         signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=None),
         text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=1)"
@@ -75,7 +76,11 @@ impl Simulator {
             interrupt.is_ok()
         };
         py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on))?;
-        interrupt
+        interrupt?;
+        match self.inner.warn_of_motion() {
+            Some(stray) => warn(py, &stray.to_string()),
+            None => Ok(()),
+        }
     }
 
     /// Accelerations [V'; q''] under the inputs of `step`, by articulated bodies; the state stays as it is.

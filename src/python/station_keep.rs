@@ -175,6 +175,9 @@ impl StationKeep {
             warn(py, &unstable.to_string())?;
         }
         let done = py.detach(|| batch.step(&actions)).map_err(refused)?;
+        if let Some(stray) = batch.warn_of_motion() {
+            warn(py, &stray.to_string())?;
+        }
         let verdicts = &done.verdicts;
         let rewards: Array1<f64> = verdicts.iter().map(|v| v.reward).collect();
         let terminated: Array1<bool> = verdicts.iter().map(|v| v.terminated).collect();

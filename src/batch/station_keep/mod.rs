@@ -2,6 +2,7 @@
 
 mod crew;
 
+use super::monitor::Stray;
 use super::rates::Unstable;
 use super::simulator::{Simulator, SimulatorOptions};
 use super::step::Switches;
@@ -133,6 +134,11 @@ impl StationKeepBatch {
     /// What to warn of before a step, once: as [`Simulator::warn_of_step`] with the servos of the joints on.
     pub fn warn_of_step(&mut self) -> Option<Unstable> {
         self.simulator.warn_of_step(Servos { joints: true, station: false })
+    }
+
+    /// What to warn of after a step, once: as [`Simulator::warn_of_motion`].
+    pub fn warn_of_motion(&mut self) -> Option<Stray> {
+        self.simulator.warn_of_motion()
     }
 
     /// Number of instances N.
