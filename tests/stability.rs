@@ -1,11 +1,16 @@
 //! Rates of scenes against closed forms, and stable steps against what steps do.
 
+#[path = "common/random_scene.rs"]
+mod random_scene;
+
 use nalgebra::{Complex, Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::balance::{Balance, Servos};
-use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions, stabilities};
+use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions, stabilities};
 use uvms_gym::description::{Friction, JointServo, Scene};
-use uvms_gym::integrate::{EULER, GROWTH, HEUN3, Integrator, MIDPOINT, PASSING, RK4, Stability, Tableau};
+use uvms_gym::integrate::{EULER, GROWTH, Gains, HEUN3, Integrator, MIDPOINT, PASSING, RK4, Stability, Tableau};
 use uvms_gym::system::State;
+
+use random_scene::Random;
 
 const OFF: Servos = Servos { joints: false, station: false };
 const JOINTS: Servos = Servos { joints: true, station: false };
@@ -206,7 +211,7 @@ fn a_step_of_a_damped_mass_is_the_stability_function() {
     for (name, tableau) in
         [("mk1", &EULER), ("mk2", &MIDPOINT), ("mk3", &HEUN3), ("mk4", &RK4)] as [(&str, &Tableau); 4]
     {
-        assert_eq!(Integrator::named(name, 0.0).unwrap().stability(), Stability::Explicit(tableau));
+        assert_eq!(Integrator::named(name, &Gains::DEFAULT).unwrap().stability(), Stability::Explicit(tableau));
         for h in [0.05, 0.3, 0.8] {
             let mut s = simulator(&scene, name, h);
             s.set_state(0, &State { twist: Vector6::ith(0, 1.0), ..State::default() });
@@ -274,7 +279,7 @@ fn steps_below_the_stable_one_decay_and_steps_above_it_grow() {
             let held = Inputs { wrench: Some(wrench), joint_torque: Some(torque), ..Inputs::default() };
             let found = rates(&scene, &held, BOTH);
             for integrator in ["mk4", "mk3", "mk2"] {
-                let stability = Integrator::named(integrator, 0.0).unwrap().stability();
+                let stability = Integrator::named(integrator, &Gains::DEFAULT).unwrap().stability();
                 let most = |h: f64, rate: &Complex<f64>| stability.greatest_step(*rate, 0.0, h);
                 let stable = found.iter().fold(f64::INFINITY, most);
                 let [below, above] = [0.9, 1.15].map(|f| growth(&scene, integrator, f * stable, wrench, torque));
@@ -296,7 +301,7 @@ fn shipped_scenes_are_stable_at_their_steps() {
                 for servos in [OFF, JOINTS, BOTH] {
                     if let Some(unstable) = s.warn_of_step(servos) {
                         println!("{unstable}");
-                        assert!(dt == 0.05, "{unstable}");
+                        assert!(dt == 0.05 || (integrator, dt) == ("mk1", 0.02), "{unstable}");
                     }
                 }
             }
@@ -373,4 +378,98 @@ fn the_expected_speed_is_the_terminal_one() {
     assert_eq!(simulator(&scene, "mk4", 0.01).expected_speed(), [5.0; 6]);
     scene.vehicle.thrusters.clear();
     assert_eq!(simulator(&scene, "mk4", 0.01).expected_speed(), [0.0; 6]);
+}
+
+#[test]
+fn val_range_of_the_integrators() {
+    for (tableau, range) in [(&EULER, 0.7), (&MIDPOINT, 1.2), (&HEUN3, 1.6), (&RK4, 2.0)] {
+        let found = Stability::Explicit(tableau).range();
+        assert!((found - range).abs() < 0.05, "order {}: {found}", tableau.order);
+    }
+    assert_eq!(Stability::Always.range(), f64::INFINITY);
+}
+
+fn many(scene: &Scene, integrator: &str, dt: f64, precision: Precision, instances: usize) -> Simulator {
+    let options =
+        SimulatorOptions { integrator: integrator.into(), dt, precision, instances, ..SimulatorOptions::default() };
+    Simulator::new(scene.clone(), options).unwrap()
+}
+
+#[test]
+fn the_instance_that_leaves_the_range_is_said_once() {
+    let mut scene = body();
+    scene.vehicle.body.damping.linear[(0, 0)] = 20.0;
+    for precision in [Precision::Double, Precision::Single] {
+        for (dt, said) in [(0.4, false), (0.6, true)] {
+            let mut s = many(&scene, "mk4", dt, precision, 150);
+            for i in [77, 133] {
+                s.set_state(i, &State { twist: Vector6::ith(0, 1.0), time: 2.0, ..State::default() });
+            }
+            s.step(&Inputs::default(), 3).unwrap();
+            let stray = s.warn_of_motion();
+            assert_eq!(stray.is_some(), said, "{stray:?}");
+            let Some(stray) = stray else { continue };
+            let seen = stray.sighting;
+            assert_eq!((seen.instance, seen.finite), (77, true));
+            assert!((seen.time - 3.8).abs() < 1e-6 && (seen.stiffness - 2.4).abs() < 0.01, "{seen:?}");
+            let text = stray.to_string();
+            for part in ["'free-body'", "instance 77", "t = 3.8", "'mk4'", "dt = 0.6 s", "4.00 1/s", "2.40"] {
+                assert!(text.contains(part), "{part}: {text}");
+            }
+            s.step(&Inputs::default(), 3).unwrap();
+            assert_eq!(s.warn_of_motion(), None);
+        }
+    }
+}
+
+#[test]
+fn a_state_that_is_lost_is_said_once() {
+    let mut scene = body();
+    scene.vehicle.body.damping.quadratic[(0, 0)] = 20.0;
+    for precision in [Precision::Double, Precision::Single] {
+        let mut s = many(&scene, "mk1", 0.1, precision, 20);
+        s.set_state(11, &State { twist: Vector6::ith(0, 1e3), ..State::default() });
+        assert_eq!(s.warn_of_motion(), None);
+        s.step(&Inputs::default(), 40).unwrap();
+        let stray = s.warn_of_motion().unwrap();
+        assert_eq!((stray.sighting.instance, stray.sighting.finite), (11, false));
+        assert!(stray.to_string().contains("the state of instance 11 is no longer finite"), "{stray}");
+        s.step(&Inputs::default(), 1).unwrap();
+        assert_eq!(s.warn_of_motion(), None);
+    }
+}
+
+#[test]
+fn shipped_scenes_stay_within_the_range_at_their_steps() {
+    for name in Scene::shipped_names() {
+        let scene = Scene::shipped(name).unwrap();
+        for (integrator, dt) in [("mk4", 0.01), ("mk4", 0.02), ("mk3", 0.01), ("mk2", 0.01)] {
+            for precision in [Precision::Double, Precision::Single] {
+                let mut s = many(&scene, integrator, dt, precision, 16);
+                let (speed, n, mut random) = (s.expected_speed(), s.joints(), Random::new(5));
+                let mut target = Vec::new();
+                for i in 0..16 {
+                    let mut state = s.state(i);
+                    for k in 0..6 {
+                        state.twist[k] = random.between(-0.7, 0.7) * speed[k];
+                    }
+                    for (k, joint) in scene.joints().enumerate() {
+                        let limits = joint.limits.as_ref().unwrap();
+                        state.q[k] = random.between(limits.lower, limits.upper);
+                        state.qd[k] = random.between(-0.5, 0.5);
+                        target.push(state.q[k] + random.between(-0.3, 0.3));
+                    }
+                    s.set_state(i, &state);
+                }
+                let inputs = Inputs { joint_target: (n > 0).then_some(&target), ..Inputs::default() };
+                let mut greatest: f64 = 0.0;
+                for _ in 0..20 {
+                    s.step(&inputs, 5).unwrap();
+                    greatest = (0..16).fold(greatest, |greatest, i| greatest.max(s.stiffness(i)));
+                }
+                println!("{name}, {integrator} at {dt} s, {precision:?}: h |rate| up to {greatest:.3}");
+                assert_eq!(s.warn_of_motion(), None);
+            }
+        }
+    }
 }

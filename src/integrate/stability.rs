@@ -54,16 +54,19 @@ impl Stability {
 
     /// Greatest h such that all steps up to h are stable for a mode of that rate, at most `most`; s.
     ///
-    /// A step is stable where it makes the mode grow by no more than [`GROWTH`] beyond what physics asks for, or than its
-    /// damping allows when it is wrong by the share `lenience` of the rate: 0 for motions that last, [`PASSING`] for
-    /// others. Modes that grow fast by themselves do not count.
+    /// A step is stable where it makes the mode grow by no more than [`GROWTH`] beyond what physics asks for; or, below
+    /// `h |rate| = 1`, than its damping allows when it is wrong by the share `lenience` of the rate: 0 for motions that
+    /// last, [`PASSING`] for others. Modes that grow fast by themselves do not count.
     pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
         if *self == Stability::Always || size < SLOW || rate.re > GROWING * size {
             return most;
         }
-        let allowed = |h: f64| (rate.re.max(0.0) * h + GROWTH * h.min(1.0)).max((rate.re + lenience * size) * h);
-        let stable = |h: f64| self.factor(rate * h) <= allowed(h).exp();
+        let stable = |h: f64| {
+            let growth = rate.re.max(0.0) * h + GROWTH * h.min(1.0);
+            let passing = if h * size < 1.0 { (rate.re + lenience * size) * h } else { growth };
+            self.factor(rate * h) <= growth.max(passing).exp()
+        };
         let step = FINENESS / size;
         let mut low = 0.0;
         loop {
