@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.cli.hard.case import Case, Floats, Lab, Quantities, Scene, Truth, converged, single_body
+from uvms_gym.cli.hard.case import Case, Floats, Lab, Quantities, Scene, Truth, converged, instants, single_body
 from uvms_gym.cli.hard.truth import complete_elliptic, jacobi, turn
 from uvms_gym.cli.momentum import conservative_scene
 
@@ -24,7 +24,7 @@ def _arm(name: str, vehicle: Scene, joint: Scene, link: Scene, density: float = 
 # pendulum, q'' = -mu r l / (I_c + mu l^2) Omega^2 sin q, mu the reduced mass of both. What the vehicle's turning feels
 # of it, mu r l / I = 2e-9, is left out.
 LIGHT = {"mass": 1e-6, "hinge": 0.03, "com": 0.03, "spin": 2.0, "start": 1.0}
-LIGHT_TIMES = np.arange(1, 21) * 0.5
+LIGHT_TIMES = instants(0.5, 20)
 
 
 def _run_light(lab: Lab) -> Quantities:
@@ -138,7 +138,7 @@ HEAVY_LINK = Case(
 
 # Stiff drag on a light link: I q'' = tau - d q' - k q'|q'|, at rates of a thousand per second.
 STIFF = {"inertia": 5e-5, "linear": 0.05, "quadratic": 0.02, "torque": 0.03}
-STIFF_TIMES = np.arange(1, 11) * 0.1
+STIFF_TIMES = instants(0.1, 10)
 
 
 def _run_stiff(lab: Lab) -> Quantities:
@@ -204,7 +204,7 @@ def _servo_truth() -> Truth:
 
 STIFF_SERVO = Case(
     name="PD gains 100 times too high",
-    tests="the joint servos of BlueROV2 + Alpha 5 with a hundredfold gains go to new targets, 1 s: joints, end effector",
+    tests="joint servos of BlueROV2 + Alpha 5, gains a hundredfold, go to new targets, 1 s: joints, end effector",
     run=_run_servo,
     truth=_servo_truth,
     steps={1: 0.0005},

@@ -168,7 +168,7 @@ class Run:
 
     @property
     def verdict(self) -> str:
-        """"meets" the bar (or a coarse step's: is not grossly wrong), else "warned" or "SILENT"."""
+        """ "meets" the bar (or a coarse step's: is not grossly wrong), else "warned" or "SILENT"."""
         if self.error <= self.bar:
             return "meets"
         return "warned" if self.warnings else "SILENT"
@@ -222,6 +222,11 @@ def converged(run: Callable[[Lab], Quantities], step: float, how: str = "") -> T
     other = run(Lab(SECOND, "float64", 0.5 * step))
     text = f"{MK4.name} at {step:g} s against {SECOND.name} at {0.5 * step:g} s" + (f"; {how}" if how else "")
     return Truth(values, text, max(errors(other, values).values()))
+
+
+def instants(interval: float, count: int) -> Floats:
+    """Multiples of an interval: its end, and so on, (count,)."""
+    return interval * np.arange(1, count + 1, dtype=np.float64)
 
 
 def single_body(name: str, body: Scene, density: float = 0.0, **water: Any) -> Scene:

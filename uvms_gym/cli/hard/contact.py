@@ -6,14 +6,14 @@ from functools import cache
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.cli.hard.case import Case, Floats, Lab, Lost, Quantities, Scene, Truth, converged, single_body
+from uvms_gym.cli.hard.case import Case, Floats, Lab, Lost, Quantities, Scene, Truth, converged, instants, single_body
 from uvms_gym.cli.hard.truth import integral
 
 # A link flies into a compliant end stop at speed and out of it again: I q'' = -(k + c q') p for p > 0. Along the
 # contact p^2/2 = -(I/c) [(v - v0) - (k/c) ln((k + c v)/(k + c v0))], which gives the speed v1 at which it leaves, and,
 # by a quadrature over the speed, how long it stays.
 STOP = {"inertia": 0.2, "stiffness": 40.0, "damping": 4.0, "speed": 5.0, "limit": 0.5, "start": 0.0137}
-STOP_TIMES = np.arange(1, 7) * 0.1
+STOP_TIMES = instants(0.1, 6)
 
 
 def _run_stop(lab: Lab) -> Quantities:
@@ -169,9 +169,9 @@ def _run_payload(lab: Lab) -> Quantities:
     _copy_state(free, holding, after)
     # Laws: the inertia of both together, no impulse from outside, no energy won.
     held = holding.mass_matrix()[0]
-    values["inertia held"] = (np.linalg.norm(held - joined) / np.linalg.norm(joined) + 1.0)[None, None]
+    values["inertia held"] = np.array([[1.0 + np.linalg.norm(held - joined) / np.linalg.norm(joined)]])
     gained = holding.momentum()[0] - impulse
-    values["impulse kept"] = 1.0 + np.abs([gained[:3]]) / np.linalg.norm(impulse[:3])
+    values["impulse kept"] = 1.0 + np.abs([gained]) / np.repeat(np.linalg.norm(impulse.reshape(2, 3), axis=1), 3)
     lost = energy - 0.5 * after @ held @ after
     values["energy won at pick-up"] = np.array([[1.0 + max(0.0, -lost / energy)]])
     lab.advance(holding, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
@@ -187,7 +187,8 @@ def _run_payload(lab: Lab) -> Quantities:
     force, moment = end[:3, :3] @ (payload @ carried)[:3], end[:3, :3] @ (payload @ carried)[3:]
     taken = np.concatenate([force, moment + np.cross(end[:3, 3], force)])
     difference = free.momentum()[0] + taken - holding.momentum()[0]
-    values["impulse at drop"] = 1.0 + np.abs([difference]) / np.linalg.norm(holding.momentum()[0])
+    scale = np.linalg.norm(holding.momentum()[0].reshape(2, 3), axis=1)
+    values["impulse at drop"] = 1.0 + np.abs([difference]) / np.repeat(scale, 3)
     lab.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
     look(free, "after the drop")
     return values

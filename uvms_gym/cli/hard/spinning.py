@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from uvms_gym.cli.hard.case import Case, Floats, Lab, Quantities, Scene, Truth, single_body
+from uvms_gym.cli.hard.case import Case, Floats, Lab, Quantities, Scene, Truth, instants, single_body
 from uvms_gym.cli.hard.truth import Top, turn
 
 OBLIQUE = np.array([0.36, 0.48, 0.8])
@@ -16,7 +16,7 @@ def _free(name: str, inertia: Floats) -> Scene:
 
 
 # Free spin: Table 1 of the paper, about an oblique axis. The twist is constant, so every Munthe-Kaas method is exact.
-SPIN_TIMES = np.arange(1, 11) * 50.0
+SPIN_TIMES = instants(50.0, 10)
 
 
 def _run_spin(lab: Lab) -> Quantities:
@@ -37,9 +37,9 @@ FREE_SPIN = Case(
 
 # Rotation about all three axes. The attitude of a free top has a closed form: see `truth.Top`.
 FLIP = Top(np.array([1.0, 2.0, 3.0]), np.array([0.3, 2.0, 0.2]))
-FLIP_TIMES = np.arange(1, 31) * 0.5
+FLIP_TIMES = instants(0.5, 30)
 TUMBLE = Top(np.array([1.0, 2.0, 2.6]), 20.0 * np.array([0.7, 0.5, -0.6]) / math.sqrt(1.1))
-TUMBLE_TIMES = np.arange(1, 11) * 0.5
+TUMBLE_TIMES = instants(0.5, 10)
 
 
 def _run_top(lab: Lab, name: str, top: Top, count: int) -> Quantities:
@@ -94,7 +94,7 @@ def _run_turn(lab: Lab) -> Quantities:
 
 
 def _turn_truth() -> Truth:
-    times = TURN_STEP * np.arange(1, 11)
+    times = instants(TURN_STEP, 10)
     attitudes = {
         f"attitude at {turns:.4g} turns": turn(OBLIQUE, 2.0 * math.pi / TURN_STEP * turns * times) for turns in TURNS
     }
@@ -114,7 +114,7 @@ LARGE_TURN = Case(
 
 # Pitch through 90 degrees: a torque against linear drag turns a drifting ball. Where Euler angles are singular.
 PITCH_DRAG, PITCH_RATE, PITCH_DRIFT = 0.5, 1.0, np.array([0.4, -0.3, 0.2])
-PITCH_TIMES = np.arange(1, 21) * 1.0
+PITCH_TIMES = instants(1.0, 20)
 # From level about y, through 90 degrees; and standing at 90 degrees, about z.
 PITCH_STARTS = np.concatenate([turn(np.eye(3)[2], 0.7), turn(np.eye(3)[2], 0.7) @ turn(np.eye(3)[1], math.pi / 2)])
 PITCH_AXES = np.eye(3)[[1, 2]]
@@ -164,8 +164,7 @@ def _run_orthonormal(lab: Lab) -> Quantities:
 
 
 def _gram(r: Floats) -> Floats:
-    # As a row of nine: an error of its entries, not a turn.
-    return 1.0 + np.abs(r.T @ r - np.eye(3)).max(keepdims=True).ravel()
+    return np.array([1.0 + np.abs(r.T @ r - np.eye(3)).max()])
 
 
 ORTHONORMAL = Case(

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,7 +126,7 @@ def integral(rate: Callable[[Floats], Floats], times: Floats, piece: float) -> F
     """Integrals (k - 1,) of `rate` from the first of k times to each other, by Gauss-Legendre on short pieces."""
     nodes, weights = np.polynomial.legendre.leggauss(8)
     sums = []
-    for a, b in zip(times[:-1], times[1:], strict=True):
+    for a, b in pairwise(times):
         edges = np.linspace(a, b, max(1, math.ceil((b - a) / piece)) + 1)
         half = 0.5 * np.diff(edges)[:, None]
         at = edges[:-1, None] + half * (1.0 + nodes)

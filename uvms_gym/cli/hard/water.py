@@ -6,14 +6,14 @@ from functools import cache
 import numpy as np
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.cli.hard.case import Case, Floats, Lab, Quantities, Scene, Truth, single_body
+from uvms_gym.cli.hard.case import Case, Floats, Lab, Quantities, Scene, Truth, instants, single_body
 from uvms_gym.cli.hard.truth import ideal_body, turn
 
 # Added mass far below and far above the mass: a body pushed against quadratic drag, v = v_t tanh(t/T),
 # x = v_t T ln cosh(t/T), T = (m + m_A) / (k v_t). Added mass as a lagged force is unstable here above m_A = m.
 RATIOS = np.array([0.01, 0.1, 1.0, 10.0, 100.0, 1000.0])
 PUSH = {"mass": 10.0, "drag": 20.0, "force": 20.0}
-PUSH_TIMES = np.arange(1, 11) * 1.0
+PUSH_TIMES = instants(1.0, 10)
 # And the same body left to itself with twists about all axes, whose impulse and energy stay.
 ADDED = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
 LOOSE = np.array([0.5, -0.2, 0.1, 0.3, 0.5, -0.4])
@@ -71,7 +71,7 @@ MASS_RATIO = Case(
 
 # Off-diagonal added mass: RexROV's published matrix, without drag and gravity: Kirchhoff's equations.
 REXROV_TWIST = np.array([1.0, 0.3, -0.2, 0.1, 0.25, -0.3])
-REXROV_TIMES = np.arange(1, 11) * 1.0
+REXROV_TIMES = instants(1.0, 10)
 
 
 def _rexrov() -> Scene:
@@ -157,7 +157,7 @@ MUNK_CASE = Case(
 
 # Quadratic drag at 50 m/s: braked to a stop; and against a force, through zero and up to terminal speed.
 FAST = {"mass": 19.0, "drag": 18.18, "force": 20.0, "speed": 50.0}
-FAST_TIMES = np.arange(1, 51) * 0.1
+FAST_TIMES = instants(0.1, 50)
 
 
 def _run_fast(lab: Lab) -> Quantities:
@@ -212,7 +212,7 @@ FAST_DRAG = Case(
 # velocity in the world and the rate of turn decay exponentially, while in body axes one turns the other.
 DECAY, DECAY_SPIN = 1.0, np.array([0.6, -0.8, 1.0])
 DECAY_VELOCITY = np.array([1.0, 0.5, -0.5])
-DECAY_TIMES = np.arange(1, 15) * 1.0
+DECAY_TIMES = instants(1.0, 14)
 
 
 def _run_decay(lab: Lab) -> Quantities:
@@ -313,7 +313,7 @@ BALL = {"mass": 10.0, "added": 5.0, "drag": 3.0, "displaced": 12.0}
 BALL_SPIN = np.array([0.6, -0.8, 1.0])
 CURRENT = np.array([0.5, -0.3, 0.2])
 CURRENT_ACCELERATION = np.array([0.02, 0.05, -0.03])
-BALL_TIMES = np.arange(1, 21) * 1.0
+BALL_TIMES = instants(1.0, 20)
 
 
 def _run_ball(lab: Lab, acceleration: Floats) -> Quantities:
