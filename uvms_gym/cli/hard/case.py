@@ -24,8 +24,8 @@ DTYPES = ("float64", "float32")
 BAR, BAR_FLOAT32 = 1e-6, 1e-3
 #: Relative error beyond which a result is grossly wrong: none may come about without a warning, at any step.
 GROSS = 1e-2
-#: The coarser steps that each case is run at too, as multiples of the recommended one, and their greatest.
-COARSER, COARSEST = (2, 5, 10, 20, 50, 100), 0.1
+#: The coarser steps that each case is run at too, as multiples of the recommended one, and the coarsest, s.
+COARSER, COARSEST = (2, 5, 10, 20, 50, 100, 200), 0.1
 #: Tolerances asked of integrators that choose their own step.
 TOLERANCE = {"float64": 1e-10, "float32": 1e-6}
 
@@ -141,10 +141,13 @@ class Case:
 
     def coarser_steps(self, method: Method) -> Iterator[float]:
         """Coarser steps that divide the case's interval, s."""
-        for factor in COARSER if self.coarser else ():
-            step = factor * self.step(method)
+        if not self.coarser:
+            return
+        recommended = self.step(method)
+        candidates = [factor * recommended for factor in COARSER]
+        for step in [*(step for step in candidates if step < 0.99 * COARSEST), COARSEST]:
             count = self.interval / step
-            if step <= COARSEST * (1.0 + 1e-9) and abs(count - round(count)) < 1e-6:
+            if step > 1.01 * recommended and abs(count - round(count)) < 1e-6:
                 yield step
 
 

@@ -146,6 +146,11 @@ def _copy_state(source: Simulator, to: Simulator, velocity: Floats) -> None:
     to.set_state(position=source.position, rotation=source.rotation, q=source.q, twist=velocity[:6], qd=velocity[6:])
 
 
+def picked_up(mass: Floats, joined: Floats, velocity: Floats) -> Floats:
+    """Velocities [V; q'] after a payload at rest was picked up, which makes the mass matrix `joined`."""
+    return np.asarray(np.linalg.solve(joined, mass @ velocity), dtype=np.float64)
+
+
 def _run_payload(lab: Lab) -> Quantities:
     free, holding = (lab.simulator(_payload_scene(held)) for held in (False, True))
     free.set_state(twist=PAYLOAD_TWIST)
@@ -163,8 +168,7 @@ def _run_payload(lab: Lab) -> Quantities:
     before = np.concatenate([free.twist[0], free.qd[0]])
     mass, jacobian = free.mass_matrix()[0], free.jacobian()[0]
     joined = mass + jacobian.T @ payload @ jacobian
-    # The payload rests in the water.
-    after = np.linalg.solve(joined, mass @ before)
+    after = picked_up(mass, joined, before)
     impulse, energy = free.momentum()[0], 0.5 * before @ mass @ before
     _copy_state(free, holding, after)
     # Laws: the inertia of both together, no impulse from outside, no energy won.

@@ -127,7 +127,7 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
     say(
         f"Every case by {len(methods())} integrators in two precisions. Bars were set before the runs: {BAR:g} for "
         f"order 4 in f64, its p/4-th power for order p < 4, at least {BAR_FLOAT32:g} in f32. A run meets its bar, or "
-        "a warning names scene, rate and step; SILENT is neither. Steps up to 100 times coarser, of at most "
+        "a warning names scene, rate and step; SILENT is neither. Steps up to 200 times coarser, of at most "
         f"{COARSEST:g} s, may miss the bar but must not err by more than {GROSS:g} without a warning: the last column "
         "counts those that err so."
     )
@@ -165,15 +165,16 @@ def _draw(path: Path, cases: Sequence[Case], runs: Sequence[Run]) -> None:
                 run = found[case.name, *column]
                 mark = {"meets": "", "warned": "w", "SILENT": "!"}[run.verdict]
                 exponent = f"{math.log10(max(run.error, 1e-17)):.0f}" if math.isfinite(run.error) else "inf"
-                axes.text(j, i, exponent + mark, ha="center", va="center", fontsize=7.5)
+                dark = abs(ratio[i, j]) > 4.0
+                axes.text(j, i, exponent + mark, ha="center", va="center", color="white" if dark else "black")
         axes.set_xticks(
             range(len(columns)), [f"{name} {SHORT[dtype]}" for name, dtype in columns], rotation=60, ha="right"
         )
         axes.set_yticks(range(len(cases)), [case.name for case in cases])
         axes.axvline(len(methods()) - 0.5, color="black", linewidth=1.0)
-        axes.set_title("Hard cases: decimal exponent of the relative error at the recommended step", loc="left")
+        title = "Hard cases: decimal exponent of the relative error at the recommended step"
+        axes.set_title(f"{title}\n(w: misses its bar with a warning, !: without one)", loc="left")
         figure.colorbar(image, label="decades above (red) or below (blue) the bar", shrink=0.6)
-        figure.text(0.01, 0.005, "w: missed with a warning; !: missed without one", fontsize=8.0)
         try:
             figure.savefig(path, dpi=130)
         except OSError as error:
