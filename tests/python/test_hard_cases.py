@@ -5,13 +5,15 @@ import json
 import math
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import typer
 
 import uvms_gym
-from uvms_gym.cli.hard import CASES, contact, spinning, water
+from uvms_gym.cli.hard import CASES, arms, contact, spinning, water
+from uvms_gym.cli.hard import case as hard_case
 from uvms_gym.cli.hard.case import DTYPES, GROSS, MK4, Case, Floats, Lab, Lost, Method, Truth, errors, judge, methods
 from uvms_gym.cli.hard.report import run_hard
 from uvms_gym.cli.hard.truth import Top, complete_elliptic, ideal_body, incomplete_elliptic, jacobi, turn
@@ -159,11 +161,45 @@ def test_a_wrong_pick_up_would_show(monkeypatch: pytest.MonkeyPatch) -> None:
     assert wrong["inertia held"] < 1e-12
 
 
-def test_a_wrong_water_would_show() -> None:
-    """The lagged form of eq. 22, with added mass on absolute accelerations, is far off these truths."""
-    truth = water.DRIFT_ACCELERATING.truth().values
-    steady = water.DRIFT.truth().values
-    assert errors(truth, steady)["position"] > 0.1
+@pytest.mark.parametrize("name", [name for name in BY_NAME if name not in ("R'R over 1e6 steps", "reversal of time")])
+def test_time_that_runs_too_fast_would_show(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Fast(Lab):
+        def simulator(self, scene: str | dict[str, Any], num_envs: int = 1) -> uvms_gym.Simulator:
+            return Lab(self.method, self.dtype, 1.01 * self.step).simulator(scene, num_envs)
+
+    case = BY_NAME[name]
+    case.truth()
+    monkeypatch.setattr(hard_case, "Lab", Fast)
+    assert judge(case, MK4, "float64").verdict == "SILENT"
+
+
+@pytest.mark.parametrize(
+    ("case", "factor"),
+    [
+        (water.MASS_RATIO, "quadratic_drag"),
+        (water.OFF_DIAGONAL, "added_mass"),
+        (water.MUNK_CASE, "added_mass"),
+        (water.FAST_DRAG, "mass"),
+        (water.DRAG_DECAY, "linear_drag"),
+        (water.PENDULUM_CASE, "added_mass"),
+        (water.DRIFT, "added_mass"),
+        (water.DRIFT_ACCELERATING, "volume"),
+        (arms.STIFF_DRAG, "linear_drag"),
+        (contact.END_STOP, "mass"),
+        (contact.CHATTER, "volume"),
+    ],
+    ids=lambda x: x.name if isinstance(x, Case) else x,
+)
+def test_other_water_would_show(case: Case, factor: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Other(Lab):
+        def simulator(self, scene: str | dict[str, Any], num_envs: int = 1) -> uvms_gym.Simulator:
+            made = super().simulator(scene, num_envs)
+            made.set_parameters(**{factor: 1.01})
+            return made
+
+    case.truth()
+    monkeypatch.setattr(hard_case, "Lab", Other)
+    assert judge(case, MK4, "float64").verdict == "SILENT"
 
 
 # The command.
