@@ -112,18 +112,26 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
                 case.name,
                 f"{double.step:g}",
                 _number(double.error),
-                f"{double.bar:.0e}",
                 _number(single.error),
+                f"{double.bar:.0e}, {single.bar:.0e}",
                 f"{worst.method} {SHORT[worst.dtype]}",
-                f"{worst.step:g}",
-                _number(worst.error),
-                f"{worst.bar:.0e}",
+                f"{_number(worst.error)} of {worst.bar:.0e}",
                 _counts(verdicts),
-                _counts(wrong) if wrong else "-" if coarser else "",
+                _counts(wrong) if wrong else "none" if coarser else "",
             )
         )
-    header = ("case", "step s", f"{default} f64", "bar", "f32", "nearest its bar", "step s", "error", "bar", "verdicts")
-    table("Hard cases: relative error at the recommended step", (*header, "coarser"), rows)
+    header = (
+        "case",
+        "step s",
+        f"{default} f64",
+        "f32",
+        "bars",
+        "worst for its bar",
+        "its error",
+        "verdicts",
+        "coarser",
+    )
+    table("Hard cases: relative error at the recommended step", header, rows)
     say(
         f"Every case by {len(methods())} integrators in two precisions. Bars were set before the runs: {BAR:g} for "
         f"order 4 in f64, its p/4-th power for order p < 4, at least {BAR_FLOAT32:g} in f32. A run meets its bar, or "
