@@ -113,24 +113,15 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
                 f"{double.step:g}",
                 _number(double.error),
                 _number(single.error),
-                f"{double.bar:.0e}, {single.bar:.0e}",
+                f"{double.bar:.0e}",
                 f"{worst.method} {SHORT[worst.dtype]}",
-                f"{_number(worst.error)} of {worst.bar:.0e}",
+                _number(worst.error),
+                f"{worst.bar:.0e}",
                 _counts(verdicts),
                 _counts(wrong) if wrong else "none" if coarser else "",
             )
         )
-    header = (
-        "case",
-        "step s",
-        f"{default} f64",
-        "f32",
-        "bars",
-        "worst for its bar",
-        "its error",
-        "verdicts",
-        "coarser",
-    )
+    header = ("case", "step s", f"{default} f64", "f32", "bar", "worst", "error", "bar", "verdicts", "coarser")
     table("Hard cases: relative error at the recommended step", header, rows)
     say(
         f"Every case by {len(methods())} integrators in two precisions. Bars were set before the runs: {BAR:g} for "
