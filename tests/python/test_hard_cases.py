@@ -39,6 +39,15 @@ def test_the_default_meets_every_bar_without_a_warning(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BY_NAME)
+def test_a_method_that_chooses_its_pieces_is_never_grossly_wrong(name: str) -> None:
+    for method in methods():
+        for dtype in DTYPES if method.adaptive else ():
+            for step in BY_NAME[name].coarser_steps(method):
+                run = judge(BY_NAME[name], method, dtype, step)
+                assert run.error <= run.bar, run
+
+
+@pytest.mark.parametrize("name", BY_NAME)
 def test_no_truth_is_in_doubt_near_the_bar(name: str) -> None:
     case = BY_NAME[name]
     assert case.truth().doubt <= 0.1 * case.bar(MK4, "float64")
@@ -67,7 +76,7 @@ def test_what_misses_its_bar_without_a_warning_is_silent() -> None:
 
 def test_what_misses_its_bar_with_a_warning_is_no_failure() -> None:
     def run(lab: Lab) -> dict[str, Floats]:
-        warnings.warn("probe", uvms_gym.StepWarning, stacklevel=1)
+        warnings.warn("probe", hard_case.step_warning(), stacklevel=1)
         raise Lost
 
     found = judge(dataclasses.replace(_always(1.0), run=run), MK4, "float64")

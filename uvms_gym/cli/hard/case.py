@@ -47,11 +47,7 @@ MK4, SECOND = Method("mk4"), Method("rk4-normalise")
 @cache
 def methods() -> tuple[Method, ...]:
     """All integrators that are offered for use, rivals left out."""
-    listed = getattr(uvms_gym, "integrators", None)
-    if listed is None:
-        orders = {"mk4": 4, "mk4-truncated": 4, "mk3": 3, "mk2": 2, "mk1": 1}
-        return tuple(Method(name, order) for name, order in orders.items())
-    offered = [row for row in listed() if row["kind"] == "production"]
+    offered = [row for row in uvms_gym.integrators() if row["kind"] == "production"]
     return tuple(Method(row["name"], row["order"], row["adaptive"], row["implicit"]) for row in offered)
 
 
@@ -188,12 +184,13 @@ def judge(case: Case, method: Method, dtype: str, step: float | None = None) -> 
             found = errors(case.run(Lab(method, dtype, at)), truth)
         except Lost:
             found = {"state": math.inf}
-    messages = [str(w.message) for w in caught if issubclass(w.category, _step_warning())]
+    messages = [str(w.message) for w in caught if issubclass(w.category, step_warning())]
     bar = case.bar(method, dtype) if recommended else max(GROSS, case.bar(method, dtype))
     return Run(case.name, method.name, dtype, at, recommended, found, bar, messages)
 
 
-def _step_warning() -> type[Warning]:
+def step_warning() -> type[Warning]:
+    """Category of the warnings that count."""
     found: type[Warning] = getattr(uvms_gym, "StepWarning", UserWarning)
     return found
 
