@@ -125,10 +125,10 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
     table("Hard cases: relative error at the recommended step", header, rows)
     say(
         f"Every case by {len(methods())} integrators in two precisions. Bars: {BAR:g} for order 4 in f64, its p/4-th "
-        f"power for order p < 4, at least {BAR_FLOAT32:g} in f32, or as the case says; each order's step was then chosen "
-        "to keep them. A run meets its bar, or a warning names scene, rate and step; SILENT is neither. Steps up to 200 "
-        f"times coarser, of at most {COARSEST:g} s, may miss the bar but must not err by more than {GROSS:g} without a "
-        "warning: the last column counts those that err so."
+        f"power for order p < 4, at least {BAR_FLOAT32:g} in f32, or as the case says; each order's step was then "
+        "chosen to keep them. A run meets its bar, or a warning names scene, rate and step; SILENT is neither. Steps "
+        f"up to 200 times coarser, of at most {COARSEST:g} s, may miss the bar but must not err by more than "
+        f"{GROSS:g} without a warning: the last column counts those that err so."
     )
     for run in runs:
         if run.recommended and run.verdict != "meets":
