@@ -49,13 +49,13 @@ class Motion(NamedTuple):
     wrench: Floats
     #: (periods, N, n, 4) cubics of the joints' references.
     target: Floats
-    #: Whether the references do anything.
-    joints: bool
+    #: Whether there is a servo to follow a reference.
+    servos: bool
 
     def inputs(self, period: int) -> dict[str, Floats]:
         """Arguments of `Simulator.step` over a control period."""
         inputs = {"wrench": self.wrench[period]}
-        if self.joints:
+        if self.servos:
             inputs["joint_target"] = self.target[period]
         return inputs
 
@@ -88,8 +88,8 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
     state = _start(rng, simulator, fixed)
     wrench = np.zeros((periods, episodes, 6)) if fixed else _wrenches(rng, simulator, periods)
     target = _references(rng, simulator, periods)
-    joints = any("servo" in joint for joint in _joints(scene))
-    whole = Motion(scene, LEAD, state, wrench, target, joints)
+    servos = any("servo" in joint for joint in joints(scene))
+    whole = Motion(scene, LEAD, state, wrench, target, servos)
     simulator.set_state(**state)
     for i in range(leads):
         simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
@@ -99,7 +99,7 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
     else:
         # Single precision resolves a place better near the origin.
         start["position"] = np.zeros_like(start["position"])
-    return Motion(scene, time, start, wrench[leads:], target[leads:], joints)
+    return Motion(scene, time, start, wrench[leads:], target[leads:], servos)
 
 
 def follow(motion: Motion, options: dict[str, Any], samples: int) -> Track:
@@ -137,7 +137,14 @@ def character(motion: Motion, track: Track) -> dict[str, float]:
     }
 
 
-def _joints(scene: dict[str, Any]) -> list[dict[str, Any]]:
+def bodies(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    """All bodies of a scene."""
+    arm = scene.get("arm") or {}
+    found = [scene["vehicle"]["body"], arm.get("base"), *(link["body"] for link in arm.get("links", []))]
+    return [body for body in [*found, (scene.get("payload") or {}).get("body")] if body]
+
+
+def joints(scene: dict[str, Any]) -> list[dict[str, Any]]:
     arm = scene.get("arm") or {}
     mount = [arm["mount"]["joint"]] if arm.get("mount", {}).get("joint") else []
     return mount + [link["joint"] for link in arm.get("links", [])]
@@ -181,7 +188,7 @@ def _references(rng: np.random.Generator, simulator: Simulator, periods: int) ->
     knots = np.arange(periods + 1) * PERIOD
     value, rate, reach = _sinusoids(rng, knots, shape, JOINT_BANDS, rates=True)
     centre, size = np.zeros(shape), np.zeros(shape)
-    for k, joint in enumerate(_joints(simulator.scene)):
+    for k, joint in enumerate(joints(simulator.scene)):
         unit = METRES_PER_RADIAN if joint["kind"] == "prismatic" else 1.0
         size[:, k] = unit * RATE * rng.uniform(LEAST_SHARE, 1.0, shape[0])
         centre[:, k] = joint.get("home", 0.0)

@@ -1,5 +1,6 @@
 """Error against cost: every integrator, step and precision over the driven motion of `uvms_gym.cli.motion`."""
 
+import copy
 import statistics
 import time
 import warnings
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 import uvms_gym
 from uvms_gym import Simulator
 from uvms_gym.cli.free_body import order
-from uvms_gym.cli.motion import PERIOD, Motion, Track, character, driven_motion, follow
+from uvms_gym.cli.motion import PERIOD, Motion, Track, bodies, character, driven_motion, follow
 
 Floats = NDArray[np.float64]
 Tick = Callable[[], None]
@@ -25,7 +26,7 @@ LEAST_SINGLE_TOLERANCE = 1e-6
 #: Quantities and their units.
 QUANTITIES = {"position": "m", "attitude": "rad", "joints": "rad", "end_effector": "m"}
 #: An instance that ends this far off, m or rad, counts as diverged: the motion itself spans a few.
-LOST = 1.0
+LOST = 0.1
 #: An error below so many times the doubt of the reference is not to be told from it.
 FLOOR = 10.0
 #: Measurement of cost: instances, interleaved repeats, control periods that are timed, and before them those that are not.
@@ -46,9 +47,9 @@ class Setting(NamedTuple):
     tolerance: float | None = None
 
     @property
-    def label(self) -> str:
-        """Step or tolerance."""
-        return f"{self.step:g} s" if self.tolerance is None else f"tol {self.tolerance:.0e}"
+    def title(self) -> str:
+        """Integrator with step or tolerance."""
+        return f"{self.integrator} at " + (f"{self.step:g} s" if self.tolerance is None else f"tol. {self.tolerance:g}")
 
     def options(self) -> dict[str, Any]:
         """Arguments of a simulator."""
@@ -57,13 +58,27 @@ class Setting(NamedTuple):
 
 
 #: What stands for the truth, and what tells how far to trust it: another tableau and step, and another attitude.
-REFERENCE = Setting("mk4", "f64", 1e-4)
-CHECKS = (Setting("mk54", "f64", PERIOD, 1e-12), Setting("rk4-normalise", "f64", 2e-4))
+REFERENCE = Setting("mk4", "f64", 2e-4)
+CHECKS = (Setting("mk54", "f64", PERIOD, 1e-12), Setting("rk4-normalise", "f64", 2.5e-4))
 
 
 def integrators() -> dict[str, dict[str, Any]]:
     """All integrators by name."""
-    return {entry["name"]: entry for entry in uvms_gym.integrators()}
+    if hasattr(uvms_gym, "integrators"):
+        return {entry["name"]: entry for entry in uvms_gym.integrators()}
+    orders = {"mk4": 4, "mk4-truncated": 4, "mk3": 3, "mk2": 2, "mk1": 1, "quaternion-euler": 1, "quaternion-rk4": 4}
+    orders |= {"rk4-normalise": 4}
+    rivals = ("quaternion-euler", "quaternion-rk4", "rk4-normalise", "mk4-truncated")
+    return {
+        n: {"name": n, "order": o, "adaptive": False, "implicit": False, "kind": "rival" if n in rivals else "production"}
+        for n, o in orders.items()
+    }
+
+
+def stable_steps(scene: dict[str, Any]) -> dict[str, float]:
+    """Greatest stable step of every integrator, s."""
+    simulator: Any = Simulator(scene)
+    return dict(simulator.stable_steps()) if hasattr(simulator, "stable_steps") else {"mk4": 0.05}
 
 
 def settings(names: Iterable[str], steps: Sequence[float], tolerances: Sequence[float]) -> list[Setting]:
@@ -95,7 +110,15 @@ def study(
     repeats: int = REPEATS,
     tick: Tick = lambda: None,
 ) -> dict[str, Any]:
-    """Follow the motion by every setting, and set it against a reference that other methods check."""
+    """Follow the motion by every setting, and set it against a reference that other methods check.
+
+    Without repeats no cost is measured.
+
+    Raises
+    ------
+    ValueError
+        Even the reference leaves the finite numbers.
+    """
     motion = driven_motion(scene, episodes, seconds, seed)
     # One a second, where that comes out even.
     periods = len(motion.wrench)
@@ -107,33 +130,46 @@ def study(
         return track
 
     truth = run(REFERENCE)
+    if not np.isfinite(truth.end_effector).all():
+        raise ValueError(f"the reference, {REFERENCE.title}, leaves the finite numbers: the scene is too stiff for it")
     off = [_errors(run(check), truth) for check in CHECKS]
-    doubt = {name: max(float(np.median(errors[name][-1])) for errors in off) for name in QUANTITIES}
-    worst_doubt = {name: max(float(errors[name][-1].max()) for errors in off) for name in QUANTITIES}
-    rows = [_row(setting, run(setting), truth) for setting in chosen]
-    for row, cost in zip(rows, _costs(motion, chosen, repeats, tick), strict=True):
-        row["cost"] = cost
-    for row in rows:
-        row["floor"] = row["end_effector"]["median"] < FLOOR * doubt["end_effector"]
+    doubt = {
+        name: {
+            "median": max(float(np.median(errors[name][-1])) for errors in off),
+            "worst": max(float(errors[name][-1].max()) for errors in off),
+        }
+        for name in QUANTITIES
+    }
+    floor = FLOOR * doubt["end_effector"]["median"]
+    rows = [_row(setting, run(setting), truth, floor) for setting in chosen]
+    if repeats:
+        for row, cost in zip(rows, _costs(motion, chosen, repeats, tick), strict=True):
+            row["cost"] = cost
+    stable = stable_steps(scene)
     return {
         "character": character(motion, truth),
-        "reference": {
-            "method": f"{REFERENCE.integrator}, {REFERENCE.label}",
-            "checks": [f"{check.integrator}, {check.label}" for check in CHECKS],
-            "doubt": doubt,
-            "worst_doubt": worst_doubt,
-        },
+        "reference": {"method": REFERENCE.title, "checks": [check.title for check in CHECKS], "doubt": doubt},
         "rows": rows,
-        "orders": orders(rows),
-        "stable_steps": Simulator(scene).stable_steps(),
+        "orders": orders(rows, stable),
+        "stable_steps": stable,
     }
 
 
-def orders(rows: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+def without_kinks(scene: dict[str, Any]) -> dict[str, Any]:
+    """The scene without quadratic drag, whose v |v| has a kink at 0 that no method can follow at its full order."""
+    smooth = copy.deepcopy(scene)
+    smooth["provenance"] = {}
+    for body in bodies(smooth):
+        body["damping"] = {"linear": body.get("damping", {}).get("linear", [0.0] * 6)}
+    return smooth
+
+
+def orders(rows: Sequence[dict[str, Any]], stable: dict[str, float]) -> dict[str, dict[str, Any]]:
     """Order of every fixed-step method in double precision, by least squares over its finest steps above the floor."""
     result = {}
     for name in dict.fromkeys(row["integrator"] for row in rows if row["tolerance"] is None):
-        mine = [row for row in rows if row["integrator"] == name and row["precision"] == "f64"]
+        most = stable.get(name, np.inf) / STABILITY_MARGIN
+        mine = [row for row in rows if row["integrator"] == name and row["precision"] == "f64" and row["step"] <= most]
         sound = sorted((row["step"], row["end_effector"]["median"]) for row in mine if _tells(row))[:POINTS]
         if len(sound) > 1:
             steps, errors = zip(*sound, strict=True)
@@ -177,6 +213,7 @@ def find(rows: Sequence[dict[str, Any]], integrator: str, precision: str, step: 
 
 
 def _tells(row: dict[str, Any]) -> bool:
+    """Whether an error says something of its method: not lost, and above the floor."""
     return not (row["diverged"] or row["floor"])
 
 
@@ -193,7 +230,7 @@ def _errors(track: Track, truth: Track) -> dict[str, Floats]:
     return {name: np.where(np.isfinite(error), error, np.inf) for name, error in errors.items()}
 
 
-def _row(setting: Setting, track: Track, truth: Track) -> dict[str, Any]:
+def _row(setting: Setting, track: Track, truth: Track, floor: float) -> dict[str, Any]:
     errors = _errors(track, truth)
     lost = np.any([error[-1] > LOST for error in errors.values()], axis=0)
     row: dict[str, Any] = setting._asdict()
@@ -206,6 +243,7 @@ def _row(setting: Setting, track: Track, truth: Track) -> dict[str, Any]:
             "rms_worst": float(rms.max()),
         }
     row["diverged"] = int(lost.sum())
+    row["floor"] = row["end_effector"]["median"] < floor
     row["estimate_warned"], row["monitor_warned"] = track.estimate_warned, track.monitor_warned
     return row
 
