@@ -132,7 +132,7 @@ def _draw(axes: Axes, result: Mapping[str, Any], large: bool) -> None:
     if large:
         left, right = axes.get_xlim()
         # Room for the names at the right.
-        axes.set_xlim(left, right * (right / left) ** 0.3)
+        axes.set_xlim(left, right * (right / left) ** 0.25)
         _label(axes, ends)
         grey: Any = {"color": GREY, "fontsize": 9.0}
         axes.text(
@@ -192,6 +192,7 @@ def _compare(axes: Axes, result: Mapping[str, Any]) -> None:
             va="top",
             color="#444444",
             fontsize=9.0,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8},
         )
 
 

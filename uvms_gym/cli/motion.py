@@ -34,7 +34,7 @@ WRENCH_BANDS, JOINT_BANDS, SHARES = ((0.05, 0.1), (0.1, 0.2)), ((0.1, 0.15), (0.
 RATE, LEAST_SHARE = 0.5, 0.6
 #: A prismatic joint travels this many metres where a revolute one turns one radian.
 METRES_PER_RADIAN = 0.25
-#: References stay this far inside of the joints' limits, rad: soft servos overshoot and sag.
+#: References stay this far inside of the joints' limits, rad: soft servos overshoot and give way to the water.
 MARGIN = 0.3
 
 
@@ -79,7 +79,13 @@ class Track(NamedTuple):
 
 
 def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) -> Motion:
-    """Draw an ensemble's drive, and lead it into the midst of its motion."""
+    """Draw an ensemble's drive, and lead it into the midst of its motion.
+
+    Raises
+    ------
+    ValueError
+        The scene is too stiff for that.
+    """
     rng = np.random.default_rng(seed)
     simulator = Simulator(scene, episodes, dt=LEAD_STEP)
     fixed = bool(scene["vehicle"]["fixed"])
@@ -93,6 +99,8 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
     simulator.set_state(**state)
     for i in range(leads):
         simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
+    if not np.isfinite(simulator.twist).all():
+        raise ValueError(f"its motion leaves the finite numbers by MK4 at {LEAD_STEP:g} s: the scene is too stiff")
     start = {name: getattr(simulator, name) for name in ("position", "quaternion", "twist", "q", "qd", "current")}
     if fixed:
         del start["twist"]

@@ -137,7 +137,7 @@ def study(
 
     truth = run(REFERENCE)
     if not np.isfinite(truth.end_effector).all():
-        raise ValueError(f"the reference, {REFERENCE.title}, leaves the finite numbers: the scene is too stiff for it")
+        raise ValueError(f"its motion leaves the finite numbers by {REFERENCE.title}: the scene is too stiff")
     off = [_errors(run(check), truth) for check in CHECKS if check.integrator in integrators()]
     doubt = {
         name: {
