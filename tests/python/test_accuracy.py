@@ -211,6 +211,9 @@ def test_nothing_dissipates_in_the_stripped_scene() -> None:
         (["--time", "1.05"], "--time is 1.05, but must be a multiple of the control period of 0.1 s"),
         (["--episodes", "1"], "--episodes is 1, but must be"),
         (["--seed", "-1"], "--seed is -1, but must be"),
+        (["--hard", "--step", "0.01"], "--hard takes no options but"),
+        (["--hard", "--case", "no such"], "'no such'"),
+        (["--case", "spin"], "--case is for --hard"),
     ],
 )
 def test_bad_input_is_one_line_before_anything_is_made(
