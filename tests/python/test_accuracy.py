@@ -37,7 +37,7 @@ def test_every_setting_is_there_with_errors_cost_and_warnings(run: dict[str, Any
         assert all(row[name]["median"] > 0.0 for name in work_precision.QUANTITIES)
         # From 10 ns to 10 us a step.
         assert 10.0 < row["cost"] * row["step"] < 1e4
-        assert (row["estimate_warned"], row["monitor_warned"], row["diverged"]) == (False, False, 0)
+        assert (row["warned_early"], row["warned_later"], row["diverged"]) == (False, False, 0)
     # Half the step: more than half the cost off.
     assert result["rows"][0]["cost"] > 1.3 * result["rows"][1]["cost"]
     assert len(result["drift"]) == len(found)
@@ -59,9 +59,9 @@ def test_what_diverges_is_shown_as_such(run: dict[str, Any]) -> None:
     (result,) = run["results"].values()
     lost = [row for row in result["rows"] if (row["integrator"], row["step"]) == ("mk2", 0.1)]
     assert [row["diverged"] for row in lost] == [4, 4]
-    row = lost[0] | {"end_effector": {"median": math.inf}, "estimate_warned": True}
+    row = lost[0] | {"end_effector": {"median": math.inf}, "warned_early": True}
     assert accuracy._cell(row, 0.0) == "divergedw"
-    assert accuracy._cell(row | {"end_effector": {"median": 1e-5}, "estimate_warned": False}, 0.0) == "1.0e-5!"
+    assert accuracy._cell(row | {"end_effector": {"median": 1e-5}, "warned_early": False}, 0.0) == "1.0e-5!"
     # A line that is drawn or fitted has no such points.
     assert all(0.1 not in entry["steps"] for entry in result["orders"].values())
 
@@ -152,7 +152,7 @@ def test_errors_are_distances_and_angles() -> None:
 
 def _rows(errors: dict[float, float], **changes: Any) -> list[dict[str, Any]]:
     common = {"integrator": "mk4", "precision": "f64", "tolerance": None, "diverged": 0, "floor": False}
-    common |= {"estimate_warned": False, "monitor_warned": False} | changes
+    common |= {"warned_early": False, "warned_later": False} | changes
     return [common | {"step": h, "cost": 400.0 / h, "end_effector": {"median": e}} for h, e in errors.items()]
 
 
@@ -172,7 +172,7 @@ def test_the_recommended_step_is_accurate_stable_and_not_warned_of() -> None:
     assert step(rows) == 0.05
     assert step(rows, 0.06) == 0.02
     assert step(rows, 0.001) is None
-    rows[2]["monitor_warned"] = True
+    rows[2]["warned_later"] = True
     assert step(rows) == 0.02
     rows[1]["diverged"] = 1
     assert step(rows) == 0.01

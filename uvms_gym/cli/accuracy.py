@@ -307,10 +307,10 @@ def _print_summary(results: dict[str, Any]) -> None:
                 f"{comparison['rival_error']:.1e} m, {comparison['ratio']:.1e} times as much as MK4."
             )
     bad = [row for result in results.values() for row in result["rows"] if row["diverged"]]
-    silent = sum(not (row["estimate_warned"] or row["monitor_warned"]) for row in bad)
+    silent = sum(not (row["warned_early"] or row["warned_later"]) for row in bad)
     say(
         f"<: below {work_precision.FLOOR:g} times the doubt of the reference. !: some instances diverged (not finite, "
-        f"or off by more than {work_precision.LOST:g} m or rad). w: warned, by the estimate or the monitor. Of "
+        f"or off by more than {work_precision.LOST:g} m or rad). w: warned. Of "
         f"{len(bad)} runs with diverged instances {silent} did not warn. Orders: of this motion, without quadratic "
         f"drag, in theory (in brackets). Currents up to {CURRENT:g} m/s, drive held over {PERIOD:g} s, {LEAD:g} s of "
         "motion before the start."
@@ -319,7 +319,7 @@ def _print_summary(results: dict[str, Any]) -> None:
 
 def _cell(row: dict[str, Any], doubt: float) -> str:
     error = row["end_effector"]["median"]
-    warned = "w" if row["estimate_warned"] or row["monitor_warned"] else ""
+    warned = "w" if row["warned_early"] or row["warned_later"] else ""
     if not error <= work_precision.LOST:
         return f"diverged{warned}"
     if row["floor"]:

@@ -84,7 +84,7 @@ def integrators() -> dict[str, dict[str, Any]]:
 def stable_steps(scene: dict[str, Any]) -> dict[str, float]:
     """Greatest stable step of every integrator, s."""
     simulator: Any = Simulator(scene)
-    return dict(simulator.stable_steps()) if hasattr(simulator, "stable_steps") else {"mk4": 0.05}
+    return dict(simulator.stable_steps(end_stops=False)) if hasattr(simulator, "stable_steps") else {"mk4": 0.05}
 
 
 def settings(names: Iterable[str], steps: Sequence[float], tolerances: Sequence[float]) -> list[Setting]:
@@ -192,7 +192,7 @@ def recommend(result: dict[str, Any], precision: str) -> dict[str, Any] | None:
         if (row["integrator"], row["precision"]) == ("mk4", precision)
         and row["end_effector"]["median"] < RECOMMENDED[precision]
         and row["step"] <= most
-        and not (row["diverged"] or row["estimate_warned"] or row["monitor_warned"])
+        and not (row["diverged"] or row["warned_early"] or row["warned_later"])
     ]
     return max(fit, key=lambda row: float(row["step"]), default=None)
 
@@ -250,7 +250,7 @@ def _row(setting: Setting, track: Track, truth: Track, floor: float) -> dict[str
         }
     row["diverged"] = int(lost.sum())
     row["floor"] = row["end_effector"]["median"] < floor
-    row["estimate_warned"], row["monitor_warned"] = track.estimate_warned, track.monitor_warned
+    row["warned_early"], row["warned_later"] = track.warned_early, track.warned_later
     return row
 
 
