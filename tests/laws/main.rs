@@ -6,12 +6,15 @@ mod cases;
 #[path = "../common/random_scene.rs"]
 mod random_scene;
 
+mod adaptive;
 mod bodies;
 mod energy;
 mod flow;
 mod joints;
 mod momentum;
 mod order;
+mod rivals;
+mod stiffness;
 mod table1;
 
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};

@@ -1,0 +1,122 @@
+//! One driver for all explicit Runge-Kutta methods. `[HC eq. 14, 17-18]`, `[PC05]`
+//!
+//! A stage's coordinates are the start's plus `h sum a_ij k_j`; what they are and how they change is the chart's. The
+//! one call of the right-hand side below is what all methods share: it is by far the most code.
+
+use super::catalogue::Explicit;
+use super::chart::{Attitude, Chart, Increment};
+use super::motion::Motion;
+use super::stages::{Point, Stages};
+use super::{Derivative, euler_angles, quaternion};
+use crate::lane::Lane;
+use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative, exp_se3};
+
+/// What one step was like.
+pub(super) struct Report<L> {
+    /// Square of the greatest rotation within the step, for charts that bound it: its end is good below pi^2.
+    pub turn: L,
+    /// Square of the estimated error, for tableaus with an embedded method, else 0.
+    pub error: L,
+    /// Squares whose quotient is that of `h` times the fastest rate: see [`Stages::contrast`].
+    pub contrast: [L; 2],
+}
+
+/// Kept attitude at a point: a quaternion, or 0 and three angles.
+#[inline(always)]
+fn attitude_at<L: Lane, const N: usize>(point: &Point<L>, from: &Motion<L, N>) -> [L; 4] {
+    let ([w, x, y, z], [dx, dy, dz]) = (from.attitude, point.pose.angular.0);
+    [w + point.scalar, x + dx, y + dy, z + dz]
+}
+
+/// Rotation of a kept attitude, and its rates at a spin `omega`.
+#[inline(always)]
+fn kinematics<L: Lane>(chart: Chart, attitude: [L; 4], omega: Vector3<L>) -> (Matrix3<L>, [L; 4]) {
+    match chart {
+        Chart::Quaternion(correction) => {
+            (quaternion::rotation(attitude), quaternion::rate(attitude, omega, correction))
+        }
+        _ => euler_angles::rotation_and_rates(attitude, omega),
+    }
+}
+
+/// One step of size `h`, which begins `elapsed` after the start of the interval; with `begun` the first stage's rates
+/// are there already.
+#[inline(always)]
+pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
+    method: &Explicit,
+    (h, elapsed, begun): (L, L, bool),
+    from: &Motion<L, N>,
+    to: &mut Motion<L, N>,
+    derivative: &mut D,
+    stages: &mut Stages<L, N>,
+) -> Report<L> {
+    let Explicit { tableau, chart, .. } = *method;
+    let n = derivative.joints();
+    let keeps = chart.attitude() != Attitude::Matrix;
+    let mut turn = L::zero();
+    for i in usize::from(begun)..tableau.stages {
+        let mut point = if i == 0 { stages.start(n, from) } else { stages.weigh(&tableau.a[i], i, n, h, keeps, from) };
+        let (whole, rate);
+        let at = if keeps {
+            let (rotation, [w, x, y, z]) = kinematics(chart, attitude_at(&point, from), point.twist.angular);
+            whole = Pose { rotation, position: from.pose.position + point.pose.linear };
+            stages.scalar[i] = w;
+            rate = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
+            Increment { start: &whole, theta: Vector6::zero() }
+        } else {
+            if i == 2 && chart == Chart::Commutators {
+                // [MO99]: K_2 / 2 - [K_1, K_2] / 8 where the exponential stands on the left.
+                point.pose = ad(stages.pose[0], stages.pose[1]).scale_add(h * h * L::c(0.125), point.pose);
+            }
+            turn = turn.max(point.pose.angular.dot(point.pose.angular));
+            rate = match chart {
+                Chart::Exponential(form) if i > 0 => dexp_inverse_negative(form, point.pose, point.twist),
+                _ => point.twist,
+            };
+            Increment { start: &from.pose, theta: point.pose }
+        };
+        let time = elapsed + h * L::c(tableau.c[i]);
+        derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
+        stages.pose[i] = rate;
+        for k in 0..n {
+            stages.q[i][k] = stages.qd_at[k];
+        }
+    }
+    let contrast = stages.contrast(tableau, n, h);
+    let error = match &tableau.error {
+        Some(weights) => stages.error(weights, n, h, from),
+        None => L::zero(),
+    };
+    let mut end = stages.weigh(&tableau.b, tableau.stages, n, h, keeps, from);
+    match chart {
+        Chart::Commutators => {
+            // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.
+            end.pose = ad(stages.pose[0], stages.pose[3]).scale_add(h * h * L::c(1.0 / 12.0), end.pose);
+        }
+        Chart::VelocityFirst => {
+            end.pose = end.twist.scale(h);
+            for k in 0..n {
+                stages.q_at[k] = stages.qd_at[k].mul_add(h, from.q[k]);
+            }
+        }
+        _ => {}
+    }
+    if keeps {
+        to.attitude = attitude_at(&end, from);
+        if let Chart::Quaternion(correction) = chart {
+            to.attitude = quaternion::corrected(to.attitude, correction);
+        }
+        let (rotation, _) = kinematics(chart, to.attitude, end.twist.angular);
+        to.pose = Pose { rotation, position: from.pose.position + end.pose.linear };
+    } else {
+        turn = turn.max(end.pose.angular.dot(end.pose.angular));
+        to.pose = from.pose.times(&exp_se3(end.pose));
+        to.pose.rotation = to.pose.rotation.orthonormalised();
+    }
+    to.twist = end.twist;
+    for k in 0..n {
+        to.q[k] = stages.q_at[k];
+        to.qd[k] = stages.qd_at[k];
+    }
+    Report { turn, error, contrast }
+}
