@@ -1,5 +1,6 @@
 import json
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,30 @@ def test_a_motion_is_the_same_again_and_tiled_repeats_it() -> None:
     np.testing.assert_array_equal(tiled.target[:, 7], a.target[:, 1])
     other = motion.driven_motion(load_scene("bluerov2-heavy-alpha5"), 3, 0.5, 8)
     assert np.abs(other.wrench - a.wrench).max() > 0.1
+
+
+@pytest.mark.parametrize(("call", "told"), [(0, (True, False)), (3, (False, True)), (None, (False, False))])
+def test_warnings_are_told_by_when_they_came(
+    call: int | None, told: tuple[bool, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven = motion.driven_motion(load_scene("bluerov2-heavy"), 2, 0.5, 0)
+
+    class Warner:
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            self.simulator, self.calls = Simulator(*arguments, **options), 0
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.simulator, name)
+
+        def step(self, **inputs: Any) -> None:
+            if self.calls == call:
+                warnings.warn("too large a step", UserWarning, stacklevel=2)
+            self.calls += 1
+            self.simulator.step(**inputs)
+
+    monkeypatch.setattr(motion, "Simulator", Warner)
+    track = motion.follow(driven, {"dt": 0.05}, 5)
+    assert (track.warned_early, track.warned_later) == told
 
 
 def test_errors_are_distances_and_angles() -> None:
