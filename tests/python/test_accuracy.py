@@ -173,6 +173,9 @@ def test_errors_are_distances_and_angles() -> None:
     np.testing.assert_allclose(errors["position"], 5.0)
     assert errors["joints"].tolist() == [[0.2, np.inf]]
     assert work_precision._row(Setting("mk4", "f64", 0.1), off, truth, 0.0)["diverged"] == 2
+    far = truth._replace(position=np.full((1, 2, 3), 1e300), rotation=np.full((1, 2, 3, 3), np.nan))
+    row = work_precision._row(Setting("mk4", "f64", 0.1), far, truth, 0.0)
+    assert (row["position"]["median"], row["attitude"]["rms_worst"], row["diverged"]) == (np.inf, np.inf, 2)
 
 
 def _rows(errors: dict[float, float], **changes: Any) -> list[dict[str, Any]]:

@@ -211,14 +211,16 @@ def _tells(row: dict[str, Any]) -> bool:
 
 def _errors(track: Track, truth: Track) -> dict[str, Floats]:
     """Errors of every quantity, (samples, N); infinite where a number is not finite."""
-    turn = np.linalg.norm(track.rotation - truth.rotation, axis=(-2, -1)) / np.sqrt(8.0)
-    errors = {
-        "position": np.linalg.norm(track.position - truth.position, axis=-1),
-        # |R - R_ref| = 2 sqrt(2) sin(angle / 2): accurate for small ones too.
-        "attitude": 2.0 * np.arcsin(np.minimum(turn, 1.0)),
-        "joints": np.abs(track.q - truth.q).max(axis=-1, initial=0.0),
-        "end_effector": np.linalg.norm(track.end_effector - truth.end_effector, axis=-1),
-    }
+    # What diverges may overflow on its way.
+    with np.errstate(over="ignore", invalid="ignore"):
+        turn = np.linalg.norm(track.rotation - truth.rotation, axis=(-2, -1)) / np.sqrt(8.0)
+        errors = {
+            "position": np.linalg.norm(track.position - truth.position, axis=-1),
+            # |R - R_ref| = 2 sqrt(2) sin(angle / 2): accurate for small ones too.
+            "attitude": 2.0 * np.arcsin(np.minimum(turn, 1.0)),
+            "joints": np.abs(track.q - truth.q).max(axis=-1, initial=0.0),
+            "end_effector": np.linalg.norm(track.end_effector - truth.end_effector, axis=-1),
+        }
     return {name: np.where(np.isfinite(error), error, np.inf) for name, error in errors.items()}
 
 
@@ -227,7 +229,8 @@ def _row(setting: Setting, track: Track, truth: Track, floor: float) -> dict[str
     lost = np.any([error[-1] > LOST for error in errors.values()], axis=0)
     row: dict[str, Any] = setting._asdict()
     for name, error in errors.items():
-        rms = np.sqrt((error**2).mean(axis=0))
+        with np.errstate(over="ignore"):
+            rms = np.sqrt((error**2).mean(axis=0))
         row[name] = {
             "median": float(np.median(error[-1])),
             "worst": float(error[-1].max()),
