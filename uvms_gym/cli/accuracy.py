@@ -323,15 +323,15 @@ def _cell(row: dict[str, Any], doubt: float) -> str:
     if not error <= work_precision.LOST:
         return f"diverged{warned}"
     if row["floor"]:
-        return f"<{_number(work_precision.FLOOR * doubt)}{warned}"
+        return f"<{_number(work_precision.FLOOR * doubt, 0)}{warned}"
     return f"{_number(error)}{'!' if row['diverged'] else ''}{warned}"
 
 
-def _number(value: float) -> str:
-    """Two digits, exponent without zeros."""
+def _number(value: float, decimals: int = 1) -> str:
+    """Write one or two digits, and the exponent without zeros."""
     if not math.isfinite(value):
         return "diverged"
-    mantissa, exponent = f"{value:.1e}".split("e")
+    mantissa, exponent = f"{value:.{decimals}e}".split("e")
     return f"{mantissa}e{int(exponent)}" if value else "0"
 
 

@@ -187,7 +187,7 @@ def _compare(axes: Axes, result: Mapping[str, Any]) -> None:
         axes.annotate(
             f"equal cost:\n{ratio:,.0f} times\nless error",
             (cost, high),
-            xytext=(6.0, -12.0),
+            xytext=(6.0, -22.0),
             textcoords="offset points",
             va="top",
             color="#444444",
