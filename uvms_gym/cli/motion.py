@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym import Simulator
+from uvms_gym import Simulator, StepWarning
 from uvms_gym.cli.momentum import cubic
 
 Floats = NDArray[np.float64]
@@ -97,8 +97,10 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
     servos = any("servo" in joint for joint in joints(scene))
     whole = Motion(scene, LEAD, state, wrench, target, servos)
     simulator.set_state(**state)
-    for i in range(leads):
-        simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StepWarning)
+        for i in range(leads):
+            simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
     if not np.isfinite(simulator.twist).all():
         raise ValueError(f"its motion leaves the finite numbers by MK4 at {LEAD_STEP:g} s: the scene is too stiff")
     start = {name: getattr(simulator, name) for name in ("position", "quaternion", "twist", "q", "qd", "current")}
