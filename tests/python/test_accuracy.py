@@ -76,8 +76,10 @@ def test_errors_fall_with_the_order_of_the_method() -> None:
     scene = work_precision.without_kinks(load_scene("bluerov2-heavy"))
     settings = [Setting(name, "f64", step) for name in EXPLICIT for step in (0.0025, 0.005, 0.01)]
     result = work_precision.study(scene, settings, episodes=4, seconds=2.0, seed=1, repeats=0)
+    # Next to no damping is left: MK1 makes the swings of roll and pitch grow at any step, slowly.
+    orders = work_precision.orders(result["rows"], {})
     for name, order in zip(EXPLICIT, range(1, 5), strict=True):
-        assert result["orders"][name]["order"] == pytest.approx(order, abs=0.15), name
+        assert orders[name]["order"] == pytest.approx(order, abs=0.15), name
 
 
 def test_the_references_agree_far_below_the_errors_that_they_measure() -> None:

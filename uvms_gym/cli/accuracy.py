@@ -213,7 +213,8 @@ def _study(
     smooth = [Setting(name, "f64", step) for name in names for step in SMOOTH_STEPS]
     still = work_precision.without_kinks(scene)
     few = min(episodes, SMOOTH_EPISODES)
-    result["smooth_orders"] = work_precision.study(still, smooth, episodes=few, repeats=0, **run)["orders"]
+    rows = work_precision.study(still, smooth, episodes=few, repeats=0, **run)["rows"]
+    result["smooth_orders"] = work_precision.orders(rows, result["stable_steps"])
     result["recommended"] = {precision: work_precision.recommend(result, precision) for precision in PRECISIONS}
     result["comparison"] = _comparison(result["rows"])
     return result
