@@ -235,14 +235,13 @@ def _print(name: str, result: dict[str, Any], arguments: dict[str, Any]) -> None
     fixed = [row for row in result["rows"] if row["tolerance"] is None]
     adaptive = [row for row in result["rows"] if row["tolerance"] is not None]
     doubt = result["reference"]["doubt"]["end_effector"]["median"]
-    known = work_precision.integrators()
     lines = []
     for method, precision in dict.fromkeys((row["integrator"], row["precision"]) for row in fixed):
         cells = [row for row in fixed if (row["integrator"], row["precision"]) == (method, precision)]
         order = ""
         if precision == "f64":
             found = (result[part].get(method, {}).get("order", math.nan) for part in ("orders", "smooth_orders"))
-            order = " ".join("-" if math.isnan(x) else f"{x:.1f}" for x in found) + f" ({known[method]['order']})"
+            order = " ".join("-" if math.isnan(x) else f"{x:.1f}" for x in found)
         per_step = [row["cost"] * row["step"] for row in cells]
         lines.append((method, precision, *(_cell(row, doubt) for row in cells), order, f"{np.nanmedian(per_step):.0f}"))
     title = f"{name}: median error at the end effector after {seconds:g} s, m ({arguments['episodes']} instances)"
@@ -312,8 +311,8 @@ def _print_summary(results: dict[str, Any]) -> None:
     say(
         f"<: below {work_precision.FLOOR:g} times the doubt of the reference. !: some instances diverged (not finite, "
         f"or off by more than {work_precision.LOST:g} m or rad). w: warned. Of "
-        f"{len(bad)} runs with diverged instances {silent} did not warn. Orders: of this motion, without quadratic "
-        f"drag, in theory (in brackets). Currents up to {CURRENT:g} m/s, drive held over {PERIOD:g} s, {LEAD:g} s of "
+        f"{len(bad)} runs with diverged instances {silent} did not warn. Orders: of this motion, and without "
+        f"quadratic drag. Currents up to {CURRENT:g} m/s, drive held over {PERIOD:g} s, {LEAD:g} s of "
         "motion before the start."
     )
 
