@@ -90,9 +90,10 @@ def _draw(axes: Axes, result: Mapping[str, Any], large: bool) -> None:
         for precision in ("f64", "f32") if look.single else ("f64",):
             rows = [row for row in result["rows"] if (row["integrator"], row["precision"]) == (name, precision)]
             sound = [row for row in rows if row["end_effector"]["median"] < work_precision.LOST]
-            if precision == "f64":
+            timed = [row["cost"] * row["step"] for row in rows if np.isfinite(row["cost"])]
+            if precision == "f64" and timed:
                 # What left the finite numbers was not timed: a step costs what the others' do.
-                per_step = np.nanmedian([row["cost"] * row["step"] for row in rows] or [np.nan])
+                per_step = float(np.median(timed))
                 lost += [(1e-3 * per_step / row["step"], look.colour) for row in rows if row not in sound]
             sound = [row for row in sound if np.isfinite(row["cost"])]
             if not sound:
