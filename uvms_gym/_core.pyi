@@ -166,6 +166,9 @@ class Simulator:
     def stiffness(self) -> NDArray[np.float64]:
         """(N,) dt times the fastest rate that each instance's motion excites, as the stages of its last steps show."""
     @property
+    def step_error(self) -> NDArray[np.float64]:
+        """(N,) share of its speed that each instance's last steps got wrong, as their stages show."""
+    @property
     def current(self) -> NDArray[np.float64]:
         """(N, 3) velocity of the water in the world, m/s."""
     @property

@@ -78,7 +78,7 @@ impl Layout {
             factors: take(5),
             attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
             keeps,
-            contrast: take(2),
+            contrast: take(4),
             plan: take(usize::from(adaptive)),
             adaptive,
             rows: take(0),

@@ -97,12 +97,14 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
         let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
-        Watch { contrast: [self.get(layout.contrast), self.get(layout.contrast + 1)], plan }
+        let seen = layout.contrast;
+        Watch { contrast: [self.get(seen), self.get(seen + 1)], slip: [self.get(seen + 2), self.get(seen + 3)], plan }
     }
 
     #[inline(always)]
     fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
         self.set_all(layout.contrast, &watch.contrast, 2);
+        self.set_all(layout.contrast + 2, &watch.slip, 2);
         if layout.adaptive {
             self.set(layout.plan, watch.plan);
         }

@@ -3,8 +3,9 @@
 use nalgebra as na;
 
 use super::layout::Layout;
+use super::monitor::Watched;
 use super::step::Switches;
-use crate::integrate::Attitude;
+use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
 use crate::system::{Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
@@ -103,15 +104,16 @@ impl Table {
             }
         }
         // What was seen of another motion says nothing about this one.
-        self.set_all(rows, i, layout.contrast, [0.0; 2]);
+        self.set_all(rows, i, layout.contrast, [0.0; 4]);
         if layout.adaptive {
             self.set_all(rows, i, layout.plan, [0.0]);
         }
     }
 
-    /// What the integrator saw of fast rates.
-    pub fn contrast<T: Real>(&self, rows: &[T], i: usize) -> [f64; 2] {
-        self.get_all(rows, i, self.layout.contrast)
+    /// `h |rate|` of the fastest rate that the motion excites, and the share of its speed that its last steps got wrong.
+    pub fn watched<T: Real>(&self, rows: &[T], i: usize) -> Watched {
+        let [contrast, slip] = [0, 2].map(|k| self.get_all(rows, i, self.layout.contrast + k));
+        Watched { stiffness: stiffness(contrast, T::EPSILON), error: step_error(slip, T::EPSILON) }
     }
 
     /// Coordinates of the attitude that the integrator keeps, if it does.

@@ -39,6 +39,16 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         self.pose.position = next;
     }
 
+    /// How far it goes in a time `h` at its velocities, m and rad together.
+    #[inline(always)]
+    pub(super) fn way(&self, h: L, n: usize) -> L {
+        let mut sum = self.twist.dot(self.twist);
+        for k in 0..n {
+            sum = self.qd[k].mul_add(self.qd[k], sum);
+        }
+        sum.sqrt() * h
+    }
+
     /// NaN throughout.
     #[inline(always)]
     pub(super) fn lost() -> Self {
