@@ -18,7 +18,7 @@ use terms::{Term, terms};
 
 const INSTANCES: usize = 3;
 const STEPS: usize = 25;
-const DT: f64 = 0.004;
+const DT: f64 = 0.001;
 const DIAGONAL: [f64; 6] = [3.0, 4.0, 5.0, 0.6, 0.7, 0.8];
 
 fn compiled(scene: &Value) -> Compiled {
@@ -174,11 +174,14 @@ fn keys_without_effect_have_none() {
         ),
         (
             "weight",
-            Place::Vehicle,
+            Place::Root,
             |_| {},
-            |b| {
-                let mass = b["mass"].as_float().unwrap();
-                b.insert("weight".into(), (9.81 * mass).into());
+            |r| {
+                let gravity = table(r, "water")["gravity"].as_array().unwrap().iter();
+                let gravity = gravity.map(|g| g.as_float().unwrap().powi(2)).sum::<f64>().sqrt();
+                let body = table(table(r, "vehicle"), "body");
+                let mass = body["mass"].as_float().unwrap();
+                body.insert("weight".into(), (mass * gravity).into());
             },
         ),
         (
