@@ -10,6 +10,7 @@ import typer
 from uvms_gym import __version__
 from uvms_gym.cli import scenes
 from uvms_gym.cli.compare import compare
+from uvms_gym.cli.explain import explain
 from uvms_gym.cli.reproduce import reproduce
 
 app = typer.Typer(
@@ -21,6 +22,7 @@ app = typer.Typer(
 )
 app.command()(reproduce)
 app.command()(compare)
+scenes.app.command()(explain)
 app.add_typer(scenes.app, name="scenes")
 
 

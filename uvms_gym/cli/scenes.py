@@ -1,4 +1,4 @@
-"""`uvms scenes`: list, show, check."""
+"""`uvms scenes`: list, show, check. `explain` is in a module of its own."""
 
 from typing import Annotated, Any
 
@@ -7,7 +7,7 @@ import typer
 import uvms_gym
 from uvms_gym.cli.common import Json, console, fail, prepare, table, write_json
 
-app = typer.Typer(help="List, show and check scenes.", no_args_is_help=True)
+app = typer.Typer(help="List, show, check and explain scenes.", no_args_is_help=True)
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
 
