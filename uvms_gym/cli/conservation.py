@@ -15,7 +15,7 @@ from uvms_gym.cli.work_precision import Setting
 
 Floats = NDArray[np.float64]
 
-#: Root mean squares of velocity, m/s, angular velocity, rad/s, joint rates, rad/s, and of the joints' places about home.
+#: Root mean squares of velocity, m/s, angular velocity and joint rates, rad/s, and of the joints' places about home.
 SPEED, SPIN, RATE, SPREAD = 0.2, 0.2, 0.3, 0.3
 QUANTITIES = ("energy", "linear", "angular")
 

@@ -34,7 +34,7 @@ WRENCH_BANDS, JOINT_BANDS, SHARES = ((0.05, 0.1), (0.1, 0.2)), ((0.1, 0.15), (0.
 RATE, LEAST_SHARE = 0.5, 0.6
 #: A prismatic joint travels this many metres where a revolute one turns one radian.
 METRES_PER_RADIAN = 0.25
-#: References stay this far inside of the joints' limits, rad: soft servos overshoot and sag.
+#: References stay this far inside of the joints' limits, rad: soft servos overshoot and give way to the water.
 MARGIN = 0.3
 
 
@@ -79,7 +79,13 @@ class Track(NamedTuple):
 
 
 def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) -> Motion:
-    """Draw an ensemble's drive, and lead it into the midst of its motion."""
+    """Draw an ensemble's drive, and lead it into the midst of its motion.
+
+    Raises
+    ------
+    ValueError
+        The scene is too stiff for that.
+    """
     rng = np.random.default_rng(seed)
     simulator = Simulator(scene, episodes, dt=LEAD_STEP)
     fixed = bool(scene["vehicle"]["fixed"])
@@ -93,6 +99,8 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
     simulator.set_state(**state)
     for i in range(leads):
         simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
+    if not np.isfinite(simulator.twist).all():
+        raise ValueError(f"its motion leaves the finite numbers by MK4 at {LEAD_STEP:g} s: the scene is too stiff")
     start = {name: getattr(simulator, name) for name in ("position", "quaternion", "twist", "q", "qd", "current")}
     if fixed:
         del start["twist"]
@@ -125,15 +133,17 @@ def follow(motion: Motion, options: dict[str, Any], samples: int) -> Track:
 def character(motion: Motion, track: Track) -> dict[str, float]:
     """Tell how far and fast the instances go, so that a reader can judge whether the motion is typical."""
     steps = np.linalg.norm(np.diff(track.position, axis=0, prepend=0.0), axis=-1)
-    turned = np.arccos(np.clip(0.5 * (np.einsum("kiab,kiab->ki", track.rotation[1:], track.rotation[:-1]) - 1.0), -1, 1))
+    turned = np.arccos(
+        np.clip(0.5 * (np.einsum("kiab,kiab->ki", track.rotation[1:], track.rotation[:-1]) - 1.0), -1, 1)
+    )
     tilt = np.arccos(np.clip(track.rotation[:, :, 2, 2], -1.0, 1.0))
     references = motion.target[..., 1]
     return {
-        "path_median": float(np.median(steps.sum(axis=0))),
-        "turn_median": float(np.median(turned.sum(axis=0))),
-        "tilt_greatest": float(tilt.max()),
-        "joint_travel_median": float(np.median(np.ptp(track.q, axis=0))) if track.q.size else 0.0,
-        "reference_rate_greatest": float(np.abs(references).max()) if references.size else 0.0,
+        "path": float(np.median(steps.sum(axis=0))),
+        "turn": float(np.median(turned.sum(axis=0))),
+        "greatest_tilt": float(tilt.max()),
+        "joint_travel": float(np.median(np.ptp(track.q, axis=0))) if track.q.size else 0.0,
+        "greatest_reference_rate": float(np.abs(references).max()) if references.size else 0.0,
     }
 
 
@@ -145,6 +155,7 @@ def bodies(scene: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def joints(scene: dict[str, Any]) -> list[dict[str, Any]]:
+    """All joints of a scene, in the order of every joint array."""
     arm = scene.get("arm") or {}
     mount = [arm["mount"]["joint"]] if arm.get("mount", {}).get("joint") else []
     return mount + [link["joint"] for link in arm.get("links", [])]
@@ -178,14 +189,15 @@ def _wrenches(rng: np.random.Generator, simulator: Simulator, periods: int) -> F
     """Wrenches that would accelerate the vehicle, its added mass and its arm along one axis; held over periods."""
     seen = np.diagonal(simulator.mass_matrix()[0])[:6]
     greatest = seen * np.repeat([PUSH, TWIST], 3)
-    times = (np.arange(periods) + 0.5) * PERIOD
-    return greatest * _sinusoids(rng, times, (simulator.num_envs, 6), WRENCH_BANDS)[0]
+    times = PERIOD * np.arange(0.5, periods, dtype=np.float64)
+    held: Floats = greatest * _sinusoids(rng, times, (simulator.num_envs, 6), WRENCH_BANDS)[0]
+    return held
 
 
 def _references(rng: np.random.Generator, simulator: Simulator, periods: int) -> Floats:
     """Sinusoids about home as C2 cubic splines, away from the joints' limits."""
     shape = (simulator.num_envs, simulator.num_joints)
-    knots = np.arange(periods + 1) * PERIOD
+    knots = PERIOD * np.arange(periods + 1, dtype=np.float64)
     value, rate, reach = _sinusoids(rng, knots, shape, JOINT_BANDS, rates=True)
     centre, size = np.zeros(shape), np.zeros(shape)
     for k, joint in enumerate(joints(simulator.scene)):
@@ -228,5 +240,6 @@ def _spline(values: Floats, end_rates: Floats) -> Floats:
     right = np.empty_like(values)
     right[1:-1] = 3.0 / PERIOD * (values[2:] - values[:-2])
     right[[0, -1]] = end_rates
-    slopes = np.linalg.solve(matrix, right.reshape(count, -1)).reshape(values.shape)
+    slopes = np.empty_like(values)
+    slopes[:] = np.linalg.solve(matrix, right.reshape(count, -1)).reshape(values.shape)
     return cubic((values[:-1], slopes[:-1]), (values[1:], slopes[1:]), PERIOD)
