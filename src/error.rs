@@ -342,6 +342,17 @@ pub enum SimulatorError {
         /// Instance.
         instance: usize,
     },
+    /// Acceleration of water that has no weight.
+    #[error(
+        "current_acceleration of instance {instance} is not zero, but scene '{scene}' has no gravity (water.gravity), and so \
+             neither weight nor buoyancy"
+    )]
+    Weightless {
+        /// Name of the scene.
+        scene: String,
+        /// Instance.
+        instance: usize,
+    },
     /// Joint targets where nothing follows them.
     #[error("scene '{scene}' has no joint with a servo, so joint_target would have no effect")]
     NoJointServo {

@@ -124,6 +124,9 @@ class Simulator:
     @property
     def current(self) -> NDArray[np.float64]:
         """(N, 3) velocity of the water in the world, m/s."""
+    @property
+    def current_acceleration(self) -> NDArray[np.float64]:
+        """(N, 3) acceleration of the water in the world, m/s^2."""
     def set_state(
         self,
         position: ArrayLike | None = None,
@@ -134,6 +137,7 @@ class Simulator:
         qd: ArrayLike | None = None,
         time: ArrayLike | None = None,
         current: ArrayLike | None = None,
+        current_acceleration: ArrayLike | None = None,
     ) -> None:
         """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
     def reset(self) -> None:
@@ -168,7 +172,7 @@ class Simulator:
     def mass_matrix(self) -> NDArray[np.float64]:
         """(N, 6 + n, 6 + n) M, added mass included. [HC eq. 13]"""
     def bias(self) -> NDArray[np.float64]:
-        """(N, 6 + n) the vector C [V; q']: no drag, no restoring. [HC eq. 13]"""
+        """(N, 6 + n) the vector C [V; q']: no drag, no restoring, no acceleration of the water. [HC eq. 13]"""
     def wrench_influence(self) -> NDArray[np.float64]:
         """(N, 6 + n, 6 (n + 1)) W. [HC eq. 13]"""
     def torque_influence(self) -> NDArray[np.float64]:
@@ -181,7 +185,7 @@ class Simulator:
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N, n + 1, 6) each: drag, restoring, thrust, external, sum; N and N m."""
+        """(N, n + 1, 6) each: drag, restoring, flow, thrust, external, sum; N and N m."""
     def joint_torques(
         self, *, joint_torque: ArrayLike | None = None, joint_target: ArrayLike | None = None
     ) -> dict[str, NDArray[np.float64]]:
@@ -198,7 +202,7 @@ class Simulator:
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N,) each: drag, friction, end_stop, thrust, external, joint_command, total; W."""
+        """(N,) each: drag, friction, end_stop, flow, thrust, external, joint_command, total; W."""
     def momentum(self) -> NDArray[np.float64]:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
     def momentum_terms(self) -> dict[str, NDArray[np.float64]]:

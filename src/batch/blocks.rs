@@ -1,7 +1,5 @@
 //! Storage of all instances in one precision, and access to single ones.
 
-use nalgebra as na;
-
 use super::layout::Layout;
 use super::step::{Accelerate, Step, Switches};
 use super::table::{InstanceLoads, Table};
@@ -9,7 +7,7 @@ use super::threads::for_each;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
-use crate::system::{Compiled, Factors, Ingredients, State, System};
+use crate::system::{Compiled, Factors, Flow, Ingredients, State, System};
 
 /// Blocks that a thread takes at a time.
 const CHUNK: usize = 8;
@@ -26,10 +24,10 @@ pub trait Storage: Send + Sync {
     fn quaternion(&self, i: usize) -> Option<[f64; 4]>;
     /// Sets that quaternion, if one is kept.
     fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]);
-    /// Current at instance `i`.
-    fn current(&self, i: usize) -> na::Vector3<f64>;
-    /// Sets the current at instance `i`.
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Flow of the water at instance `i`.
+    fn flow(&self, i: usize) -> Flow;
+    /// Sets the flow of the water at instance `i`.
+    fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Factors on the parameters of instance `i`.
     fn factors(&self, i: usize) -> Factors<f64>;
     /// Sets those factors.
@@ -63,8 +61,8 @@ pub trait Instances {
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Sets the current at instance `i`.
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Sets the flow of the water at instance `i`.
+    fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Sets the loads of instance `i`, as far as they are on.
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
 }
@@ -114,7 +112,7 @@ struct Parameters<T> {
 }
 
 impl<T: Real> Blocks<T> {
-    /// `instances` instances of a compiled scene, all in `state` and in the same `current`.
+    /// `instances` instances of a compiled scene, all in `state` and in the same `flow`.
     ///
     /// # Errors
     /// [`SimulatorError::Memory`] if they do not fit into memory.
@@ -124,7 +122,7 @@ impl<T: Real> Blocks<T> {
         keeps_quaternion: bool,
         isa: Isa,
         state: &State,
-        current: &na::Vector3<f64>,
+        flow: &Flow,
     ) -> Result<Self, SimulatorError> {
         let number = |Shared(x)| Shared(T::from_f64(x));
         let ingredients: Vec<_> = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
@@ -143,7 +141,7 @@ impl<T: Real> Blocks<T> {
         // Columns past the last instance hold a sane state too: they are stepped along.
         for i in 0..columns {
             blocks.set_state(i, state);
-            blocks.set_current(i, current);
+            blocks.set_flow(i, flow);
             blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
         }
         Ok(blocks)
@@ -197,8 +195,8 @@ impl<T: Real> Instances for Part<'_, T> {
         self.table.set_state(self.rows, i, state);
     }
 
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.table.set_current(self.rows, i, current);
+    fn set_flow(&mut self, i: usize, flow: &Flow) {
+        self.table.set_flow(self.rows, i, flow);
     }
 
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
@@ -223,12 +221,12 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_quaternion(&mut self.rows, i, quaternion);
     }
 
-    fn current(&self, i: usize) -> na::Vector3<f64> {
-        self.table.current(&self.rows, i)
+    fn flow(&self, i: usize) -> Flow {
+        self.table.flow(&self.rows, i)
     }
 
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.table.set_current(&mut self.rows, i, current);
+    fn set_flow(&mut self, i: usize, flow: &Flow) {
+        self.table.set_flow(&mut self.rows, i, flow);
     }
 
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {

@@ -2,8 +2,6 @@
 
 use std::borrow::Cow;
 
-use nalgebra as na;
-
 use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
 use super::step::Switches;
@@ -16,7 +14,7 @@ use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::Isa;
 use crate::lie::Vector6;
-use crate::system::{Compiled, Factors, State, compile};
+use crate::system::{Compiled, Factors, Flow, State, compile};
 
 /// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
 const PART: usize = 1 << 16;
@@ -131,13 +129,13 @@ impl Simulator {
         let isa = Isa::best()?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
-        let (current, quaternion) = (scene.water.current, integrator.keeps_quaternion());
+        let (flow, quaternion) = (Flow::from(scene.water.current), integrator.keeps_quaternion());
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &flow)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &current)?)
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &flow)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -219,14 +217,16 @@ impl Simulator {
         self.storage.set_quaternion(i, quaternion);
     }
 
-    /// Current at instance `i`, world axes, m/s.
-    pub fn current(&self, i: usize) -> na::Vector3<f64> {
-        self.storage.current(i)
+    /// Flow of the water at instance `i`.
+    pub fn flow(&self, i: usize) -> Flow {
+        self.storage.flow(i)
     }
 
-    /// Sets the current at instance `i`.
-    pub fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.storage.set_current(i, current);
+    /// Sets the flow of the water at instance `i`; its velocity then changes by the acceleration times the time.
+    ///
+    /// Where the scene has no gravity, its acceleration must be 0: weight and buoyancy are not compiled then.
+    pub fn set_flow(&mut self, i: usize, flow: impl Into<Flow>) {
+        self.storage.set_flow(i, &flow.into());
     }
 
     /// Steps all instances `substeps` times under held inputs.
@@ -344,7 +344,7 @@ impl Simulator {
 
     /// Reads the closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
     pub fn closed_form<R>(&self, i: usize, read: impl FnOnce(&ClosedForm) -> R) -> R {
-        read(&self.balance_of(i).at(&self.state(i), self.current(i)))
+        read(&self.balance_of(i).at(&self.state(i), self.flow(i)))
     }
 
     /// Linearizes instance `i` about its state under `inputs` (servos off).
@@ -361,9 +361,9 @@ impl Simulator {
         for (k, link) in self.compiled.links.iter().enumerate() {
             loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
         }
-        let (state, current) = (self.state(i), self.current(i));
+        let (state, flow) = (self.state(i), self.flow(i));
         let scene = self.scene.varied(&self.factors(i).to_array());
-        Ok(linearize(&compile(&scene).system, &state, &current, &given.wrench, &loads))
+        Ok(linearize(&compile(&scene).system, &state, &flow, &given.wrench, &loads))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

@@ -4,7 +4,7 @@ use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Integrator, Motion, QuaternionMotion, Stages, Tableau, munthe_kaas, quaternion_runge_kutta};
-use crate::lane::{Kernel, Lane, Param, Real, Shared};
+use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
 use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, Ingredients, JOINTS, System};
 
@@ -93,7 +93,7 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
         let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
-        Station { target, current: self.vector(layout.current) }
+        Station { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
     }
 
     #[inline(always)]
@@ -135,6 +135,12 @@ fn blank_motion<L: Lane>() -> Motion<L, JOINTS> {
 #[inline(always)]
 fn shift_twist<L: Lane>(twist: Vector6<L>, rotation: &Matrix3<L>, current: Vector3<L>, sign: f64) -> Vector6<L> {
     Vector6 { linear: rotation.apply_transposed(current).scale_add(L::c(sign), twist.linear), ..twist }
+}
+
+/// Where water that moves at `current`, and gains `gained` within the step, carries `position`.
+#[inline(always)]
+fn drift<L: Lane>(position: Vector3<L>, current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector3<L> {
+    gained.scale_add(L::c(0.5), current).scale_add(L::splat(h), position)
 }
 
 /// Steps blocks of instances.
@@ -211,11 +217,15 @@ impl<T: Real> Step<'_, T> {
         let motion = &mut memory.motion;
         columns.motion(self.layout, motion);
         columns.loads(self.layout, self.switches, &mut memory.loads);
-        let current = columns.vector(self.layout.current);
+        let mut current = columns.vector(self.layout.current);
+        let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
+        let gained = acceleration.scale(L::splat(self.h));
         let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
         let mut dynamics = Dynamics {
             system,
             loads: &memory.loads,
+            gravity: Vector3(get_all(&system.gravity)) - acceleration,
+            acceleration,
             wrench: columns.six(self.layout.wrench),
             station,
             time: L::zero(),
@@ -228,11 +238,13 @@ impl<T: Real> Step<'_, T> {
                     let held = motion.pose;
                     motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
                     guarded((tableau, form), self.h, clock, motion, &mut dynamics, &mut memory.stages);
-                    motion.pose.position = current.scale_add(L::splat(self.h), motion.pose.position);
-                    if system.fixed {
-                        motion.pose = held;
-                    }
+                    motion.pose.position = drift(motion.pose.position, current, gained, self.h);
+                    current = current + gained;
                     motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
+                    if system.fixed {
+                        (motion.pose, motion.twist) = (held, Vector6::zero());
+                    }
+                    dynamics.flow_on(current);
                 }
             }
             Integrator::Quaternion(tableau, correction) => {
@@ -246,11 +258,13 @@ impl<T: Real> Step<'_, T> {
                     dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
                     rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
                     quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
-                    rival.position = current.scale_add(L::splat(self.h), rival.position);
-                    if system.fixed {
-                        (rival.quaternion, rival.position) = (quaternion, pose.position);
-                    }
+                    rival.position = drift(rival.position, current, gained, self.h);
+                    current = current + gained;
                     rival.twist = shift_twist(rival.twist, &rival.rotation(), current, 1.0);
+                    if system.fixed {
+                        (rival.quaternion, rival.position, rival.twist) = (quaternion, pose.position, Vector6::zero());
+                    }
+                    dynamics.flow_on(current);
                 }
                 columns.set_all(self.layout.quaternion, &rival.quaternion, 4);
                 motion.pose = Pose { rotation: rival.rotation(), position: rival.position };
@@ -258,6 +272,7 @@ impl<T: Real> Step<'_, T> {
             }
         }
         columns.set_motion(self.layout, motion);
+        columns.set_all(self.layout.current, &current.0, 3);
         // Compensated, so that neither many steps nor their division into calls shows in the time.
         let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
         for _ in 0..self.substeps {
@@ -396,6 +411,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
+                let acceleration = columns.vector(layout.acceleration);
+                let pull = rotation.apply_transposed(acceleration);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
                 let mut wrench = columns.six(layout.wrench);
                 if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
@@ -403,19 +420,18 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
                 }
                 let instant = Instant {
-                    gravity: rotation.apply_transposed(Vector3(system.gravity)),
+                    gravity: rotation.apply_transposed(Vector3(system.gravity) - acceleration),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
                     wrench,
+                    held_rate: Vector3::zero() - pull,
                     time: L::zero(),
                 };
                 accelerations(&system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
-                // V' = V_r' - [omega x R^T v_c; 0]
+                // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
-                if !system.fixed {
-                    twist_rate.linear = twist_rate.linear - turn;
-                }
+                twist_rate.linear = if system.fixed { Vector3::zero() } else { twist_rate.linear - turn + pull };
                 let mut out = Columns { rows: &mut *out, first };
                 out.set_all(0, &twist_rate.to_array(), 6);
                 out.set_all(6, &qdd, layout.joints);

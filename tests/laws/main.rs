@@ -8,6 +8,7 @@ mod random_scene;
 
 mod bodies;
 mod energy;
+mod flow;
 mod joints;
 mod momentum;
 mod order;

@@ -184,7 +184,7 @@ impl StationKeepBatch {
         }
         for (i, key, (episode, state)) in begun {
             self.simulator.set_state(i, &state);
-            self.simulator.set_current(i, episode.current());
+            self.simulator.set_flow(i, *episode.current());
             self.slots[i] = Slot { next: key.following(), episode: Some(episode), over: false };
         }
         Ok(self.look())
