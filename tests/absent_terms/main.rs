@@ -3,11 +3,12 @@
 mod edit;
 mod terms;
 
+use nalgebra::Vector3;
 use toml::Value;
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
 use uvms_gym::integrate::Integrator;
-use uvms_gym::system::{Compiled, Factors, State, compile};
+use uvms_gym::system::{Compiled, Factors, Flow, State, compile};
 
 #[path = "../common/random_scene.rs"]
 mod random_scene;
@@ -49,6 +50,10 @@ fn motion(scene: &Scene, integrator: &str, precision: Precision, factors: Option
     for i in 0..INSTANCES {
         // Beyond some limits, so that the end stops push; everything moves.
         simulator.set_state(i, &random_state(i as u64, scene));
+        if scene.water.gravity.norm() > 0.0 {
+            let acceleration = Vector3::new(0.05, -0.04, 0.03);
+            simulator.set_flow(i, Flow { acceleration, ..simulator.flow(i) });
+        }
     }
     let servo = scene.joints().any(|joint| joint.servo.is_some());
     let inputs = Inputs {
