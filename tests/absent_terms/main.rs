@@ -279,14 +279,15 @@ fn diagonals_given_as_rows_stay_diagonals() {
 /// An instance whose factor on a parameter is 0 moves as a scene without it.
 #[test]
 fn factors_of_zero_take_terms_away() {
-    let edits: [(&str, fn(&mut Factors<f64>), Edit); 4] = [
+    type Way = (&'static str, fn(&mut Factors<f64>), Edit);
+    let ways: [Way; 4] = [
         ("added mass", |f| f.added_mass = 0.0, |body| drop(body.remove("added_mass"))),
         ("linear drag", |f| f.linear_drag = 0.0, |body| drop(table(body, "damping").remove("linear"))),
         ("quadratic drag", |f| f.quadratic_drag = 0.0, |body| drop(table(body, "damping").remove("quadratic"))),
         ("volume", |f| f.volume = 0.0, no_volume),
     ];
     for (name, base) in scenes() {
-        for (what, set, edit) in edits {
+        for (what, set, edit) in ways {
             let mut factors = Factors::ONE;
             set(&mut factors);
             for precision in [Precision::Double, Precision::Single] {

@@ -62,8 +62,11 @@ fn no_added(parts: &Parts) -> bool {
     parts.added == SpatialInertia::zero().map(Shared)
 }
 
+/// A term, how to take its keys away, each way of stating nothing of it, and whether a part of the kernel lacks it.
+type Row<Lacks> = (&'static str, Edit, &'static [Edit], Lacks);
+
 /// What a body can have, each with its ways of having nothing of it.
-const BODY: [(&str, Edit, &[Edit], fn(&Body, &Parts) -> bool); 5] = [
+const BODY: [Row<fn(&Body, &Parts) -> bool>; 5] = [
     (
         "added mass",
         |body| drop(body.remove("added_mass")),
@@ -127,7 +130,7 @@ const BODY: [(&str, Edit, &[Edit], fn(&Body, &Parts) -> bool); 5] = [
     ),
 ];
 
-const JOINT: [(&str, Edit, &[Edit], fn(&JointTerms<Shared<f64>>) -> bool); 5] = [
+const JOINT: [Row<fn(&JointTerms<Shared<f64>>) -> bool>; 5] = [
     (
         "friction",
         |joint| drop(joint.remove("friction")),
@@ -180,7 +183,7 @@ const JOINT: [(&str, Edit, &[Edit], fn(&JointTerms<Shared<f64>>) -> bool); 5] = 
     ),
 ];
 
-const SCENE: [(&str, Edit, &[Edit], fn(&Compiled) -> bool); 4] = [
+const SCENE: [Row<fn(&Compiled) -> bool>; 4] = [
     (
         "gravity",
         |root| {

@@ -180,7 +180,7 @@ def test_numbers_are_written_with_what_they_are_worth() -> None:
 def test_the_command_tells_terms_costs_errors_and_what_to_do(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(explain, "ROUNDS", 3)
+    monkeypatch.setattr(explain, "BATCHES", 3)
     file = tmp_path / "deep" / "explain.json"
     arguments = ["scenes", "explain", "rexrov", "--episodes", "2", "--seed", "5", "--json", str(file)]
     assert main(arguments) == 0

@@ -22,9 +22,10 @@ Floats = NDArray[np.float64]
 
 #: Step of all runs, s; length of the motion and the times at which errors are told, s.
 STEP, TIME, TELL = 0.005, 10.0, (1.0, 10.0)
-#: Measurement of cost: instances, steps that are timed, rounds in which all variants take turns.
-TIMED, TIMED_STEPS, ROUNDS = 512, 20, 101
-#: The scene itself takes so many parts in it; what these differ by is noise, that of their places in memory included.
+#: Measurement of cost: instances, steps that are timed, rounds in which all variants take turns, and batches of rounds,
+#: each with simulators of its own: a place in memory makes more of a difference than many a term.
+TIMED, TIMED_STEPS, ROUNDS, BATCHES = 512, 20, 3, 31
+#: The scene itself takes so many parts in it; what these differ by is noise.
 COPIES = 4
 #: Intervals of +- so many standard deviations: 0.2 % of all fail, so that hardly one in a table of twenty does.
 DEVIATIONS = 3.1
@@ -67,7 +68,7 @@ def explain(
     with progress() as bar, warnings.catch_warnings():
         # A scene that lacks a term may be stiff at this step; what becomes of it is shown as its error.
         warnings.simplefilter("ignore")
-        task = bar.add_task("Terms", total=len(removable) + 2 + 1 + ROUNDS)
+        task = bar.add_task("Terms", total=len(removable) + 2 + BATCHES)
 
         def tick() -> None:
             bar.advance(task)
@@ -154,21 +155,25 @@ def step_costs(
     All variants take turns in each round, in random order, on one thread, through the same part of the motion.
     """
     motions = [*(motion for _ in range(COPIES)), *(without_term(motion, term) for term in terms)]
-    simulators = [Simulator(m.scene, TIMED, dt=STEP, threads=1) for m in motions]
     rng = np.random.default_rng(seed)
-    times = np.empty((ROUNDS, len(motions)))
+    times = np.empty((BATCHES, ROUNDS, len(motions)))
     collects = gc.isenabled()
     gc.disable()
+    simulators: dict[int, Simulator] = {}
     try:
-        for row in [times[0], *times]:
-            for k in rng.permutation(len(motions)):
-                row[k] = _timed(simulators[k], motions[k])
+        for batch in times:
+            # The old ones live until all new ones do, so that these lie elsewhere.
+            order = rng.permutation(len(motions)).tolist()
+            simulators = {k: Simulator(motions[k].scene, TIMED, dt=STEP, threads=1) for k in order}
+            for row in [batch[0], *batch]:
+                for k in rng.permutation(len(motions)).tolist():
+                    row[k] = _timed(simulators[k], motions[k])
             tick()
     finally:
         if collects:
             gc.enable()
-    whole = times[:, :COPIES].mean(axis=1)
-    saved = whole[:, None] - times
+    whole = times[..., :COPIES].mean(axis=-1)
+    saved = np.median(whole[..., None] - times, axis=1)
     bias = float(np.abs(np.median(saved[:, :COPIES], axis=0)).max())
     samples = zip(terms, saved[:, COPIES:].T, strict=True)
     savings = {term.name: Saving(float(np.median(sample)), bias + _half_width(sample)) for term, sample in samples}
@@ -184,7 +189,7 @@ def _timed(simulator: Simulator, motion: Motion) -> float:
 
 
 def _half_width(sample: Floats) -> float:
-    """Half the width of the interval of a median, by order statistics: a few disturbed rounds do not widen it."""
+    """Half the width of the interval of a median, by order statistics: a few disturbed batches do not widen it."""
     ordered = np.sort(sample)
     middle = len(ordered) // 2
     reach = min(math.ceil(0.5 * DEVIATIONS * math.sqrt(len(ordered))), middle)
@@ -269,8 +274,8 @@ def _print_conditions(episodes: int, floor: Floats) -> None:
         f"currents up to {CURRENT_SPEED:g} m/s, driven open loop: a controller would hide part of them. The steps of "
         f"{STEP:g} s themselves err by {floor[-1, 0]:.0e} m, {floor[-1, 1]:.0e} rad and {floor[-1, 2]:.0e} m at the "
         f"end; '<' is what does not stand out {STANDS_OUT:g}-fold from that, '0' is no bit of difference. Costs are of "
-        f"MK4 steps in double precision, {TIMED} instances on one thread of this machine, medians of {ROUNDS} "
-        f"interleaved rounds with intervals of {DEVIATIONS:g} standard deviations; '<' is what noise can make. Savings "
-        "and errors of single terms do not add up. All of it is as good as the scene's numbers, whose sources "
+        f"MK4 steps in double precision, {TIMED} instances on one thread of this machine: medians of {BATCHES} batches "
+        f"of interleaved rounds, with intervals of {DEVIATIONS:g} standard deviations; '<' is what noise can make. "
+        "Savings and errors of single terms do not add up. All of it is as good as the scene's numbers, whose sources "
         "`uvms scenes show` tells."
     )
