@@ -20,10 +20,10 @@ pub trait Storage: Send + Sync {
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Quaternion `[w, x, y, z]` of instance `i` as the integrator keeps it, if it keeps one.
-    fn quaternion(&self, i: usize) -> Option<[f64; 4]>;
-    /// Sets that quaternion, if one is kept.
-    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]);
+    /// Coordinates of the attitude of instance `i` that the integrator keeps: a quaternion `[w, x, y, z]`, or nothing.
+    fn attitude(&self, i: usize) -> Vec<f64>;
+    /// Sets those coordinates.
+    fn set_attitude(&mut self, i: usize, attitude: &[f64]);
     /// Flow of the water at instance `i`.
     fn flow(&self, i: usize) -> Flow;
     /// Sets the flow of the water at instance `i`.
@@ -119,7 +119,7 @@ impl<T: Real> Blocks<T> {
     pub fn new(
         compiled: &Compiled,
         instances: usize,
-        keeps_quaternion: bool,
+        integrator: &Integrator,
         isa: Isa,
         state: &State,
         flow: &Flow,
@@ -129,7 +129,7 @@ impl<T: Real> Blocks<T> {
         // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
         let system = compiled.system.map(number).put_together(&ingredients);
         let scene = Parameters { system, ingredients };
-        let layout = Layout::new(compiled.links.len(), keeps_quaternion);
+        let layout = Layout::new(compiled.links.len(), integrator.kept());
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -213,12 +213,12 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_state(&mut self.rows, i, state);
     }
 
-    fn quaternion(&self, i: usize) -> Option<[f64; 4]> {
-        self.table.quaternion(&self.rows, i)
+    fn attitude(&self, i: usize) -> Vec<f64> {
+        self.table.attitude(&self.rows, i)
     }
 
-    fn set_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
-        self.table.set_quaternion(&mut self.rows, i, quaternion);
+    fn set_attitude(&mut self, i: usize, attitude: &[f64]) {
+        self.table.set_attitude(&mut self.rows, i, attitude);
     }
 
     fn flow(&self, i: usize) -> Flow {

@@ -33,8 +33,10 @@ pub struct Layout {
     pub links: usize,
     /// Station: target rotation (9) and position (3).
     pub station: usize,
-    /// Quaternion, 4: only where the integrator keeps one.
-    pub quaternion: usize,
+    /// Coordinates of the attitude that the integrator keeps besides the rotation.
+    pub attitude: usize,
+    /// Their number: 4 of a quaternion, or none.
+    pub kept: usize,
     /// Factors on the instance's parameters, 5.
     pub factors: usize,
     /// Rows in all.
@@ -42,8 +44,8 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Layout for a number of joints, with or without rows for a quaternion.
-    pub fn new(joints: usize, keeps_quaternion: bool) -> Self {
+    /// Layout for a number of joints, and for a number of kept coordinates of the attitude.
+    pub fn new(joints: usize, kept: usize) -> Self {
         assert!(joints <= JOINTS);
         let mut rows = 0;
         let mut take = |count: usize| {
@@ -66,7 +68,8 @@ impl Layout {
             links: take(6 * joints),
             station: take(12),
             factors: take(5),
-            quaternion: take(if keeps_quaternion { 4 } else { 0 }),
+            attitude: take(kept),
+            kept,
             rows: take(0),
         }
     }

@@ -123,19 +123,19 @@ impl Simulator {
             return Err(SimulatorError::NoThreads);
         }
         let integrator = Integrator::named(&options.integrator, options.gamma).ok_or_else(|| {
-            let known = Integrator::NAMES.map(|(name, _)| name).into();
+            let known = Integrator::NAMES.map(|entry| entry.name).into();
             SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
         })?;
         let isa = Isa::best()?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
-        let (flow, quaternion) = (Flow::from(scene.water.current), integrator.keeps_quaternion());
+        let flow = Flow::from(scene.water.current);
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, quaternion, isa, &state, &flow)?)
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, quaternion, isa, &state, &flow)?)
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -209,12 +209,17 @@ impl Simulator {
 
     /// Quaternion of instance `i` as a quaternion integrator keeps it, which need not be of unit length.
     pub fn kept_quaternion(&self, i: usize) -> Option<[f64; 4]> {
-        self.storage.quaternion(i)
+        self.kept_attitude(i).try_into().ok()
     }
 
-    /// Sets that quaternion, if one is kept.
-    pub fn set_kept_quaternion(&mut self, i: usize, quaternion: &[f64; 4]) {
-        self.storage.set_quaternion(i, quaternion);
+    /// Coordinates of the attitude of instance `i` that the integrator keeps, if it does.
+    pub(super) fn kept_attitude(&self, i: usize) -> Vec<f64> {
+        self.storage.attitude(i)
+    }
+
+    /// Sets those coordinates.
+    pub(super) fn set_kept_attitude(&mut self, i: usize, attitude: &[f64]) {
+        self.storage.set_attitude(i, attitude);
     }
 
     /// Flow of the water at instance `i`.

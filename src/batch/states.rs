@@ -76,7 +76,7 @@ impl Simulator {
         let rotations = self.rotations(states)?;
         for i in 0..self.instances() {
             let mut state = self.state(i);
-            let quaternion = self.kept_quaternion(i);
+            let attitude = self.kept_attitude(i);
             set(state.position.as_mut_slice(), states.position, i);
             set(state.twist.as_mut_slice(), states.twist, i);
             set(&mut state.q[..joints], states.q, i);
@@ -86,8 +86,8 @@ impl Simulator {
                 state.rotation = rotations[i];
             }
             self.set_state(i, &state);
-            if let (None, Some(quaternion)) = (&rotations, quaternion) {
-                self.set_kept_quaternion(i, &quaternion);
+            if rotations.is_none() {
+                self.set_kept_attitude(i, &attitude);
             }
             let mut flow = self.flow(i);
             set(flow.velocity.as_mut_slice(), states.current, i);

@@ -3,16 +3,10 @@
 use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::integrate::{Integrator, Motion, QuaternionMotion, Stages, Tableau, munthe_kaas, quaternion_runge_kutta};
+use crate::integrate::{Integrator, Motion, Stages, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
-use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, Ingredients, JOINTS, System};
-
-/// Rotation within a step beyond which a lane's step is halved. The maps hold up to pi, but the velocity of a spinning
-/// body turns in body axes as fast, and grows where that is outside of a tableau's stability: 2.83 (RK4), 1.73 (Heun).
-const GREATEST_TURN: f64 = std::f64::consts::FRAC_PI_2;
-/// Most pieces that a step is cut into; a lane that needs more becomes NaN, never a wrong number.
-const MOST_PIECES: usize = 1024;
 
 /// Which loads are on, the same for all instances.
 #[derive(Debug, Clone, Copy, Default)]
@@ -77,6 +71,9 @@ impl<T: Real> Columns<'_, T> {
         motion.twist = self.six(layout.twist);
         self.joints(layout.q, layout.joints, &mut motion.q);
         self.joints(layout.qd, layout.joints, &mut motion.qd);
+        for k in 0..layout.kept {
+            motion.attitude[k] = self.get(layout.attitude + k);
+        }
     }
 
     #[inline(always)]
@@ -88,6 +85,7 @@ impl<T: Real> Columns<'_, T> {
         self.set_all(layout.twist, &motion.twist.to_array(), 6);
         self.set_all(layout.q, &motion.q, layout.joints);
         self.set_all(layout.qd, &motion.qd, layout.joints);
+        self.set_all(layout.attitude, &motion.attitude, layout.kept);
     }
 
     #[inline(always)]
@@ -121,14 +119,6 @@ impl<T: Real> Columns<'_, T> {
             }
         }
     }
-}
-
-/// A motion at rest at the origin: memory to load into.
-#[inline(always)]
-fn blank_motion<L: Lane>() -> Motion<L, JOINTS> {
-    let zero = [L::zero(); JOINTS];
-    let pose = Pose { rotation: Matrix3::identity(), position: Vector3::zero() };
-    Motion { pose, twist: Vector6::zero(), q: zero, qd: zero }
 }
 
 /// `V_r = V - [R^T v_c; 0]`, or back with `sign` +1. `[HC eq. 23]`
@@ -171,6 +161,7 @@ struct Memory<L: Lane> {
     stages: Stages<L, JOINTS>,
     loads: Loads<L>,
     motion: Motion<L, JOINTS>,
+    trial: Motion<L, JOINTS>,
 }
 
 impl<T: Real> Kernel<T> for Step<'_, T> {
@@ -180,7 +171,8 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
             scratch: Scratch::new(),
             stages: Stages::new(),
             loads: Loads::none(),
-            motion: blank_motion::<L>(),
+            motion: Motion::blank(),
+            trial: Motion::blank(),
         };
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut(self.layout.rows * T::BLOCK);
         match self.ingredients {
@@ -231,44 +223,22 @@ impl<T: Real> Step<'_, T> {
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
-        match self.integrator {
-            Integrator::MuntheKaas(tableau, form) => {
-                for k in self.before..self.before + self.substeps {
-                    let clock = T::from_f64(k as f64) * self.h;
-                    let held = motion.pose;
-                    motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
-                    guarded((tableau, form), self.h, clock, motion, &mut dynamics, &mut memory.stages);
-                    motion.pose.position = drift(motion.pose.position, current, gained, self.h);
-                    current = current + gained;
-                    motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
-                    if system.fixed {
-                        (motion.pose, motion.twist) = (held, Vector6::zero());
-                    }
-                    dynamics.flow_on(current);
+        for k in self.before..self.before + self.substeps {
+            dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
+            let held = (motion.pose, motion.attitude);
+            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
+            match &self.integrator {
+                Integrator::Explicit(method) => {
+                    interval(method, self.h, motion, &mut memory.trial, &mut dynamics, &mut memory.stages);
                 }
             }
-            Integrator::Quaternion(tableau, correction) => {
-                let mut quaternion = [L::zero(); 4];
-                for k in 0..4 {
-                    quaternion[k] = columns.get(self.layout.quaternion + k);
-                }
-                let Motion { pose, twist, q, qd } = *motion;
-                let mut rival = QuaternionMotion { quaternion, position: pose.position, twist, q, qd };
-                for k in self.before..self.before + self.substeps {
-                    dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
-                    rival.twist = shift_twist(rival.twist, &rival.rotation(), current, -1.0);
-                    quaternion_runge_kutta(tableau, correction, self.h, &mut rival, &mut dynamics);
-                    rival.position = drift(rival.position, current, gained, self.h);
-                    current = current + gained;
-                    rival.twist = shift_twist(rival.twist, &rival.rotation(), current, 1.0);
-                    if system.fixed {
-                        (rival.quaternion, rival.position, rival.twist) = (quaternion, pose.position, Vector6::zero());
-                    }
-                    dynamics.flow_on(current);
-                }
-                columns.set_all(self.layout.quaternion, &rival.quaternion, 4);
-                motion.pose = Pose { rotation: rival.rotation(), position: rival.position };
-                (motion.twist, motion.q, motion.qd) = (rival.twist, rival.q, rival.qd);
+            motion.pose.position = drift(motion.pose.position, current, gained, self.h);
+            current = current + gained;
+            dynamics.flow_on(current);
+            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
+            if system.fixed {
+                (motion.pose, motion.attitude) = held;
+                motion.twist = Vector6::zero();
             }
         }
         columns.set_motion(self.layout, motion);
@@ -281,95 +251,6 @@ impl<T: Real> Step<'_, T> {
             (time, rest) = (next, passed - (next - time));
         }
         columns.set_all(self.layout.time, &[time, rest], 2);
-    }
-}
-
-/// A step of size `h`; lanes that turn by more than a quarter revolution within it take it in halves, quarters, and so
-/// on, while their neighbours keep the step they had.
-#[inline(always)]
-fn guarded<L: Lane, P: Param<L>>(
-    (tableau, form): (&Tableau, DexpInverse),
-    h: L::Real,
-    clock: L::Real,
-    motion: &mut Motion<L, JOINTS>,
-    dynamics: &mut Dynamics<L, P>,
-    stages: &mut Stages<L, JOINTS>,
-) {
-    let start = *motion;
-    let mut trial = start;
-    let limit = L::c(GREATEST_TURN * GREATEST_TURN);
-    // 1 in lanes that still need a finer step.
-    let mut pending = L::c(1.0);
-    let mut pieces = 1;
-    loop {
-        let piece = h / L::Real::from_f64(pieces as f64);
-        let at = if pieces == 1 { &mut *motion } else { &mut trial };
-        let mut greatest = L::zero();
-        for k in 0..pieces {
-            dynamics.time = L::splat(clock + L::Real::from_f64(k as f64) * piece);
-            greatest = greatest.max(munthe_kaas(tableau, form, piece, at, dynamics, stages));
-        }
-        if pieces > 1 {
-            keep(L::c(0.5).lt(pending), &trial, motion);
-            trial = start;
-        }
-        // A turn that is NaN is not below the limit either: the maps overflow on far too great ones.
-        pending = L::select(greatest.lt(limit), L::zero(), pending);
-        if !L::any(L::c(0.5).lt(pending)) {
-            return;
-        }
-        if pieces == 1 {
-            // No step mends what was lost before it.
-            let sound = sound(&start);
-            keep(L::c(0.5).lt(pending - sound), &lost(), motion);
-            pending = L::select(L::c(0.5).lt(sound), pending, L::zero());
-        }
-        if pieces == MOST_PIECES {
-            keep(L::c(0.5).lt(pending), &lost(), motion);
-            return;
-        }
-        pieces *= 2;
-    }
-}
-
-/// 1 in lanes where every number is finite, else 0.
-#[inline(always)]
-fn sound<L: Lane>(motion: &Motion<L, JOINTS>) -> L {
-    let Motion { pose, twist, q, qd } = motion;
-    let vehicle = pose.rotation.0.iter().flatten().chain(&pose.position.0);
-    let zero = vehicle.chain(&twist.to_array()).chain(q).chain(qd).fold(L::zero(), |sum, &x| x.mul_add(L::zero(), sum));
-    L::select(zero.lt(L::c(1.0)), L::c(1.0), L::zero())
-}
-
-/// NaN throughout.
-#[inline(always)]
-fn lost<L: Lane>() -> Motion<L, JOINTS> {
-    let nan = Vector3([L::c(f64::NAN); 3]);
-    Motion {
-        pose: Pose { rotation: Matrix3([nan.0; 3]), position: nan },
-        twist: Vector6 { linear: nan, angular: nan },
-        q: [L::c(f64::NAN); JOINTS],
-        qd: [L::c(f64::NAN); JOINTS],
-    }
-}
-
-/// Takes `new` where the mask holds.
-#[inline(always)]
-fn keep<L: Lane>(mask: L::Mask, new: &Motion<L, JOINTS>, motion: &mut Motion<L, JOINTS>) {
-    for i in 0..3 {
-        pick(mask, &new.pose.rotation.0[i], &mut motion.pose.rotation.0[i]);
-    }
-    pick(mask, &new.pose.position.0, &mut motion.pose.position.0);
-    pick(mask, &new.twist.linear.0, &mut motion.twist.linear.0);
-    pick(mask, &new.twist.angular.0, &mut motion.twist.angular.0);
-    pick(mask, &new.q, &mut motion.q);
-    pick(mask, &new.qd, &mut motion.qd);
-}
-
-#[inline(always)]
-fn pick<L: Lane, const K: usize>(mask: L::Mask, new: &[L; K], old: &mut [L; K]) {
-    for k in 0..K {
-        old[k] = L::select(mask, new[k], old[k]);
     }
 }
 
@@ -397,7 +278,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
         let mut system: System<L> = self.system.variable(self.ingredients.unwrap_or_default());
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
-        let mut motion = blank_motion::<L>();
+        let mut motion = Motion::blank();
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
         let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);

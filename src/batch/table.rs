@@ -6,7 +6,7 @@ use super::layout::Layout;
 use super::step::Switches;
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{Factors, Flow, JOINTS, State};
+use crate::system::{Factors, Flow, JOINTS, State, quaternion};
 
 /// What is applied to one instance until it is changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,22 +90,19 @@ impl Table {
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
         let time = T::from_f64(state.time).to_f64();
         self.set_all(rows, i, layout.time, [time, state.time - time]);
-        if layout.quaternion < layout.rows {
-            self.set_all(rows, i, layout.quaternion, crate::system::quaternion(&state.rotation));
+        if layout.kept == 4 {
+            self.set_all(rows, i, layout.attitude, quaternion(&state.rotation));
         }
     }
 
-    /// Quaternion as the integrator keeps it, if it keeps one.
-    pub fn quaternion<T: Real>(&self, rows: &[T], i: usize) -> Option<[f64; 4]> {
-        let layout = &self.layout;
-        (layout.quaternion < layout.rows).then(|| self.get_all(rows, i, layout.quaternion))
+    /// Coordinates of the attitude that the integrator keeps.
+    pub fn attitude<T: Real>(&self, rows: &[T], i: usize) -> Vec<f64> {
+        (0..self.layout.kept).map(|k| self.get(rows, i, self.layout.attitude + k)).collect()
     }
 
-    /// Sets that quaternion, if one is kept.
-    pub fn set_quaternion<T: Real>(&self, rows: &mut [T], i: usize, quaternion: &[f64; 4]) {
-        if self.layout.quaternion < self.layout.rows {
-            self.set_all(rows, i, self.layout.quaternion, *quaternion);
-        }
+    /// Sets those coordinates.
+    pub fn set_attitude<T: Real>(&self, rows: &mut [T], i: usize, attitude: &[f64]) {
+        self.set_all(rows, i, self.layout.attitude, attitude[..self.layout.kept].iter().copied());
     }
 
     /// Flow of the water.

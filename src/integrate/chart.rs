@@ -1,0 +1,55 @@
+//! Coordinates in which a step's pose is integrated.
+
+use super::StagePose;
+use crate::lane::Lane;
+use crate::lie::{DexpInverse, Pose, Vector3, Vector6, exp_se3, rotate_back};
+
+/// Coordinates of the pose within a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Chart {
+    /// `T exp(Theta)` about the step's start, `Theta' = dexp^-1_(-Theta) V`: Munthe-Kaas methods. `[HC eq. 18]`
+    Exponential(DexpInverse),
+    /// The components of a quaternion that need not be of unit length, and the position: the paper's rivals. `[HC eq. 14]`
+    Quaternion(Correction),
+}
+
+/// What keeps the quaternion near unit length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Correction {
+    /// The term `gamma/2 (1 - Q^T Q) Q` of eq. 14.
+    Fossen {
+        /// Its gain, 1/s.
+        gamma: f64,
+    },
+    /// Division by the length after each step.
+    Normalise,
+}
+
+impl Chart {
+    /// Numbers that [`super::Motion::attitude`] holds.
+    pub fn kept(&self) -> usize {
+        match self {
+            Chart::Exponential(_) => 0,
+            Chart::Quaternion(_) => 4,
+        }
+    }
+}
+
+/// The pose `T exp(theta)` of a stage.
+pub(super) struct Increment<'a, L> {
+    /// T.
+    pub start: &'a Pose<L>,
+    /// Theta; 0 where the chart gives the whole pose.
+    pub theta: Vector6<L>,
+}
+
+impl<L: Lane> StagePose<L> for Increment<'_, L> {
+    #[inline(always)]
+    fn to_body(&self, world: Vector3<L>) -> Vector3<L> {
+        rotate_back(self.theta.angular, self.start.rotation.apply_transposed(world))
+    }
+    #[inline(always)]
+    fn pose(&self) -> Pose<L> {
+        self.start.times(&exp_se3(self.theta))
+    }
+}

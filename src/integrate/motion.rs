@@ -1,0 +1,86 @@
+//! The state that integrators step.
+
+use crate::lane::Lane;
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+
+/// State of a step: `(T, V, q, q')`.
+#[derive(Debug, Clone, Copy)]
+pub struct Motion<L, const N: usize> {
+    /// T.
+    pub pose: Pose<L>,
+    /// V, body twist.
+    pub twist: Vector6<L>,
+    /// q.
+    pub q: [L; N],
+    /// q'.
+    pub qd: [L; N],
+    /// Coordinates of the attitude, for charts that keep them; the pose follows from them.
+    pub attitude: [L; 4],
+}
+
+impl<L: Lane, const N: usize> Motion<L, N> {
+    /// At rest at the origin: memory to load into.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        let zero = [L::zero(); N];
+        let pose = Pose { rotation: Matrix3::identity(), position: Vector3::zero() };
+        Self { pose, twist: Vector6::zero(), q: zero, qd: zero, attitude: [L::zero(); 4] }
+    }
+
+    /// NaN throughout.
+    #[inline(always)]
+    pub(super) fn lost() -> Self {
+        let x = L::c(f64::NAN);
+        let nan = Vector3([x; 3]);
+        Self {
+            pose: Pose { rotation: Matrix3([nan.0; 3]), position: nan },
+            twist: Vector6 { linear: nan, angular: nan },
+            q: [x; N],
+            qd: [x; N],
+            attitude: [x; 4],
+        }
+    }
+
+    /// 1 in lanes where every number (of `n` joints) is finite, else 0.
+    #[inline(always)]
+    pub(super) fn sound(&self, n: usize) -> L {
+        let mut sum = L::zero();
+        add_zeros(&self.pose.position.0, 3, &mut sum);
+        for i in 0..3 {
+            add_zeros(&self.pose.rotation.0[i], 3, &mut sum);
+        }
+        add_zeros(&self.twist.to_array(), 6, &mut sum);
+        add_zeros(&self.q, n, &mut sum);
+        add_zeros(&self.qd, n, &mut sum);
+        L::select(sum.lt(L::c(1.0)), L::c(1.0), L::zero())
+    }
+
+    /// Takes `new` where the mask holds.
+    #[inline(always)]
+    pub(super) fn keep(&mut self, mask: L::Mask, new: &Self, n: usize) {
+        for i in 0..3 {
+            pick(mask, &new.pose.rotation.0[i], &mut self.pose.rotation.0[i], 3);
+        }
+        pick(mask, &new.pose.position.0, &mut self.pose.position.0, 3);
+        pick(mask, &new.twist.linear.0, &mut self.twist.linear.0, 3);
+        pick(mask, &new.twist.angular.0, &mut self.twist.angular.0, 3);
+        pick(mask, &new.q, &mut self.q, n);
+        pick(mask, &new.qd, &mut self.qd, n);
+        pick(mask, &new.attitude, &mut self.attitude, 4);
+    }
+}
+
+/// Zero times each number: NaN for one that is not finite.
+#[inline(always)]
+fn add_zeros<L: Lane, const K: usize>(x: &[L; K], count: usize, sum: &mut L) {
+    for k in 0..count {
+        *sum = x[k].mul_add(L::zero(), *sum);
+    }
+}
+
+#[inline(always)]
+fn pick<L: Lane, const K: usize>(mask: L::Mask, new: &[L; K], old: &mut [L; K], count: usize) {
+    for k in 0..count {
+        old[k] = L::select(mask, new[k], old[k]);
+    }
+}
