@@ -79,7 +79,7 @@ fn numbers_of(state: &State) -> Vec<f64> {
 /// Asserts bit equality of the motions of two scenes by every integrator in both number types.
 fn assert_same_motion(what: &str, a: &Value, b: &Value) {
     let (a, b) = (read(a), read(b));
-    for (integrator, _) in Integrator::NAMES {
+    for integrator in Integrator::NAMES.map(|entry| entry.name) {
         for precision in [Precision::Double, Precision::Single] {
             let motions = [&a, &b].map(|scene| motion(scene, integrator, precision, None));
             assert!(motions[0] == motions[1], "{what}, {integrator}, {precision:?}");
@@ -320,7 +320,7 @@ fn inputs_of_zeros_are_none() {
             Inputs { joint_torque: Some(&zeros[..joints]), ..none },
             Inputs { external: Some(&zeros), ..none },
         ];
-        for (integrator, _) in Integrator::NAMES {
+        for integrator in Integrator::NAMES.map(|entry| entry.name) {
             for precision in [Precision::Double, Precision::Single] {
                 let still = run(&none, integrator, precision);
                 for (i, inputs) in inputs.iter().enumerate() {

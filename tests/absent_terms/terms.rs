@@ -25,9 +25,9 @@ type Parts = Ingredients<Shared<f64>>;
 /// Where the kernel would have a term.
 #[derive(Clone, Copy)]
 pub enum Dropped {
-    Body(fn(&Body, &Parts) -> bool),
-    Joint(fn(&JointTerms<Shared<f64>>) -> bool),
-    System(fn(&Compiled) -> bool),
+    Body(BodyLacks),
+    Joint(JointLacks),
+    System(SystemLacks),
 }
 
 impl Dropped {
@@ -65,8 +65,12 @@ fn no_added(parts: &Parts) -> bool {
 /// A term, how to take its keys away, each way of stating nothing of it, and whether a part of the kernel lacks it.
 type Row<Lacks> = (&'static str, Edit, &'static [Edit], Lacks);
 
+type BodyLacks = fn(&Body, &Parts) -> bool;
+type JointLacks = fn(&JointTerms<Shared<f64>>) -> bool;
+type SystemLacks = fn(&Compiled) -> bool;
+
 /// What a body can have, each with its ways of having nothing of it.
-const BODY: [Row<fn(&Body, &Parts) -> bool>; 5] = [
+const BODY: [Row<BodyLacks>; 5] = [
     (
         "added mass",
         |body| drop(body.remove("added_mass")),
@@ -130,7 +134,7 @@ const BODY: [Row<fn(&Body, &Parts) -> bool>; 5] = [
     ),
 ];
 
-const JOINT: [Row<fn(&JointTerms<Shared<f64>>) -> bool>; 5] = [
+const JOINT: [Row<JointLacks>; 5] = [
     (
         "friction",
         |joint| drop(joint.remove("friction")),
@@ -183,7 +187,7 @@ const JOINT: [Row<fn(&JointTerms<Shared<f64>>) -> bool>; 5] = [
     ),
 ];
 
-const SCENE: [Row<fn(&Compiled) -> bool>; 4] = [
+const SCENE: [Row<SystemLacks>; 4] = [
     (
         "gravity",
         |root| {
