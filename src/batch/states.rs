@@ -74,7 +74,15 @@ impl Simulator {
             return Err(SimulatorError::Weightless { scene: self.scene().name.clone(), instance: at / 3 });
         }
         let rotations = self.rotations(states)?;
+        let moved = widths.iter().any(|(name, values, _)| values.is_some() && !name.starts_with("current"));
         for i in 0..self.instances() {
+            let mut flow = self.flow(i);
+            set(flow.velocity.as_mut_slice(), states.current, i);
+            set(flow.acceleration.as_mut_slice(), states.current_acceleration, i);
+            self.set_flow(i, flow);
+            if !moved {
+                continue;
+            }
             let mut state = self.state(i);
             let attitude = self.kept_attitude(i);
             set(state.position.as_mut_slice(), states.position, i);
@@ -86,13 +94,9 @@ impl Simulator {
                 state.rotation = rotations[i];
             }
             self.set_state(i, &state);
-            if rotations.is_none() {
+            if let (None, Some(attitude)) = (&rotations, attitude) {
                 self.set_kept_attitude(i, &attitude);
             }
-            let mut flow = self.flow(i);
-            set(flow.velocity.as_mut_slice(), states.current, i);
-            set(flow.acceleration.as_mut_slice(), states.current_acceleration, i);
-            self.set_flow(i, flow);
         }
         Ok(())
     }

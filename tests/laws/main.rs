@@ -6,6 +6,7 @@ mod cases;
 #[path = "../common/random_scene.rs"]
 mod random_scene;
 
+mod adaptive;
 mod bodies;
 mod energy;
 mod flow;
@@ -13,6 +14,8 @@ mod joints;
 mod links;
 mod momentum;
 mod order;
+mod rivals;
+mod stiffness;
 mod table1;
 
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
