@@ -275,6 +275,12 @@ pub enum SimulatorError {
         /// As given.
         gamma: f64,
     },
+    /// An expected speed that is none.
+    #[error("speed is {value}, but must be a number >= 0 (m/s and rad/s)")]
+    Speed {
+        /// As given.
+        value: f64,
+    },
     /// A tolerance that is none.
     #[error("tolerance is {tolerance}, but must be a positive number")]
     Tolerance {

@@ -6,7 +6,17 @@ from typing import Any, ClassVar, TypeAlias, TypedDict, final, type_check_only
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Pd", "SceneError", "Simulator", "StationKeep", "__version__", "integrators", "load_scene", "scenes"]
+__all__ = [
+    "Pd",
+    "SceneError",
+    "Simulator",
+    "StationKeep",
+    "StepWarning",
+    "__version__",
+    "integrators",
+    "load_scene",
+    "scenes",
+]
 
 __version__: str
 
@@ -21,6 +31,21 @@ class _Integrator(TypedDict):
 
 class SceneError(ValueError):
     """A scene that cannot be read, or that no physical system can have. The message names the file, key and value."""
+
+class StepWarning(UserWarning):
+    """A step that is too large for the scene: its result is wrong, or not even finite.
+
+    The message names the rate, what moves that fast, and the step that suits it.
+    """
+
+@type_check_only
+class _Mode(TypedDict):
+    rate: complex
+    time_constant: float
+    period: float
+    what: str
+    where: str
+    end_stop: bool
 
 def scenes() -> list[str]:
     """Names of the scenes that come with the package."""
@@ -260,6 +285,19 @@ class Simulator:
         """Set factors, () or (N,), on the parameters of every body of each instance; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
+    def modes(
+        self, speed: ArrayLike | None = None, *, joint_servos: bool = True, station: bool = True
+    ) -> list[_Mode]:
+        """Rates at which small deviations decay, swing or grow, fastest first; at expected vehicle `speed` () or (6,)."""
+    def stable_steps(
+        self,
+        speed: ArrayLike | None = None,
+        *,
+        joint_servos: bool = True,
+        station: bool = True,
+        end_stops: bool = True,
+    ) -> dict[str, float]:
+        """Greatest step, s, at which each integrator is stable for all modes, by its name; infinite where any is."""
     def allocate(self, wrench: ArrayLike) -> NDArray[np.float64]:
         """(N, m) thrusts that come closest to `wrench` (6,) or (N, 6), scaled uniformly into their limits."""
     def __copy__(self) -> Simulator: ...

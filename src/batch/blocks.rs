@@ -1,6 +1,9 @@
 //! Storage of all instances in one precision, and access to single ones.
 
+use std::sync::{Mutex, PoisonError};
+
 use super::layout::Layout;
+use super::monitor::Sighting;
 use super::step::{Accelerate, Step, Switches};
 use super::table::{InstanceLoads, Table};
 use super::threads::for_each;
@@ -42,13 +45,13 @@ pub trait Storage: Send + Sync {
     fn set_column(&mut self, i: usize, column: &[f64]);
     /// Numbers in a column.
     fn column_len(&self) -> usize;
-    /// Steps all instances.
-    fn step(&mut self, run: &Run);
+    /// Steps all instances; the first one that the steps do not follow, if it is asked for.
+    fn step(&mut self, run: &Run) -> Option<Sighting>;
     /// Instances that [`Self::step_with`] hands to one rider.
     fn ride(&self) -> usize;
     /// Steps all instances; each rider works on its own [`Self::ride`] of them (the last may have fewer), before and
-    /// after, on the thread that steps them.
-    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]);
+    /// after, on the thread that steps them. Returns as [`Self::step`].
+    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) -> Option<Sighting>;
     /// `[V'; q'']` of all instances under their loads, instance by instance.
     fn accelerations(&mut self, switches: Switches) -> Vec<f64>;
     /// Bytes per instance.
@@ -92,6 +95,8 @@ pub struct Run {
     pub switches: Switches,
     /// Most threads.
     pub threads: usize,
+    /// `h |rate|` up to which the integrator is right, where instances are watched for leaving it.
+    pub range: Option<f64>,
 }
 
 /// Blocks of instances in one precision.
@@ -171,6 +176,26 @@ struct Part<'a, T> {
     rows: &'a mut [T],
 }
 
+/// The first sighting of several parts.
+#[derive(Default)]
+struct First(Mutex<Option<Sighting>>);
+
+impl First {
+    /// Takes note of a sighting in a part that begins with instance `first`.
+    fn note(&self, first: usize, sighting: Option<Sighting>) {
+        let Some(mut sighting) = sighting else { return };
+        sighting.instance += first;
+        let mut least = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if least.is_none_or(|least| sighting.instance < least.instance) {
+            *least = Some(sighting);
+        }
+    }
+
+    fn take(self) -> Option<Sighting> {
+        self.0.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 impl<T: Real> Part<'_, T> {
     fn step(&mut self, scene: &Parameters<T>, varied: bool, isa: Isa, run: &Run) {
         let mut step = Step {
@@ -185,6 +210,11 @@ impl<T: Real> Part<'_, T> {
             blocks: self.rows,
         };
         T::dispatch(isa, &mut step);
+    }
+
+    /// The first of `count` instances that the steps did not follow.
+    fn sight(&self, run: &Run, count: usize) -> Option<Sighting> {
+        self.table.sight(self.rows, count, run.range?)
     }
 }
 
@@ -263,25 +293,35 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.layout.rows
     }
 
-    fn step(&mut self, run: &Run) {
-        let (portion, threads) = (self.portion(), self.threads(run));
+    fn step(&mut self, run: &Run) -> Option<Sighting> {
+        let (portion, threads, ride, instances) = (self.portion(), self.threads(run), self.ride(), self.instances);
         let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
-        for_each(self.rows.chunks_mut(portion), threads, |rows| Part { table, rows }.step(scene, varied, isa, run));
+        let first = First::default();
+        for_each(self.rows.chunks_mut(portion).enumerate(), threads, |(k, rows)| {
+            let mut part = Part { table, rows };
+            part.step(scene, varied, isa, run);
+            first.note(k * ride, part.sight(run, instances - k * ride));
+        });
+        first.take()
     }
 
     fn ride(&self) -> usize {
         CHUNK * T::BLOCK
     }
 
-    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) {
-        let (portion, threads) = (self.portion(), self.threads(run));
+    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) -> Option<Sighting> {
+        let (portion, threads, ride, instances) = (self.portion(), self.threads(run), self.ride(), self.instances);
         let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
-        for_each(self.rows.chunks_mut(portion).zip(riders), threads, |(rows, rider)| {
+        let first = First::default();
+        for_each(self.rows.chunks_mut(portion).zip(riders).enumerate(), threads, |(k, (rows, rider))| {
             let mut part = Part { table, rows };
             rider.before(&mut part);
             part.step(scene, varied, isa, run);
+            // Before the task puts what diverged back to a start.
+            first.note(k * ride, part.sight(run, instances - k * ride));
             rider.after(&mut part);
         });
+        first.take()
     }
 
     fn accelerations(&mut self, switches: Switches) -> Vec<f64> {

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
+use super::monitor::Watch;
 use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::balance::articulated::Loads;
@@ -93,6 +94,9 @@ pub struct Simulator {
     threads: usize,
     isa: Isa,
     storage: Box<dyn Storage>,
+    /// `h |rate|` up to which the integrator is right.
+    range: f64,
+    watch: Watch,
 }
 
 impl Clone for Simulator {
@@ -158,6 +162,8 @@ impl Simulator {
             integrator,
             isa,
             storage,
+            range: integrator.stability().range(),
+            watch: Watch::default(),
         })
     }
 
@@ -174,6 +180,30 @@ impl Simulator {
     /// The compiled scene.
     pub fn compiled(&self) -> &Compiled {
         &self.compiled
+    }
+
+    /// The integrator.
+    pub fn integrator(&self) -> Integrator {
+        self.integrator
+    }
+
+    /// The scene composed, with the scene's own parameters.
+    pub(super) fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    pub(super) fn watch_mut(&mut self) -> &mut Watch {
+        &mut self.watch
+    }
+
+    /// `h |rate|` up to which the integrator is right: [`crate::integrate::Stability::range`].
+    pub fn range(&self) -> f64 {
+        self.range
+    }
+
+    /// The integrator's range, as long as motions are watched for leaving it.
+    fn watched_range(&self) -> Option<f64> {
+        self.watch.watches().then_some(self.range)
     }
 
     /// Number of instances.
@@ -274,6 +304,7 @@ impl Simulator {
     ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let switches = self.apply(inputs)?;
+        let range = self.watched_range();
         let part = (PART / self.instances()).max(1);
         let mut before = 0;
         while before < substeps {
@@ -281,7 +312,8 @@ impl Simulator {
                 return Ok(false);
             }
             let substeps = part.min(substeps - before);
-            self.storage.step(&Run { integrator, h, substeps, before, switches, threads });
+            let sighting = self.storage.step(&Run { integrator, h, substeps, before, switches, threads, range });
+            self.watch.sighted(sighting);
             before += substeps;
         }
         Ok(true)
@@ -311,7 +343,9 @@ impl Simulator {
     /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
     pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        self.storage.step_with(&Run { integrator, h, substeps, before: 0, switches, threads }, riders);
+        let run = Run { integrator, h, substeps, before: 0, switches, threads, range: self.watched_range() };
+        let sighting = self.storage.step_with(&run, riders);
+        self.watch.sighted(sighting);
     }
 
     /// Instances per rider.

@@ -50,7 +50,7 @@ impl Table {
         (i / T::BLOCK * self.layout.rows + row) * T::BLOCK + i % T::BLOCK
     }
 
-    fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
+    pub(super) fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
         rows[self.place::<T>(i, row)].to_f64()
     }
 
