@@ -1,5 +1,6 @@
 import json
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ def test_every_setting_is_there_with_errors_cost_and_warnings(run: dict[str, Any
         assert all(row[name]["median"] > 0.0 for name in work_precision.QUANTITIES)
         # From 10 ns to 10 us a step.
         assert 10.0 < row["cost"] * row["step"] < 1e4
-        assert (row["estimate_warned"], row["monitor_warned"], row["diverged"]) == (False, False, 0)
+        assert (row["warned_early"], row["warned_later"], row["diverged"]) == (False, False, 0)
     # Half the step: more than half the cost off.
     assert result["rows"][0]["cost"] > 1.3 * result["rows"][1]["cost"]
     assert len(result["drift"]) == len(found)
@@ -59,19 +60,26 @@ def test_what_diverges_is_shown_as_such(run: dict[str, Any]) -> None:
     (result,) = run["results"].values()
     lost = [row for row in result["rows"] if (row["integrator"], row["step"]) == ("mk2", 0.1)]
     assert [row["diverged"] for row in lost] == [4, 4]
-    row = lost[0] | {"end_effector": {"median": math.inf}, "estimate_warned": True}
+    # Nothing wrong was silent.
+    assert all(row["warned_early"] or row["warned_later"] for row in lost)
+    row = lost[0] | {"end_effector": {"median": math.inf}, "warned_early": True}
     assert accuracy._cell(row, 0.0) == "divergedw"
-    assert accuracy._cell(row | {"end_effector": {"median": 1e-5}, "estimate_warned": False}, 0.0) == "1.0e-5!"
+    assert (
+        accuracy._cell(row | {"end_effector": {"median": 1e-5}, "warned_early": False, "warned_later": False}, 0.0)
+        == "1.0e-5!"
+    )
     # A line that is drawn or fitted has no such points.
     assert all(0.1 not in entry["steps"] for entry in result["orders"].values())
 
 
 def test_errors_fall_with_the_order_of_the_method() -> None:
     scene = work_precision.without_kinks(load_scene("bluerov2-heavy"))
-    settings = [Setting(name, "f64", step) for name in EXPLICIT for step in (0.01, 0.02, 0.05)]
+    settings = [Setting(name, "f64", step) for name in EXPLICIT for step in (0.0025, 0.005, 0.01)]
     result = work_precision.study(scene, settings, episodes=4, seconds=2.0, seed=1, repeats=0)
+    # Next to no damping is left: MK1 makes the swings of roll and pitch grow at any step, slowly.
+    orders = work_precision.orders(result["rows"], {})
     for name, order in zip(EXPLICIT, range(1, 5), strict=True):
-        assert result["orders"][name]["order"] == pytest.approx(order, abs=0.15), name
+        assert orders[name]["order"] == pytest.approx(order, abs=0.15), name
 
 
 def test_the_references_agree_far_below_the_errors_that_they_measure() -> None:
@@ -135,6 +143,30 @@ def test_a_motion_is_the_same_again_and_tiled_repeats_it() -> None:
     assert np.abs(other.wrench - a.wrench).max() > 0.1
 
 
+@pytest.mark.parametrize(("call", "told"), [(0, (True, False)), (3, (False, True)), (None, (False, False))])
+def test_warnings_are_told_by_when_they_came(
+    call: int | None, told: tuple[bool, bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driven = motion.driven_motion(load_scene("bluerov2-heavy"), 2, 0.5, 0)
+
+    class Warner:
+        def __init__(self, *arguments: Any, **options: Any) -> None:
+            self.simulator, self.calls = Simulator(*arguments, **options), 0
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.simulator, name)
+
+        def step(self, **inputs: Any) -> None:
+            if self.calls == call:
+                warnings.warn("too large a step", UserWarning, stacklevel=2)
+            self.calls += 1
+            self.simulator.step(**inputs)
+
+    monkeypatch.setattr(motion, "Simulator", Warner)
+    track = motion.follow(driven, {"dt": 0.05}, 5)
+    assert (track.warned_early, track.warned_later) == told
+
+
 def test_errors_are_distances_and_angles() -> None:
     angle = 1e-9
     turn = np.array([[1.0, -angle, 0.0], [angle, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -148,11 +180,14 @@ def test_errors_are_distances_and_angles() -> None:
     np.testing.assert_allclose(errors["position"], 5.0)
     assert errors["joints"].tolist() == [[0.2, np.inf]]
     assert work_precision._row(Setting("mk4", "f64", 0.1), off, truth, 0.0)["diverged"] == 2
+    far = truth._replace(position=np.full((1, 2, 3), 1e300), rotation=np.full((1, 2, 3, 3), np.nan))
+    row = work_precision._row(Setting("mk4", "f64", 0.1), far, truth, 0.0)
+    assert (row["position"]["median"], row["attitude"]["rms_worst"], row["diverged"]) == (np.inf, np.inf, 2)
 
 
 def _rows(errors: dict[float, float], **changes: Any) -> list[dict[str, Any]]:
     common = {"integrator": "mk4", "precision": "f64", "tolerance": None, "diverged": 0, "floor": False}
-    common |= {"estimate_warned": False, "monitor_warned": False} | changes
+    common |= {"warned_early": False, "warned_later": False} | changes
     return [common | {"step": h, "cost": 400.0 / h, "end_effector": {"median": e}} for h, e in errors.items()]
 
 
@@ -172,7 +207,7 @@ def test_the_recommended_step_is_accurate_stable_and_not_warned_of() -> None:
     assert step(rows) == 0.05
     assert step(rows, 0.06) == 0.02
     assert step(rows, 0.001) is None
-    rows[2]["monitor_warned"] = True
+    rows[2]["warned_later"] = True
     assert step(rows) == 0.02
     rows[1]["diverged"] = 1
     assert step(rows) == 0.01
@@ -211,6 +246,9 @@ def test_nothing_dissipates_in_the_stripped_scene() -> None:
         (["--time", "1.05"], "--time is 1.05, but must be a multiple of the control period of 0.1 s"),
         (["--episodes", "1"], "--episodes is 1, but must be"),
         (["--seed", "-1"], "--seed is -1, but must be"),
+        (["--hard", "--step", "0.01"], "--hard takes no options but"),
+        (["--hard", "--case", "no such"], "'no such'"),
+        (["--case", "spin"], "--case is for --hard"),
     ],
 )
 def test_bad_input_is_one_line_before_anything_is_made(

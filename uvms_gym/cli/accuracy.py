@@ -26,12 +26,13 @@ from uvms_gym.cli.common import (
     table,
     write_json,
 )
+from uvms_gym.cli.hard.report import run_hard
 from uvms_gym.cli.motion import CURRENT, LEAD, PERIOD
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.cli.work_precision import PRECISIONS, Setting, at_cost, find
 
 FILES = ("accuracy.json", "accuracy.png", "drift.png")
-MOST_EPISODES, MOST_TIME = 10_000, 1000.0
+EPISODES, MOST_EPISODES, MOST_TIME = 64, 10_000, 1000.0
 #: Steps that the reference is much finer than, and tolerances that single digits of a double allow.
 LEAST_STEP, LEAST_TOLERANCE, MOST_TOLERANCE = 5e-4, 1e-11, 0.1
 #: Episodes, time and steps of a quick look.
@@ -55,78 +56,53 @@ def accuracy(
     ] = None,
     step: Annotated[
         list[float] | None,
-        typer.Option(help=f"Step, s, that divides {PERIOD:g} s; may be repeated. [default: 0.001 to 0.1]"),
+        typer.Option(help=f"Step, s, that divides {PERIOD:g} s; may be repeated. Without it: 0.001 to 0.1."),
     ] = None,
     tolerance: Annotated[
         list[float] | None,
-        typer.Option(help="Tolerance of the adaptive method; may be repeated. [default: 1e-3 to 1e-10]"),
+        typer.Option(help="Tolerance of the adaptive method; may be repeated. Without it: 1e-3 to 1e-10."),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]")
+        float | None,
+        typer.Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. Without it: {TIME:g}."),
     ] = None,
     episodes: Annotated[
-        int | None, typer.Option(help=f"Instances with their own start and drive, 2 to {MOST_EPISODES}. [default: 64]")
+        int | None,
+        typer.Option(help=f"Instances with their own start and drive, 2 to {MOST_EPISODES}. Without it: {EPISODES}."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of starts and drives.")] = 0,
+    seed: Annotated[int | None, typer.Option(help="Seed of starts and drives. Without it: 0.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer steps and instances, and 2 s of motion.")] = False,
+    hard: Annotated[bool, typer.Option("--hard", help="Run the hard cases instead, at their own steps.")] = False,
+    case: Annotated[
+        list[str] | None, typer.Option(help="Part of a hard case's name; may be repeated. Without it: all of them.")
+    ] = None,
     out: Out = Path("out/accuracy"),
     json_file: Json = None,
-) -> None:
+) -> int:
     """Measure error against cost of every integrator, step and precision over a driven motion.
 
     Prints tables and the recommended step of each scene, and writes two pictures and accuracy.json to --out.
     """
-    names = _integrators(integrator)
-    steps = _steps(step or list(QUICK_STEPS if quick else work_precision.STEPS))
-    tolerances = _tolerances(tolerance or list(QUICK_TOLERANCES if quick else work_precision.TOLERANCES))
-    seconds = (QUICK_TIME if quick else TIME) if seconds is None else seconds
-    check_range("--time", seconds, PERIOD, MOST_TIME)
-    if not _divides(PERIOD, seconds):
-        raise fail(f"--time is {seconds:g}, but must be a multiple of the control period of {PERIOD:g} s")
-    episodes = (QUICK_EPISODES if quick else 64) if episodes is None else episodes
-    check_range("--episodes", episodes, 2, MOST_EPISODES)
-    check_range("--seed", seed, 0, math.inf)
-    chosen = list(scene or uvms_gym.scenes())
-    for name in chosen:
-        if chosen.count(name) > 1:
-            raise fail(f"scene {name!r} is given twice")
-    loaded = {name: read_scene(name) for name in chosen}
+    if hard:
+        if quick or not all(x is None for x in (scene, integrator, step, tolerance, seconds, episodes, seed)):
+            raise fail("--hard takes no options but --case, --out and --json")
+        return run_hard(out, json_file, case or ())
+    if case:
+        raise fail("--case is for --hard")
+    arguments = _arguments(scene, integrator, step, tolerance, seconds, episodes, seed, quick)
+    loaded = {name: read_scene(name) for name in arguments["scene"]}
     prepare(out, json_file, FILES)
     begun = time.perf_counter()
-    settings = work_precision.settings(names, steps, tolerances)
-    repeats = QUICK_REPEATS if quick else work_precision.REPEATS
-    results = {}
-    with progress() as bar:
-        for name, description in loaded.items():
-            ticks = work_precision.ticks(settings, repeats) + len(settings)
-            task = bar.add_task(str(description["name"]), total=ticks)
-            try:
-                tick = partial(bar.advance, task)
-                results[name] = _study(description, settings, repeats, episodes, seconds, seed, tick)
-            except ValueError as error:
-                raise fail(f"{name}: {error}") from None
-        task = bar.add_task("pictures", total=None)
-        work_precision_picture(out / "accuracy.png", results, seconds)
-        drift_picture(out / "drift.png", results, seconds)
+    results = _results(loaded, arguments, out)
     for name, result in results.items():
-        _print(name, result, steps, tolerances, episodes, seconds)
+        _print(name, result, arguments)
     _print_summary(results)
-    checks = bars(results, seconds)
+    checks = bars(results, arguments["time"])
     if checks:
         rows = [(what, found, bar, "met" if met else "MISSED") for what, found, bar, met in checks]
         table("Bars", ("what", "found", "bar", ""), rows)
     spent = time.perf_counter() - begun
     console.print(f"{out}: {', '.join(FILES)} ({spent:.0f} s)", markup=False, soft_wrap=True)
-    arguments = {
-        "scene": chosen,
-        "integrator": names,
-        "step": steps,
-        "tolerance": tolerances,
-        "time": seconds,
-        "episodes": episodes,
-        "seed": seed,
-        "quick": quick,
-    }
     data = {
         "circumstances": circumstances("accuracy", arguments) | {"seconds": spent},
         "results": results,
@@ -134,6 +110,7 @@ def accuracy(
     }
     for path in {out / FILES[0], json_file or out / FILES[0]}:
         write_json(path, data)
+    return 0
 
 
 def bars(results: dict[str, Any], seconds: float) -> list[tuple[str, str, str, bool]]:
@@ -163,23 +140,81 @@ def bars(results: dict[str, Any], seconds: float) -> list[tuple[str, str, str, b
     return checks
 
 
-def _study(
-    scene: dict[str, Any],
-    settings: Sequence[Setting],
-    repeats: int,
-    episodes: int,
-    seconds: float,
-    seed: int,
-    tick: work_precision.Tick,
+def _arguments(
+    scene: Sequence[str] | None,
+    integrator: Sequence[str] | None,
+    step: Sequence[float] | None,
+    tolerance: Sequence[float] | None,
+    seconds: float | None,
+    episodes: int | None,
+    seed: int | None,
+    quick: bool,
 ) -> dict[str, Any]:
-    run: dict[str, Any] = {"seconds": seconds, "seed": seed}
+    """Check options, and fill in defaults."""
+    known = work_precision.integrators()
+    for name in integrator or ():
+        if name not in known:
+            raise fail(f"unknown integrator {name!r}; known: {', '.join(known)}")
+    for h in step or ():
+        check_range("--step", h, LEAST_STEP, PERIOD)
+        if not _divides(h, PERIOD):
+            raise fail(f"--step is {h:g}, but must divide the control period of {PERIOD:g} s, as 0.02 or 0.05 do")
+    for bound in tolerance or ():
+        check_range("--tolerance", bound, LEAST_TOLERANCE, MOST_TOLERANCE)
+    seconds = (QUICK_TIME if quick else TIME) if seconds is None else seconds
+    check_range("--time", seconds, PERIOD, MOST_TIME)
+    if not _divides(PERIOD, seconds):
+        raise fail(f"--time is {seconds:g}, but must be a multiple of the control period of {PERIOD:g} s")
+    episodes = (QUICK_EPISODES if quick else EPISODES) if episodes is None else episodes
+    check_range("--episodes", episodes, 2, MOST_EPISODES)
+    check_range("--seed", seed or 0, 0, math.inf)
+    scenes = list(scene or uvms_gym.scenes())
+    for name in scenes:
+        if scenes.count(name) > 1:
+            raise fail(f"scene {name!r} is given twice")
+    return {
+        "scene": scenes,
+        "integrator": list(dict.fromkeys(integrator or known)),
+        "step": sorted(set(step or (QUICK_STEPS if quick else work_precision.STEPS))),
+        "tolerance": sorted(set(tolerance or (QUICK_TOLERANCES if quick else work_precision.TOLERANCES)), reverse=True),
+        "time": seconds,
+        "episodes": episodes,
+        "seed": seed or 0,
+        "repeats": QUICK_REPEATS if quick else work_precision.REPEATS,
+    }
+
+
+def _results(loaded: dict[str, Any], arguments: dict[str, Any], out: Path) -> dict[str, Any]:
+    """Study all scenes, and draw the pictures."""
+    settings = work_precision.settings(*(arguments[key] for key in ("integrator", "step", "tolerance")))
+    ticks = work_precision.ticks(settings, arguments["repeats"]) + len(settings)
+    results = {}
+    with progress() as bar:
+        for name, description in loaded.items():
+            task = bar.add_task(str(description["name"]), total=ticks)
+            try:
+                results[name] = _study(description, settings, arguments, partial(bar.advance, task))
+            except ValueError as error:
+                raise fail(f"{name}: {error}") from None
+        task = bar.add_task("pictures", total=None)
+        work_precision_picture(out / "accuracy.png", results, arguments["time"])
+        drift_picture(out / "drift.png", results, arguments["time"])
+    return results
+
+
+def _study(
+    scene: dict[str, Any], settings: Sequence[Setting], arguments: dict[str, Any], tick: work_precision.Tick
+) -> dict[str, Any]:
+    episodes, repeats = arguments["episodes"], arguments["repeats"]
+    run: dict[str, Any] = {"seconds": arguments["time"], "seed": arguments["seed"]}
     result = work_precision.study(scene, settings, episodes=episodes, repeats=repeats, tick=tick, **run)
     result["drift"] = conservation.drifts(scene, settings, episodes=episodes, tick=tick, **run)
     names = dict.fromkeys(setting.integrator for setting in settings if setting.tolerance is None)
     smooth = [Setting(name, "f64", step) for name in names for step in SMOOTH_STEPS]
     still = work_precision.without_kinks(scene)
     few = min(episodes, SMOOTH_EPISODES)
-    result["smooth_orders"] = work_precision.study(still, smooth, episodes=few, repeats=0, **run)["orders"]
+    rows = work_precision.study(still, smooth, episodes=few, repeats=0, **run)["rows"]
+    result["smooth_orders"] = work_precision.orders(rows, result["stable_steps"])
     result["recommended"] = {precision: work_precision.recommend(result, precision) for precision in PRECISIONS}
     result["comparison"] = _comparison(result["rows"])
     return result
@@ -195,28 +230,21 @@ def _comparison(rows: Sequence[dict[str, Any]]) -> dict[str, float] | None:
     return {"cost": row["cost"], "error": error, "rival_error": rival, "ratio": rival / error}
 
 
-def _print(
-    name: str,
-    result: dict[str, Any],
-    steps: Sequence[float],
-    tolerances: Sequence[float],
-    episodes: int,
-    seconds: float,
-) -> None:
+def _print(name: str, result: dict[str, Any], arguments: dict[str, Any]) -> None:
+    steps, tolerances, seconds = (arguments[key] for key in ("step", "tolerance", "time"))
     fixed = [row for row in result["rows"] if row["tolerance"] is None]
     adaptive = [row for row in result["rows"] if row["tolerance"] is not None]
     doubt = result["reference"]["doubt"]["end_effector"]["median"]
-    known = work_precision.integrators()
     lines = []
     for method, precision in dict.fromkeys((row["integrator"], row["precision"]) for row in fixed):
         cells = [row for row in fixed if (row["integrator"], row["precision"]) == (method, precision)]
         order = ""
         if precision == "f64":
             found = (result[part].get(method, {}).get("order", math.nan) for part in ("orders", "smooth_orders"))
-            order = " ".join("-" if math.isnan(x) else f"{x:.1f}" for x in found) + f" ({known[method]['order']})"
+            order = " ".join("-" if math.isnan(x) else f"{x:.1f}" for x in found)
         per_step = [row["cost"] * row["step"] for row in cells]
         lines.append((method, precision, *(_cell(row, doubt) for row in cells), order, f"{np.nanmedian(per_step):.0f}"))
-    title = f"{name}: median error at the end effector after {seconds:g} s, m ({episodes} instances)"
+    title = f"{name}: median error at the end effector after {seconds:g} s, m ({arguments['episodes']} instances)"
     if lines:
         table(title, ("integrator", "", *(f"{step:g} s" for step in steps), "order", "ns/step"), lines, text_columns=2)
     lines = []
@@ -279,54 +307,32 @@ def _print_summary(results: dict[str, Any]) -> None:
                 f"{comparison['rival_error']:.1e} m, {comparison['ratio']:.1e} times as much as MK4."
             )
     bad = [row for result in results.values() for row in result["rows"] if row["diverged"]]
-    silent = sum(not (row["estimate_warned"] or row["monitor_warned"]) for row in bad)
+    silent = sum(not (row["warned_early"] or row["warned_later"]) for row in bad)
     say(
         f"<: below {work_precision.FLOOR:g} times the doubt of the reference. !: some instances diverged (not finite, "
-        f"or off by more than {work_precision.LOST:g} m or rad). w: warned, by the estimate or the monitor. Of "
-        f"{len(bad)} runs with diverged instances {silent} did not warn. Orders: of this motion, without quadratic "
-        f"drag, in theory (in brackets). Currents up to {CURRENT:g} m/s, drive held over {PERIOD:g} s, {LEAD:g} s of "
+        f"or off by more than {work_precision.LOST:g} m or rad). w: warned. Of "
+        f"{len(bad)} runs with diverged instances {silent} did not warn. Orders: of this motion, and without "
+        f"quadratic drag. Currents up to {CURRENT:g} m/s, drive held over {PERIOD:g} s, {LEAD:g} s of "
         "motion before the start."
     )
 
 
 def _cell(row: dict[str, Any], doubt: float) -> str:
     error = row["end_effector"]["median"]
-    warned = "w" if row["estimate_warned"] or row["monitor_warned"] else ""
+    warned = "w" if row["warned_early"] or row["warned_later"] else ""
     if not error <= work_precision.LOST:
         return f"diverged{warned}"
     if row["floor"]:
-        return f"<{_number(work_precision.FLOOR * doubt)}{warned}"
+        return f"<{_number(work_precision.FLOOR * doubt, 0)}{warned}"
     return f"{_number(error)}{'!' if row['diverged'] else ''}{warned}"
 
 
-def _number(value: float) -> str:
-    """Two digits, exponent without zeros."""
+def _number(value: float, decimals: int = 1) -> str:
+    """Write one or two digits, and the exponent without zeros."""
     if not math.isfinite(value):
         return "diverged"
-    mantissa, exponent = f"{value:.1e}".split("e")
+    mantissa, exponent = f"{value:.{decimals}e}".split("e")
     return f"{mantissa}e{int(exponent)}" if value else "0"
-
-
-def _integrators(given: Sequence[str] | None) -> list[str]:
-    known = work_precision.integrators()
-    for name in given or ():
-        if name not in known:
-            raise fail(f"unknown integrator {name!r}; known: {', '.join(known)}")
-    return list(dict.fromkeys(given or known))
-
-
-def _steps(given: Sequence[float]) -> list[float]:
-    for step in given:
-        check_range("--step", step, LEAST_STEP, PERIOD)
-        if not _divides(step, PERIOD):
-            raise fail(f"--step is {step:g}, but must divide the control period of {PERIOD:g} s, as 0.02 or 0.05 do")
-    return sorted(set(given))
-
-
-def _tolerances(given: Sequence[float]) -> list[float]:
-    for tolerance in given:
-        check_range("--tolerance", tolerance, LEAST_TOLERANCE, MOST_TOLERANCE)
-    return sorted(set(given), reverse=True)
 
 
 def _divides(part: float, whole: float) -> bool:

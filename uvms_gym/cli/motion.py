@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym import Simulator
+from uvms_gym import Simulator, StepWarning
 from uvms_gym.cli.momentum import cubic
 
 Floats = NDArray[np.float64]
@@ -73,9 +73,9 @@ class Track(NamedTuple):
     rotation: Floats
     q: Floats
     end_effector: Floats
-    #: What was warned of when the simulator was made, and while it stepped.
-    estimate_warned: bool
-    monitor_warned: bool
+    #: Whether anything was warned of within the first control period, and after it.
+    warned_early: bool
+    warned_later: bool
 
 
 def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) -> Motion:
@@ -97,8 +97,10 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
     servos = any("servo" in joint for joint in joints(scene))
     whole = Motion(scene, LEAD, state, wrench, target, servos)
     simulator.set_state(**state)
-    for i in range(leads):
-        simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StepWarning)
+        for i in range(leads):
+            simulator.step(**whole.inputs(i), substeps=round(PERIOD / LEAD_STEP))
     if not np.isfinite(simulator.twist).all():
         raise ValueError(f"its motion leaves the finite numbers by MK4 at {LEAD_STEP:g} s: the scene is too stiff")
     start = {name: getattr(simulator, name) for name in ("position", "quaternion", "twist", "q", "qd", "current")}
@@ -117,17 +119,18 @@ def follow(motion: Motion, options: dict[str, Any], samples: int) -> Track:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         simulator = Simulator(motion.scene, len(motion.wrench[0]), **options)
-        made = len(caught)
         simulator.set_state(**motion.start)
+        early = 0
         for i in range(len(motion.wrench)):
             simulator.step(**motion.inputs(i), substeps=round(PERIOD / simulator.dt))
+            early = len(caught) if i == 0 else early
             if (i + 1) % every == 0:
                 columns["position"].append(simulator.position)
                 columns["rotation"].append(simulator.rotation)
                 columns["q"].append(simulator.q)
                 columns["end_effector"].append(simulator.end_effector_pose()[:, :3, 3])
     arrays = {name: np.array(values) for name, values in columns.items()}
-    return Track(**arrays, estimate_warned=made > 0, monitor_warned=len(caught) > made)
+    return Track(**arrays, warned_early=early > 0, warned_later=len(caught) > early)
 
 
 def character(motion: Motion, track: Track) -> dict[str, float]:
