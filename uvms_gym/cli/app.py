@@ -11,6 +11,7 @@ from uvms_gym import __version__
 from uvms_gym.cli import scenes
 from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.compare import compare
+from uvms_gym.cli.explain import explain
 from uvms_gym.cli.reproduce import reproduce
 
 app = typer.Typer(
@@ -23,6 +24,7 @@ app = typer.Typer(
 app.command()(reproduce)
 app.command()(compare)
 app.command()(accuracy)
+scenes.app.command()(explain)
 app.add_typer(scenes.app, name="scenes")
 
 
