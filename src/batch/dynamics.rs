@@ -45,7 +45,7 @@ pub struct Dynamics<'a, L: Lane, P> {
     /// The system.
     pub system: &'a System<P>,
     /// Loads at the joints and on the links.
-    pub loads: &'a Loads<L>,
+    pub loads: &'a mut Loads<L>,
     /// Wrench on the vehicle.
     pub wrench: Vector6<L>,
     /// Station, if one is kept.

@@ -44,6 +44,10 @@ pub struct Layout {
     pub adaptive: bool,
     /// Factors on the instance's parameters, 5.
     pub factors: usize,
+    /// What is remembered of the steps before, 1 + 12 per body: only where added mass is a lagged force.
+    pub lag: usize,
+    /// Whether it is.
+    pub lagged: bool,
     /// Rows in all.
     pub rows: usize,
 }
@@ -53,6 +57,7 @@ impl Layout {
     pub fn new(joints: usize, integrator: &Integrator) -> Self {
         assert!(joints <= JOINTS);
         let (keeps, adaptive) = (integrator.attitude(), integrator.adaptive());
+        let lagged = integrator.lag().is_some();
         let mut rows = 0;
         let mut take = |count: usize| {
             rows += count;
@@ -78,6 +83,8 @@ impl Layout {
             contrast: take(2),
             plan: take(usize::from(adaptive)),
             adaptive,
+            lag: take(if lagged { 1 + 12 * (joints + 1) } else { 0 }),
+            lagged,
             rows: take(0),
         }
     }

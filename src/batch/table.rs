@@ -104,6 +104,9 @@ impl Table {
         if layout.adaptive {
             self.set_all(rows, i, layout.plan, [0.0]);
         }
+        if layout.lagged {
+            self.set_all(rows, i, layout.lag, [0.0]);
+        }
     }
 
     /// What the integrator saw of fast rates.

@@ -15,7 +15,7 @@ pub use chart::{Attitude, Chart, Correction};
 pub use motion::Motion;
 pub use pieces::{Watch, interval, stiffness};
 pub use stages::Stages;
-pub use tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
+pub use tableau::{Contrast, DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
 
 use crate::lane::Lane;
 use crate::lie::{Pose, Vector3, Vector6};
