@@ -2,7 +2,7 @@
 
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Derivative, Rates, StagePose};
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
@@ -11,8 +11,10 @@ use crate::system::{JOINTS, System, VehicleServo};
 pub struct Station<L> {
     /// Target pose in the world.
     pub target: Pose<L>,
-    /// Water velocity in world axes: poses within a step are relative to the water.
+    /// Water velocity at the step's start and its acceleration, world axes: poses within a step are relative to the water.
     pub current: Vector3<L>,
+    /// Acceleration of the water.
+    pub acceleration: Vector3<L>,
 }
 
 impl<L: Lane> Station<L> {
@@ -26,11 +28,12 @@ impl<L: Lane> Station<L> {
         twist: Vector6<L>,
     ) -> Vector6<L> {
         let r = &pose.rotation;
-        let offset = self.current.scale_add(elapsed, pose.position) - self.target.position;
+        let half = self.acceleration.scale_add(elapsed * L::c(0.5), self.current);
+        let offset = half.scale_add(elapsed, pose.position) - self.target.position;
         let e = self.target.rotation.transposed().times(r).0;
         let turn = Vector3([e[2][1] - e[1][2], e[0][2] - e[2][0], e[1][0] - e[0][1]]).scale(L::c(0.5));
         let error = Vector6 { linear: r.apply_transposed(offset), angular: turn }.to_array();
-        let linear = twist.linear + r.apply_transposed(self.current);
+        let linear = twist.linear + r.apply_transposed(self.acceleration.scale_add(elapsed, self.current));
         let rate = Vector6 { linear, angular: twist.angular }.to_array();
         let mut wrench = [L::zero(); 6];
         for i in 0..6 {
@@ -46,6 +49,10 @@ pub struct Dynamics<'a, L: Lane, P> {
     pub system: &'a System<P>,
     /// Loads at the joints and on the links.
     pub loads: &'a mut Loads<L>,
+    /// Gravity, less the acceleration of the water, in world axes.
+    pub gravity: Vector3<L>,
+    /// Acceleration of the water in world axes.
+    pub acceleration: Vector3<L>,
     /// Wrench on the vehicle.
     pub wrench: Vector6<L>,
     /// Station, if one is kept.
@@ -54,6 +61,16 @@ pub struct Dynamics<'a, L: Lane, P> {
     pub time: L,
     /// Working memory.
     pub scratch: &'a mut Scratch<L>,
+}
+
+impl<L: Lane, P: Param<L>> Dynamics<'_, L, P> {
+    /// Tells the station what the water's velocity has become.
+    #[inline(always)]
+    pub fn flow_on(&mut self, current: Vector3<L>) {
+        if let Some(station) = &mut self.station {
+            station.current = current;
+        }
+    }
 }
 
 impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
@@ -74,12 +91,13 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     ) {
         // Seen afresh at each stage: else the compiler broadcasts the whole system onto the stack beforehand.
         let system = std::hint::black_box(self.system);
-        let gravity = at.to_body(Vector3(get_all(&system.gravity)));
+        let gravity = at.to_body(self.gravity);
+        let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
         let mut wrench = self.wrench;
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }
-        let instant = Instant { gravity, twist, q, qd, wrench, time: self.time + elapsed };
+        let instant = Instant { gravity, twist, q, qd, wrench, held_rate, time: self.time + elapsed };
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }

@@ -10,7 +10,7 @@ pub struct Layout {
     pub joints: usize,
     /// R by rows, 9.
     pub rotation: usize,
-    /// r, 3.
+    /// r, 3, and what rounding has left out of it, 3.
     pub position: usize,
     /// Absolute body twist, 6.
     pub twist: usize,
@@ -20,8 +20,10 @@ pub struct Layout {
     pub qd: usize,
     /// Time and what rounding has left out of it, 2.
     pub time: usize,
-    /// Current in world axes, 3.
+    /// Velocity of the water in world axes, 3.
     pub current: usize,
+    /// Its acceleration, 3.
+    pub acceleration: usize,
     /// Wrench on the vehicle, 6.
     pub wrench: usize,
     /// Joint torques.
@@ -66,12 +68,13 @@ impl Layout {
         Self {
             joints,
             rotation: take(9),
-            position: take(3),
+            position: take(6),
             twist: take(6),
             q: take(joints),
             qd: take(joints),
             time: take(2),
             current: take(3),
+            acceleration: take(3),
             wrench: take(6),
             torque: take(joints),
             target: take(4 * joints),

@@ -6,6 +6,8 @@ mod inputs;
 mod lagged;
 mod layout;
 mod loads;
+mod monitor;
+mod rates;
 mod simulator;
 mod states;
 mod station_keep;
@@ -15,6 +17,8 @@ mod threads;
 
 pub use inputs::Inputs;
 pub use loads::AppliedLoads;
+pub use monitor::{Sighting, Stray};
+pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;
 pub use station_keep::{Autoreset, Beginning, Final, INFO, Saved, StationKeepBatch, Transition, Verdict};

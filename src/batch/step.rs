@@ -5,7 +5,7 @@ use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Attitude, Integrator, Motion, Stages, Watch, interval};
-use crate::lane::{Kernel, Lane, Param, Real, Shared};
+use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, Ingredients, JOINTS, System};
 
@@ -69,6 +69,7 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     fn motion<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
         motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
+        motion.rest = self.vector(layout.position + 3);
         motion.twist = self.six(layout.twist);
         self.joints(layout.q, layout.joints, &mut motion.q);
         self.joints(layout.qd, layout.joints, &mut motion.qd);
@@ -85,6 +86,7 @@ impl<T: Real> Columns<'_, T> {
             self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
         }
         self.set_all(layout.position, &motion.pose.position.0, 3);
+        self.set_all(layout.position + 3, &motion.rest.0, 3);
         self.set_all(layout.twist, &motion.twist.to_array(), 6);
         self.set_all(layout.q, &motion.q, layout.joints);
         self.set_all(layout.qd, &motion.qd, layout.joints);
@@ -134,7 +136,7 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
         let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
-        Station { target, current: self.vector(layout.current) }
+        Station { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
     }
 
     #[inline(always)]
@@ -168,6 +170,12 @@ impl<T: Real> Columns<'_, T> {
 #[inline(always)]
 fn shift_twist<L: Lane>(twist: Vector6<L>, rotation: &Matrix3<L>, current: Vector3<L>, sign: f64) -> Vector6<L> {
     Vector6 { linear: rotation.apply_transposed(current).scale_add(L::c(sign), twist.linear), ..twist }
+}
+
+/// How far water that moves at `current`, and gains `gained` within the step, carries a body.
+#[inline(always)]
+fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector3<L> {
+    gained.scale_add(L::c(0.5), current).scale(L::splat(h))
 }
 
 /// Steps blocks of instances.
@@ -254,7 +262,9 @@ impl<T: Real> Step<'_, T> {
         let motion = &mut memory.motion;
         columns.motion(self.layout, motion);
         columns.loads(self.layout, self.switches, &mut memory.loads);
-        let current = columns.vector(self.layout.current);
+        let mut current = columns.vector(self.layout.current);
+        let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
+        let gained = acceleration.scale(L::splat(self.h));
         let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
         if self.lagged.is_some() {
             columns.lag(self.layout, self.switches, &mut memory.lag);
@@ -262,6 +272,8 @@ impl<T: Real> Step<'_, T> {
         let mut dynamics = Dynamics {
             system,
             loads: &mut memory.loads,
+            gravity: Vector3(get_all(&system.gravity)) - acceleration,
+            acceleration,
             wrench: columns.six(self.layout.wrench),
             station,
             time: L::zero(),
@@ -270,7 +282,7 @@ impl<T: Real> Step<'_, T> {
         let mut watch = columns.watch(self.layout);
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
-            let held = (motion.pose, motion.attitude);
+            let held = (motion.pose, motion.rest, motion.attitude);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if let Some(lagged) = &self.lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut dynamics);
@@ -281,13 +293,17 @@ impl<T: Real> Step<'_, T> {
                     interval(method, self.h, motion, trial, &mut watch, &mut dynamics, stages);
                 }
             }
-            motion.pose.position = current.scale_add(L::splat(self.h), motion.pose.position);
-            if system.fixed {
-                (motion.pose, motion.attitude) = held;
-            }
+            motion.travel(drift(current, gained, self.h));
+            current = current + gained;
+            dynamics.flow_on(current);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
+            if system.fixed {
+                (motion.pose, motion.rest, motion.attitude) = held;
+                motion.twist = Vector6::zero();
+            }
         }
         columns.set_motion(self.layout, motion);
+        columns.set_all(self.layout.current, &current.0, 3);
         columns.set_watch(self.layout, &watch);
         if self.lagged.is_some() {
             columns.set_lag(self.layout, &memory.lag);
@@ -341,6 +357,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
+                let acceleration = columns.vector(layout.acceleration);
+                let pull = rotation.apply_transposed(acceleration);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
                 let mut wrench = columns.six(layout.wrench);
                 if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
@@ -348,19 +366,18 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
                 }
                 let instant = Instant {
-                    gravity: rotation.apply_transposed(Vector3(system.gravity)),
+                    gravity: rotation.apply_transposed(Vector3(system.gravity) - acceleration),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
                     wrench,
+                    held_rate: Vector3::zero() - pull,
                     time: L::zero(),
                 };
                 accelerations(&system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
-                // V' = V_r' - [omega x R^T v_c; 0]
+                // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
-                if !system.fixed {
-                    twist_rate.linear = twist_rate.linear - turn;
-                }
+                twist_rate.linear = if system.fixed { Vector3::zero() } else { twist_rate.linear - turn + pull };
                 let mut out = Columns { rows: &mut *out, first };
                 out.set_all(0, &twist_rate.to_array(), 6);
                 out.set_all(6, &qdd, layout.joints);

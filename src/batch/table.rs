@@ -7,7 +7,7 @@ use super::step::Switches;
 use crate::integrate::Attitude;
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{Factors, JOINTS, State, quaternion, roll_pitch_yaw};
+use crate::system::{Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
 
 /// What is applied to one instance until it is changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,7 +50,7 @@ impl Table {
         (i / T::BLOCK * self.layout.rows + row) * T::BLOCK + i % T::BLOCK
     }
 
-    fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
+    pub(super) fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
         rows[self.place::<T>(i, row)].to_f64()
     }
 
@@ -67,8 +67,9 @@ impl Table {
     /// State.
     pub fn state<T: Real>(&self, rows: &[T], i: usize) -> State {
         let layout = &self.layout;
+        let place = |k| self.get(rows, i, layout.position + k);
         let mut state = State {
-            position: self.get_all::<T, 3>(rows, i, layout.position).into(),
+            position: [0, 1, 2].map(|k| place(k) + place(3 + k)).into(),
             rotation: na::Matrix3::from_row_slice(&self.get_all::<T, 9>(rows, i, layout.rotation)),
             twist: self.get_all::<T, 6>(rows, i, layout.twist).into(),
             time: self.get(rows, i, layout.time) + self.get(rows, i, layout.time + 1),
@@ -85,7 +86,9 @@ impl Table {
     pub fn set_state<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
         let layout = &self.layout;
         self.set_all(rows, i, layout.rotation, state.rotation.transpose().iter().copied());
-        self.set_all(rows, i, layout.position, state.position.iter().copied());
+        let position = state.position.map(|x| T::from_f64(x).to_f64());
+        self.set_all(rows, i, layout.position, position.iter().copied());
+        self.set_all(rows, i, layout.position + 3, (state.position - position).iter().copied());
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
@@ -124,14 +127,16 @@ impl Table {
         self.set_all(rows, i, self.layout.attitude, *attitude);
     }
 
-    /// Current.
-    pub fn current<T: Real>(&self, rows: &[T], i: usize) -> na::Vector3<f64> {
-        self.get_all::<T, 3>(rows, i, self.layout.current).into()
+    /// Flow of the water.
+    pub fn flow<T: Real>(&self, rows: &[T], i: usize) -> Flow {
+        let vector = |row| self.get_all::<T, 3>(rows, i, row).into();
+        Flow { velocity: vector(self.layout.current), acceleration: vector(self.layout.acceleration) }
     }
 
-    /// Sets the current.
-    pub fn set_current<T: Real>(&self, rows: &mut [T], i: usize, current: &na::Vector3<f64>) {
-        self.set_all(rows, i, self.layout.current, current.iter().copied());
+    /// Sets the flow of the water.
+    pub fn set_flow<T: Real>(&self, rows: &mut [T], i: usize, flow: &Flow) {
+        self.set_all(rows, i, self.layout.current, flow.velocity.iter().copied());
+        self.set_all(rows, i, self.layout.acceleration, flow.acceleration.iter().copied());
     }
 
     /// Factors on the parameters.

@@ -7,6 +7,7 @@ mod explicit;
 mod motion;
 mod pieces;
 mod quaternion;
+mod stability;
 mod stages;
 mod tableau;
 
@@ -14,6 +15,7 @@ pub use catalogue::{Entry, Explicit, Gains, Integrator, Kind};
 pub use chart::{Attitude, Chart, Correction};
 pub use motion::Motion;
 pub use pieces::{Watch, interval, stiffness};
+pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
 pub use tableau::{Contrast, DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
 

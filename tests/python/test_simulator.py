@@ -38,6 +38,7 @@ def test_shapes(name: str) -> None:
         "qd": (3, n),
         "time": (3,),
         "current": (3, 3),
+        "current_acceleration": (3, 3),
         "thruster_limits": (m, 2),
         "thruster_configuration": (6, m),
     }
@@ -70,6 +71,12 @@ def test_a_simulator_starts_at_home() -> None:
     assert_same(state_of(s), start)
 
 
+def held(part: str, value: np.ndarray, dtype: str) -> np.ndarray:
+    """What a simulator keeps of a value: of a position also what rounding leaves out."""
+    rounded = value.astype(dtype).astype(float)
+    return rounded + (value - rounded).astype(dtype) if part == "position" else rounded
+
+
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_what_is_set_is_read_back(integrator: str, dtype: str) -> None:
@@ -85,7 +92,7 @@ def test_what_is_set_is_read_back(integrator: str, dtype: str) -> None:
     turned = x + 2 * np.cross(v, np.cross(v, x) + w[:, None] * x)
     assert np.allclose(s.rotation @ x, turned, rtol=0, atol=30 * eps)
     for part, value in state.items():
-        assert np.array_equal(getattr(s, part), value.astype(dtype)), part
+        assert np.array_equal(getattr(s, part), held(part, value, dtype)), part
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -95,9 +102,9 @@ def test_setting_a_part_leaves_the_others(integrator: str, dtype: str) -> None:
     s.step(**random_inputs(s), substeps=10)
     before = state_of(s)
     new = random_state(s, seed=1)
-    for part in ("position", "twist", "q", "qd", "current"):
+    for part in ("position", "twist", "q", "qd", "current", "current_acceleration"):
         s.set_state(**{part: new[part]})
-        before[part] = new[part].astype(dtype).astype(float)
+        before[part] = held(part, new[part], dtype)
         assert_same(state_of(s), before)
     s.set_state(time=3.5)
     before["time"][:] = 3.5
@@ -179,6 +186,7 @@ BAD_STATES: list[dict[str, Any]] = [
     {"time": np.zeros(2)},
     {"time": np.zeros((3, 1))},
     {"current": [1.0]},
+    {"current_acceleration": [0.1, 0.0, NAN]},
     {"current": [1.0, 0.0, NAN]},
     {"position": [1.0, 2.0, 3.0], "current": [1.0, 0.0, NAN]},
 ]
@@ -311,12 +319,46 @@ def test_a_held_vehicle_stays() -> None:
         {"gamma": -1.0},
         {"gamma": NAN},
         {"gamma": []},
+        {"tolerance": 0.0},
+        {"tolerance": -1e-6},
+        {"tolerance": NAN},
+        {"tolerance": np.inf},
+        {"tolerance": "1e-6"},
     ],
     ids=str,
 )
 def test_a_bad_option_is_refused(options: dict[str, Any]) -> None:
     with pytest.raises((ValueError, TypeError)):
         Simulator("free-body", **options)
+
+
+def test_integrators_are_listed_with_what_they_are() -> None:
+    listed = {entry["name"]: entry for entry in integrators()}
+    assert next(iter(listed)) == Simulator("free-body").integrator
+    assert {entry["kind"] for entry in listed.values()} == {"production", "rival"}
+    assert {name: entry["order"] for name, entry in listed.items() if entry["kind"] == "production"}["mk3"] == 3
+    assert [name for name, entry in listed.items() if entry["adaptive"]] == ["mk54"]
+    assert listed["semi-implicit-euler"]["kind"] == "rival"
+    assert all(entry["summary"] for entry in listed.values())
+
+
+def test_a_tolerance_is_kept_and_a_smaller_one_ends_nearer() -> None:
+    ends = []
+    for tolerance in (1e-4, 1e-6, 1e-11):
+        s = moving("petasus-pum", 2, integrator="mk54", tolerance=tolerance, dt=0.1)
+        assert s.tolerance == tolerance
+        s.step(substeps=10)
+        ends.append(s.position)
+    coarse, fine = (np.abs(end - ends[2]).max() for end in ends[:2])
+    assert fine < 0.1 * coarse < 1e-3
+
+
+def test_stiffness_is_that_of_the_motion() -> None:
+    s = moving("bluerov2-heavy-alpha5", 4)
+    assert_same(s.stiffness, np.zeros(4))
+    s.step(substeps=20)
+    assert s.stiffness.shape == (4,)
+    assert (0.01 < s.stiffness).all() and (s.stiffness < 2.0).all()
 
 
 def test_dtypes_have_several_names() -> None:
@@ -339,7 +381,7 @@ ARRAYS = st.one_of(
 def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
     s = Simulator("petasus-pum", 2)
     before = state_of(s)
-    states = ["position", "rotation", "quaternion", "twist", "q", "qd", "time", "current"]
+    states = ["position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration"]
     inputs = ["thrust", "wrench", "joint_torque", "joint_target", "external", "station"]
     method, names = data.draw(st.sampled_from([(s.set_state, states), (s.step, inputs), (s.forward_dynamics, inputs)]))
     arguments = {
@@ -354,13 +396,14 @@ def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_copies_and_pickles_go_on_alike(integrator: str, dtype: str) -> None:
-    s = moving("petasus-pum", 3, integrator=integrator, dtype=dtype, dt=0.02, gamma=0.5, threads=1)
+    options: dict[str, Any] = {"dt": 0.02, "gamma": 0.5, "tolerance": 1e-5, "threads": 1}
+    s = moving("petasus-pum", 3, integrator=integrator, dtype=dtype, **options)
     inputs = random_inputs(s)
     s.step(**inputs, substeps=7)
     others = [copy.copy(s), copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
     for other in others:
         assert repr(other) == repr(s)
-        assert (other.gamma, other.threads, other.scene) == (s.gamma, s.threads, s.scene)
+        assert (other.gamma, other.tolerance, other.threads, other.scene) == (0.5, 1e-5, 1, s.scene)
         assert_same(state_of(other), state_of(s))
     for simulator in (s, *others):
         simulator.step(**inputs, substeps=9)
