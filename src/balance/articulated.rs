@@ -198,20 +198,16 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
-/// Works out `V'`, V relative to the water, and `q''`; entries of `qdd` past the joint count are untouched.
+/// Twists and gravity from the vehicle outward.
 #[inline(always)]
-pub fn accelerations<L: Lane, P: Param<L>>(
-    system: &System<P>,
-    at: &Instant<L>,
-    loads: &Loads<L>,
-    scratch: &mut Scratch<L>,
-    twist_rate: &mut Vector6<L>,
-    qdd: &mut [L; JOINTS],
+fn outward<L: Lane, P: Param<L>>(
+    joints: &[JointTerms<P>],
+    twist: Vector6<L>,
+    gravity: Vector3<L>,
+    q: &[L; JOINTS],
+    qd: &[L; JOINTS],
+    links: &mut [LinkScratch<L>],
 ) {
-    let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
-    let joints = system.joints.as_slice();
-    let links = &mut scratch.0[..joints.len()];
-
     let (mut parent_twist, mut parent_gravity) = (twist, gravity);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         let coordinate = joint.offset.get() + q[i];
@@ -232,6 +228,41 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         link.gravity = screw.rotate_back(base.rotate_back(parent_gravity));
         (parent_twist, parent_gravity) = (twist, link.gravity);
     }
+}
+
+/// Twist of each link in its joint's frame, relative to what `twist` of the vehicle is relative to.
+#[inline(always)]
+pub fn link_twists<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    twist: Vector6<L>,
+    q: &[L; JOINTS],
+    qd: &[L; JOINTS],
+    scratch: &mut Scratch<L>,
+    twists: &mut [Vector6<L>],
+) {
+    let joints = system.joints.as_slice();
+    let links = &mut scratch.0[..joints.len()];
+    outward(joints, twist, Vector3::zero(), q, qd, links);
+    for (twist, link) in twists.iter_mut().zip(links.iter()) {
+        *twist = link.twist;
+    }
+}
+
+/// Works out `V'`, V relative to the water, and `q''`; entries of `qdd` past the joint count are untouched.
+#[inline(always)]
+pub fn accelerations<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    at: &Instant<L>,
+    loads: &Loads<L>,
+    scratch: &mut Scratch<L>,
+    twist_rate: &mut Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
+    let joints = system.joints.as_slice();
+    let links = &mut scratch.0[..joints.len()];
+
+    outward(joints, twist, gravity, q, qd, links);
 
     // What the links already done ask of the body at hand.
     let mut carried = (SpatialInertia::zero(), Vector6::zero());

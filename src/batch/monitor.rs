@@ -9,7 +9,7 @@ use crate::balance::Servos;
 use crate::lane::Real;
 
 /// Share of its speed that the last steps of a motion may get wrong.
-pub const WRONG: f64 = 0.02;
+pub const WRONG: f64 = 0.01;
 
 /// What steps showed of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
