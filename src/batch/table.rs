@@ -67,8 +67,9 @@ impl Table {
     /// State.
     pub fn state<T: Real>(&self, rows: &[T], i: usize) -> State {
         let layout = &self.layout;
+        let place = |k| self.get(rows, i, layout.position + k);
         let mut state = State {
-            position: self.get_all::<T, 3>(rows, i, layout.position).into(),
+            position: [0, 1, 2].map(|k| place(k) + place(3 + k)).into(),
             rotation: na::Matrix3::from_row_slice(&self.get_all::<T, 9>(rows, i, layout.rotation)),
             twist: self.get_all::<T, 6>(rows, i, layout.twist).into(),
             time: self.get(rows, i, layout.time) + self.get(rows, i, layout.time + 1),
@@ -85,7 +86,9 @@ impl Table {
     pub fn set_state<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
         let layout = &self.layout;
         self.set_all(rows, i, layout.rotation, state.rotation.transpose().iter().copied());
-        self.set_all(rows, i, layout.position, state.position.iter().copied());
+        let position = state.position.map(|x| T::from_f64(x).to_f64());
+        self.set_all(rows, i, layout.position, position.iter().copied());
+        self.set_all(rows, i, layout.position + 3, (state.position - position).iter().copied());
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
