@@ -490,3 +490,15 @@ fn shipped_scenes_stay_within_the_range_at_their_steps() {
         }
     }
 }
+
+/// Its stages differ in the length of the quaternion, where the motion shows no rate at all.
+#[test]
+fn a_kept_quaternion_is_no_reason_to_warn() {
+    let scene = Scene::shipped("free-body").unwrap();
+    for entry in Integrator::NAMES {
+        let mut s = many(&scene, entry.name, 0.1, Precision::Double, 1);
+        s.set_state(0, &State { twist: Vector6::ith(5, 1.0), ..State::default() });
+        s.step(&Inputs::default(), 1).unwrap();
+        assert_eq!(s.warn_of_motion(), None);
+    }
+}

@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-use super::{Chart, Integrator, STAGES, Tableau};
+use super::{Attitude, Chart, Integrator, STAGES, Tableau};
 
 /// Growth of a mode by integration alone that passes for none, 1/s: 1 % per second. Some is inevitable: the methods of
 /// order 1 and 2 amplify an undamped oscillation at any step.
@@ -62,7 +62,8 @@ impl Stability {
     /// last, [`PASSING`] for others. Modes that grow fast by themselves do not count.
     pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
-        if matches!(self, Stability::LinearlyImplicit | Stability::Adaptive) || size < SLOW || rate.re > GROWING * size {
+        if matches!(self, Stability::LinearlyImplicit | Stability::Adaptive) || size < SLOW || rate.re > GROWING * size
+        {
             return most;
         }
         let stable = |h: f64| {
@@ -133,6 +134,15 @@ impl Integrator {
             Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Adaptive,
             Integrator::Explicit(method) if method.chart == Chart::VelocityFirst => Stability::SemiImplicitEuler,
             Integrator::Explicit(method) => Stability::Explicit(method.tableau),
+        }
+    }
+
+    /// [`Stability::range`], where the estimate of fast rates is of the motion's alone: a quaternion that is kept counts
+    /// its own correction of its length, which is no error.
+    pub fn range(&self) -> f64 {
+        match self.attitude() {
+            Attitude::Quaternion => f64::INFINITY,
+            Attitude::Matrix | Attitude::Angles => self.stability().range(),
         }
     }
 }
