@@ -48,7 +48,7 @@ impl<L: Lane> Loads<L> {
 
     /// Servo target of joint `i`: value and rate at `time`.
     #[inline(always)]
-    fn target(&self, i: usize, time: L) -> Option<(L, L)> {
+    pub(super) fn target(&self, i: usize, time: L) -> Option<(L, L)> {
         if !self.servo {
             return None;
         }
@@ -61,20 +61,20 @@ impl<L: Lane> Loads<L> {
 
 /// What the outward pass leaves for the inward one, and that for the last.
 #[derive(Debug, Clone, Copy)]
-struct LinkScratch<L> {
+pub(super) struct LinkScratch<L> {
     /// Sine and cosine of theta, and d.
-    screw: [L; 3],
-    twist: Vector6<L>,
-    gravity: Vector3<L>,
+    pub screw: [L; 3],
+    pub twist: Vector6<L>,
+    pub gravity: Vector3<L>,
     /// U, 1/D and u.
-    column: Vector6<L>,
-    over_d: L,
-    torque: L,
+    pub column: Vector6<L>,
+    pub over_d: L,
+    pub torque: L,
 }
 
 /// Working memory of [`accelerations`].
 #[derive(Debug, Clone)]
-pub struct Scratch<L>([LinkScratch<L>; JOINTS]);
+pub struct Scratch<L>(pub(super) [LinkScratch<L>; JOINTS]);
 
 impl<L: Lane> Scratch<L> {
     /// Fresh memory; its contents never matter.
@@ -100,7 +100,7 @@ impl<L: Lane> Default for Scratch<L> {
 
 /// The constant part of the move to a joint.
 #[derive(Clone, Copy)]
-enum Base<L> {
+pub(super) enum Base<L> {
     Bend(Screw<L, 0>),
     Crank(Screw<L, 2>, Screw<L, 0>),
     Pose(Pose<L>),
@@ -108,7 +108,7 @@ enum Base<L> {
 
 impl<L: Lane> Base<L> {
     #[inline(always)]
-    fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
+    pub fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
         match *stand {
             Stand::Bend(bend, a) => Base::Bend(screw_x(bend, a)),
             Stand::Crank(turn, d, bend, a) => Base::Crank(constant_screw_z(turn, d), screw_x(bend, a)),
@@ -117,7 +117,7 @@ impl<L: Lane> Base<L> {
     }
 
     #[inline(always)]
-    fn twist(&self, twist: Vector6<L>) -> Vector6<L> {
+    pub fn twist(&self, twist: Vector6<L>) -> Vector6<L> {
         match self {
             Base::Bend(x) => x.adjoint_apply_inverse(twist),
             Base::Crank(z, x) => x.adjoint_apply_inverse(z.adjoint_apply_inverse(twist)),
@@ -135,7 +135,7 @@ impl<L: Lane> Base<L> {
     }
 
     #[inline(always)]
-    fn carry(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
+    pub fn carry(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
         match self {
             Base::Bend(x) => (x.inertia_to_parent(inertia), x.co_adjoint_apply_inverse(wrench)),
             Base::Crank(z, x) => (
@@ -149,7 +149,7 @@ impl<L: Lane> Base<L> {
 
 /// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
 #[inline(always)]
-fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
+pub(super) fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
     let (v, w) = (twist.linear.0, twist.angular.0);
     let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
     if prismatic {
@@ -161,7 +161,7 @@ fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vecto
 
 /// `B V - restoring - drag`: what a body's own motion and the water ask for.
 #[inline(always)]
-fn body_bias<L: Lane, P: Param<L>>(
+pub(super) fn body_bias<L: Lane, P: Param<L>>(
     body: &BodyTerms<P>,
     inertia: &SpatialInertia<L>,
     twist: Vector6<L>,
@@ -195,6 +195,53 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
+/// Moves, twists and gravity of the links.
+#[inline(always)]
+pub(super) fn outward<L: Lane, P: Param<L>>(joints: &[JointTerms<P>], at: &Instant<L>, links: &mut [LinkScratch<L>]) {
+    let (mut parent_twist, mut parent_gravity) = (at.twist, at.gravity);
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        let coordinate = joint.offset.get() + at.q[i];
+        let [k0, k1] = get_all(&joint.constant);
+        let (sin, cos, d) = if joint.prismatic {
+            (k0, k1, coordinate)
+        } else {
+            let (sin, cos) = sin_cos(coordinate);
+            (sin, cos, k0)
+        };
+        link.screw = [sin, cos, d];
+        let screw = screw_z(sin, cos, d);
+        let base = Base::of(&joint.stand);
+        let mut twist = screw.adjoint_apply_inverse(base.twist(parent_twist));
+        let moved = if joint.prismatic { &mut twist.linear.0[2] } else { &mut twist.angular.0[2] };
+        *moved += at.qd[i];
+        link.twist = twist;
+        link.gravity = screw.rotate_back(base.rotate_back(parent_gravity));
+        (parent_twist, parent_gravity) = (twist, link.gravity);
+    }
+}
+
+/// The last pass: `q''` from `V'`.
+#[inline(always)]
+pub(super) fn outward_rates<L: Lane, P: Param<L>>(
+    joints: &[JointTerms<P>],
+    links: &[LinkScratch<L>],
+    qd: &[L; JOINTS],
+    twist_rate: Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
+    let mut parent = twist_rate;
+    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+        let [sin, cos, d] = link.screw;
+        let carried = screw_z(sin, cos, d).adjoint_apply_inverse(Base::of(&joint.stand).twist(parent));
+        let mut rate = carried + velocity_product(joint.prismatic, link.twist, qd[i]);
+        let acceleration = (link.torque - link.column.dot(rate)) * link.over_d;
+        let moved = if joint.prismatic { &mut rate.linear.0[2] } else { &mut rate.angular.0[2] };
+        *moved += acceleration;
+        qdd[i] = acceleration;
+        parent = rate;
+    }
+}
+
 /// Works out `V'`, V relative to the water, and `q''`; entries of `qdd` past the joint count are untouched.
 #[inline(always)]
 pub fn accelerations<L: Lane, P: Param<L>>(
@@ -209,26 +256,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     let joints = system.joints.as_slice();
     let links = &mut scratch.0[..joints.len()];
 
-    let (mut parent_twist, mut parent_gravity) = (twist, gravity);
-    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
-        let coordinate = joint.offset.get() + q[i];
-        let [k0, k1] = get_all(&joint.constant);
-        let (sin, cos, d) = if joint.prismatic {
-            (k0, k1, coordinate)
-        } else {
-            let (sin, cos) = sin_cos(coordinate);
-            (sin, cos, k0)
-        };
-        link.screw = [sin, cos, d];
-        let screw = screw_z(sin, cos, d);
-        let base = Base::of(&joint.stand);
-        let mut twist = screw.adjoint_apply_inverse(base.twist(parent_twist));
-        let moved = if joint.prismatic { &mut twist.linear.0[2] } else { &mut twist.angular.0[2] };
-        *moved += qd[i];
-        link.twist = twist;
-        link.gravity = screw.rotate_back(base.rotate_back(parent_gravity));
-        (parent_twist, parent_gravity) = (twist, link.gravity);
-    }
+    outward(joints, at, links);
 
     // What the links already done ask of the body at hand.
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
@@ -267,22 +295,12 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         *twist_rate = own.plus(&carried.0).solve(bias.scale_add(L::c(-1.0), wrench));
     }
 
-    let mut parent = *twist_rate;
-    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
-        let [sin, cos, d] = link.screw;
-        let carried = screw_z(sin, cos, d).adjoint_apply_inverse(Base::of(&joint.stand).twist(parent));
-        let mut rate = carried + velocity_product(joint.prismatic, link.twist, qd[i]);
-        let acceleration = (link.torque - link.column.dot(rate)) * link.over_d;
-        let moved = if joint.prismatic { &mut rate.linear.0[2] } else { &mut rate.angular.0[2] };
-        *moved += acceleration;
-        qdd[i] = acceleration;
-        parent = rate;
-    }
+    outward_rates(joints, links, qd, *twist_rate, qdd);
 }
 
 /// `U = A E`, `D = E^T A E` and `E^T p`.
 #[inline(always)]
-fn joint_column<L: Lane, P>(
+pub(super) fn joint_column<L: Lane, P>(
     joint: &JointTerms<P>,
     inertia: &SpatialInertia<L>,
     bias: Vector6<L>,

@@ -3,7 +3,7 @@
 use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::integrate::{Integrator, Motion, Stages, interval};
+use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, Ingredients, JOINTS, System};
@@ -220,6 +220,9 @@ impl<T: Real> Step<'_, T> {
             match &self.integrator {
                 Integrator::Explicit(method) => {
                     interval(method, self.h, motion, &mut memory.trial, &mut dynamics, &mut memory.stages);
+                }
+                Integrator::LinearlyImplicit => {
+                    implicit_interval(self.h, motion, &mut memory.trial, &mut dynamics);
                 }
             }
             motion.pose.position = current.scale_add(L::splat(self.h), motion.pose.position);

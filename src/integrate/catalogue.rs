@@ -9,6 +9,8 @@ use crate::lie::DexpInverse;
 pub enum Integrator {
     /// By an explicit Runge-Kutta method.
     Explicit(Explicit),
+    /// By linearly implicit Euler, extrapolated to order 2.
+    LinearlyImplicit,
 }
 
 /// An explicit Runge-Kutta method in coordinates of the pose.
@@ -61,7 +63,7 @@ const NORMALISE: Chart = Chart::Quaternion(Correction::Normalise);
 
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 8] = [
+    pub const NAMES: [Entry; 9] = [
         production("mk4", "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)", explicit(&RK4, CLOSED)),
         production(
             "mk4-truncated",
@@ -71,6 +73,11 @@ impl Integrator {
         production("mk3", "Munthe-Kaas on Heun's third-order tableau", explicit(&HEUN3, CLOSED)),
         production("mk2", "Munthe-Kaas on the midpoint rule", explicit(&MIDPOINT, CLOSED)),
         production("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, CLOSED)),
+        production(
+            "ros2",
+            "linearly implicit, order 2, L-stable: for scenes too stiff for the others at the step that is wanted",
+            Integrator::LinearlyImplicit,
+        ),
         rival(
             "quaternion-euler",
             "Euler on a quaternion with the norm-restoring term of eq. 14",
@@ -95,6 +102,7 @@ impl Integrator {
     pub fn order(&self) -> usize {
         match self {
             Integrator::Explicit(method) => method.tableau.order,
+            Integrator::LinearlyImplicit => 2,
         }
     }
 
@@ -102,6 +110,7 @@ impl Integrator {
     pub fn kept(&self) -> usize {
         match self {
             Integrator::Explicit(method) => method.chart.kept(),
+            Integrator::LinearlyImplicit => 0,
         }
     }
 }

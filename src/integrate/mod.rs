@@ -6,6 +6,7 @@ mod explicit;
 mod motion;
 mod pieces;
 mod quaternion;
+mod rosenbrock;
 mod tableau;
 
 pub use catalogue::{Entry, Explicit, Integrator, Kind};
@@ -13,6 +14,7 @@ pub use chart::{Chart, Correction};
 pub use explicit::Stages;
 pub use motion::Motion;
 pub use pieces::interval;
+pub use rosenbrock::{LinearlyImplicit, implicit_interval};
 pub use tableau::{EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
 
 use crate::lane::Lane;

@@ -171,10 +171,27 @@ fn drag(body: &Body, hydrodynamic: &Pose<f64>) -> Option<Drag<f64>> {
 /// places and the frame needs no turning: `v |v|` is odd, so even its quadratic part allows that.
 fn placed(linear: Coefficients<f64>, quadratic: Coefficients<f64>, at: &Pose<f64>) -> Drag<f64> {
     let Some(axes) = signed_axes(&at.rotation) else {
-        return Drag { placement: Placement::At(at.rotation.0, at.position.0), linear, quadratic };
+        let linear_bound = linear_bound(&linear);
+        return Drag { placement: Placement::At(at.rotation.0, at.position.0), linear, quadratic, linear_bound };
     };
     let placement = if at.position.0 == [0.0; 3] { Placement::Here } else { Placement::Shifted(at.position.0) };
-    Drag { placement, linear: relabelled(&linear, &axes), quadratic: relabelled(&quadratic, &axes) }
+    let (linear, quadratic) = (relabelled(&linear, &axes), relabelled(&quadratic, &axes));
+    let linear_bound = linear_bound(&linear);
+    Drag { placement, linear, quadratic, linear_bound }
+}
+
+/// Lift beyond this many times the drag of the same motion is not bounded in full.
+const GREATEST_LIFT: f64 = 20.0;
+
+/// `S + N^T S^-1 N` of a full D_L: see [`Drag::linear_bound`].
+fn linear_bound(linear: &Coefficients<f64>) -> Option<SpatialInertia<f64>> {
+    let Coefficients::Full(rows) = linear else { return None };
+    let d = na::Matrix6::from_fn(|i, k| rows[i][k]);
+    let (s, n) = ((d + d.transpose()) / 2.0, (d - d.transpose()) / 2.0);
+    // Where lift comes without drag a little of it is made up, in the measure of each axis.
+    let least = na::Matrix6::from_fn(|i, k| if i == k { n.row(i).abs().sum() / GREATEST_LIFT } else { 0.0 });
+    let bound = (s + least).cholesky().map_or(s, |s_and_least| s + n.transpose() * s_and_least.solve(&n));
+    Some(SpatialInertia::from_entries(|i, k| bound[(i, k)]))
 }
 
 /// For each body axis, the axis of the other frame along it and its sign, if that frame only relabels the axes.
