@@ -4,7 +4,10 @@
 #[allow(dead_code, reason = "each test crate uses a part")]
 mod random_scene;
 
+mod kernel;
+mod order;
 mod scenes;
+mod stiff;
 
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
