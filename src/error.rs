@@ -275,6 +275,12 @@ pub enum SimulatorError {
         /// As given.
         gamma: f64,
     },
+    /// A tolerance that is none.
+    #[error("tolerance is {tolerance}, but must be a positive number")]
+    Tolerance {
+        /// As given.
+        tolerance: f64,
+    },
     /// No such integrator.
     #[error("no integrator named '{name}': one of {}", known.join(", "))]
     UnknownIntegrator {

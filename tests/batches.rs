@@ -7,6 +7,7 @@ use common::random_scene::{Random, random_state};
 use nalgebra::{Matrix3, Rotation3, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
+use uvms_gym::integrate::Integrator;
 use uvms_gym::lane::Isa;
 use uvms_gym::system::State;
 
@@ -145,7 +146,7 @@ fn substeps_may_be_split_over_calls() {
 #[test]
 fn every_integrator_keeps_instances_apart() {
     let scene = Scene::shipped("bluerov2-heavy").unwrap();
-    for name in ["mk1", "mk2", "mk3", "mk4-truncated", "quaternion-rk4", "quaternion-euler", "rk4-normalise"] {
+    for name in Integrator::NAMES.map(|entry| entry.name) {
         let options = SimulatorOptions { integrator: name.into(), ..options(Precision::Double, 1, 1) };
         let alone = run(&scene, options.clone(), &[5], &[STEPS]);
         let together = run(&scene, options, &[0, 1, 2, 3, 4, 6, 7, 8, 9, 5], &[STEPS]);

@@ -6,9 +6,18 @@ from typing import Any, ClassVar, TypeAlias, TypedDict, final, type_check_only
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Pd", "SceneError", "Simulator", "StationKeep", "__version__", "load_scene", "scenes"]
+__all__ = ["Pd", "SceneError", "Simulator", "StationKeep", "__version__", "integrators", "load_scene", "scenes"]
 
 __version__: str
+
+@type_check_only
+class _Integrator(TypedDict):
+    name: str
+    summary: str
+    order: int
+    kind: str
+    adaptive: bool
+    implicit: bool
 
 class SceneError(ValueError):
     """A scene that cannot be read, or that no physical system can have. The message names the file, key and value."""
@@ -22,6 +31,9 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     Raises SceneError, whose message names file, key and value.
     """
 
+def integrators() -> list[_Integrator]:
+    """Integrators that a `Simulator` may use, the default first."""
+
 @final
 class Simulator:
     """Batched simulator of one scene, without any task.
@@ -31,7 +43,7 @@ class Simulator:
     frame, wrenches [f; m] in body axes at the body's frame origin. Moving bodies: the vehicle, then one per joint.
     Array arguments have one row for all instances, or one per instance (leading N).
 
-    Integrators: "mk4", "mk4-truncated", "mk3", "mk2", "mk1", "quaternion-euler", "quaternion-rk4", "rk4-normalise".
+    Integrators: see `integrators`; `tolerance` is for adaptive ones, `gamma` for those on quaternions.
     dtypes: "float64", "float32".
     """
 
@@ -45,6 +57,7 @@ class Simulator:
         dtype: str | np.dtype[Any] | type[Any] = "float64",
         threads: int | None = None,
         gamma: float = 1.0,
+        tolerance: float = 1e-8,
     ) -> Simulator: ...
     @property
     def num_envs(self) -> int:
@@ -61,6 +74,9 @@ class Simulator:
     @property
     def gamma(self) -> float:
         """Gain of the quaternion integrators, 1/s. [HC eq. 14]"""
+    @property
+    def tolerance(self) -> float:
+        """Bound on the estimated error of a piece of a step, for adaptive integrators."""
     @property
     def threads(self) -> int:
         """Most threads that a step uses."""
@@ -121,6 +137,9 @@ class Simulator:
     @property
     def time(self) -> NDArray[np.float64]:
         """(N,) time, s."""
+    @property
+    def stiffness(self) -> NDArray[np.float64]:
+        """(N,) dt times the fastest rate that each instance's motion excites, as the stages of its last steps show."""
     @property
     def current(self) -> NDArray[np.float64]:
         """(N, 3) velocity of the water in the world, m/s."""

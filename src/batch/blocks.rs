@@ -22,10 +22,12 @@ pub trait Storage: Send + Sync {
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Coordinates of the attitude of instance `i` that the integrator keeps: a quaternion `[w, x, y, z]`, or nothing.
-    fn attitude(&self, i: usize) -> Vec<f64>;
+    /// Coordinates of the attitude of instance `i` that the integrator keeps, if it does.
+    fn attitude(&self, i: usize) -> Option<[f64; 4]>;
     /// Sets those coordinates.
-    fn set_attitude(&mut self, i: usize, attitude: &[f64]);
+    fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]);
+    /// What the integrator saw of fast rates of instance `i`.
+    fn contrast(&self, i: usize) -> [f64; 2];
     /// Current at instance `i`.
     fn current(&self, i: usize) -> na::Vector3<f64>;
     /// Sets the current at instance `i`.
@@ -131,7 +133,7 @@ impl<T: Real> Blocks<T> {
         // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
         let system = compiled.system.map(number).put_together(&ingredients);
         let scene = Parameters { system, ingredients };
-        let layout = Layout::new(compiled.links.len(), integrator.kept());
+        let layout = Layout::new(compiled.links.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -215,12 +217,16 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_state(&mut self.rows, i, state);
     }
 
-    fn attitude(&self, i: usize) -> Vec<f64> {
+    fn attitude(&self, i: usize) -> Option<[f64; 4]> {
         self.table.attitude(&self.rows, i)
     }
 
-    fn set_attitude(&mut self, i: usize, attitude: &[f64]) {
+    fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]) {
         self.table.set_attitude(&mut self.rows, i, attitude);
+    }
+
+    fn contrast(&self, i: usize) -> [f64; 2] {
+        self.table.contrast(&self.rows, i)
     }
 
     fn current(&self, i: usize) -> na::Vector3<f64> {

@@ -1,5 +1,6 @@
 //! Memory of a block of instances: one row per number of the state and the loads, one column per instance.
 
+use crate::integrate::{Attitude, Integrator};
 use crate::system::JOINTS;
 
 /// First row of each entry. All numbers of an instance lie in one column of its block.
@@ -31,10 +32,16 @@ pub struct Layout {
     pub links: usize,
     /// Station: target rotation (9) and position (3).
     pub station: usize,
-    /// Coordinates of the attitude that the integrator keeps besides the rotation.
+    /// Coordinates of the attitude that the integrator keeps besides the rotation: 4, or none.
     pub attitude: usize,
-    /// Their number: 4 of a quaternion, or none.
-    pub kept: usize,
+    /// What these are.
+    pub keeps: Attitude,
+    /// What the integrator saw of fast rates, 2.
+    pub contrast: usize,
+    /// Piece that the integrator plans, 1: only where it is adaptive.
+    pub plan: usize,
+    /// Whether it is.
+    pub adaptive: bool,
     /// Factors on the instance's parameters, 5.
     pub factors: usize,
     /// Rows in all.
@@ -42,9 +49,10 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// Layout for a number of joints, and for a number of kept coordinates of the attitude.
-    pub fn new(joints: usize, kept: usize) -> Self {
+    /// Layout for a number of joints and for what an integrator keeps.
+    pub fn new(joints: usize, integrator: &Integrator) -> Self {
         assert!(joints <= JOINTS);
+        let (keeps, adaptive) = (integrator.attitude(), integrator.adaptive());
         let mut rows = 0;
         let mut take = |count: usize| {
             rows += count;
@@ -65,8 +73,11 @@ impl Layout {
             links: take(6 * joints),
             station: take(12),
             factors: take(5),
-            attitude: take(kept),
-            kept,
+            attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
+            keeps,
+            contrast: take(2),
+            plan: take(usize::from(adaptive)),
+            adaptive,
             rows: take(0),
         }
     }

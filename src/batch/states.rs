@@ -65,7 +65,14 @@ impl Simulator {
             return Err(SimulatorError::Held { scene: self.scene().name.clone(), instance: at / 6 });
         }
         let rotations = self.rotations(states)?;
+        let moved = widths.iter().any(|(name, values, _)| values.is_some() && *name != "current");
         for i in 0..self.instances() {
+            let mut current = self.current(i);
+            set(current.as_mut_slice(), states.current, i);
+            self.set_current(i, &current);
+            if !moved {
+                continue;
+            }
             let mut state = self.state(i);
             let attitude = self.kept_attitude(i);
             set(state.position.as_mut_slice(), states.position, i);
@@ -77,12 +84,9 @@ impl Simulator {
                 state.rotation = rotations[i];
             }
             self.set_state(i, &state);
-            if rotations.is_none() {
+            if let (None, Some(attitude)) = (&rotations, attitude) {
                 self.set_kept_attitude(i, &attitude);
             }
-            let mut current = self.current(i);
-            set(current.as_mut_slice(), states.current, i);
-            self.set_current(i, &current);
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
+use crate::integrate::{Attitude, Integrator, Motion, Stages, Watch, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, Ingredients, JOINTS, System};
@@ -71,8 +71,10 @@ impl<T: Real> Columns<'_, T> {
         motion.twist = self.six(layout.twist);
         self.joints(layout.q, layout.joints, &mut motion.q);
         self.joints(layout.qd, layout.joints, &mut motion.qd);
-        for k in 0..layout.kept {
-            motion.attitude[k] = self.get(layout.attitude + k);
+        if layout.keeps != Attitude::Matrix {
+            for k in 0..4 {
+                motion.attitude[k] = self.get(layout.attitude + k);
+            }
         }
     }
 
@@ -85,7 +87,23 @@ impl<T: Real> Columns<'_, T> {
         self.set_all(layout.twist, &motion.twist.to_array(), 6);
         self.set_all(layout.q, &motion.q, layout.joints);
         self.set_all(layout.qd, &motion.qd, layout.joints);
-        self.set_all(layout.attitude, &motion.attitude, layout.kept);
+        if layout.keeps != Attitude::Matrix {
+            self.set_all(layout.attitude, &motion.attitude, 4);
+        }
+    }
+
+    #[inline(always)]
+    fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
+        let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
+        Watch { contrast: [self.get(layout.contrast), self.get(layout.contrast + 1)], plan }
+    }
+
+    #[inline(always)]
+    fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
+        self.set_all(layout.contrast, &watch.contrast, 2);
+        if layout.adaptive {
+            self.set(layout.plan, watch.plan);
+        }
     }
 
     #[inline(always)]
@@ -213,13 +231,15 @@ impl<T: Real> Step<'_, T> {
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
+        let mut watch = columns.watch(self.layout);
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
             let held = (motion.pose, motion.attitude);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             match &self.integrator {
                 Integrator::Explicit(method) => {
-                    interval(method, self.h, motion, &mut memory.trial, &mut dynamics, &mut memory.stages);
+                    let (trial, stages) = (&mut memory.trial, &mut memory.stages);
+                    interval(method, self.h, motion, trial, &mut watch, &mut dynamics, stages);
                 }
                 Integrator::LinearlyImplicit => {
                     implicit_interval(self.h, motion, &mut memory.trial, &mut dynamics);
@@ -232,6 +252,7 @@ impl<T: Real> Step<'_, T> {
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
         }
         columns.set_motion(self.layout, motion);
+        columns.set_watch(self.layout, &watch);
         // Compensated, so that neither many steps nor their division into calls shows in the time.
         let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
         for _ in 0..self.substeps {

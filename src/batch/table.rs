@@ -4,9 +4,10 @@ use nalgebra as na;
 
 use super::layout::Layout;
 use super::step::Switches;
+use crate::integrate::Attitude;
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{Factors, JOINTS, State, quaternion};
+use crate::system::{Factors, JOINTS, State, quaternion, roll_pitch_yaw};
 
 /// What is applied to one instance until it is changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,19 +91,34 @@ impl Table {
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
         let time = T::from_f64(state.time).to_f64();
         self.set_all(rows, i, layout.time, [time, state.time - time]);
-        if layout.kept == 4 {
-            self.set_all(rows, i, layout.attitude, quaternion(&state.rotation));
+        match layout.keeps {
+            Attitude::Matrix => {}
+            Attitude::Quaternion => self.set_all(rows, i, layout.attitude, quaternion(&state.rotation)),
+            Attitude::Angles => {
+                let [roll, pitch, yaw] = roll_pitch_yaw(&state.rotation);
+                self.set_all(rows, i, layout.attitude, [0.0, roll, pitch, yaw]);
+            }
+        }
+        // What was seen of another motion says nothing about this one.
+        self.set_all(rows, i, layout.contrast, [0.0; 2]);
+        if layout.adaptive {
+            self.set_all(rows, i, layout.plan, [0.0]);
         }
     }
 
-    /// Coordinates of the attitude that the integrator keeps.
-    pub fn attitude<T: Real>(&self, rows: &[T], i: usize) -> Vec<f64> {
-        (0..self.layout.kept).map(|k| self.get(rows, i, self.layout.attitude + k)).collect()
+    /// What the integrator saw of fast rates.
+    pub fn contrast<T: Real>(&self, rows: &[T], i: usize) -> [f64; 2] {
+        self.get_all(rows, i, self.layout.contrast)
+    }
+
+    /// Coordinates of the attitude that the integrator keeps, if it does.
+    pub fn attitude<T: Real>(&self, rows: &[T], i: usize) -> Option<[f64; 4]> {
+        (self.layout.keeps != Attitude::Matrix).then(|| self.get_all(rows, i, self.layout.attitude))
     }
 
     /// Sets those coordinates.
-    pub fn set_attitude<T: Real>(&self, rows: &mut [T], i: usize, attitude: &[f64]) {
-        self.set_all(rows, i, self.layout.attitude, attitude[..self.layout.kept].iter().copied());
+    pub fn set_attitude<T: Real>(&self, rows: &mut [T], i: usize, attitude: &[f64; 4]) {
+        self.set_all(rows, i, self.layout.attitude, *attitude);
     }
 
     /// Current.

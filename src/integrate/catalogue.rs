@@ -1,7 +1,7 @@
 //! The integrators by name.
 
-use super::chart::{Chart, Correction};
-use super::tableau::{EULER, HEUN3, MIDPOINT, RK4, Tableau};
+use super::chart::{Attitude, Chart, Correction};
+use super::tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, Tableau};
 use crate::lie::DexpInverse;
 
 /// How a step is taken.
@@ -20,6 +20,22 @@ pub struct Explicit {
     pub tableau: &'static Tableau,
     /// The coordinates.
     pub chart: Chart,
+    /// How well the estimated error is kept down, for tableaus with an embedded method.
+    pub tolerance: f64,
+}
+
+/// What users may choose about an integrator.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gains {
+    /// Gain of eq. 14, for the quaternion integrators, 1/s.
+    pub gamma: f64,
+    /// Bound on the estimated error of a piece, for adaptive integrators: see [`Tableau::error`].
+    pub tolerance: f64,
+}
+
+impl Gains {
+    /// The defaults.
+    pub const DEFAULT: Self = Self { gamma: 1.0, tolerance: 1e-8 };
 }
 
 /// What an integrator is for.
@@ -40,12 +56,12 @@ pub struct Entry {
     pub summary: &'static str,
     /// What it is for.
     pub kind: Kind,
-    /// The integrator, with the default gain of eq. 14.
+    /// The integrator, with [`Gains::DEFAULT`].
     pub integrator: Integrator,
 }
 
 const fn explicit(tableau: &'static Tableau, chart: Chart) -> Integrator {
-    Integrator::Explicit(Explicit { tableau, chart })
+    Integrator::Explicit(Explicit { tableau, chart, tolerance: Gains::DEFAULT.tolerance })
 }
 
 const fn production(name: &'static str, summary: &'static str, integrator: Integrator) -> Entry {
@@ -58,17 +74,27 @@ const fn rival(name: &'static str, summary: &'static str, integrator: Integrator
 
 const CLOSED: Chart = Chart::Exponential(DexpInverse::Closed);
 const TRUNCATED: Chart = Chart::Exponential(DexpInverse::Truncated);
-const FOSSEN: Chart = Chart::Quaternion(Correction::Fossen { gamma: 1.0 });
+const FOSSEN: Chart = Chart::Quaternion(Correction::Fossen { gamma: Gains::DEFAULT.gamma });
 const NORMALISE: Chart = Chart::Quaternion(Correction::Normalise);
 
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 9] = [
+    pub const NAMES: [Entry; 13] = [
         production("mk4", "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)", explicit(&RK4, CLOSED)),
         production(
             "mk4-truncated",
             "Munthe-Kaas, order 4, inverse of dexp cut off after ad^2/12: adds an error of order 5",
             explicit(&RK4, TRUNCATED),
+        ),
+        production(
+            "mk4-reduced",
+            "Munthe-Kaas, order 4, two commutators in place of dexp's inverse",
+            explicit(&RK4, Chart::Commutators),
+        ),
+        production(
+            "mk54",
+            "Munthe-Kaas on Dormand and Prince's pair of orders 5 and 4: as many pieces to a step as the tolerance asks for",
+            explicit(&DORMAND_PRINCE, CLOSED),
         ),
         production("mk3", "Munthe-Kaas on Heun's third-order tableau", explicit(&HEUN3, CLOSED)),
         production("mk2", "Munthe-Kaas on the midpoint rule", explicit(&MIDPOINT, CLOSED)),
@@ -79,6 +105,16 @@ impl Integrator {
             Integrator::LinearlyImplicit,
         ),
         rival(
+            "semi-implicit-euler",
+            "Euler on the velocities, then on the pose with the new ones: as games and many robot simulators step",
+            explicit(&EULER, Chart::VelocityFirst),
+        ),
+        rival(
+            "euler-angles-rk4",
+            "RK4 on roll, pitch and yaw: singular at a pitch of 90 degrees",
+            explicit(&RK4, Chart::EulerAngles),
+        ),
+        rival(
             "quaternion-euler",
             "Euler on a quaternion with the norm-restoring term of eq. 14",
             explicit(&EULER, FOSSEN),
@@ -87,15 +123,16 @@ impl Integrator {
         rival("rk4-normalise", "RK4 on a quaternion, normalised after each step", explicit(&RK4, NORMALISE)),
     ];
 
-    /// By name; `gamma` is the gain of eq. 14.
-    pub fn named(name: &str, gamma: f64) -> Option<Self> {
-        let found = Self::NAMES.into_iter().find(|entry| entry.name == name)?.integrator;
-        Some(match found {
-            Integrator::Explicit(Explicit { tableau, chart: Chart::Quaternion(Correction::Fossen { .. }) }) => {
-                explicit(tableau, Chart::Quaternion(Correction::Fossen { gamma }))
+    /// By name.
+    pub fn named(name: &str, gains: &Gains) -> Option<Self> {
+        let mut found = Self::NAMES.into_iter().find(|entry| entry.name == name)?.integrator;
+        if let Integrator::Explicit(method) = &mut found {
+            method.tolerance = gains.tolerance;
+            if let Chart::Quaternion(Correction::Fossen { gamma }) = &mut method.chart {
+                *gamma = gains.gamma;
             }
-            other => other,
-        })
+        }
+        Some(found)
     }
 
     /// Order of convergence.
@@ -106,11 +143,24 @@ impl Integrator {
         }
     }
 
-    /// Coordinates of the attitude that it keeps besides the rotation matrix: 4 of a quaternion, else none.
-    pub fn kept(&self) -> usize {
+    /// Whether the integrator cuts steps into pieces by their estimated error.
+    pub fn adaptive(&self) -> bool {
         match self {
-            Integrator::Explicit(method) => method.chart.kept(),
-            Integrator::LinearlyImplicit => 0,
+            Integrator::Explicit(method) => method.tableau.error.is_some(),
+            Integrator::LinearlyImplicit => false,
+        }
+    }
+
+    /// Whether linear systems are solved within a step.
+    pub fn implicit(&self) -> bool {
+        matches!(self, Integrator::LinearlyImplicit)
+    }
+
+    /// What it keeps the attitude as.
+    pub fn attitude(&self) -> Attitude {
+        match self {
+            Integrator::Explicit(method) => method.chart.attitude(),
+            Integrator::LinearlyImplicit => Attitude::Matrix,
         }
     }
 }

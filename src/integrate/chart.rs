@@ -9,6 +9,12 @@ use crate::lie::{DexpInverse, Pose, Vector3, Vector6, exp_se3, rotate_back};
 pub enum Chart {
     /// `T exp(Theta)` about the step's start, `Theta' = dexp^-1_(-Theta) V`: Munthe-Kaas methods. `[HC eq. 18]`
     Exponential(DexpInverse),
+    /// The same with `Theta' = V` and two commutators that make up for it: for the classical tableau alone. `[MO99]`
+    Commutators,
+    /// The same, for Euler's rule alone, the pose and the joints moving with the velocities of the step's end.
+    VelocityFirst,
+    /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21 eq. 2.41]`
+    EulerAngles,
     /// The components of a quaternion that need not be of unit length, and the position: the paper's rivals. `[HC eq. 14]`
     Quaternion(Correction),
 }
@@ -25,12 +31,25 @@ pub enum Correction {
     Normalise,
 }
 
+/// What the attitude is kept as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Attitude {
+    /// The rotation matrix alone.
+    Matrix,
+    /// `[0, roll, pitch, yaw]`.
+    Angles,
+    /// A quaternion `[w, x, y, z]`.
+    Quaternion,
+}
+
 impl Chart {
-    /// Numbers that [`super::Motion::attitude`] holds.
-    pub fn kept(&self) -> usize {
+    /// What [`super::Motion::attitude`] holds.
+    #[inline(always)]
+    pub fn attitude(&self) -> Attitude {
         match self {
-            Chart::Exponential(_) => 0,
-            Chart::Quaternion(_) => 4,
+            Chart::Exponential(_) | Chart::Commutators | Chart::VelocityFirst => Attitude::Matrix,
+            Chart::EulerAngles => Attitude::Angles,
+            Chart::Quaternion(_) => Attitude::Quaternion,
         }
     }
 }

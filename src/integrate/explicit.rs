@@ -4,180 +4,119 @@
 //! one call of the right-hand side below is what all methods share: it is by far the most code.
 
 use super::catalogue::Explicit;
-use super::chart::{Chart, Increment};
+use super::chart::{Attitude, Chart, Increment};
 use super::motion::Motion;
-use super::quaternion;
-use super::tableau::STAGES;
-use super::{Derivative, Rates};
+use super::stages::{Point, Stages};
+use super::{Derivative, euler_angles, quaternion};
 use crate::lane::Lane;
-use crate::lie::{Pose, Vector3, Vector6, dexp_inverse_negative, exp_se3};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative, exp_se3};
 
-/// Rates at each stage: working memory.
-#[derive(Debug, Clone)]
-pub struct Stages<L, const N: usize> {
-    /// Rates of the chart's coordinates: of Theta; of position and vector part of the quaternion.
-    pose: [Vector6<L>; STAGES],
-    /// And of the scalar part.
-    scalar: [L; STAGES],
-    /// Joint rates.
-    q: [[L; N]; STAGES],
-    /// V' and q''.
-    rates: [Rates<L, N>; STAGES],
-    /// q and q' of the stage at hand.
-    q_at: [L; N],
-    qd_at: [L; N],
+/// What one step was like.
+pub(super) struct Report<L> {
+    /// Square of the greatest rotation within the step, for charts that bound it: its end is good below pi^2.
+    pub turn: L,
+    /// Square of the estimated error, for tableaus with an embedded method, else 0.
+    pub error: L,
+    /// Squares whose quotient is that of `h` times the fastest rate: see [`Stages::contrast`].
+    pub contrast: [L; 2],
 }
 
-/// A stage but for its joints: what its coordinates are off from the start, and its twist.
-struct Point<L> {
-    pose: Vector6<L>,
-    scalar: L,
-    twist: Vector6<L>,
-}
-
-impl<L: Lane, const N: usize> Stages<L, N> {
-    /// Fresh memory; its contents never matter.
-    pub fn new() -> Self {
-        let zero = [L::zero(); N];
-        let rates = Rates { twist: Vector6::zero(), qd: zero };
-        Self {
-            pose: [Vector6::zero(); STAGES],
-            scalar: [L::zero(); STAGES],
-            q: [zero; STAGES],
-            rates: [rates; STAGES],
-            q_at: zero,
-            qd_at: zero,
-        }
-    }
-
-    /// The step's start.
-    #[inline(always)]
-    fn start(&mut self, n: usize, from: &Motion<L, N>) -> Point<L> {
-        for k in 0..n {
-            self.q_at[k] = from.q[k];
-            self.qd_at[k] = from.qd[k];
-        }
-        Point { pose: Vector6::zero(), scalar: L::zero(), twist: from.twist }
-    }
-
-    /// The start plus `h sum w_j k_j`; leaves q and q' in `q_at`, `qd_at`.
-    #[inline(always)]
-    fn weigh(
-        &mut self,
-        weights: &[f64; STAGES],
-        count: usize,
-        n: usize,
-        h: L,
-        scalar: bool,
-        from: &Motion<L, N>,
-    ) -> Point<L> {
-        let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
-        for k in 0..n {
-            self.q_at[k] = L::zero();
-            self.qd_at[k] = L::zero();
-        }
-        for j in 0..count {
-            if weights[j] == 0.0 {
-                continue;
-            }
-            let weight = h * L::c(weights[j]);
-            sum.pose = self.pose[j].scale_add(weight, sum.pose);
-            sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
-            if scalar {
-                sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
-            }
-            for k in 0..n {
-                self.q_at[k] = self.q[j][k].mul_add(weight, self.q_at[k]);
-                self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
-            }
-        }
-        for k in 0..n {
-            self.q_at[k] += from.q[k];
-            self.qd_at[k] += from.qd[k];
-        }
-        sum.twist = from.twist + sum.twist;
-        sum
-    }
-}
-
-impl<L: Lane, const N: usize> Default for Stages<L, N> {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-/// The quaternion at a point.
+/// Kept attitude at a point: a quaternion, or 0 and three angles.
 #[inline(always)]
-fn quaternion_at<L: Lane, const N: usize>(point: &Point<L>, from: &Motion<L, N>) -> [L; 4] {
+fn attitude_at<L: Lane, const N: usize>(point: &Point<L>, from: &Motion<L, N>) -> [L; 4] {
     let ([w, x, y, z], [dx, dy, dz]) = (from.attitude, point.pose.angular.0);
     [w + point.scalar, x + dx, y + dy, z + dz]
 }
 
-/// One step of size `h`, which begins `elapsed` after the start of the interval.
-///
-/// Returns the square of the greatest rotation within the step, for charts that bound it: the result is good where it
-/// stays below pi^2.
+/// Rotation of a kept attitude, and its rates at a spin `omega`.
 #[inline(always)]
-pub fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
+fn kinematics<L: Lane>(chart: Chart, attitude: [L; 4], omega: Vector3<L>) -> (Matrix3<L>, [L; 4]) {
+    match chart {
+        Chart::Quaternion(correction) => {
+            (quaternion::rotation(attitude), quaternion::rate(attitude, omega, correction))
+        }
+        _ => euler_angles::rotation_and_rates(attitude, omega),
+    }
+}
+
+/// One step of size `h`, which begins `elapsed` after the start of the interval; with `begun` the first stage's rates
+/// are there already.
+#[inline(always)]
+pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     method: &Explicit,
-    h: L,
-    elapsed: L,
+    (h, elapsed, begun): (L, L, bool),
     from: &Motion<L, N>,
     to: &mut Motion<L, N>,
     derivative: &mut D,
     stages: &mut Stages<L, N>,
-) -> L {
-    let Explicit { tableau, chart } = *method;
+) -> Report<L> {
+    let Explicit { tableau, chart, .. } = *method;
     let n = derivative.joints();
-    let scalar = matches!(chart, Chart::Quaternion(_));
-    let mut greatest = L::zero();
-    for i in 0..tableau.stages {
-        let point = if i == 0 { stages.start(n, from) } else { stages.weigh(&tableau.a[i], i, n, h, scalar, from) };
-        let whole;
-        let at = match chart {
-            Chart::Exponential(_) => {
-                greatest = greatest.max(point.pose.angular.dot(point.pose.angular));
-                Increment { start: &from.pose, theta: point.pose }
+    let keeps = chart.attitude() != Attitude::Matrix;
+    let mut turn = L::zero();
+    for i in usize::from(begun)..tableau.stages {
+        let mut point = if i == 0 { stages.start(n, from) } else { stages.weigh(&tableau.a[i], i, n, h, keeps, from) };
+        let (whole, rate);
+        let at = if keeps {
+            let (rotation, [w, x, y, z]) = kinematics(chart, attitude_at(&point, from), point.twist.angular);
+            whole = Pose { rotation, position: from.pose.position + point.pose.linear };
+            stages.scalar[i] = w;
+            rate = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
+            Increment { start: &whole, theta: Vector6::zero() }
+        } else {
+            if i == 2 && chart == Chart::Commutators {
+                // [MO99]: K_2 / 2 - [K_1, K_2] / 8 where the exponential stands on the left.
+                point.pose = ad(stages.pose[0], stages.pose[1]).scale_add(h * h * L::c(0.125), point.pose);
             }
-            Chart::Quaternion(_) => {
-                let rotation = quaternion::rotation(quaternion_at(&point, from));
-                whole = Pose { rotation, position: from.pose.position + point.pose.linear };
-                Increment { start: &whole, theta: Vector6::zero() }
-            }
+            turn = turn.max(point.pose.angular.dot(point.pose.angular));
+            rate = match chart {
+                Chart::Exponential(form) if i > 0 => dexp_inverse_negative(form, point.pose, point.twist),
+                _ => point.twist,
+            };
+            Increment { start: &from.pose, theta: point.pose }
         };
         let time = elapsed + h * L::c(tableau.c[i]);
         derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
-        stages.pose[i] = match chart {
-            Chart::Exponential(_) if i == 0 => point.twist,
-            Chart::Exponential(form) => dexp_inverse_negative(form, point.pose, point.twist),
-            Chart::Quaternion(correction) => {
-                let rate = quaternion::rate(quaternion_at(&point, from), point.twist.angular, correction);
-                stages.scalar[i] = rate[0];
-                let angular = Vector3([rate[1], rate[2], rate[3]]);
-                Vector6 { linear: at.start.rotation.apply(point.twist.linear), angular }
-            }
-        };
+        stages.pose[i] = rate;
         for k in 0..n {
             stages.q[i][k] = stages.qd_at[k];
         }
     }
-    let end = stages.weigh(&tableau.b, tableau.stages, n, h, scalar, from);
+    let contrast = stages.contrast(tableau, n, h);
+    let error = match &tableau.error {
+        Some(weights) => stages.error(weights, n, h, from),
+        None => L::zero(),
+    };
+    let mut end = stages.weigh(&tableau.b, tableau.stages, n, h, keeps, from);
     match chart {
-        Chart::Exponential(_) => {
-            greatest = greatest.max(end.pose.angular.dot(end.pose.angular));
-            to.pose = from.pose.times(&exp_se3(end.pose));
-            to.pose.rotation = to.pose.rotation.orthonormalised();
+        Chart::Commutators => {
+            // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.
+            end.pose = ad(stages.pose[0], stages.pose[3]).scale_add(h * h * L::c(1.0 / 12.0), end.pose);
         }
-        Chart::Quaternion(correction) => {
-            to.attitude = quaternion::corrected(quaternion_at(&end, from), correction);
-            let rotation = quaternion::rotation(to.attitude);
-            to.pose = Pose { rotation, position: from.pose.position + end.pose.linear };
+        Chart::VelocityFirst => {
+            end.pose = end.twist.scale(h);
+            for k in 0..n {
+                stages.q_at[k] = stages.qd_at[k].mul_add(h, from.q[k]);
+            }
         }
+        _ => {}
+    }
+    if keeps {
+        to.attitude = attitude_at(&end, from);
+        if let Chart::Quaternion(correction) = chart {
+            to.attitude = quaternion::corrected(to.attitude, correction);
+        }
+        let (rotation, _) = kinematics(chart, to.attitude, end.twist.angular);
+        to.pose = Pose { rotation, position: from.pose.position + end.pose.linear };
+    } else {
+        turn = turn.max(end.pose.angular.dot(end.pose.angular));
+        to.pose = from.pose.times(&exp_se3(end.pose));
+        to.pose.rotation = to.pose.rotation.orthonormalised();
     }
     to.twist = end.twist;
     for k in 0..n {
         to.q[k] = stages.q_at[k];
         to.qd[k] = stages.qd_at[k];
     }
-    greatest
+    Report { turn, error, contrast }
 }

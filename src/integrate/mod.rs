@@ -2,20 +2,22 @@
 
 mod catalogue;
 mod chart;
+mod euler_angles;
 mod explicit;
 mod motion;
 mod pieces;
 mod quaternion;
 mod rosenbrock;
+mod stages;
 mod tableau;
 
-pub use catalogue::{Entry, Explicit, Integrator, Kind};
-pub use chart::{Chart, Correction};
-pub use explicit::Stages;
+pub use catalogue::{Entry, Explicit, Gains, Integrator, Kind};
+pub use chart::{Attitude, Chart, Correction};
 pub use motion::Motion;
-pub use pieces::interval;
+pub use pieces::{Watch, interval, stiffness};
 pub use rosenbrock::{LinearlyImplicit, implicit_interval};
-pub use tableau::{EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
+pub use stages::Stages;
+pub use tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
 
 use crate::lane::Lane;
 use crate::lie::{Pose, Vector3, Vector6};

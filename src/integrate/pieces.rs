@@ -2,54 +2,127 @@
 
 use super::Derivative;
 use super::catalogue::Explicit;
-use super::explicit::{Stages, explicit};
+use super::explicit::{Report, explicit};
 use super::motion::Motion;
-use crate::lane::Lane;
+use super::stages::Stages;
+use crate::lane::{Lane, Real};
 
 /// Rotation within a piece beyond which a lane's piece is halved. The maps hold up to pi, but the velocity of a spinning
 /// body turns in body axes as fast, and grows where that is outside of a tableau's stability: 2.83 (RK4), 1.73 (Heun).
 const GREATEST_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// Smallest piece by the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
+/// Most attempts at pieces of an adaptive method within an interval; likewise.
+const MOST_ATTEMPTS: u32 = 1 << 14;
+/// Greatest piece that an adaptive method plans, by the interval.
+const GREATEST_PLAN: f64 = 4.0;
+/// Part of [`Watch::contrast`] that a piece leaves behind.
+const LEAK: f64 = 1.0 / 32.0;
 
-/// Covers an interval of length `h`. Lanes that turn by more than a quarter revolution within a piece take it in halves,
-/// quarters, and so on; lanes that have arrived stay as they are meanwhile.
+/// What is known about a motion besides its state; all 0 at first.
+#[derive(Debug, Clone, Copy)]
+pub struct Watch<L> {
+    /// Squares whose quotient is that of `h` times the fastest rate that the motion excites, averaged over some thirty
+    /// pieces, the last ones counting most: of `h` times the right-hand side's change within a piece, and of the
+    /// states' own difference, in m and rad.
+    pub contrast: [L; 2],
+    /// Piece that an adaptive method plans next, by the interval.
+    pub plan: L,
+}
+
+/// Covers an interval of length `h`. Adaptive methods choose the pieces by their estimated error. With the others lanes
+/// that turn by more than a quarter revolution within a piece take it in halves, quarters, and so on. Lanes that have
+/// arrived stay as they are meanwhile.
 #[inline(always)]
 pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
     method: &Explicit,
     h: L::Real,
     motion: &mut Motion<L, N>,
     trial: &mut Motion<L, N>,
+    watch: &mut Watch<L>,
     derivative: &mut D,
     stages: &mut Stages<L, N>,
 ) {
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
+    let adaptive = method.tableau.error.is_some();
+    // No estimate is better than rounding.
+    let tolerance = method.tolerance.max(8.0 * L::Real::EPSILON);
+    let over_tolerance = L::c(1.0 / (tolerance * tolerance));
     let limit = L::c(GREATEST_TURN * GREATEST_TURN);
     let h = L::splat(h);
-    // The piece at hand and what is left of the interval, as fractions of it.
-    let (mut share, mut left) = (one, one);
-    let mut begun = false;
+    // The piece that is planned and what is left of the interval, as shares of it.
+    let (mut plan, mut left) = (one, one);
+    if adaptive {
+        plan = L::select(zero.lt(watch.plan), watch.plan, one);
+    }
+    let mut attempts = 0;
     loop {
-        let turn = explicit(method, h * share, h * (one - left), motion, trial, derivative, stages);
-        // A turn that is NaN is not below the limit either: the maps overflow on far too great ones.
+        // The whole rest, or half of it rather than a piece and a sliver.
+        let short = L::select(left.lt(plan + plan), left * half, plan);
+        let share = L::select(plan.lt(left), short, left);
+        let begun = adaptive && attempts > 0;
+        let Report { turn, error, contrast } =
+            explicit(method, (h * share, h * (one - left), begun), motion, trial, derivative, stages);
+        attempts += 1;
+        // A turn or an error that is NaN is not below its limit either: the maps overflow on far too great ones.
         let fine = L::select(turn.lt(limit), one, zero);
-        let taken = L::select(zero.lt(left), fine, zero);
-        motion.keep(half.lt(taken), trial, n);
-        left = share.neg_mul_add(taken, left);
-        if !L::any(zero.lt(left)) {
-            return;
+        let error = error * over_tolerance;
+        let fine = L::select(error.lt(one), fine, zero);
+        let active = L::select(zero.lt(left), one, zero);
+        let taken = half.lt(fine * active);
+        motion.keep(taken, trial, n);
+        for part in 0..2 {
+            let leaked = watch.contrast[part].neg_mul_add(L::c(LEAK), watch.contrast[part]);
+            watch.contrast[part] = L::select(taken, leaked + contrast[part], watch.contrast[part]);
         }
-        // Lanes that take no piece here have arrived, are lost, or need a smaller one; no piece mends what was lost before.
-        let sound = if begun { one } else { motion.sound(n) };
-        let lost = L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one, one - sound) * (one - fine);
-        let lost = L::select(zero.lt(left), lost, zero);
-        motion.keep(half.lt(lost), &Motion::lost(), n);
-        left = L::select(half.lt(lost), zero, left);
-        share = L::select(half.lt(fine), share, share * half);
-        begun = true;
+        left = L::select(taken, left - share, left);
+        if adaptive {
+            let factor = growth(error);
+            let factor = L::select(half.lt(fine), factor, factor.min(half));
+            let next = share * factor;
+            let next = L::select(factor.lt(one), next, next.max(plan)).min(L::c(GREATEST_PLAN));
+            plan = L::select(half.lt(active), next, plan);
+        } else {
+            plan = L::select(half.lt(fine), plan, plan * half);
+        }
         if !L::any(zero.lt(left)) {
-            return;
+            break;
+        }
+        // Lanes that took no piece need a smaller one, or are lost: no piece mends what was lost before.
+        let sound = if attempts == 1 { motion.sound(n) } else { one };
+        let spent = if adaptive {
+            L::c(if attempts == MOST_ATTEMPTS { 1.0 } else { 0.0 })
+        } else {
+            L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one - fine, zero)
+        };
+        let lost = half.lt(active * spent.max(one - sound) * L::select(zero.lt(left), one, zero));
+        motion.keep(lost, &Motion::lost(), n);
+        left = L::select(lost, zero, left);
+        if adaptive {
+            stages.carry(taken, n, motion);
+        }
+        if !L::any(zero.lt(left)) {
+            break;
         }
     }
+    if adaptive {
+        watch.plan = plan;
+    }
+}
+
+/// What the next piece is by this one: `0.9 error^(-1/5)`, within bounds. (By roots: of the square, `error^(-3/32)`.)
+#[inline(always)]
+fn growth<L: Lane>(squared_error: L) -> L {
+    let eighth = squared_error.max(L::c(1e-12)).sqrt().sqrt().sqrt().sqrt();
+    (L::c(0.9) / (eighth * eighth.sqrt())).max(L::c(0.1)).min(L::c(5.0))
+}
+
+/// Rounding of differences within a step, by the unit round-off times two: they matter from here on, m and rad.
+const ROUNDING: f64 = 100.0;
+
+/// `h |lambda|` of the fastest rate that a motion excites, by its [`Watch::contrast`]. Noise of rounding, which passes for
+/// a very fast rate where nothing moves, does not count.
+pub fn stiffness([change, apart]: [f64; 2], epsilon: f64) -> f64 {
+    (change / (apart + (ROUNDING * epsilon).powi(2) / LEAK)).sqrt()
 }

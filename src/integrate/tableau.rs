@@ -1,7 +1,7 @@
 //! Butcher tableaus, as data.
 
 /// Greatest number of stages.
-pub const STAGES: usize = 4;
+pub const STAGES: usize = 7;
 
 /// An explicit Runge-Kutta method: `a` strictly lower triangular, `c` its row sums.
 #[derive(Debug, PartialEq)]
@@ -16,10 +16,53 @@ pub struct Tableau {
     pub b: [f64; STAGES],
     /// Stage times.
     pub c: [f64; STAGES],
+    /// What the step weights differ by from those of a method of lower order, if one is embedded: its last stage is the
+    /// step's end.
+    pub error: Option<[f64; STAGES]>,
+    /// Weights n that sum to 0, for the estimate of fast rates: `sum n_i k_i` is the change of the right-hand side
+    /// between states that differ by `h sum n_i a_ij k_j`. All 0 where there is none.
+    pub contrast: [f64; STAGES],
+}
+
+impl Tableau {
+    /// `sum n_i a_ij`, j by j.
+    #[inline(always)]
+    pub(super) fn contrasted(&self) -> [f64; STAGES] {
+        let mut sum = [0.0; STAGES];
+        for i in 0..STAGES {
+            for j in 0..i {
+                sum[j] += self.contrast[i] * self.a[i][j];
+            }
+        }
+        sum
+    }
+}
+
+/// A row of weights, filled up with zeros.
+const fn row<const K: usize>(given: [f64; K]) -> [f64; STAGES] {
+    let mut row = [0.0; STAGES];
+    let mut k = 0;
+    while k < K {
+        row[k] = given[k];
+        k += 1;
+    }
+    row
+}
+
+/// Stage weights: one row for each stage after the first.
+const fn rows<const K: usize>(given: [[f64; STAGES]; K]) -> [[f64; STAGES]; STAGES] {
+    let mut rows = [[0.0; STAGES]; STAGES];
+    let mut k = 0;
+    while k < K {
+        rows[k + 1] = given[k];
+        k += 1;
+    }
+    rows
 }
 
 /// Euler's rule.
-pub static EULER: Tableau = Tableau { stages: 1, order: 1, a: [[0.0; 4]; 4], b: [1.0, 0.0, 0.0, 0.0], c: [0.0; 4] };
+pub static EULER: Tableau =
+    Tableau { stages: 1, order: 1, a: rows([]), b: row([1.0]), c: row([]), error: None, contrast: row([]) };
 
 /// The midpoint rule.
 ///
@@ -31,9 +74,11 @@ pub static EULER: Tableau = Tableau { stages: 1, order: 1, a: [[0.0; 4]; 4], b: 
 pub static MIDPOINT: Tableau = Tableau {
     stages: 2,
     order: 2,
-    a: [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4]],
-    b: [0.0, 1.0, 0.0, 0.0],
-    c: [0.0, 0.5, 0.0, 0.0],
+    a: rows([row([0.5])]),
+    b: row([0.0, 1.0]),
+    c: row([0.0, 0.5]),
+    error: None,
+    contrast: row([-1.0, 1.0]),
 };
 
 /// Heun's third-order method.
@@ -47,9 +92,11 @@ pub static MIDPOINT: Tableau = Tableau {
 pub static HEUN3: Tableau = Tableau {
     stages: 3,
     order: 3,
-    a: [[0.0; 4], [1.0 / 3.0, 0.0, 0.0, 0.0], [0.0, 2.0 / 3.0, 0.0, 0.0], [0.0; 4]],
-    b: [0.25, 0.0, 0.75, 0.0],
-    c: [0.0, 1.0 / 3.0, 2.0 / 3.0, 0.0],
+    a: rows([row([1.0 / 3.0]), row([0.0, 2.0 / 3.0])]),
+    b: row([0.25, 0.0, 0.75]),
+    c: row([0.0, 1.0 / 3.0, 2.0 / 3.0]),
+    error: None,
+    contrast: row([1.0, -2.0, 1.0]),
 };
 
 /// The classical fourth-order method, which the paper uses.
@@ -64,7 +111,37 @@ pub static HEUN3: Tableau = Tableau {
 pub static RK4: Tableau = Tableau {
     stages: 4,
     order: 4,
-    a: [[0.0; 4], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-    b: [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0],
-    c: [0.0, 0.5, 0.5, 1.0],
+    a: rows([row([0.5]), row([0.0, 0.5]), row([0.0, 0.0, 1.0])]),
+    b: row([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]),
+    c: row([0.0, 0.5, 0.5, 1.0]),
+    error: None,
+    contrast: row([0.0, -1.0, 1.0]),
 };
+
+/// Dormand and Prince's pair of orders 5 and 4; goes on with order 5. `[DP80]`
+pub static DORMAND_PRINCE: Tableau = Tableau {
+    stages: 7,
+    order: 5,
+    a: rows([
+        row([1.0 / 5.0]),
+        row([3.0 / 40.0, 9.0 / 40.0]),
+        row([44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0]),
+        row([19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0]),
+        row([9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0]),
+        DORMAND_PRINCE_END,
+    ]),
+    b: DORMAND_PRINCE_END,
+    c: row([0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0]),
+    error: Some(row([
+        71.0 / 57600.0,
+        0.0,
+        -71.0 / 16695.0,
+        71.0 / 1920.0,
+        -17253.0 / 339200.0,
+        22.0 / 525.0,
+        -1.0 / 40.0,
+    ])),
+    contrast: row([0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 1.0]),
+};
+const DORMAND_PRINCE_END: [f64; STAGES] =
+    row([35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0]);

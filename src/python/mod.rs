@@ -3,6 +3,7 @@
 mod arrays;
 mod errors;
 mod inputs;
+mod integrators;
 mod linearize;
 mod model;
 mod motion;
@@ -19,6 +20,8 @@ use pyo3::prelude::*;
 mod core {
     #[pymodule_export]
     use super::errors::SceneError;
+    #[pymodule_export]
+    use super::integrators::integrators;
     #[pymodule_export]
     use super::scene::{load_scene, scenes};
     #[pymodule_export]

@@ -27,14 +27,17 @@ use crate::batch::{self, Precision, SimulatorOptions};
 /// dt : float
 ///     Step size, s.
 /// integrator : str
-///     "mk4" (the default: Munthe-Kaas, order 4), "mk4-truncated", "mk3", "mk2", "mk1"; or, for comparison,
-///     "quaternion-euler", "quaternion-rk4", "rk4-normalise". [HC eqs. 14, 17, 18]
+///     Name of an integrator: "mk4" (the default: Munthe-Kaas, order 4) or another that `integrators` lists.
+///     [HC eqs. 14, 17, 18]
 /// dtype : str
 ///     "float64", or "float32": twice as fast, with an accuracy of its own. Arrays are float64 either way.
 /// threads : int or None
 ///     Most threads; one per core where None. Few instances use fewer.
 /// gamma : float
 ///     Gain of the norm-restoring term of the quaternion integrators, 1/s. [HC eq. 14]
+/// tolerance : float
+///     For adaptive integrators ("mk54"): bound on the estimated error of each piece of a step, in m and rad for the
+///     pose, absolute and relative for twist, q and qd. Float32 comes down to about 1e-6; less counts as that.
 ///
 /// Raises
 /// ------
@@ -76,8 +79,8 @@ fn precision(given: &Bound<'_, PyAny>) -> PyResult<Precision> {
 impl Simulator {
     #[new]
     #[pyo3(
-        signature = (scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None),
-        text_signature = "(scene, num_envs=1, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0)"
+        signature = (scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None, tolerance=None),
+        text_signature = "(scene, num_envs=1, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0, tolerance=1e-08)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
@@ -89,6 +92,7 @@ impl Simulator {
         dtype: Given,
         threads: Given,
         gamma: Given,
+        tolerance: Given,
     ) -> PyResult<Self> {
         let scene = scene::read(scene)?;
         let default = SimulatorOptions::default();
@@ -97,6 +101,7 @@ impl Simulator {
             dt: number("dt", dt, default.dt)?,
             integrator: integrator.unwrap_or(default.integrator),
             gamma: number("gamma", gamma, default.gamma)?,
+            tolerance: number("tolerance", tolerance, default.tolerance)?,
             precision: dtype.map_or(Ok(default.precision), precision)?,
             threads: threads.map(|n| count("threads", n)).transpose()?,
         };
@@ -134,6 +139,12 @@ impl Simulator {
     #[getter]
     fn gamma(&self) -> f64 {
         self.inner.options().gamma
+    }
+
+    /// float: bound on the estimated error of a piece of a step, for adaptive integrators.
+    #[getter]
+    fn tolerance(&self) -> f64 {
+        self.inner.options().tolerance
     }
 
     /// int: most threads that a step uses.
@@ -243,6 +254,7 @@ impl Simulator {
         options.set_item("dtype", self.dtype())?;
         options.set_item("threads", self.inner.options().threads)?;
         options.set_item("gamma", self.gamma())?;
+        options.set_item("tolerance", self.tolerance())?;
         Ok(((self.scene(py)?, self.num_envs()).into_pyobject(py)?, options))
     }
 

@@ -73,6 +73,16 @@ impl Simulator {
         self.gather(py, &[], |state, _| [state.time])
     }
 
+    /// numpy.ndarray (N,): dt times the fastest rate (1/s) that the motion of each instance excites, as the stages of
+    /// the last thirty steps or so show it. Explicit methods of order 4 are unstable beyond about 2.8, and inaccurate
+    /// well below. 0 before the first step after `set_state`, and for the integrators of one stage. Adaptive
+    /// integrators count with the pieces that they choose.
+    #[getter]
+    fn stiffness<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let instances = self.inner.instances();
+        array(py, &[instances], (0..instances).map(|i| self.inner.stiffness(i)).collect())
+    }
+
     /// numpy.ndarray (N, 3): velocity of the water in the world, m/s.
     #[getter]
     fn current<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {

@@ -37,6 +37,12 @@ pub fn rotation(quaternion: &[f64; 4]) -> Matrix3<f64> {
     )
 }
 
+/// Roll, pitch and yaw, rad, of `R = Rz(yaw) Ry(pitch) Rx(roll)`; pitch within a quarter revolution.
+pub fn roll_pitch_yaw(r: &Matrix3<f64>) -> [f64; 3] {
+    let pitch = (-r[(2, 0)]).atan2(r[(2, 1)].hypot(r[(2, 2)]));
+    [r[(2, 1)].atan2(r[(2, 2)]), pitch, r[(1, 0)].atan2(r[(0, 0)])]
+}
+
 /// Rotation vector `log R`, of length at most pi.
 pub fn rotation_vector(r: &Matrix3<f64>) -> Vector3<f64> {
     let [w, x, y, z] = quaternion(r);

@@ -8,7 +8,7 @@ mod model;
 mod state;
 mod variation;
 
-pub use attitude::{quaternion, rotation, rotation_vector};
+pub use attitude::{quaternion, roll_pitch_yaw, rotation, rotation_vector};
 pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;
 pub use model::{BodyTerms, Friction, JointTerms, Limits, Servo, Stand, System, VehicleServo};

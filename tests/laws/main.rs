@@ -6,11 +6,14 @@ mod cases;
 #[path = "../common/random_scene.rs"]
 mod random_scene;
 
+mod adaptive;
 mod bodies;
 mod energy;
 mod joints;
 mod momentum;
 mod order;
+mod rivals;
+mod stiffness;
 mod table1;
 
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from uvms_gym import Simulator, scenes
+from uvms_gym import Simulator, integrators, scenes
 
-INTEGRATORS = ["mk4", "mk4-truncated", "mk3", "mk2", "mk1", "quaternion-euler", "quaternion-rk4", "rk4-normalise"]
+INTEGRATORS = [entry["name"] for entry in integrators()]
 DTYPES = ["float64", "float32"]
 
 

@@ -1,0 +1,183 @@
+//! Memory of a step's stages, and sums over them.
+
+use super::Rates;
+use super::motion::Motion;
+use super::tableau::{STAGES, Tableau};
+use crate::lane::Lane;
+use crate::lie::Vector6;
+
+/// Rates at each stage: working memory.
+#[derive(Debug, Clone)]
+pub struct Stages<L, const N: usize> {
+    /// Rates of the chart's coordinates: of Theta; of the position, and the angles or the quaternion's vector part.
+    pub(super) pose: [Vector6<L>; STAGES],
+    /// Rates of the quaternion's scalar part, for charts that keep the attitude.
+    pub(super) scalar: [L; STAGES],
+    /// Joint rates.
+    pub(super) q: [[L; N]; STAGES],
+    /// V' and q''.
+    pub(super) rates: [Rates<L, N>; STAGES],
+    /// q and q' of the stage at hand.
+    pub(super) q_at: [L; N],
+    pub(super) qd_at: [L; N],
+}
+
+/// A stage but for its joints: what its coordinates are off from the start, and its twist.
+pub(super) struct Point<L> {
+    pub pose: Vector6<L>,
+    pub scalar: L,
+    pub twist: Vector6<L>,
+}
+
+impl<L: Lane, const N: usize> Stages<L, N> {
+    /// Fresh memory; its contents never matter.
+    pub fn new() -> Self {
+        let zero = [L::zero(); N];
+        let rates = Rates { twist: Vector6::zero(), qd: zero };
+        Self {
+            pose: [Vector6::zero(); STAGES],
+            scalar: [L::zero(); STAGES],
+            q: [zero; STAGES],
+            rates: [rates; STAGES],
+            q_at: zero,
+            qd_at: zero,
+        }
+    }
+
+    /// The step's start.
+    #[inline(always)]
+    pub(super) fn start(&mut self, n: usize, from: &Motion<L, N>) -> Point<L> {
+        for k in 0..n {
+            self.q_at[k] = from.q[k];
+            self.qd_at[k] = from.qd[k];
+        }
+        Point { pose: Vector6::zero(), scalar: L::zero(), twist: from.twist }
+    }
+
+    /// The start plus `h sum w_j k_j` over the first `count` stages; leaves q and q' in `q_at`, `qd_at`.
+    #[inline(always)]
+    pub(super) fn weigh(
+        &mut self,
+        weights: &[f64; STAGES],
+        count: usize,
+        n: usize,
+        h: L,
+        keeps: bool,
+        from: &Motion<L, N>,
+    ) -> Point<L> {
+        let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
+        for k in 0..n {
+            self.q_at[k] = L::zero();
+            self.qd_at[k] = L::zero();
+        }
+        for j in 0..count {
+            if weights[j] == 0.0 {
+                continue;
+            }
+            let weight = h * L::c(weights[j]);
+            sum.pose = self.pose[j].scale_add(weight, sum.pose);
+            sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
+            if keeps {
+                sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
+            }
+            for k in 0..n {
+                self.q_at[k] = self.q[j][k].mul_add(weight, self.q_at[k]);
+                self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
+            }
+        }
+        for k in 0..n {
+            self.q_at[k] += from.q[k];
+            self.qd_at[k] += from.qd[k];
+        }
+        sum.twist = from.twist + sum.twist;
+        sum
+    }
+
+    /// Square of the length of `h sum e_j k_j`, each entry of twist, q and q' by one plus its magnitude at the start.
+    #[inline(always)]
+    pub(super) fn error(&self, weights: &[f64; STAGES], n: usize, h: L, from: &Motion<L, N>) -> L {
+        let (mut pose, mut twist) = (Vector6::zero(), Vector6::zero());
+        for j in 0..STAGES {
+            let weight = h * L::c(weights[j]);
+            pose = self.pose[j].scale_add(weight, pose);
+            twist = self.rates[j].twist.scale_add(weight, twist);
+        }
+        let mut sum = pose.dot(pose);
+        let (twist, size) = (twist.to_array(), from.twist.to_array());
+        for k in 0..6 {
+            sum += squared_share(twist[k], size[k]);
+        }
+        for k in 0..n {
+            let (mut q, mut qd) = (L::zero(), L::zero());
+            for j in 0..STAGES {
+                let weight = h * L::c(weights[j]);
+                q = self.q[j][k].mul_add(weight, q);
+                qd = self.rates[j].qd[k].mul_add(weight, qd);
+            }
+            sum += squared_share(q, from.q[k]) + squared_share(qd, from.qd[k]);
+        }
+        sum
+    }
+
+    /// How fast the right-hand side changes between states within the step: squares of `h` times its change, and of
+    /// the states' own difference. Velocities and accelerations count by `h`, so that a single mode of rate lambda, real
+    /// or oscillating, makes their quotient `(h |lambda|)^2` (on average over a period).
+    #[inline(always)]
+    pub(super) fn contrast(&self, tableau: &Tableau, n: usize, h: L) -> [L; 2] {
+        let apart = tableau.contrasted();
+        let (mut pose, mut twist) = ([Vector6::zero(); 2], [Vector6::zero(); 2]);
+        for j in 0..tableau.stages {
+            let (change, offset) = (L::c(tableau.contrast[j]), L::c(apart[j]));
+            pose[0] = self.pose[j].scale_add(change, pose[0]);
+            pose[1] = self.pose[j].scale_add(offset, pose[1]);
+            twist[0] = self.rates[j].twist.scale_add(change, twist[0]);
+            twist[1] = self.rates[j].twist.scale_add(offset, twist[1]);
+        }
+        let mut places = [pose[0].dot(pose[0]), pose[1].dot(pose[1])];
+        let mut speeds = [twist[0].dot(twist[0]), twist[1].dot(twist[1])];
+        for k in 0..n {
+            let (mut q, mut qd) = ([L::zero(); 2], [L::zero(); 2]);
+            for j in 0..tableau.stages {
+                let (change, offset) = (L::c(tableau.contrast[j]), L::c(apart[j]));
+                q[0] = self.q[j][k].mul_add(change, q[0]);
+                q[1] = self.q[j][k].mul_add(offset, q[1]);
+                qd[0] = self.rates[j].qd[k].mul_add(change, qd[0]);
+                qd[1] = self.rates[j].qd[k].mul_add(offset, qd[1]);
+            }
+            for part in 0..2 {
+                places[part] = q[part].mul_add(q[part], places[part]);
+                speeds[part] = qd[part].mul_add(qd[part], speeds[part]);
+            }
+        }
+        let h2 = h * h;
+        [h2 * h2.mul_add(speeds[0], places[0]), h2 * h2.mul_add(speeds[1], places[1])]
+    }
+
+    /// Makes the last stage the first one of the next step where the mask holds; `at` is that step's start.
+    #[inline(always)]
+    pub(super) fn carry(&mut self, mask: L::Mask, n: usize, at: &Motion<L, N>) {
+        let (last, first) = (self.rates[STAGES - 1], &mut self.rates[0]);
+        for k in 0..3 {
+            first.twist.linear.0[k] = L::select(mask, last.twist.linear.0[k], first.twist.linear.0[k]);
+            first.twist.angular.0[k] = L::select(mask, last.twist.angular.0[k], first.twist.angular.0[k]);
+        }
+        for k in 0..n {
+            first.qd[k] = L::select(mask, last.qd[k], first.qd[k]);
+            self.q[0][k] = at.qd[k];
+        }
+        self.pose[0] = at.twist;
+    }
+}
+
+impl<L: Lane, const N: usize> Default for Stages<L, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// `(x / (1 + |size|))^2`
+#[inline(always)]
+fn squared_share<L: Lane>(x: L, size: L) -> L {
+    let share = x / (size.abs() + L::c(1.0));
+    share * share
+}

@@ -1,0 +1,35 @@
+//! `uvms_gym.integrators`.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::integrate::{Integrator, Kind};
+
+/// Integrators that a `Simulator` may use, the default first.
+///
+/// Returns
+/// -------
+/// list of dict
+///     Each with name (str), summary (str), order (int: the error after a given time falls as dt to this power), kind
+///     (str: "production", or "rival" for what is there for comparison alone), adaptive (bool: cuts steps into pieces by
+///     their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
+#[pyfunction]
+pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    let entry = |entry: crate::integrate::Entry| {
+        let dict = PyDict::new(py);
+        dict.set_item("name", entry.name)?;
+        dict.set_item("summary", entry.summary)?;
+        dict.set_item("order", entry.integrator.order())?;
+        dict.set_item(
+            "kind",
+            match entry.kind {
+                Kind::Production => "production",
+                Kind::Rival => "rival",
+            },
+        )?;
+        dict.set_item("adaptive", entry.integrator.adaptive())?;
+        dict.set_item("implicit", entry.integrator.implicit())?;
+        Ok(dict)
+    };
+    Integrator::NAMES.into_iter().map(entry).collect()
+}
