@@ -275,6 +275,12 @@ pub enum SimulatorError {
         /// As given.
         gamma: f64,
     },
+    /// An expected speed that is none.
+    #[error("speed is {value}, but must be a number >= 0 (m/s and rad/s)")]
+    Speed {
+        /// As given.
+        value: f64,
+    },
     /// A tolerance that is none.
     #[error("tolerance is {tolerance}, but must be a positive number")]
     Tolerance {
@@ -343,6 +349,17 @@ pub enum SimulatorError {
     /// Motion of a vehicle that is held.
     #[error("twist of instance {instance} is not zero, but scene '{scene}' holds its vehicle (vehicle.fixed)")]
     Held {
+        /// Name of the scene.
+        scene: String,
+        /// Instance.
+        instance: usize,
+    },
+    /// Acceleration of water that has no weight.
+    #[error(
+        "current_acceleration of instance {instance} is not zero, but scene '{scene}' has no gravity (water.gravity), and so \
+             neither weight nor buoyancy"
+    )]
+    Weightless {
         /// Name of the scene.
         scene: String,
         /// Instance.

@@ -3,11 +3,11 @@
 mod common;
 
 use common::random_scene::{Options, Random, random_scene, random_state};
-use nalgebra::{DMatrix, DVector, Vector6};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::system::{Factors, State};
+use uvms_gym::system::{Factors, Flow, State};
 
 /// Random loads of a scene, as both forms take them.
 struct RandomLoads {
@@ -48,12 +48,16 @@ fn compare(scene: &Scene, state: &State, loads: &RandomLoads, precision: Precisi
     let mut simulator =
         Simulator::new(scene.clone(), SimulatorOptions { precision, ..SimulatorOptions::default() }).unwrap();
     simulator.set_state(0, state);
+    let weightless = scene.water.gravity.norm() == 0.0;
+    let acceleration = if weightless { Vector3::zeros() } else { Vector3::new(0.3, -0.5, 0.2) };
+    let flow = Flow { velocity: scene.water.current, acceleration };
+    simulator.set_flow(0, flow);
     let articulated = DVector::from_vec(simulator.forward_dynamics(&loads.inputs()).unwrap());
 
     let external: Vec<Vector6<f64>> = loads.external.chunks(6).map(Vector6::from_column_slice).collect();
     let applied = Loads { thrust: &loads.thrust, external: &external, joint_command: &loads.torque };
     let balance = Balance::new(scene).unwrap();
-    let form = balance.at(state, scene.water.current);
+    let form = balance.at(state, flow);
     let closed = form.accelerations(&applied).unwrap();
     let residual = form.residual(&articulated, &applied).unwrap();
     let first = if scene.vehicle.fixed { 6 } else { 0 };
@@ -124,7 +128,7 @@ fn a_current_changes_nothing_but_the_observer() {
         let run = |current: nalgebra::Vector3<f64>, state: &State| {
             let mut simulator = Simulator::new(scene.clone(), SimulatorOptions::default()).unwrap();
             simulator.set_state(0, state);
-            simulator.set_current(0, &current);
+            simulator.set_flow(0, current);
             simulator.step(&loads.inputs(), 20).unwrap();
             simulator.state(0)
         };

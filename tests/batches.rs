@@ -47,7 +47,7 @@ fn run(scene: &Scene, options: SimulatorOptions, ids: &[u64], split: &[usize]) -
     for (i, &id) in ids.iter().enumerate() {
         let (state, current, own) = own(id, scene);
         simulator.set_state(i, &state);
-        simulator.set_current(i, &current);
+        simulator.set_flow(i, current);
         all.thrust.extend(own.thrust);
         all.torque.extend(own.torque);
         all.target.extend(own.target);

@@ -22,7 +22,7 @@ fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
     let balance = Balance::new(scene).unwrap();
     let external = case.external_with_wrench();
     let loads = Loads { thrust: &[], external: &external, joint_command: &case.joint_torque };
-    balance.at(&case.state(), case.current.into()).accelerations(&loads).unwrap()
+    balance.at(&case.state(), Vector3::from(case.current)).accelerations(&loads).unwrap()
 }
 
 fn articulated_bodies(scene: &Scene, case: &Case) -> DVector<f64> {

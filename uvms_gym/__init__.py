@@ -3,10 +3,10 @@
 Importing it registers the environments with Gymnasium.
 """
 
-from uvms_gym._core import SceneError, Simulator, __version__, integrators, load_scene, scenes
+from uvms_gym._core import SceneError, Simulator, StepWarning, __version__, integrators, load_scene, scenes
 from uvms_gym.controllers import PD
 from uvms_gym.envs import register_envs
 
-__all__ = ["PD", "SceneError", "Simulator", "__version__", "integrators", "load_scene", "scenes"]
+__all__ = ["PD", "SceneError", "Simulator", "StepWarning", "__version__", "integrators", "load_scene", "scenes"]
 
 register_envs()

@@ -6,7 +6,17 @@ from typing import Any, ClassVar, TypeAlias, TypedDict, final, type_check_only
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Pd", "SceneError", "Simulator", "StationKeep", "__version__", "integrators", "load_scene", "scenes"]
+__all__ = [
+    "Pd",
+    "SceneError",
+    "Simulator",
+    "StationKeep",
+    "StepWarning",
+    "__version__",
+    "integrators",
+    "load_scene",
+    "scenes",
+]
 
 __version__: str
 
@@ -21,6 +31,21 @@ class _Integrator(TypedDict):
 
 class SceneError(ValueError):
     """A scene that cannot be read, or that no physical system can have. The message names the file, key and value."""
+
+class StepWarning(UserWarning):
+    """A step that is too large for the scene: its result is wrong, or not even finite.
+
+    The message names the rate, what moves that fast, and the step that suits it.
+    """
+
+@type_check_only
+class _Mode(TypedDict):
+    rate: complex
+    time_constant: float
+    period: float
+    what: str
+    where: str
+    end_stop: bool
 
 def scenes() -> list[str]:
     """Names of the scenes that come with the package."""
@@ -143,6 +168,9 @@ class Simulator:
     @property
     def current(self) -> NDArray[np.float64]:
         """(N, 3) velocity of the water in the world, m/s."""
+    @property
+    def current_acceleration(self) -> NDArray[np.float64]:
+        """(N, 3) acceleration of the water in the world, m/s^2."""
     def set_state(
         self,
         position: ArrayLike | None = None,
@@ -153,6 +181,7 @@ class Simulator:
         qd: ArrayLike | None = None,
         time: ArrayLike | None = None,
         current: ArrayLike | None = None,
+        current_acceleration: ArrayLike | None = None,
     ) -> None:
         """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
     def reset(self) -> None:
@@ -187,7 +216,7 @@ class Simulator:
     def mass_matrix(self) -> NDArray[np.float64]:
         """(N, 6 + n, 6 + n) M, added mass included. [HC eq. 13]"""
     def bias(self) -> NDArray[np.float64]:
-        """(N, 6 + n) the vector C [V; q']: no drag, no restoring. [HC eq. 13]"""
+        """(N, 6 + n) the vector C [V; q']: no drag, no restoring, no acceleration of the water. [HC eq. 13]"""
     def wrench_influence(self) -> NDArray[np.float64]:
         """(N, 6 + n, 6 (n + 1)) W. [HC eq. 13]"""
     def torque_influence(self) -> NDArray[np.float64]:
@@ -200,7 +229,7 @@ class Simulator:
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N, n + 1, 6) each: drag, restoring, thrust, external, sum; N and N m."""
+        """(N, n + 1, 6) each: drag, restoring, flow, thrust, external, sum; N and N m."""
     def joint_torques(
         self, *, joint_torque: ArrayLike | None = None, joint_target: ArrayLike | None = None
     ) -> dict[str, NDArray[np.float64]]:
@@ -217,7 +246,7 @@ class Simulator:
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N,) each: drag, friction, end_stop, thrust, external, joint_command, total; W."""
+        """(N,) each: drag, friction, end_stop, flow, thrust, external, joint_command, total; W."""
     def momentum(self) -> NDArray[np.float64]:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
     def momentum_terms(self) -> dict[str, NDArray[np.float64]]:
@@ -256,6 +285,19 @@ class Simulator:
         """Set factors, () or (N,), on the parameters of every body of each instance; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
+    def modes(
+        self, speed: ArrayLike | None = None, *, joint_servos: bool = True, station: bool = True
+    ) -> list[_Mode]:
+        """Rates at which small deviations decay, swing or grow, fastest first; at expected vehicle `speed` () or (6,)."""
+    def stable_steps(
+        self,
+        speed: ArrayLike | None = None,
+        *,
+        joint_servos: bool = True,
+        station: bool = True,
+        end_stops: bool = True,
+    ) -> dict[str, float]:
+        """Greatest step, s, at which each integrator is stable for all modes, by its name; infinite where any is."""
     def allocate(self, wrench: ArrayLike) -> NDArray[np.float64]:
         """(N, m) thrusts that come closest to `wrench` (6,) or (N, 6), scaled uniformly into their limits."""
     def __copy__(self) -> Simulator: ...

@@ -2,7 +2,8 @@
 //!
 //! It solves the same balance as the closed form. Written in the frame that moves with the water: there rigid and
 //! added inertia obey one law, with the twist V relative to the water (a uniform steady current changes nothing but
-//! the reader's point of view).
+//! the reader's point of view). If the current accelerates by a_c, that frame accelerates with it: `g - a_c` takes the
+//! place of g, in weight as in buoyancy.
 //!
 //! ```text
 //! outward   V_i = Ad^-1 V_p + E q',   c_i = ad_V_i E q'
@@ -191,6 +192,8 @@ pub struct Instant<'a, L> {
     pub qd: &'a [L; JOINTS],
     /// Wrench on the vehicle, body frame at its origin.
     pub wrench: Vector6<L>,
+    /// Linear rate of `twist` of a held vehicle: what water that accelerates runs away from it. Counts for no other.
+    pub held_rate: Vector3<L>,
     /// Time on the clock of the servo targets.
     pub time: L,
 }
@@ -252,7 +255,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    let Instant { gravity, twist, q, qd, wrench, time } = *at;
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
     let joints = system.joints.as_slice();
     let links = &mut scratch.0[..joints.len()];
 
@@ -288,7 +291,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     }
 
     if system.fixed {
-        *twist_rate = Vector6::zero();
+        *twist_rate = Vector6 { linear: held_rate, angular: Vector3::zero() };
     } else {
         let own: SpatialInertia<L> = system.vehicle.inertia.get();
         let bias = body_bias(&system.vehicle, &own, twist, gravity) + carried.1;

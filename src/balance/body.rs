@@ -88,6 +88,13 @@ impl DenseBody {
             - force_at(&(gravity * self.displaced), &self.center_of_buoyancy)
     }
 
+    /// Pressure gradient of water that accelerates, at the centre of buoyancy, and pull of added mass;
+    /// `acceleration` in body axes.
+    pub fn flow_acceleration(&self, acceleration: &Vector3<f64>) -> Vector6<f64> {
+        force_at(&(acceleration * self.displaced), &self.center_of_buoyancy)
+            + self.added * stack(acceleration, &Vector3::zeros())
+    }
+
     /// Potential energy of weight and buoyancy, J, 0 at the world origin; `pose` and `gravity` in the world.
     pub fn potential(&self, pose: &Pose, gravity: &Vector3<f64>) -> f64 {
         let at = |point: &Vector3<f64>| gravity.dot(&(pose.rotation * point + pose.position));

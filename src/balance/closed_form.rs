@@ -8,7 +8,7 @@ use super::dense::{Pose, force_at};
 use super::joint::{EndStop, friction};
 use crate::description::{Arm, Scene, Thruster};
 use crate::error::BalanceError;
-use crate::system::{JOINTS, State};
+use crate::system::{Flow, JOINTS, State};
 
 /// A scene as systems composed of systems; made once, evaluated at any state.
 #[derive(Debug, Clone)]
@@ -71,10 +71,11 @@ impl Balance {
         })
     }
 
-    /// The closed form at `state` in water that moves at `current` (world axes, m/s).
-    pub fn at(&self, state: &State, current: Vector3<f64>) -> ClosedForm<'_> {
+    /// The closed form at `state` in a flow of the water, or in a steady current (world axes, m/s).
+    pub fn at(&self, state: &State, flow: impl Into<Flow>) -> ClosedForm<'_> {
         let n = self.system.joints();
-        let water = state.rotation.tr_mul(&current);
+        let flow = flow.into();
+        let water = state.rotation.tr_mul(&flow.velocity);
         let equations = self.system.at(&state.twist, &state.q[..n], &state.qd[..n], &water);
         let moving: Vec<usize> =
             equations.bodies.iter().enumerate().filter(|(k, body)| body.carrier == *k).map(|(k, _)| k).collect();
@@ -85,7 +86,7 @@ impl Balance {
             pose: Pose { rotation: state.rotation, position: state.position },
             q: DVector::from_column_slice(&state.q[..n]),
             qd: DVector::from_column_slice(&state.qd[..n]),
-            current,
+            flow,
         }
     }
 }
@@ -125,6 +126,8 @@ pub struct BodyWrenches {
     pub drag: Vec<Vector6<f64>>,
     /// Weight and buoyancy.
     pub restoring: Vec<Vector6<f64>>,
+    /// Acceleration of the water: Froude-Krylov force and added mass.
+    pub flow: Vec<Vector6<f64>>,
     /// Thrusters, on the vehicle.
     pub thrust: Vector6<f64>,
     /// External wrenches.
@@ -167,7 +170,7 @@ pub struct ClosedForm<'a> {
     pub(super) pose: Pose,
     pub(super) q: DVector<f64>,
     pub(super) qd: DVector<f64>,
-    pub(super) current: Vector3<f64>,
+    pub(super) flow: Flow,
 }
 
 impl ClosedForm<'_> {
@@ -181,7 +184,7 @@ impl ClosedForm<'_> {
         &self.equations.mass_matrix
     }
 
-    /// The product `C [V; q']`, (6+n): rigid and added mass, current included; no drag, no restoring.
+    /// The product `C [V; q']`, (6+n): rigid and added mass, current included; no drag, no restoring, no acceleration of the water.
     pub fn bias(&self) -> &DVector<f64> {
         &self.equations.bias
     }
@@ -205,11 +208,11 @@ impl ClosedForm<'_> {
         let thrusters = self.balance.thruster_configuration.ncols();
         let thrust = DVector::from_vec(filled("thrust", loads.thrust, thrusters, 0.0)?);
         let external = filled("external wrench", loads.external, self.moving.len(), Vector6::zeros())?;
-        let (drag, restoring) = (self.drag(), self.restoring());
+        let (drag, restoring, flow) = (self.drag(), self.restoring(), self.flow_acceleration());
         let thrust = Vector6::from_column_slice((&self.balance.thruster_configuration * thrust).as_slice());
-        let mut sum: Vec<_> = drag.iter().zip(&restoring).zip(&external).map(|((d, r), e)| d + r + e).collect();
+        let mut sum: Vec<_> = (0..drag.len()).map(|k| drag[k] + restoring[k] + flow[k] + external[k]).collect();
         sum[0] += thrust;
-        Ok(BodyWrenches { drag, restoring, thrust, external, sum })
+        Ok(BodyWrenches { drag, restoring, flow, thrust, external, sum })
     }
 
     /// Drag per moving body. `[HC eq. 22]`
@@ -225,6 +228,15 @@ impl ClosedForm<'_> {
         self.merged(|k| {
             let rotation = self.world_pose(k).rotation;
             self.equations.bodies[k].body.restoring(&rotation.tr_mul(&self.balance.gravity))
+        })
+    }
+
+    /// Per moving body, what the acceleration a_c of the water exerts: its pressure gradient (Froude-Krylov) and
+    /// added mass, of which V_r' holds `-[R^T a_c; 0]`.
+    pub fn flow_acceleration(&self) -> Vec<Vector6<f64>> {
+        self.merged(|k| {
+            let rotation = self.world_pose(k).rotation;
+            self.equations.bodies[k].body.flow_acceleration(&rotation.tr_mul(&self.flow.acceleration))
         })
     }
 
@@ -301,7 +313,7 @@ impl ClosedForm<'_> {
 
     /// V_r of body `k` of `equations`. `[HC eq. 23]`
     pub(super) fn relative_twist(&self, k: usize) -> Vector6<f64> {
-        let water = self.world_pose(k).rotation.tr_mul(&self.current);
+        let water = self.world_pose(k).rotation.tr_mul(&self.flow.velocity);
         relative_twist(&self.equations.bodies[k].twist, &water)
     }
 

@@ -64,7 +64,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    let Instant { gravity, twist, q, qd, wrench, time } = *at;
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
     let Ahead { h, station } = ahead;
     let joints = system.joints.as_slice();
     let links = &mut scratch.0[..joints.len()];
@@ -93,7 +93,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     }
 
     if system.fixed {
-        *twist_rate = Vector6::zero();
+        *twist_rate = Vector6 { linear: held_rate, angular: Vector3::zero() };
     } else {
         let (own, bias) = effective(&system.vehicle, h, twist, gravity);
         let mut inertia = own.plus(&carried.0);

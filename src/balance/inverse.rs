@@ -1,10 +1,10 @@
 //! What it takes to move, or to stay: inverse dynamics and trim.
 
-use nalgebra::{DVector, Vector3, Vector6};
+use nalgebra::{DVector, Vector6};
 
 use super::closed_form::{Balance, ClosedForm, Loads};
 use crate::error::BalanceError;
-use crate::system::State;
+use crate::system::{Flow, State};
 
 /// What must be applied.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,13 +34,13 @@ impl ClosedForm<'_> {
 
 impl Balance {
     /// The vehicle wrench and actuator torques that hold the system at rest at the pose and joint coordinates of `state`
-    /// (its velocities do not count) in water that moves at `current` (world axes, m/s).
+    /// (its velocities do not count) in a flow of the water, or in a steady current (world axes, m/s).
     ///
     /// # Errors
     /// None on a scene that composes.
-    pub fn trim(&self, state: &State, current: Vector3<f64>) -> Result<Effort, BalanceError> {
+    pub fn trim(&self, state: &State, flow: impl Into<Flow>) -> Result<Effort, BalanceError> {
         let rest = State { twist: Vector6::zeros(), qd: Default::default(), ..state.clone() };
-        let form = self.at(&rest, current);
+        let form = self.at(&rest, flow);
         form.inverse_dynamics(&DVector::zeros(6 + form.joints()), &Loads::default())
     }
 }

@@ -60,6 +60,8 @@ pub struct Power {
     pub friction: f64,
     /// Damping of the end stops.
     pub end_stop: f64,
+    /// Acceleration of the water.
+    pub flow: f64,
     /// Thrusters.
     pub thrust: f64,
     /// External wrenches.
@@ -71,7 +73,7 @@ pub struct Power {
 impl Power {
     /// Sum, W: the rate of [`Energy::total`] in still water.
     pub fn total(&self) -> f64 {
-        self.drag + self.friction + self.end_stop + self.thrust + self.external + self.joint_command
+        self.drag + self.friction + self.end_stop + self.flow + self.thrust + self.external + self.joint_command
     }
 }
 
@@ -119,6 +121,7 @@ impl ClosedForm<'_> {
             drag: of_wrenches(&wrenches.drag),
             friction: self.qd.dot(&torques.friction),
             end_stop: self.qd.dot(&damping),
+            flow: of_wrenches(&wrenches.flow),
             thrust: twists[0].dot(&wrenches.thrust),
             external: of_wrenches(&wrenches.external),
             joint_command: self.qd.dot(&torques.command),

@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, Vector3};
 use super::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::lane::{Dual, Shared};
 use crate::lie::{self, Matrix3, Vector6};
-use crate::system::{JOINTS, State, System};
+use crate::system::{Flow, JOINTS, State, System};
 
 /// `z' = A z + B u` about a motion, in `z = [xi; dq; dV; dq']`, `u = [dF; dtau]`.
 ///
@@ -34,7 +34,7 @@ enum Direction {
 pub fn linearize(
     system: &System<Shared<f64>>,
     state: &State,
-    current: &Vector3<f64>,
+    flow: &Flow,
     wrench: &[f64; 6],
     loads: &Loads<f64>,
 ) -> Linearization {
@@ -42,7 +42,7 @@ pub fn linearize(
     let (rates, size) = (6 + n, 2 * (6 + n));
     let mut a = DMatrix::zeros(size, size);
     let mut b = DMatrix::zeros(size, rates);
-    let derivative = |direction| accelerations_along(system, state, current, wrench, loads, direction);
+    let derivative = |direction| accelerations_along(system, state, flow, wrench, loads, direction);
 
     for k in 0..3 {
         a.view_mut((rates, 3 + k), (rates, 1)).copy_from_slice(&derivative(Direction::Turn(k)));
@@ -68,7 +68,7 @@ pub fn linearize(
 fn accelerations_along(
     system: &System<Shared<f64>>,
     state: &State,
-    current: &Vector3<f64>,
+    flow: &Flow,
     wrench: &[f64; 6],
     loads: &Loads<f64>,
     direction: Direction,
@@ -85,18 +85,20 @@ fn accelerations_along(
     let slope = state.rotation * turn.cross_matrix();
     let rotation =
         Matrix3(std::array::from_fn(|i| std::array::from_fn(|k| Dual::new(state.rotation[(i, k)], slope[(i, k)]))));
-    let water = rotation.apply_transposed(vector(current));
+    let water = rotation.apply_transposed(vector(&flow.velocity));
+    let pull = rotation.apply_transposed(vector(&flow.acceleration));
     let mut twist = six(&|k| number(state.twist[k], Direction::Twist(k)));
     twist.linear = twist.linear - water;
     let q: [Dual; JOINTS] = std::array::from_fn(|k| number(state.q[k], Direction::Joint(k)));
     let qd: [Dual; JOINTS] = std::array::from_fn(|k| number(state.qd[k], Direction::Rate(k)));
     let zero = Dual::new(0.0, 0.0);
     let instant = Instant {
-        gravity: rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| Dual::new(g, 0.0)))),
+        gravity: rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| Dual::new(g, 0.0)))) - pull,
         twist,
         q: &q,
         qd: &qd,
         wrench: six(&|k| number(wrench[k], Direction::Wrench(k))),
+        held_rate: lie::Vector3::zero() - pull,
         time: zero,
     };
     let loads = Loads {
@@ -109,8 +111,8 @@ fn accelerations_along(
     let (mut twist_rate, mut qdd) = (Vector6::zero(), [zero; JOINTS]);
     accelerations(system, &instant, &loads, &mut Scratch::new(), &mut twist_rate, &mut qdd);
     if !system.fixed {
-        // V' = V_r' - [omega x R^T v_c; 0]
-        twist_rate.linear = twist_rate.linear - twist.angular.cross(water);
+        // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
+        twist_rate.linear = twist_rate.linear - twist.angular.cross(water) + pull;
     }
     let joints = &qdd[..system.joints.len()];
     twist_rate.to_array().iter().chain(joints).map(|x| x.slope).collect()

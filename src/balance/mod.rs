@@ -17,9 +17,11 @@ mod joint_torque;
 mod kinematics;
 mod ledger;
 mod linearize;
+mod modes;
 
 pub use closed_form::{Balance, BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
 pub use composite::{BodyMotion, Composite, Equations};
 pub use inverse::Effort;
 pub use ledger::{Energy, Momentum, Power, seen_from_water};
 pub use linearize::{Linearization, linearize};
+pub use modes::{Modes, Servos};

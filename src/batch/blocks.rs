@@ -1,15 +1,16 @@
 //! Storage of all instances in one precision, and access to single ones.
 
-use nalgebra as na;
+use std::sync::{Mutex, PoisonError};
 
 use super::layout::Layout;
+use super::monitor::Sighting;
 use super::step::{Accelerate, Step, Switches};
 use super::table::{InstanceLoads, Table};
 use super::threads::for_each;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
-use crate::system::{Compiled, Factors, Ingredients, State, System};
+use crate::system::{Compiled, Factors, Flow, Ingredients, State, System};
 
 /// Blocks that a thread takes at a time.
 const CHUNK: usize = 8;
@@ -28,10 +29,10 @@ pub trait Storage: Send + Sync {
     fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]);
     /// What the integrator saw of fast rates of instance `i`.
     fn contrast(&self, i: usize) -> [f64; 2];
-    /// Current at instance `i`.
-    fn current(&self, i: usize) -> na::Vector3<f64>;
-    /// Sets the current at instance `i`.
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Flow of the water at instance `i`.
+    fn flow(&self, i: usize) -> Flow;
+    /// Sets the flow of the water at instance `i`.
+    fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Factors on the parameters of instance `i`.
     fn factors(&self, i: usize) -> Factors<f64>;
     /// Sets those factors.
@@ -44,13 +45,13 @@ pub trait Storage: Send + Sync {
     fn set_column(&mut self, i: usize, column: &[f64]);
     /// Numbers in a column.
     fn column_len(&self) -> usize;
-    /// Steps all instances.
-    fn step(&mut self, run: &Run);
+    /// Steps all instances; the first one that the steps do not follow, if it is asked for.
+    fn step(&mut self, run: &Run) -> Option<Sighting>;
     /// Instances that [`Self::step_with`] hands to one rider.
     fn ride(&self) -> usize;
     /// Steps all instances; each rider works on its own [`Self::ride`] of them (the last may have fewer), before and
-    /// after, on the thread that steps them.
-    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]);
+    /// after, on the thread that steps them. Returns as [`Self::step`].
+    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) -> Option<Sighting>;
     /// `[V'; q'']` of all instances under their loads, instance by instance.
     fn accelerations(&mut self, switches: Switches) -> Vec<f64>;
     /// Bytes per instance.
@@ -65,8 +66,8 @@ pub trait Instances {
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Sets the current at instance `i`.
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>);
+    /// Sets the flow of the water at instance `i`.
+    fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Sets the loads of instance `i`, as far as they are on.
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
 }
@@ -94,6 +95,8 @@ pub struct Run {
     pub switches: Switches,
     /// Most threads.
     pub threads: usize,
+    /// `h |rate|` up to which the integrator is right, where instances are watched for leaving it.
+    pub range: Option<f64>,
 }
 
 /// Blocks of instances in one precision.
@@ -116,7 +119,7 @@ struct Parameters<T> {
 }
 
 impl<T: Real> Blocks<T> {
-    /// `instances` instances of a compiled scene, all in `state` and in the same `current`.
+    /// `instances` instances of a compiled scene, all in `state` and in the same `flow`.
     ///
     /// # Errors
     /// [`SimulatorError::Memory`] if they do not fit into memory.
@@ -126,7 +129,7 @@ impl<T: Real> Blocks<T> {
         integrator: &Integrator,
         isa: Isa,
         state: &State,
-        current: &na::Vector3<f64>,
+        flow: &Flow,
     ) -> Result<Self, SimulatorError> {
         let number = |Shared(x)| Shared(T::from_f64(x));
         let ingredients: Vec<_> = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
@@ -145,7 +148,7 @@ impl<T: Real> Blocks<T> {
         // Columns past the last instance hold a sane state too: they are stepped along.
         for i in 0..columns {
             blocks.set_state(i, state);
-            blocks.set_current(i, current);
+            blocks.set_flow(i, flow);
             blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
         }
         Ok(blocks)
@@ -173,6 +176,26 @@ struct Part<'a, T> {
     rows: &'a mut [T],
 }
 
+/// The first sighting of several parts.
+#[derive(Default)]
+struct First(Mutex<Option<Sighting>>);
+
+impl First {
+    /// Takes note of a sighting in a part that begins with instance `first`.
+    fn note(&self, first: usize, sighting: Option<Sighting>) {
+        let Some(mut sighting) = sighting else { return };
+        sighting.instance += first;
+        let mut least = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if least.is_none_or(|least| sighting.instance < least.instance) {
+            *least = Some(sighting);
+        }
+    }
+
+    fn take(self) -> Option<Sighting> {
+        self.0.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 impl<T: Real> Part<'_, T> {
     fn step(&mut self, scene: &Parameters<T>, varied: bool, isa: Isa, run: &Run) {
         let mut step = Step {
@@ -188,6 +211,11 @@ impl<T: Real> Part<'_, T> {
         };
         T::dispatch(isa, &mut step);
     }
+
+    /// The first of `count` instances that the steps did not follow.
+    fn sight(&self, run: &Run, count: usize) -> Option<Sighting> {
+        self.table.sight(self.rows, count, run.range?)
+    }
 }
 
 impl<T: Real> Instances for Part<'_, T> {
@@ -199,8 +227,8 @@ impl<T: Real> Instances for Part<'_, T> {
         self.table.set_state(self.rows, i, state);
     }
 
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.table.set_current(self.rows, i, current);
+    fn set_flow(&mut self, i: usize, flow: &Flow) {
+        self.table.set_flow(self.rows, i, flow);
     }
 
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
@@ -229,12 +257,12 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.contrast(&self.rows, i)
     }
 
-    fn current(&self, i: usize) -> na::Vector3<f64> {
-        self.table.current(&self.rows, i)
+    fn flow(&self, i: usize) -> Flow {
+        self.table.flow(&self.rows, i)
     }
 
-    fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.table.set_current(&mut self.rows, i, current);
+    fn set_flow(&mut self, i: usize, flow: &Flow) {
+        self.table.set_flow(&mut self.rows, i, flow);
     }
 
     fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
@@ -265,25 +293,35 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.layout.rows
     }
 
-    fn step(&mut self, run: &Run) {
-        let (portion, threads) = (self.portion(), self.threads(run));
+    fn step(&mut self, run: &Run) -> Option<Sighting> {
+        let (portion, threads, ride, instances) = (self.portion(), self.threads(run), self.ride(), self.instances);
         let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
-        for_each(self.rows.chunks_mut(portion), threads, |rows| Part { table, rows }.step(scene, varied, isa, run));
+        let first = First::default();
+        for_each(self.rows.chunks_mut(portion).enumerate(), threads, |(k, rows)| {
+            let mut part = Part { table, rows };
+            part.step(scene, varied, isa, run);
+            first.note(k * ride, part.sight(run, instances - k * ride));
+        });
+        first.take()
     }
 
     fn ride(&self) -> usize {
         CHUNK * T::BLOCK
     }
 
-    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) {
-        let (portion, threads) = (self.portion(), self.threads(run));
+    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) -> Option<Sighting> {
+        let (portion, threads, ride, instances) = (self.portion(), self.threads(run), self.ride(), self.instances);
         let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
-        for_each(self.rows.chunks_mut(portion).zip(riders), threads, |(rows, rider)| {
+        let first = First::default();
+        for_each(self.rows.chunks_mut(portion).zip(riders).enumerate(), threads, |(k, (rows, rider))| {
             let mut part = Part { table, rows };
             rider.before(&mut part);
             part.step(scene, varied, isa, run);
+            // Before the task puts what diverged back to a start.
+            first.note(k * ride, part.sight(run, instances - k * ride));
             rider.after(&mut part);
         });
+        first.take()
     }
 
     fn accelerations(&mut self, switches: Switches) -> Vec<f64> {

@@ -3,7 +3,7 @@
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::balance::implicit::{Ahead, implicit_accelerations};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
@@ -12,8 +12,10 @@ use crate::system::{JOINTS, System, VehicleServo};
 pub struct Station<L> {
     /// Target pose in the world.
     pub target: Pose<L>,
-    /// Water velocity in world axes: poses within a step are relative to the water.
+    /// Water velocity at the step's start and its acceleration, world axes: poses within a step are relative to the water.
     pub current: Vector3<L>,
+    /// Acceleration of the water.
+    pub acceleration: Vector3<L>,
 }
 
 impl<L: Lane> Station<L> {
@@ -27,11 +29,12 @@ impl<L: Lane> Station<L> {
         twist: Vector6<L>,
     ) -> Vector6<L> {
         let r = &pose.rotation;
-        let offset = self.current.scale_add(elapsed, pose.position) - self.target.position;
+        let half = self.acceleration.scale_add(elapsed * L::c(0.5), self.current);
+        let offset = half.scale_add(elapsed, pose.position) - self.target.position;
         let e = self.target.rotation.transposed().times(r).0;
         let turn = Vector3([e[2][1] - e[1][2], e[0][2] - e[2][0], e[1][0] - e[0][1]]).scale(L::c(0.5));
         let error = Vector6 { linear: r.apply_transposed(offset), angular: turn }.to_array();
-        let linear = twist.linear + r.apply_transposed(self.current);
+        let linear = twist.linear + r.apply_transposed(self.acceleration.scale_add(elapsed, self.current));
         let rate = Vector6 { linear, angular: twist.angular }.to_array();
         let mut wrench = [L::zero(); 6];
         for i in 0..6 {
@@ -47,6 +50,10 @@ pub struct Dynamics<'a, L: Lane, P> {
     pub system: &'a System<P>,
     /// Loads at the joints and on the links.
     pub loads: &'a Loads<L>,
+    /// Gravity, less the acceleration of the water, in world axes.
+    pub gravity: Vector3<L>,
+    /// Acceleration of the water in world axes.
+    pub acceleration: Vector3<L>,
     /// Wrench on the vehicle.
     pub wrench: Vector6<L>,
     /// Station, if one is kept.
@@ -58,6 +65,14 @@ pub struct Dynamics<'a, L: Lane, P> {
 }
 
 impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
+    /// Tells the station what the water's velocity has become.
+    #[inline(always)]
+    pub fn flow_on(&mut self, current: Vector3<L>) {
+        if let Some(station) = &mut self.station {
+            station.current = current;
+        }
+    }
+
     /// The system as seen afresh at each stage: else the compiler broadcasts all of it onto the stack beforehand.
     #[inline(always)]
     fn system_afresh(&self) -> &'a System<P> {
@@ -73,12 +88,13 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
         elapsed: L,
         (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
     ) -> Instant<'b, L> {
-        let gravity = at.to_body(Vector3(get_all(&system.gravity)));
+        let gravity = at.to_body(self.gravity);
+        let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
         let mut wrench = self.wrench;
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }
-        Instant { gravity, twist, q, qd, wrench, time: self.time + elapsed }
+        Instant { gravity, twist, q, qd, wrench, held_rate, time: self.time + elapsed }
     }
 }
 

@@ -20,8 +20,10 @@ pub struct Layout {
     pub qd: usize,
     /// Time and what rounding has left out of it, 2.
     pub time: usize,
-    /// Current in world axes, 3.
+    /// Velocity of the water in world axes, 3.
     pub current: usize,
+    /// Its acceleration, 3.
+    pub acceleration: usize,
     /// Wrench on the vehicle, 6.
     pub wrench: usize,
     /// Joint torques.
@@ -67,6 +69,7 @@ impl Layout {
             qd: take(joints),
             time: take(2),
             current: take(3),
+            acceleration: take(3),
             wrench: take(6),
             torque: take(joints),
             target: take(4 * joints),

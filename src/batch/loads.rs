@@ -70,7 +70,8 @@ impl Simulator {
             position: Vector3((*position).into()),
         };
         let (rotation, position) = &given.station;
-        let station = Station { target: pose(rotation, position), current: Vector3::zero() };
+        let station =
+            Station { target: pose(rotation, position), current: Vector3::zero(), acceleration: Vector3::zero() };
         let here = pose(&state.rotation, &state.position);
         station.wrench(gains, &here, 0.0, lie::Vector6::from_array(state.twist.into())).to_array().into()
     }

@@ -5,6 +5,8 @@ mod dynamics;
 mod inputs;
 mod layout;
 mod loads;
+mod monitor;
+mod rates;
 mod simulator;
 mod states;
 mod station_keep;
@@ -14,6 +16,8 @@ mod threads;
 
 pub use inputs::Inputs;
 pub use loads::AppliedLoads;
+pub use monitor::{Sighting, Stray};
+pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;
 pub use station_keep::{Autoreset, Beginning, Final, INFO, Saved, StationKeepBatch, Transition, Verdict};

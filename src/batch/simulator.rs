@@ -2,10 +2,9 @@
 
 use std::borrow::Cow;
 
-use nalgebra as na;
-
 use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
+use super::monitor::Watch;
 use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::balance::articulated::Loads;
@@ -16,7 +15,7 @@ use crate::error::SimulatorError;
 use crate::integrate::{Attitude, Gains, Integrator, stiffness};
 use crate::lane::Isa;
 use crate::lie::Vector6;
-use crate::system::{Compiled, Factors, State, compile};
+use crate::system::{Compiled, Factors, Flow, State, compile};
 
 /// Steps of one instance that are made between two questions whether to go on: some tens of milliseconds.
 const PART: usize = 1 << 16;
@@ -95,6 +94,9 @@ pub struct Simulator {
     threads: usize,
     isa: Isa,
     storage: Box<dyn Storage>,
+    /// `h |rate|` up to which the integrator is right.
+    range: f64,
+    watch: Watch,
 }
 
 impl Clone for Simulator {
@@ -140,13 +142,13 @@ impl Simulator {
         let isa = Isa::best()?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
-        let current = scene.water.current;
+        let flow = Flow::from(scene.water.current);
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, &integrator, isa, &state, &current)?)
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, &integrator, isa, &state, &current)?)
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -160,6 +162,8 @@ impl Simulator {
             integrator,
             isa,
             storage,
+            range: integrator.stability().range(),
+            watch: Watch::default(),
         })
     }
 
@@ -176,6 +180,30 @@ impl Simulator {
     /// The compiled scene.
     pub fn compiled(&self) -> &Compiled {
         &self.compiled
+    }
+
+    /// The integrator.
+    pub fn integrator(&self) -> Integrator {
+        self.integrator
+    }
+
+    /// The scene composed, with the scene's own parameters.
+    pub(super) fn balance(&self) -> &Balance {
+        &self.balance
+    }
+
+    pub(super) fn watch_mut(&mut self) -> &mut Watch {
+        &mut self.watch
+    }
+
+    /// `h |rate|` up to which the integrator is right: [`crate::integrate::Stability::range`].
+    pub fn range(&self) -> f64 {
+        self.range
+    }
+
+    /// The integrator's range, as long as motions are watched for leaving it.
+    fn watched_range(&self) -> Option<f64> {
+        self.watch.watches().then_some(self.range)
     }
 
     /// Number of instances.
@@ -243,14 +271,16 @@ impl Simulator {
         stiffness(self.storage.contrast(i), self.options.precision.epsilon())
     }
 
-    /// Current at instance `i`, world axes, m/s.
-    pub fn current(&self, i: usize) -> na::Vector3<f64> {
-        self.storage.current(i)
+    /// Flow of the water at instance `i`.
+    pub fn flow(&self, i: usize) -> Flow {
+        self.storage.flow(i)
     }
 
-    /// Sets the current at instance `i`.
-    pub fn set_current(&mut self, i: usize, current: &na::Vector3<f64>) {
-        self.storage.set_current(i, current);
+    /// Sets the flow of the water at instance `i`; its velocity then changes by the acceleration times the time.
+    ///
+    /// Where the scene has no gravity, its acceleration must be 0: weight and buoyancy are not compiled then.
+    pub fn set_flow(&mut self, i: usize, flow: impl Into<Flow>) {
+        self.storage.set_flow(i, &flow.into());
     }
 
     /// Steps all instances `substeps` times under held inputs.
@@ -274,6 +304,7 @@ impl Simulator {
     ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let switches = self.apply(inputs)?;
+        let range = self.watched_range();
         let part = (PART / self.instances()).max(1);
         let mut before = 0;
         while before < substeps {
@@ -281,7 +312,8 @@ impl Simulator {
                 return Ok(false);
             }
             let substeps = part.min(substeps - before);
-            self.storage.step(&Run { integrator, h, substeps, before, switches, threads });
+            let sighting = self.storage.step(&Run { integrator, h, substeps, before, switches, threads, range });
+            self.watch.sighted(sighting);
             before += substeps;
         }
         Ok(true)
@@ -311,7 +343,9 @@ impl Simulator {
     /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
     pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        self.storage.step_with(&Run { integrator, h, substeps, before: 0, switches, threads }, riders);
+        let run = Run { integrator, h, substeps, before: 0, switches, threads, range: self.watched_range() };
+        let sighting = self.storage.step_with(&run, riders);
+        self.watch.sighted(sighting);
     }
 
     /// Instances per rider.
@@ -368,7 +402,7 @@ impl Simulator {
 
     /// Reads the closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
     pub fn closed_form<R>(&self, i: usize, read: impl FnOnce(&ClosedForm) -> R) -> R {
-        read(&self.balance_of(i).at(&self.state(i), self.current(i)))
+        read(&self.balance_of(i).at(&self.state(i), self.flow(i)))
     }
 
     /// Linearizes instance `i` about its state under `inputs` (servos off).
@@ -385,9 +419,9 @@ impl Simulator {
         for (k, link) in self.compiled.links.iter().enumerate() {
             loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
         }
-        let (state, current) = (self.state(i), self.current(i));
+        let (state, flow) = (self.state(i), self.flow(i));
         let scene = self.scene.varied(&self.factors(i).to_array());
-        Ok(linearize(&compile(&scene).system, &state, &current, &given.wrench, &loads))
+        Ok(linearize(&compile(&scene).system, &state, &flow, &given.wrench, &loads))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

@@ -5,7 +5,7 @@ use nalgebra as na;
 use super::inputs::{check, check_rotation};
 use super::simulator::Simulator;
 use crate::error::SimulatorError;
-use crate::system::{State, rotation};
+use crate::system::{Flow, State, rotation};
 
 /// Parts of the states of all instances, row-major by instance; an absent one stays as it is.
 #[derive(Debug, Clone, Copy, Default)]
@@ -26,16 +26,18 @@ pub struct States<'a> {
     pub time: Option<&'a [f64]>,
     /// Current in world axes, (N, 3), m/s.
     pub current: Option<&'a [f64]>,
+    /// Acceleration of that current, (N, 3), m/s^2.
+    pub current_acceleration: Option<&'a [f64]>,
 }
 
 impl Simulator {
     /// Puts all instances at the scene's home, at rest at time 0, in the scene's current.
     pub fn reset(&mut self) {
         let state = State { q: self.scene().home(), ..State::default() };
-        let current = self.scene().water.current;
+        let flow = Flow::from(self.scene().water.current);
         for i in 0..self.instances() {
             self.set_state(i, &state);
-            self.set_current(i, &current);
+            self.set_flow(i, flow);
         }
     }
 
@@ -43,7 +45,7 @@ impl Simulator {
     ///
     /// # Errors
     /// [`SimulatorError`] where a part has the wrong length, a number that is not finite, a matrix that is no rotation, a
-    /// quaternion without direction, or motion of a held vehicle; nothing has changed then.
+    /// quaternion without direction, motion of a held vehicle, or acceleration of water without gravity; nothing has changed then.
     pub fn set_states(&mut self, states: &States) -> Result<(), SimulatorError> {
         let joints = self.joints();
         let widths = [
@@ -55,6 +57,7 @@ impl Simulator {
             ("qd", states.qd, joints),
             ("time", states.time, 1),
             ("current", states.current, 3),
+            ("current_acceleration", states.current_acceleration, 3),
         ];
         for (name, values, width) in widths {
             check(name, values, width, self.options())?;
@@ -64,12 +67,19 @@ impl Simulator {
         {
             return Err(SimulatorError::Held { scene: self.scene().name.clone(), instance: at / 6 });
         }
+        let weightless = self.scene().water.gravity.norm() == 0.0;
+        if let Some(at) =
+            states.current_acceleration.filter(|_| weightless).and_then(|a| a.iter().position(|x| *x != 0.0))
+        {
+            return Err(SimulatorError::Weightless { scene: self.scene().name.clone(), instance: at / 3 });
+        }
         let rotations = self.rotations(states)?;
-        let moved = widths.iter().any(|(name, values, _)| values.is_some() && *name != "current");
+        let moved = widths.iter().any(|(name, values, _)| values.is_some() && !name.starts_with("current"));
         for i in 0..self.instances() {
-            let mut current = self.current(i);
-            set(current.as_mut_slice(), states.current, i);
-            self.set_current(i, &current);
+            let mut flow = self.flow(i);
+            set(flow.velocity.as_mut_slice(), states.current, i);
+            set(flow.acceleration.as_mut_slice(), states.current_acceleration, i);
+            self.set_flow(i, flow);
             if !moved {
                 continue;
             }

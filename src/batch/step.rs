@@ -4,7 +4,7 @@ use super::dynamics::{Dynamics, Station};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Attitude, Integrator, Motion, Stages, Watch, implicit_interval, interval};
-use crate::lane::{Kernel, Lane, Param, Real, Shared};
+use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, Ingredients, JOINTS, System};
 
@@ -109,7 +109,7 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
         let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
-        Station { target, current: self.vector(layout.current) }
+        Station { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
     }
 
     #[inline(always)]
@@ -143,6 +143,12 @@ impl<T: Real> Columns<'_, T> {
 #[inline(always)]
 fn shift_twist<L: Lane>(twist: Vector6<L>, rotation: &Matrix3<L>, current: Vector3<L>, sign: f64) -> Vector6<L> {
     Vector6 { linear: rotation.apply_transposed(current).scale_add(L::c(sign), twist.linear), ..twist }
+}
+
+/// Where water that moves at `current`, and gains `gained` within the step, carries `position`.
+#[inline(always)]
+fn drift<L: Lane>(position: Vector3<L>, current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector3<L> {
+    gained.scale_add(L::c(0.5), current).scale_add(L::splat(h), position)
 }
 
 /// Steps blocks of instances.
@@ -221,11 +227,15 @@ impl<T: Real> Step<'_, T> {
         let motion = &mut memory.motion;
         columns.motion(self.layout, motion);
         columns.loads(self.layout, self.switches, &mut memory.loads);
-        let current = columns.vector(self.layout.current);
+        let mut current = columns.vector(self.layout.current);
+        let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
+        let gained = acceleration.scale(L::splat(self.h));
         let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
         let mut dynamics = Dynamics {
             system,
             loads: &memory.loads,
+            gravity: Vector3(get_all(&system.gravity)) - acceleration,
+            acceleration,
             wrench: columns.six(self.layout.wrench),
             station,
             time: L::zero(),
@@ -245,13 +255,17 @@ impl<T: Real> Step<'_, T> {
                     implicit_interval(self.h, motion, &mut memory.trial, &mut dynamics);
                 }
             }
-            motion.pose.position = current.scale_add(L::splat(self.h), motion.pose.position);
+            motion.pose.position = drift(motion.pose.position, current, gained, self.h);
+            current = current + gained;
+            dynamics.flow_on(current);
+            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
             if system.fixed {
                 (motion.pose, motion.attitude) = held;
+                motion.twist = Vector6::zero();
             }
-            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
         }
         columns.set_motion(self.layout, motion);
+        columns.set_all(self.layout.current, &current.0, 3);
         columns.set_watch(self.layout, &watch);
         // Compensated, so that neither many steps nor their division into calls shows in the time.
         let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
@@ -302,6 +316,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
+                let acceleration = columns.vector(layout.acceleration);
+                let pull = rotation.apply_transposed(acceleration);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
                 let mut wrench = columns.six(layout.wrench);
                 if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
@@ -309,19 +325,18 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
                 }
                 let instant = Instant {
-                    gravity: rotation.apply_transposed(Vector3(system.gravity)),
+                    gravity: rotation.apply_transposed(Vector3(system.gravity) - acceleration),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,
                     wrench,
+                    held_rate: Vector3::zero() - pull,
                     time: L::zero(),
                 };
                 accelerations(&system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
-                // V' = V_r' - [omega x R^T v_c; 0]
+                // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
-                if !system.fixed {
-                    twist_rate.linear = twist_rate.linear - turn;
-                }
+                twist_rate.linear = if system.fixed { Vector3::zero() } else { twist_rate.linear - turn + pull };
                 let mut out = Columns { rows: &mut *out, first };
                 out.set_all(0, &twist_rate.to_array(), 6);
                 out.set_all(6, &qdd, layout.joints);

@@ -7,7 +7,7 @@ use super::step::Switches;
 use crate::integrate::Attitude;
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{Factors, JOINTS, State, quaternion, roll_pitch_yaw};
+use crate::system::{Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
 
 /// What is applied to one instance until it is changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,7 +50,7 @@ impl Table {
         (i / T::BLOCK * self.layout.rows + row) * T::BLOCK + i % T::BLOCK
     }
 
-    fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
+    pub(super) fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
         rows[self.place::<T>(i, row)].to_f64()
     }
 
@@ -121,14 +121,16 @@ impl Table {
         self.set_all(rows, i, self.layout.attitude, *attitude);
     }
 
-    /// Current.
-    pub fn current<T: Real>(&self, rows: &[T], i: usize) -> na::Vector3<f64> {
-        self.get_all::<T, 3>(rows, i, self.layout.current).into()
+    /// Flow of the water.
+    pub fn flow<T: Real>(&self, rows: &[T], i: usize) -> Flow {
+        let vector = |row| self.get_all::<T, 3>(rows, i, row).into();
+        Flow { velocity: vector(self.layout.current), acceleration: vector(self.layout.acceleration) }
     }
 
-    /// Sets the current.
-    pub fn set_current<T: Real>(&self, rows: &mut [T], i: usize, current: &na::Vector3<f64>) {
-        self.set_all(rows, i, self.layout.current, current.iter().copied());
+    /// Sets the flow of the water.
+    pub fn set_flow<T: Real>(&self, rows: &mut [T], i: usize, flow: &Flow) {
+        self.set_all(rows, i, self.layout.current, flow.velocity.iter().copied());
+        self.set_all(rows, i, self.layout.acceleration, flow.acceleration.iter().copied());
     }
 
     /// Factors on the parameters.

@@ -8,6 +8,7 @@ mod motion;
 mod pieces;
 mod quaternion;
 mod rosenbrock;
+mod stability;
 mod stages;
 mod tableau;
 
@@ -16,6 +17,7 @@ pub use chart::{Attitude, Chart, Correction};
 pub use motion::Motion;
 pub use pieces::{Watch, interval, stiffness};
 pub use rosenbrock::{LinearlyImplicit, implicit_interval};
+pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
 pub use tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
 

@@ -1,7 +1,7 @@
 //! Errors as Python exceptions.
 
 use pyo3::create_exception;
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
 use crate::error::{BalanceError, ControlError, DescriptionError, SimulatorError, TaskError};
@@ -11,6 +11,14 @@ create_exception!(
     SceneError,
     PyValueError,
     "A scene that cannot be read, or that no physical system can have. The message names the file, the key and the value."
+);
+
+create_exception!(
+    uvms_gym,
+    StepWarning,
+    PyUserWarning,
+    "A step that is too large for the scene: its result is wrong, or not even finite. The message names the rate, what moves \
+     that fast, and the step that suits it."
 );
 
 impl From<DescriptionError> for PyErr {

@@ -10,6 +10,7 @@ mod motion;
 mod parameters;
 mod scene;
 mod simulator;
+mod stability;
 mod state;
 mod station_keep;
 
@@ -19,7 +20,7 @@ use pyo3::prelude::*;
 #[pymodule(name = "_core")]
 mod core {
     #[pymodule_export]
-    use super::errors::SceneError;
+    use super::errors::{SceneError, StepWarning};
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]

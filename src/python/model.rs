@@ -113,7 +113,8 @@ impl Simulator {
         self.every(py, &[width, width], |form| by_rows(form.mass_matrix()))
     }
 
-    /// The vector C [V; q']: rigid bodies and added mass, current included; no drag, no restoring. [HC eq. 13]
+    /// The vector C [V; q']: rigid bodies and added mass, current included; no drag, no restoring, no acceleration of the
+    /// water. [HC eq. 13]
     ///
     /// Returns
     /// -------
@@ -149,7 +150,8 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n + 1, 6)
-    ///     drag, restoring (weight and buoyancy), thrust, external, and their sum F.
+    ///     drag, restoring (weight and buoyancy), flow (the water's acceleration: Froude-Krylov and added mass), thrust,
+    ///     external, and their sum F.
     #[pyo3(signature = (*, thrust=None, wrench=None, external=None, station=None))]
     fn body_wrenches<'py>(
         &self,
@@ -161,11 +163,12 @@ impl Simulator {
     ) -> Arrays<'py> {
         let loads = self.loads(&InputArguments { thrust, wrench, external, station, ..Default::default() })?;
         let bodies = self.inner.joints() + 1;
-        self.named(py, ["drag", "restoring", "thrust", "external", "sum"], &[bodies, 6], |i, form| {
+        self.named(py, ["drag", "restoring", "flow", "thrust", "external", "sum"], &[bodies, 6], |i, form| {
             let wrenches = form.body_wrenches(&loads[i].loads())?;
             let mut thrust = vec![Vector6::zeros(); bodies];
             thrust[0] = wrenches.thrust;
-            Ok([&wrenches.drag, &wrenches.restoring, &thrust, &wrenches.external, &wrenches.sum].map(|w| stacked(w)))
+            Ok([&wrenches.drag, &wrenches.restoring, &wrenches.flow, &thrust, &wrenches.external, &wrenches.sum]
+                .map(|w| stacked(w)))
         })
     }
 
@@ -208,7 +211,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     drag, friction, end_stop (damping), thrust, external, joint_command, total.
+    ///     drag, friction, end_stop (damping), flow (the water's acceleration), thrust, external, joint_command, total.
     #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn power<'py>(
@@ -223,10 +226,11 @@ impl Simulator {
     ) -> Arrays<'py> {
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
         let loads = self.loads(&arguments)?;
-        let names = ["drag", "friction", "end_stop", "thrust", "external", "joint_command", "total"];
+        let names = ["drag", "friction", "end_stop", "flow", "thrust", "external", "joint_command", "total"];
         self.named(py, names, &[], |i, form| {
             let p = form.power(&loads[i].loads())?;
-            Ok([p.drag, p.friction, p.end_stop, p.thrust, p.external, p.joint_command, p.total()].map(|x| vec![x]))
+            let terms = [p.drag, p.friction, p.end_stop, p.flow, p.thrust, p.external, p.joint_command, p.total()];
+            Ok(terms.map(|x| vec![x]))
         })
     }
 
@@ -333,7 +337,7 @@ impl Simulator {
         let (simulator, allocation) = (&self.inner, self.inner.allocation());
         let shapes: [&[usize]; 4] = [&[6], &[allocation.count()], &[simulator.joints()], &[6]];
         let arrays = self.each(py, shapes, |i, _| {
-            let effort = simulator.balance_of(i).trim(&simulator.state(i), simulator.current(i))?;
+            let effort = simulator.balance_of(i).trim(&simulator.state(i), simulator.flow(i))?;
             let needed = if simulator.scene().vehicle.fixed { Vector6::zeros() } else { effort.wrench };
             let thrust = allocation.allocate(&needed);
             let residual = needed - allocation.wrench(&thrust);

@@ -5,6 +5,8 @@ use pyo3::prelude::*;
 use super::arrays::{Array, Given, array, count};
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
+use super::stability::warn;
+use crate::balance::Servos;
 
 #[pymethods]
 impl Simulator {
@@ -38,6 +40,13 @@ impl Simulator {
     ///     A shape, a number that is not finite, a station for a scene without vehicle servo.
     /// TypeError
     ///     Something that is no array of real numbers.
+    ///
+    /// Warns
+    /// -----
+    /// StepWarning
+    ///     Once per simulator: before the first step with the servos that make `dt` unstable for a mode of the scene (see
+    ///     `modes`). And once after the first call in which the motion of an instance left what the integrator follows
+    ///     (`stiffness` beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2"), or its state became infinite or NaN.
     #[pyo3(
         signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=None),
         text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=1)"
@@ -57,13 +66,21 @@ impl Simulator {
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
         let arrays = arguments.read(&self.inner)?;
         let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
+        let servos = Servos { joints: joint_target.is_some(), station: station.is_some() };
+        if let Some(unstable) = self.inner.warn_of_step(servos) {
+            warn(py, &unstable.to_string())?;
+        }
         let mut interrupt = Ok(());
         let mut go_on = || {
             interrupt = Python::attach(|py| py.check_signals());
             interrupt.is_ok()
         };
         py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on))?;
-        interrupt
+        interrupt?;
+        match self.inner.warn_of_motion() {
+            Some(stray) => warn(py, &stray.to_string()),
+            None => Ok(()),
+        }
     }
 
     /// Accelerations [V'; q''] under the inputs of `step`, by articulated bodies; the state stays as it is.

@@ -86,7 +86,13 @@ impl Simulator {
     /// numpy.ndarray (N, 3): velocity of the water in the world, m/s.
     #[getter]
     fn current<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.gather(py, &[3], |_, i| <[f64; 3]>::from(self.inner.current(i)))
+        self.gather(py, &[3], |_, i| <[f64; 3]>::from(self.inner.flow(i).velocity))
+    }
+
+    /// numpy.ndarray (N, 3): acceleration of the water in the world, m/s^2.
+    #[getter]
+    fn current_acceleration<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        self.gather(py, &[3], |_, i| <[f64; 3]>::from(self.inner.flow(i).acceleration))
     }
 
     /// Set parts of the state; what is left out stays as it is.
@@ -110,15 +116,23 @@ impl Simulator {
     /// time : float or array_like (N,)
     ///     Time, s.
     /// current : array_like (3,) or (N, 3)
-    ///     Velocity of the water in the world, m/s; steady until it is set again.
+    ///     Velocity of the water in the world, m/s; steady, if it does not accelerate, until it is set again.
+    /// current_acceleration : array_like (3,) or (N, 3)
+    ///     Acceleration of the water in the world, m/s^2, uniform in space; the current changes by it. The pressure that
+    ///     accelerates the water acts on the bodies too (Froude-Krylov force), beside added mass. Zero if the scene has no
+    ///     gravity.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     A shape, a number that is not finite, no rotation, a zero quaternion, motion of a held vehicle.
+    ///     A shape, a number that is not finite, no rotation, a zero quaternion, motion of a held vehicle, acceleration
+    ///     of water in a scene without gravity.
     /// TypeError
     ///     Something that is no array of real numbers.
-    #[pyo3(signature = (position=None, rotation=None, quaternion=None, twist=None, q=None, qd=None, time=None, current=None))]
+    #[pyo3(signature = (
+        position=None, rotation=None, quaternion=None, twist=None, q=None, qd=None, time=None, current=None,
+        current_acceleration=None
+    ))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn set_state(
         &mut self,
@@ -130,6 +144,7 @@ impl Simulator {
         qd: Given,
         time: Given,
         current: Given,
+        current_acceleration: Given,
     ) -> PyResult<()> {
         let (instances, n) = (self.inner.instances(), self.inner.joints());
         let rows = |name: &str, given: Given, row: &[usize]| optional_rows(name, given, instances, row);
@@ -141,6 +156,7 @@ impl Simulator {
         let qd = rows("qd", qd, &[n])?;
         let time = rows("time", time, &[])?;
         let current = rows("current", current, &[3])?;
+        let current_acceleration = rows("current_acceleration", current_acceleration, &[3])?;
         let states = States {
             position: position.as_deref(),
             rotation: rotation.as_deref(),
@@ -150,6 +166,7 @@ impl Simulator {
             qd: qd.as_deref(),
             time: time.as_deref(),
             current: current.as_deref(),
+            current_acceleration: current_acceleration.as_deref(),
         };
         Ok(self.inner.set_states(&states)?)
     }

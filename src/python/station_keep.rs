@@ -9,6 +9,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use super::arrays;
 use super::scene;
 use super::simulator::Simulator;
+use super::stability::warn;
 use crate::batch::{Autoreset, INFO, Precision, Saved, SimulatorOptions, StationKeepBatch};
 use crate::control;
 use crate::control::ActionKind;
@@ -170,7 +171,13 @@ impl StationKeep {
         // A copy: the caller's array may change while other Python threads run.
         let actions: Vec<f32> = actions.as_array().iter().copied().collect();
         let batch = &mut self.batch;
+        if let Some(unstable) = batch.warn_of_step() {
+            warn(py, &unstable.to_string())?;
+        }
         let done = py.detach(|| batch.step(&actions)).map_err(refused)?;
+        if let Some(stray) = batch.warn_of_motion() {
+            warn(py, &stray.to_string())?;
+        }
         let verdicts = &done.verdicts;
         let rewards: Array1<f64> = verdicts.iter().map(|v| v.reward).collect();
         let terminated: Array1<bool> = verdicts.iter().map(|v| v.terminated).collect();

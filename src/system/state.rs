@@ -8,6 +8,22 @@ pub const JOINTS: usize = 9;
 /// One number per joint; entries past the scene's joint count are 0.
 pub type Joints = [f64; JOINTS];
 
+/// Uniform flow of the water, world axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flow {
+    /// v_c, m/s.
+    pub velocity: Vector3<f64>,
+    /// a_c = v_c', m/s^2.
+    pub acceleration: Vector3<f64>,
+}
+
+impl From<Vector3<f64>> for Flow {
+    /// A steady current.
+    fn from(velocity: Vector3<f64>) -> Self {
+        Self { velocity, acceleration: Vector3::zeros() }
+    }
+}
+
 /// State of one instance: `(T, V, q, q')` and the time. `[HC eq. 17]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {

@@ -28,6 +28,12 @@ impl Case {
         let mut scene = random_scene(seed, Options { current: Some(false), ..Options::default() });
         if !gravity {
             scene.water.gravity = Vector3::zeros();
+            let arm = scene.arm.iter_mut();
+            let arm = arm.flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.body)));
+            let payload = scene.payload.iter_mut().map(|payload| &mut payload.body);
+            for body in std::iter::once(&mut scene.vehicle.body).chain(arm).chain(payload) {
+                body.buoyancy = None;
+            }
         }
         let state = random_state(seed, &scene);
         let mut random = Random::new(seed ^ 0xA11);
@@ -59,6 +65,7 @@ impl Case {
             q: &self.state.q,
             qd: &self.state.qd,
             wrench: lie::Vector6::from_array(self.wrench.into()),
+            held_rate: lie::Vector3([0.0; 3]),
             time: 0.0,
         };
         let (mut rate, mut qdd) = (lie::Vector6::zero(), [0.0; JOINTS]);

@@ -80,7 +80,15 @@ fn accelerations_of_duals_are_their_derivatives() {
         let (q, qd) = (std::array::from_fn(|i| x(6 + i)), std::array::from_fn(|i| x(6 + JOINTS + i)));
         let twist = Vector6::from_array(std::array::from_fn(&x));
         let gravity = Vector3([0.3, -2.0, -9.0].map(L::c));
-        let instant = Instant { gravity, twist, q: &q, qd: &qd, wrench: Vector6::zero(), time: L::zero() };
+        let instant = Instant {
+            gravity,
+            twist,
+            q: &q,
+            qd: &qd,
+            wrench: Vector6::zero(),
+            held_rate: Vector3::zero(),
+            time: L::zero(),
+        };
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         accelerations(system, &instant, &Loads::none(), &mut Scratch::new(), &mut twist_rate, &mut qdd);
         twist_rate.to_array().into_iter().chain(qdd).collect()

@@ -257,7 +257,7 @@ fn val_munk_moment_turns_a_slender_body_at_its_growth_rate() {
     assert!((observed - growth).abs() < 1e-8 * growth, "{observed} {growth}");
     // In the current's frame the same: at rest in water that comes from ahead.
     let mut held = self::simulator(&scene, "mk4", 0.005, &moving([0.0, 0.0, 0.0, 0.0, 0.0, 1e-12]));
-    held.set_current(0, &Vector3::new(-speed, 0.0, 0.0));
+    held.set_flow(0, Vector3::new(-speed, 0.0, 0.0));
     held.step(&Inputs::default(), (12.0 / growth / 0.005) as usize).unwrap();
     assert!((at(&held) / before - 1.0).abs() < 1e-9);
     // Broadside first is stable.
@@ -278,7 +278,7 @@ fn body_that_drifts_with_the_current_feels_no_water() {
     let twist = Vector6::new(water.x, water.y, water.z, 0.4, -0.5, 0.3);
     let state = State { rotation, twist, ..State::default() };
     let mut simulator = simulator(&scene, "mk4", 0.01, &state);
-    simulator.set_current(0, &current);
+    simulator.set_flow(0, current);
     simulator.step(&Inputs::default(), 1000).unwrap();
     let end = simulator.state(0);
     assert!((end.position - current * 10.0).norm() < 1e-11, "{}", end.position);

@@ -9,6 +9,7 @@ mod random_scene;
 mod adaptive;
 mod bodies;
 mod energy;
+mod flow;
 mod joints;
 mod momentum;
 mod order;

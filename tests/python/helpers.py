@@ -8,7 +8,7 @@ import numpy as np
 
 from uvms_gym import Simulator, load_scene
 
-PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current")
+PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration")
 
 
 def state_of(simulator: Simulator) -> dict[str, np.ndarray]:
@@ -42,6 +42,7 @@ def random_state(simulator: Simulator, seed: int = 0) -> dict[str, np.ndarray]:
                 "q": home[i] + 0.3 * rng.normal(size=n),
                 "qd": 0.5 * rng.normal(size=n),
                 "current": 0.3 * rng.normal(size=3),
+                "current_acceleration": 0.1 * rng.normal(size=3) * bool(np.any(simulator.scene["water"]["gravity"])),
             }
         )
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}

@@ -207,7 +207,7 @@ def test_kinetic_energy_is_the_mass_matrix_form() -> None:
 def test_energy_changes_by_power() -> None:
     """Central difference over two steps in still water, with thrusters, wrenches, actuators, drag and friction."""
     s = moving("petasus-pum", dt=1e-4)
-    s.set_state(current=[0, 0, 0])
+    s.set_state(current=[0, 0, 0], current_acceleration=[0, 0, 0])
     inputs = some(random_inputs(s), ("thrust", "wrench", "joint_torque", "external"))
     before = s.energy()["total"]
     s.step(**inputs)

@@ -38,6 +38,7 @@ def test_shapes(name: str) -> None:
         "qd": (3, n),
         "time": (3,),
         "current": (3, 3),
+        "current_acceleration": (3, 3),
         "thruster_limits": (m, 2),
         "thruster_configuration": (6, m),
     }
@@ -95,7 +96,7 @@ def test_setting_a_part_leaves_the_others(integrator: str, dtype: str) -> None:
     s.step(**random_inputs(s), substeps=10)
     before = state_of(s)
     new = random_state(s, seed=1)
-    for part in ("position", "twist", "q", "qd", "current"):
+    for part in ("position", "twist", "q", "qd", "current", "current_acceleration"):
         s.set_state(**{part: new[part]})
         before[part] = new[part].astype(dtype).astype(float)
         assert_same(state_of(s), before)
@@ -179,6 +180,7 @@ BAD_STATES: list[dict[str, Any]] = [
     {"time": np.zeros(2)},
     {"time": np.zeros((3, 1))},
     {"current": [1.0]},
+    {"current_acceleration": [0.1, 0.0, NAN]},
     {"current": [1.0, 0.0, NAN]},
     {"position": [1.0, 2.0, 3.0], "current": [1.0, 0.0, NAN]},
 ]
@@ -339,7 +341,7 @@ ARRAYS = st.one_of(
 def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
     s = Simulator("petasus-pum", 2)
     before = state_of(s)
-    states = ["position", "rotation", "quaternion", "twist", "q", "qd", "time", "current"]
+    states = ["position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration"]
     inputs = ["thrust", "wrench", "joint_torque", "joint_target", "external", "station"]
     method, names = data.draw(st.sampled_from([(s.set_state, states), (s.step, inputs), (s.forward_dynamics, inputs)]))
     arguments = {

@@ -107,7 +107,8 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
     - `action` (`"wrench"`): `"wrench"` or `"thrusters"`.
-    - `dt` (0.01), `substeps` (5): physics step, s, and steps per control period.
+    - `dt` (0.01), `substeps` (5): physics step, s, and steps per control period. A `dt` that is too large for the
+      scene is warned of by `uvms_gym.StepWarning`, once, at the first `step`.
     - `integrator` (`"mk4"`), `dtype` (`"float64"`): as `uvms_gym.Simulator` has them.
     - `max_current` (0.3): greatest speed of the drawn current, m/s.
     - `start_distance` (0.05), `start_angle` (0.05): greatest initial error, m and rad.

@@ -5,7 +5,7 @@ use crate::batch::blocks::{Instances, Rider};
 use crate::batch::step::Switches;
 use crate::batch::table::InstanceLoads;
 use crate::scene::{Outcome, Pose, StationKeep};
-use crate::system::{EndEffector, Joints, State};
+use crate::system::{EndEffector, Flow, Joints, State};
 
 /// How episodes end and follow each other.
 #[derive(Debug, Clone, Copy)]
@@ -44,7 +44,7 @@ impl Crew<'_> {
         let slot = &mut self.slots[k];
         let (episode, state) = self.task.begin(slot.next);
         instances.set_state(k, &state);
-        instances.set_current(k, episode.current());
+        instances.set_flow(k, &Flow::from(*episode.current()));
         slot.next = slot.next.following();
         slot.over = false;
         let episode = slot.episode.insert(episode);

@@ -2,8 +2,11 @@
 
 mod crew;
 
+use super::monitor::Stray;
+use super::rates::Unstable;
 use super::simulator::{Simulator, SimulatorOptions};
 use super::step::Switches;
+use crate::balance::Servos;
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
 use crate::scene::{Episode, EpisodeKey, Outcome, StartOverride, StationKeep, StationKeepOptions};
@@ -128,6 +131,16 @@ impl StationKeepBatch {
         &self.simulator
     }
 
+    /// What to warn of before a step, once: as [`Simulator::warn_of_step`] with the servos of the joints on.
+    pub fn warn_of_step(&mut self) -> Option<Unstable> {
+        self.simulator.warn_of_step(Servos { joints: true, station: false })
+    }
+
+    /// What to warn of after a step, once: as [`Simulator::warn_of_motion`].
+    pub fn warn_of_motion(&mut self) -> Option<Stray> {
+        self.simulator.warn_of_motion()
+    }
+
     /// Number of instances N.
     pub fn instances(&self) -> usize {
         self.slots.len()
@@ -184,7 +197,7 @@ impl StationKeepBatch {
         }
         for (i, key, (episode, state)) in begun {
             self.simulator.set_state(i, &state);
-            self.simulator.set_current(i, episode.current());
+            self.simulator.set_flow(i, *episode.current());
             self.slots[i] = Slot { next: key.following(), episode: Some(episode), over: false };
         }
         Ok(self.look())

@@ -1,0 +1,128 @@
+//! The watch on motions while they are stepped: what no look at the scene can see beforehand.
+
+use std::fmt;
+
+use super::rates::{Others, digits};
+use super::simulator::{Simulator, SimulatorOptions};
+use super::table::Table;
+use crate::balance::Servos;
+use crate::integrate::stiffness;
+use crate::lane::Real;
+
+/// An instance whose motion a step does not follow.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sighting {
+    /// Instance.
+    pub instance: usize,
+    /// Its time, s.
+    pub time: f64,
+    /// `h |rate|` of the fastest rate that its motion excites.
+    pub stiffness: f64,
+    /// Whether its state is finite.
+    pub finite: bool,
+}
+
+impl Table {
+    /// The first of `count` instances that is not finite or whose motion excites more than `range`.
+    pub(super) fn sight<T: Real>(&self, rows: &[T], count: usize, range: f64) -> Option<Sighting> {
+        let width = self.layout.rows * T::BLOCK;
+        for (k, block) in rows.chunks_exact(width).enumerate() {
+            // The state is what comes before the time; no branches, so that it takes next to no time.
+            let state = &block[..self.layout.time * T::BLOCK];
+            let finite = state.iter().fold(true, |finite, x| finite & x.to_f64().is_finite());
+            let first = k * T::BLOCK;
+            for i in first..count.min(first + T::BLOCK) {
+                let stiffness = stiffness(self.contrast(rows, i), T::EPSILON);
+                if finite && stiffness <= range {
+                    continue;
+                }
+                let finite = finite || (0..self.layout.time).all(|row| self.get(rows, i, row).is_finite());
+                if !finite || stiffness > range {
+                    return Some(Sighting { instance: i, time: self.state(rows, i).time, stiffness, finite });
+                }
+            }
+        }
+        None
+    }
+}
+
+/// What was looked at, seen and told already.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Watch {
+    /// By servos that are on.
+    looked: [bool; 4],
+    warned: bool,
+    sighted: Option<Sighting>,
+    told: bool,
+}
+
+impl Watch {
+    /// Whether to look for unstable modes under these servos: once, and not after a warning.
+    pub fn looks(&mut self, servos: Servos) -> bool {
+        !self.warned && !std::mem::replace(&mut self.looked[servos.index()], true)
+    }
+
+    /// There was a warning of an unstable mode.
+    pub fn warned(&mut self) {
+        self.warned = true;
+    }
+
+    /// Whether motions are still watched: until the first sighting.
+    pub fn watches(&self) -> bool {
+        self.sighted.is_none()
+    }
+
+    /// Remembers the first sighting.
+    pub fn sighted(&mut self, sighting: Option<Sighting>) {
+        self.sighted = self.sighted.or(sighting);
+    }
+}
+
+/// A motion that the steps do not follow; displays as a warning of one line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stray {
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the integrator.
+    pub integrator: String,
+    /// The step, s.
+    pub dt: f64,
+    /// `h |rate|` up to which the integrator is right.
+    pub range: f64,
+    /// What was seen.
+    pub sighting: Sighting,
+}
+
+impl fmt::Display for Stray {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { scene, integrator, dt, range, sighting } = self;
+        let Sighting { instance, time, stiffness, finite } = *sighting;
+        write!(f, "scene '{scene}': ")?;
+        if finite {
+            write!(f, "instance {instance} is wrong")?;
+        } else {
+            write!(f, "the state of instance {instance} is no longer finite")?;
+        }
+        write!(f, " at t = {time:.6} s: integrator '{integrator}' at dt = {dt} s")?;
+        if stiffness.is_finite() && stiffness > 0.0 {
+            write!(f, ", motion with a rate of {} 1/s, h |rate| = {}", digits(stiffness / dt), digits(stiffness))?;
+        }
+        if range.is_finite() {
+            write!(f, ", right up to h |rate| = {}", digits(*range))?;
+        }
+        write!(f, "; take a smaller dt{Others}")
+    }
+}
+
+impl Simulator {
+    /// What to warn of after steps, once: the first instance that became infinite or NaN, or whose motion excited rates
+    /// beyond [`crate::integrate::Stability::range`].
+    pub fn warn_of_motion(&mut self) -> Option<Stray> {
+        let range = self.range();
+        let watch = self.watch_mut();
+        let sighting = watch.sighted.filter(|_| !watch.told)?;
+        watch.told = true;
+        let SimulatorOptions { dt, integrator, .. } = self.options().clone();
+        Some(Stray { scene: self.scene().name.clone(), integrator, dt, range, sighting })
+    }
+}

@@ -1,0 +1,363 @@
+//! The rates of a scene: its modes at a spread of states, and the steps that are stable for them.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use nalgebra::{Complex, Vector3};
+
+use super::simulator::{Simulator, SimulatorOptions};
+use crate::balance::articulated::Loads;
+use crate::balance::{Linearization, Modes, Servos, linearize};
+use crate::control::AXES;
+use crate::description::{Joint, JointKind, Scene};
+use crate::error::SimulatorError;
+use crate::integrate::{Integrator, PASSING, Stability};
+use crate::system::{Compiled, JOINTS, Joints, State};
+
+/// Configurations of the arm besides home.
+const SPREAD: usize = 8;
+/// Greatest expected speed of a vehicle, m/s and rad/s.
+const FASTEST: f64 = 5.0;
+/// Expected speed of a joint that has no speed limit: revolute rad/s, prismatic m/s.
+const JOINT_SPEED: [f64; 2] = [1.0, 0.25];
+/// Range that stands for the limits of a joint without: revolute rad, prismatic m.
+const JOINT_RANGE: [f64; 2] = [std::f64::consts::PI, 0.5];
+/// Share of a mode's energy from which on a coordinate is named besides the greatest.
+const NAMED: f64 = 0.3;
+/// Rates below this are no mode but rounding, 1/s.
+const SLOW: f64 = 1e-4;
+/// Scenes whose rates are kept.
+const KEPT: usize = 16;
+
+/// How fast small deviations decay, swing or grow, and what they are.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mode {
+    /// They go as `exp(rate t)`, 1/s.
+    pub rate: Complex<f64>,
+    /// What moves: "joint 3 (wrist)", "vehicle yaw"; most of the kinetic energy first.
+    pub what: String,
+    /// The state it was found at: "at home, at rest".
+    pub place: String,
+    /// Whether a joint stands against an end stop there.
+    pub stop: bool,
+}
+
+/// A step that is not stable; displays as a warning of one line.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Unstable {
+    /// Name of the scene.
+    pub scene: String,
+    /// Name of the integrator.
+    pub integrator: String,
+    /// The step, s.
+    pub dt: f64,
+    /// The mode that asks for the smallest step.
+    pub mode: Mode,
+    /// Greatest stable step, s.
+    pub stable: f64,
+}
+
+impl fmt::Display for Unstable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { scene, integrator, dt, mode, stable } = self;
+        write!(
+            f,
+            "scene '{scene}': integrator '{integrator}' is unstable at dt = {dt} s: the mode of {} has the rate {} \
+             1/s ({}), for which steps are stable up to {} s; take a smaller dt{}",
+            mode.what,
+            text(mode.rate),
+            mode.place,
+            digits(*stable),
+            Others,
+        )
+    }
+}
+
+/// What there is besides a smaller step.
+pub(super) struct Others;
+
+impl fmt::Display for Others {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let known = |name: &str| Integrator::NAMES.iter().any(|entry| entry.name == name);
+        for (k, name) in ["ros2", "mk54"].into_iter().filter(|name| known(name)).enumerate() {
+            write!(f, "{}'{name}'", if k == 0 { ", or integrator " } else { " or " })?;
+        }
+        Ok(())
+    }
+}
+
+fn text(rate: Complex<f64>) -> String {
+    if rate.im == 0.0 { digits(rate.re) } else { format!("{} +- {} i", digits(rate.re), digits(rate.im)) }
+}
+
+/// With three significant digits.
+pub(super) fn digits(x: f64) -> String {
+    let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{x:.decimals$}")
+}
+
+/// A scene linearized at a spread of states.
+///
+/// Configurations of the arm: home, and a fixed low-discrepancy sequence within the limits. Motions: at rest; the vehicle
+/// at its expected speed along each axis in turn; all joints at their expected speeds. At home also each joint against
+/// each end stop, as deep as it gets there at its expected speed. All of them level, in water at rest, without loads, with
+/// the targets of servos met.
+#[derive(Debug)]
+pub struct Survey {
+    joint_names: Vec<String>,
+    samples: Vec<Sample>,
+    /// Modes with no servo on, those of the joints, of the vehicle, of both: worked out as they are asked for.
+    modes: [OnceLock<Vec<Found>>; 4],
+    system: Arc<crate::system::System<crate::lane::Shared<f64>>>,
+}
+
+#[derive(Debug)]
+struct Sample {
+    place: String,
+    /// The joint that stands against a stop.
+    stop: Option<usize>,
+    /// Whether nothing moves.
+    rest: bool,
+    linear: Linearization,
+}
+
+/// Modes at a sample.
+#[derive(Debug)]
+struct Found {
+    modes: Modes,
+    rates: Vec<Complex<f64>>,
+}
+
+impl Survey {
+    fn new(scene: &Scene, compiled: &Compiled, speeds: &[f64; 6]) -> Self {
+        let joints: Vec<&Joint> = scene.joints().collect();
+        let joint_names = scene.joint_names();
+        let system = &compiled.system;
+        let at = |q: &Joints, twist: [f64; 6], qd: Joints| {
+            let state = State { q: *q, qd, twist: twist.into(), ..State::default() };
+            linearize(system, &state, &Vector3::zeros().into(), &[0.0; 6], &Loads::none())
+        };
+        let still = [0.0; JOINTS];
+        let mut joint_speeds = still;
+        for (speed, joint) in joint_speeds.iter_mut().zip(&joints) {
+            *speed = joint.speed.unwrap_or(of_kind(joint, JOINT_SPEED));
+        }
+
+        let mut samples = Vec::new();
+        for (q, place) in configurations(scene, &joints) {
+            let mut add = |motion: &str, rest, linear| {
+                samples.push(Sample { place: format!("{place}, {motion}"), stop: None, rest, linear });
+            };
+            add("at rest", true, at(&q, [0.0; 6], still));
+            for (axis, &speed) in speeds.iter().enumerate().filter(|(_, speed)| **speed > 0.0) {
+                let mut twist = [0.0; 6];
+                twist[axis] = speed;
+                let unit = if axis < 3 { "m/s" } else { "rad/s" };
+                add(&format!("{} at {} {unit}", AXES[axis], digits(speed)), false, at(&q, twist, still));
+            }
+            if joint_speeds != still {
+                add("joints at speed", false, at(&q, [0.0; 6], joint_speeds));
+            }
+        }
+        for (k, joint) in joints.iter().enumerate() {
+            let Some(limits) = &joint.limits else { continue };
+            for (limit, side) in [(limits.lower, -1.0), (limits.upper, 1.0)] {
+                let mut q = scene.home();
+                q[k] = limit;
+                // As deep as the joint's speed carries it against the stiffness alone: 1/B is the inertia that it feels.
+                let rates = 6 + joints.len();
+                let free = at(&q, [0.0; 6], still).b[(rates + 6 + k, 6 + k)];
+                let depth = joint_speeds[k] / (limits.stiffness * free).sqrt();
+                if limits.stiffness > 0.0 && depth.is_finite() {
+                    q[k] += side * depth;
+                    let end = if side < 0.0 { "lower" } else { "upper" };
+                    let place = format!("joint {k} ({}) at its {end} stop", joint_names[k]);
+                    samples.push(Sample { place, stop: Some(k), rest: true, linear: at(&q, [0.0; 6], still) });
+                }
+            }
+        }
+        let system = Arc::new(system.clone());
+        Self { joint_names, samples, modes: Default::default(), system }
+    }
+
+    /// Modes at each sample.
+    fn found(&self, servos: Servos) -> &[Found] {
+        self.modes[servos.index()].get_or_init(|| {
+            let find = |sample: &Sample| {
+                let modes = sample.linear.clone().with_servos(&self.system, servos).modes();
+                Found { rates: modes.rates(), modes }
+            };
+            self.samples.iter().map(find).collect()
+        })
+    }
+
+    fn mode(&self, sample: usize, shares: &[f64], rate: Complex<f64>) -> Mode {
+        let Sample { place, stop, .. } = &self.samples[sample];
+        let mut order: Vec<usize> = (0..shares.len()).collect();
+        order.sort_by(|&i, &k| shares[k].total_cmp(&shares[i]));
+        let named = order.iter().enumerate().filter(|(i, k)| *i == 0 || shares[**k] >= NAMED);
+        let what = named.map(|(_, &k)| self.coordinate(k)).collect::<Vec<_>>().join(" and ");
+        Mode { rate, what, place: place.clone(), stop: stop.is_some() }
+    }
+
+    /// Name of an entry of `[V; q']`.
+    fn coordinate(&self, k: usize) -> String {
+        match k.checked_sub(6) {
+            None => format!("vehicle {}", AXES[k]),
+            Some(joint) => format!("joint {joint} ({})", self.joint_names[joint]),
+        }
+    }
+
+    /// For each coordinate the fastest mode that it has most of the energy of: among decaying ones, among growing ones, and
+    /// for each joint against its end stops; fastest first.
+    pub fn modes(&self, servos: Servos) -> Vec<Mode> {
+        let mut fastest: Vec<((usize, bool, bool), usize, Vec<f64>, Complex<f64>)> = Vec::new();
+        for (sample, found) in self.found(servos).iter().enumerate() {
+            // One of each conjugate pair.
+            for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0 && rate.norm() > SLOW) {
+                let shares = found.modes.shares(rate);
+                let most = (0..shares.len()).fold(0, |best, k| if shares[k] > shares[best] { k } else { best });
+                let stop = self.samples[sample].stop;
+                if stop.is_some_and(|joint| most != 6 + joint) {
+                    continue;
+                }
+                let kind = (most, rate.re > SLOW, stop.is_some());
+                match fastest.iter_mut().find(|entry| entry.0 == kind) {
+                    Some(entry) if entry.3.norm() >= rate.norm() => {}
+                    Some(entry) => *entry = (kind, sample, shares, rate),
+                    None => fastest.push((kind, sample, shares, rate)),
+                }
+            }
+        }
+        fastest.sort_by(|a, b| b.3.norm().total_cmp(&a.3.norm()));
+        fastest.iter().map(|(_, sample, shares, rate)| self.mode(*sample, shares, *rate)).collect()
+    }
+
+    /// Greatest stable step, s, infinite where any is; and the mode that bounds it.
+    pub fn stable_step(&self, stability: Stability, servos: Servos, stops: bool) -> (f64, Option<Mode>) {
+        let (mut least, mut bound) = (f64::INFINITY, None);
+        for (sample, found) in self.found(servos).iter().enumerate() {
+            let Sample { stop, rest, .. } = self.samples[sample];
+            if stop.is_some() && !stops {
+                continue;
+            }
+            // An arm without servos does not stay where it is.
+            let lasts = rest && (servos.joints || self.joint_names.is_empty());
+            let lenience = if lasts { 0.0 } else { PASSING };
+            for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0) {
+                let step = stability.greatest_step(rate, lenience, least);
+                if step < least {
+                    (least, bound) = (step, Some((sample, rate)));
+                }
+            }
+        }
+        let mode = bound.map(|(sample, rate)| {
+            let shares = self.found(servos)[sample].modes.shares(rate);
+            self.mode(sample, &shares, rate)
+        });
+        (least, mode)
+    }
+}
+
+/// Home, and [`SPREAD`] configurations within the limits by the additive recurrence of the generalised golden ratio.
+fn configurations(scene: &Scene, joints: &[&Joint]) -> Vec<(Joints, String)> {
+    let home = (scene.home(), "at home".to_owned());
+    let n = joints.len();
+    if n == 0 {
+        return vec![home];
+    }
+    // The root of x^(n + 1) = x + 1.
+    let ratio = (0..64).fold(1.0_f64, |x, _| (1.0 + x).powf(1.0 / (n as f64 + 1.0)));
+    let spread = (1..=SPREAD).map(|i| {
+        let mut q = [0.0; JOINTS];
+        for (k, joint) in joints.iter().enumerate() {
+            let share = (0.5 + i as f64 * ratio.powi(-(k as i32) - 1)).fract();
+            let range = of_kind(joint, JOINT_RANGE);
+            let [lower, upper] = joint.limits.as_ref().map_or([-range, range], |l| [l.lower, l.upper]);
+            q[k] = lower + share * (upper - lower);
+        }
+        let text: Vec<String> = q[..n].iter().map(|q| format!("{q:.2}")).collect();
+        (q, format!("at q = [{}]", text.join(", ")))
+    });
+    std::iter::once(home).chain(spread).collect()
+}
+
+/// The number for a revolute or for a prismatic joint.
+fn of_kind(joint: &Joint, [revolute, prismatic]: [f64; 2]) -> f64 {
+    match joint.kind {
+        JointKind::Revolute => revolute,
+        JointKind::Prismatic => prismatic,
+    }
+}
+
+/// Surveys at the default speeds, latest first: simulators of one scene share theirs.
+static SURVEYS: Mutex<VecDeque<(Scene, Arc<Survey>)>> = Mutex::new(VecDeque::new());
+
+impl Simulator {
+    /// Speed through the water along each axis, arm at home, at which drag balances full thrust; at most 5 m/s and
+    /// 5 rad/s, and 0 where there is no thrust or the vehicle is held.
+    pub fn expected_speed(&self) -> [f64; 6] {
+        let thrust = self.allocation().wrench_limits();
+        std::array::from_fn(|axis| {
+            if self.scene().vehicle.fixed || thrust[axis] == 0.0 {
+                return 0.0;
+            }
+            let drag = |speed: f64| {
+                let twist = nalgebra::Vector6::ith(axis, speed);
+                let state = State { q: self.scene().home(), twist, ..State::default() };
+                let power = self.balance().at(&state, Vector3::zeros()).power(&crate::balance::Loads::default());
+                power.map_or(0.0, |power| -power.drag / speed)
+            };
+            // drag = linear v + quadratic v^2
+            let [at_one, at_two] = [1.0, 2.0].map(drag);
+            let quadratic = 0.5 * at_two - at_one;
+            let linear = at_one - quadratic;
+            let speed = 2.0 * thrust[axis] / (linear + (linear * linear + 4.0 * quadratic * thrust[axis]).sqrt());
+            if speed < FASTEST { speed } else { FASTEST }
+        })
+    }
+
+    /// The scene's survey, with the vehicle's speeds given or those of [`Self::expected_speed`]. It knows the scene's
+    /// own parameters, not the factors of instances.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Speed`] for a speed that is not finite or is negative.
+    pub fn survey(&self, speed: Option<&[f64; 6]>) -> Result<Arc<Survey>, SimulatorError> {
+        if let Some(speed) = speed {
+            if let Some(&value) = speed.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+                return Err(SimulatorError::Speed { value });
+            }
+            let speed = if self.scene().vehicle.fixed { &[0.0; 6] } else { speed };
+            return Ok(Arc::new(Survey::new(self.scene(), self.compiled(), speed)));
+        }
+        let kept = || SURVEYS.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, survey)) = kept().iter().find(|(scene, _)| scene == self.scene()) {
+            return Ok(Arc::clone(survey));
+        }
+        let survey = Arc::new(Survey::new(self.scene(), self.compiled(), &self.expected_speed()));
+        let mut surveys = kept();
+        surveys.push_front((self.scene().clone(), Arc::clone(&survey)));
+        surveys.truncate(KEPT);
+        Ok(survey)
+    }
+
+    /// What to warn of before a step with these `servos` on: that it is unstable for a mode of the scene, end stops left
+    /// out. Says so once.
+    pub fn warn_of_step(&mut self, servos: Servos) -> Option<Unstable> {
+        if !self.watch_mut().looks(servos) {
+            return None;
+        }
+        let survey = self.survey(None).ok()?;
+        let (stable, mode) = survey.stable_step(self.integrator().stability(), servos, false);
+        let mode = mode.filter(|_| self.options().dt > stable)?;
+        self.watch_mut().warned();
+        let SimulatorOptions { dt, integrator, .. } = self.options().clone();
+        Some(Unstable { scene: self.scene().name.clone(), integrator, dt, mode, stable })
+    }
+}
+
+/// Integrators whose stability is known, with their names.
+pub fn stabilities() -> impl Iterator<Item = (&'static str, Stability)> {
+    Integrator::NAMES.into_iter().map(|entry| (entry.name, entry.integrator.stability()))
+}

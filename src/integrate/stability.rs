@@ -1,0 +1,129 @@
+//! Which steps are stable: what a step makes of a mode `exp(rate t)`.
+
+use nalgebra::Complex;
+
+use super::{Chart, Integrator, STAGES, Tableau};
+
+/// Growth of a mode by integration alone that passes for none, 1/s: 1 % per second. Some is inevitable: the methods of
+/// order 1 and 2 amplify an undamped oscillation at any step.
+pub const GROWTH: f64 = 0.01;
+/// Error of a mode's damping, as a share of its rate, that passes where the motion that it belongs to does not last.
+pub const PASSING: f64 = 0.1;
+/// Real part of the rate, as a share of its size, from which on a mode grows by itself.
+const GROWING: f64 = 0.01;
+/// Rates below this need no step shorter than hours, and are next to rounding, 1/s.
+const SLOW: f64 = 1e-4;
+/// Error of a step, as a share of a mode's size, from which on it does not follow the mode.
+const WRONG: f64 = 0.25;
+/// Fineness of the search along a ray, in `h |rate|`.
+const FINENESS: f64 = 1.0 / 16.0;
+
+impl Tableau {
+    /// `R(z) = 1 + z b^T (I - z A)^-1 1`: one step of size h makes `R(h rate)` of a mode, where `exp(h rate)` is right.
+    pub fn stability(&self, z: Complex<f64>) -> Complex<f64> {
+        let mut stages = [Complex::new(0.0, 0.0); STAGES];
+        for i in 0..self.stages {
+            let inner: Complex<f64> = (0..i).map(|j| stages[j] * self.a[i][j]).sum();
+            stages[i] = z * inner + 1.0;
+        }
+        let sum: Complex<f64> = (0..self.stages).map(|i| stages[i] * self.b[i]).sum();
+        z * sum + 1.0
+    }
+}
+
+/// What a step of an integrator makes of a mode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stability {
+    /// An explicit Runge-Kutta method.
+    Explicit(&'static Tableau),
+    /// `v += h a(x, v); x += h v`, on each pair of complex rates as an oscillator of its own.
+    SemiImplicitEuler,
+    /// Stable at any step: A-stable, or with a step that follows the error.
+    Always,
+}
+
+impl Stability {
+    /// Factor that a step makes of a mode's size, with `z = h rate`.
+    pub fn factor(&self, z: Complex<f64>) -> f64 {
+        match self {
+            Stability::Explicit(tableau) => tableau.stability(z).norm(),
+            Stability::SemiImplicitEuler => semi_implicit_euler(z),
+            Stability::Always => 0.0,
+        }
+    }
+
+    /// Greatest h such that all steps up to h are stable for a mode of that rate, at most `most`; s.
+    ///
+    /// A step is stable where it makes the mode grow by no more than [`GROWTH`] beyond what physics asks for; or, below
+    /// `h |rate| = 1`, than its damping allows when it is wrong by the share `lenience` of the rate: 0 for motions that
+    /// last, [`PASSING`] for others. Modes that grow fast by themselves do not count.
+    pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
+        let size = rate.norm();
+        if *self == Stability::Always || size < SLOW || rate.re > GROWING * size {
+            return most;
+        }
+        let stable = |h: f64| {
+            let growth = rate.re.max(0.0) * h + GROWTH * h.min(1.0);
+            let passing = if h * size < 1.0 { (rate.re + lenience * size) * h } else { growth };
+            self.factor(rate * h) <= growth.max(passing).exp()
+        };
+        let step = FINENESS / size;
+        let mut low = 0.0;
+        loop {
+            let high = (low + step).min(most);
+            if !stable(high) {
+                return crossing(stable, low, high);
+            }
+            if high == most {
+                return most;
+            }
+            low = high;
+        }
+    }
+}
+
+impl Stability {
+    /// `h |rate|` up to which a step follows modes that decay or swing: it makes `exp(h rate)` of them to within a quarter
+    /// of their size. 2.0 for RK4, 1.6 for Heun's third order, 1.2 for the midpoint rule, 0.7 for Euler's.
+    pub fn range(&self) -> f64 {
+        let Stability::Explicit(tableau) = self else { return f64::INFINITY };
+        let ends = [Complex::new(-1.0, 0.0), Complex::new(0.0, 1.0)].map(|ray| {
+            let follows = |r: f64| (tableau.stability(ray * r) - (ray * r).exp()).norm() <= WRONG;
+            let first = (1..).map(|i| f64::from(i) * FINENESS).find(|r| !follows(*r)).unwrap_or(0.0);
+            crossing(follows, first - FINENESS, first)
+        });
+        ends[0].min(ends[1])
+    }
+}
+
+/// Where a property that holds at `low` ends before `high`.
+fn crossing(holds: impl Fn(f64) -> bool, mut low: f64, mut high: f64) -> f64 {
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if holds(middle) { low = middle } else { high = middle }
+    }
+    low
+}
+
+/// Greatest eigenvalue of a step of `x'' = -c x' - k x` with the rates `z / h` and its conjugate.
+fn semi_implicit_euler(z: Complex<f64>) -> f64 {
+    if z.im == 0.0 {
+        return (1.0 + z.re).abs();
+    }
+    let (damping, stiffness) = (-2.0 * z.re, z.norm_sqr());
+    let (half_trace, determinant) = (1.0 - 0.5 * (damping + stiffness), 1.0 - damping);
+    let discriminant = half_trace * half_trace - determinant;
+    if discriminant < 0.0 { determinant.sqrt() } else { half_trace.abs() + discriminant.sqrt() }
+}
+
+impl Integrator {
+    /// What its steps make of a mode. The stability of a method on the group is that of its tableau.
+    pub fn stability(&self) -> Stability {
+        match self {
+            Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Always,
+            Integrator::Explicit(method) if method.chart == Chart::VelocityFirst => Stability::SemiImplicitEuler,
+            Integrator::Explicit(method) => Stability::Explicit(method.tableau),
+            Integrator::LinearlyImplicit => Stability::Always,
+        }
+    }
+}

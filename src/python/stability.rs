@@ -1,0 +1,163 @@
+//! `uvms_gym.Simulator`: rates, stable steps, and warnings of unstable ones.
+
+use std::ffi::CString;
+
+use nalgebra::Complex;
+use pyo3::exceptions::PyValueError;
+use pyo3::intern;
+use pyo3::prelude::*;
+use pyo3::types::{PyComplex, PyDict};
+
+use super::arrays::{Given, read, shape_text};
+use super::errors::StepWarning;
+use super::simulator::Simulator;
+use crate::balance::Servos;
+use crate::batch::stabilities;
+
+/// Packages between the user's line and the step.
+const BETWEEN: [&str; 3] = ["uvms_gym", "gymnasium", "stable_baselines3"];
+
+/// Warns at the line of the user's that led here.
+pub fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
+    let category = py.get_type::<StepWarning>();
+    let message = CString::new(message.replace('\0', ""))?;
+    PyErr::warn(py, &category, &message, users_level(py)?)
+}
+
+/// How many Python frames lie between here and the user's, as `warnings.warn` counts them.
+fn users_level(py: Python<'_>) -> PyResult<i32> {
+    let mut frame = py.import(intern!(py, "sys"))?.call_method0(intern!(py, "_getframe"))?;
+    let mut level = 1;
+    while !frame.is_none() {
+        let module = frame.getattr(intern!(py, "f_globals"))?.call_method1(intern!(py, "get"), ("__name__", ""))?;
+        let module: String = module.extract().unwrap_or_default();
+        if !BETWEEN.contains(&module.split('.').next().unwrap_or_default()) {
+            return Ok(level);
+        }
+        frame = frame.getattr(intern!(py, "f_back"))?;
+        level += 1;
+    }
+    Ok(level)
+}
+
+/// One number for all axes, or one each.
+fn speeds(given: Given) -> PyResult<Option<[f64; 6]>> {
+    let Some(given) = given else { return Ok(None) };
+    match read("speed", given)? {
+        (shape, numbers) if shape.is_empty() => Ok(Some([numbers[0]; 6])),
+        (shape, numbers) if shape == [6] => Ok(numbers.try_into().ok()),
+        (shape, _) => {
+            Err(PyValueError::new_err(format!("speed has shape {}, but must have () or (6,)", shape_text(&shape))))
+        }
+    }
+}
+
+#[pymethods]
+impl Simulator {
+    /// The scene's modes: how fast small deviations decay, swing or grow, fastest first.
+    ///
+    /// Eigenvalues of the linearized motion (drag, restoring, friction, servos, gyroscopic terms) at a spread of states:
+    /// at home and at 8 configurations within the limits of the joints, each at rest, with the vehicle at its expected
+    /// speed through the water along each axis in turn, and with all joints at their speed limits (1 rad/s or
+    /// 0.25 m/s without). Besides, with each joint against each of its end stops, whose stiffness acts only there. Of the
+    /// modes that a coordinate has most of the kinetic energy of, the fastest is listed: the fastest decaying one,
+    /// growing one, and one at an end stop. All with the scene's own parameters, whatever `set_parameters`.
+    ///
+    /// Parameters
+    /// ----------
+    /// speed : float or array_like (6,)
+    ///     Expected speed, m/s and rad/s, along all axes or along each. Without: where full thrust along the axis balances
+    ///     the vehicle's drag, at most 5; 0 without thrust.
+    /// joint_servos, station : bool
+    ///     Whether the servos of the joints and of the vehicle are on, where the scene has them.
+    ///
+    /// Returns
+    /// -------
+    /// list of dict
+    ///     rate (complex, 1/s, one of each conjugate pair: deviations go as exp(rate t)), time_constant (1/|real part|,
+    ///     s), period (s; infinite where it does not swing), what (the coordinates that move, such as "joint 3
+    ///     (wrist)"), where (the state), end_stop (bool).
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     A speed that is negative, not finite or no number.
+    #[pyo3(
+        signature = (speed=None, *, joint_servos=true, station=true),
+        text_signature = "($self, speed=None, *, joint_servos=True, station=True)"
+    )]
+    fn modes<'py>(
+        &self,
+        py: Python<'py>,
+        speed: Given,
+        joint_servos: bool,
+        station: bool,
+    ) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let (simulator, speed) = (&self.inner, speeds(speed)?);
+        let servos = Servos { joints: joint_servos, station };
+        let modes = py.detach(|| Ok::<_, PyErr>(simulator.survey(speed.as_ref())?.modes(servos)))?;
+        let mut list = Vec::new();
+        for mode in modes {
+            let Complex { re, im } = mode.rate;
+            let entry = PyDict::new(py);
+            entry.set_item("rate", PyComplex::from_doubles(py, re, im))?;
+            entry.set_item("time_constant", 1.0 / re.abs())?;
+            entry.set_item("period", std::f64::consts::TAU / im.abs())?;
+            entry.set_item("what", mode.what)?;
+            entry.set_item("where", mode.place)?;
+            entry.set_item("end_stop", mode.stop)?;
+            list.push(entry);
+        }
+        Ok(list)
+    }
+
+    /// Greatest stable step of each integrator, s, over all modes of the scene: up to it every step makes each of them
+    /// decay that decays by itself.
+    ///
+    /// That is |R(h rate)| <= 1 for the integrator's stability function R. An undamped oscillation may grow by 1 % per
+    /// second, which the methods of order 1 and 2 make it do at any step; where vehicle or joints are at speed, a
+    /// lightly damped one by its own rate over ten. Stable is not accurate: take a few times less. Larger steps of
+    /// this simulator's `dt` are warned of by `StepWarning`, end stops left out, as they act only at the limits.
+    ///
+    /// Parameters
+    /// ----------
+    /// speed, joint_servos, station
+    ///     As for `modes`.
+    /// end_stops : bool
+    ///     Whether joints run into their end stops.
+    ///
+    /// Returns
+    /// -------
+    /// dict
+    ///     Seconds by the names of the integrators; infinite where any step is stable.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     A speed that is negative, not finite or no number.
+    #[pyo3(
+        signature = (speed=None, *, joint_servos=true, station=true, end_stops=true),
+        text_signature = "($self, speed=None, *, joint_servos=True, station=True, end_stops=True)"
+    )]
+    fn stable_steps<'py>(
+        &self,
+        py: Python<'py>,
+        speed: Given,
+        joint_servos: bool,
+        station: bool,
+        end_stops: bool,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let (simulator, speed) = (&self.inner, speeds(speed)?);
+        let servos = Servos { joints: joint_servos, station };
+        let steps: Vec<_> = py.detach(|| {
+            let survey = simulator.survey(speed.as_ref())?;
+            let step = |stability| survey.stable_step(stability, servos, end_stops).0;
+            Ok::<_, PyErr>(stabilities().map(|(name, stability)| (name, step(stability))).collect())
+        })?;
+        let dict = PyDict::new(py);
+        for (name, step) in steps {
+            dict.set_item(name, step)?;
+        }
+        Ok(dict)
+    }
+}

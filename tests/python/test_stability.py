@@ -1,0 +1,209 @@
+"""Modes, stable steps, and warnings of steps that are not."""
+
+import copy
+import json
+import math
+import pickle
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import uvms_gym
+from uvms_gym import Simulator, StepWarning, load_scene
+from uvms_gym.cli import main
+from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
+
+ENV = "UVMS-StationKeep-v0"
+
+
+def stiff(factor: float = 10.0, name: str = "bluerov2-heavy-alpha5") -> dict[str, Any]:
+    """A scene with other gains of the joint servos, under a name of its own."""
+    scene = copy.deepcopy(load_scene(name))
+    scene["name"] = "stiff"
+    for link in scene["arm"]["links"]:
+        for gain in ("kp", "kd"):
+            link["joint"]["servo"][gain] *= factor
+    return scene
+
+
+@contextmanager
+def caught() -> Iterator[list[warnings.WarningMessage]]:
+    """Every StepWarning, whether it was shown before or not."""
+    with warnings.catch_warnings(record=True) as record:
+        warnings.simplefilter("always")
+        yield record
+    assert all(issubclass(w.category, StepWarning) for w in record), record
+
+
+def servoed(simulator: Simulator, steps: int = 1) -> None:
+    """Step with the joint servos on."""
+    simulator.step(joint_target=simulator.q, substeps=steps)
+
+
+def test_modes_are_the_eigenvalues_of_the_linearization() -> None:
+    s = Simulator("rexrov")
+    a, _ = s.linearize()
+    largest = max(np.linalg.eigvals(a[0]), key=abs)
+    modes = s.modes(0.0, joint_servos=False, station=False)
+    assert abs(modes[0]["rate"]) == pytest.approx(abs(largest), rel=1e-9)
+    assert all(mode["where"] == "at home, at rest" and not mode["end_stop"] for mode in modes)
+
+
+def test_modes_are_sorted_and_tell_what_moves_where() -> None:
+    modes = Simulator("petasus-pum").modes()
+    sizes = [abs(mode["rate"]) for mode in modes]
+    assert sizes == sorted(sizes, reverse=True)
+    assert any(mode["end_stop"] for mode in modes)
+    for mode in modes:
+        assert mode.keys() == {"rate", "time_constant", "period", "what", "where", "end_stop"}
+        assert mode["time_constant"] == pytest.approx(1.0 / abs(mode["rate"].real))
+        assert mode["period"] == (2.0 * math.pi / mode["rate"].imag if mode["rate"].imag else math.inf)
+        assert mode["what"].startswith(("joint ", "vehicle "))
+
+
+def test_stiffer_gains_and_faster_motion_are_faster_modes() -> None:
+    scene = load_scene("bluerov2-heavy-alpha5")
+    rate = [abs(Simulator(stiff(factor)).modes()[0]["rate"]) for factor in (1.0, 10.0, 100.0)]
+    assert 5.0 < rate[1] / rate[0] < 20.0 and 5.0 < rate[2] / rate[1] < 20.0
+    s = Simulator(scene)
+    slow, fast = s.modes(0.1), s.modes([3.0, 3.0, 3.0, 9.0, 9.0, 9.0])
+    assert fast[0]["where"].endswith("roll at 9.00 rad/s") and abs(fast[0]["rate"]) > 1.2 * abs(slow[0]["rate"])
+
+
+def test_stable_steps_name_every_integrator_and_order_them() -> None:
+    s = Simulator("petasus-pum")
+    steps = s.stable_steps()
+    assert {"mk4", "mk3", "mk2", "mk1"} <= steps.keys()
+    for name in steps:
+        assert Simulator("free-body", integrator=name).stable_steps() == dict.fromkeys(steps, math.inf)
+    assert steps["mk4"] > steps["mk3"] > steps["mk2"] >= 0.999 * steps["mk1"] > 0.01
+    # Servos and end stops ask for smaller steps.
+    assert s.stable_steps(joint_servos=False, station=False)["mk4"] > s.stable_steps(end_stops=False)["mk4"]
+    assert s.stable_steps(end_stops=False)["mk4"] >= steps["mk4"]
+
+
+@pytest.mark.parametrize(
+    ("speed", "error", "text"),
+    [
+        (-1.0, ValueError, "speed is -1"),
+        (math.nan, ValueError, "speed is NaN"),
+        (math.inf, ValueError, "speed is inf"),
+        ([1.0, 2.0], ValueError, "speed has shape"),
+        ("fast", TypeError, "speed must be"),
+    ],
+)
+def test_a_speed_that_is_none_is_refused(speed: Any, error: type[Exception], text: str) -> None:
+    s = Simulator("rexrov")
+    for ask in (s.modes, s.stable_steps):
+        with pytest.raises(error, match=text):
+            ask(speed)
+
+
+@pytest.mark.parametrize("name", uvms_gym.scenes())
+@pytest.mark.parametrize("integrator", ["mk4", "mk3", "mk2"])
+@pytest.mark.parametrize("dt", [0.01, 0.02])
+def test_nobody_is_warned_of_a_shipped_scene_at_its_step(name: str, integrator: str, dt: float) -> None:
+    s = Simulator(name, dt=dt, integrator=integrator)
+    with caught() as record:
+        s.step(substeps=10)
+        if s.num_joints:
+            servoed(s, 10)
+        if s.scene["vehicle"].get("servo"):
+            s.step(station=(np.zeros(3), np.eye(3)), substeps=10)
+    assert not record
+
+
+def test_an_unstable_step_is_warned_of_once_and_by_its_numbers() -> None:
+    s = Simulator(stiff(), 3, dt=0.02)
+    stable = s.stable_steps(station=False, end_stops=False)["mk4"]
+    with caught() as record:
+        s.step(substeps=2)
+        assert not record, "the servos are off"
+        servoed(s)
+        servoed(s)
+        copy.deepcopy(s).step(joint_target=s.q)
+    assert len(record) == 1
+    text = str(record[0].message)
+    for part in ("'stiff'", "'mk4'", "dt = 0.02 s", "joint 2 (elbow)", "1/s", f"{stable:.3g}"):
+        assert part in text, part
+    assert "\n" not in text
+    assert record[0].filename == __file__
+
+
+def test_a_step_at_the_stable_one_is_not_warned_of() -> None:
+    scene = stiff()
+    stable = Simulator(scene).stable_steps(station=False, end_stops=False)["mk4"]
+    for factor, count in ((0.99, 0), (1.01, 1)):
+        with caught() as record:
+            servoed(Simulator(scene, dt=factor * stable))
+        assert len(record) == count
+
+
+def test_as_an_error_the_warning_comes_before_the_step() -> None:
+    s = Simulator(stiff(), dt=0.02)
+    with pytest.raises(StepWarning, match="unstable"):
+        servoed(s)
+    assert s.time[0] == 0.0
+    servoed(s)
+    assert s.time[0] == 0.02
+
+
+def test_a_simulator_from_a_pickle_warns_for_itself() -> None:
+    with caught() as record:
+        servoed(pickle.loads(pickle.dumps(Simulator(stiff(), dt=0.02))))
+    assert len(record) == 1
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_environments_warn_once_at_the_users_line(wrapped: bool) -> None:
+    scene = stiff()
+    # Unstable at some states, not at those that it comes to.
+    env: Any = gymnasium.make(ENV, scene=scene, dt=0.006) if wrapped else StationKeepEnv(scene=scene, dt=0.006)
+    action = np.zeros(env.action_space.shape, dtype=np.float32)
+    with caught() as record:
+        env.reset(seed=1)
+        for _ in range(3):
+            env.step(action)
+    assert len(record) == 1
+    assert record[0].filename == __file__ and "'stiff'" in str(record[0].message)
+
+
+def test_vector_environments_warn_once_for_all_instances() -> None:
+    envs = StationKeepVectorEnv(5, scene=stiff(), dt=0.006)
+    with caught() as record:
+        envs.reset(seed=1)
+        for _ in range(2):
+            envs.step(np.zeros((5, 6)))
+    assert len(record) == 1
+    with caught() as record:
+        envs = StationKeepVectorEnv(5, scene="bluerov2-heavy-alpha5", dt=0.02)
+        envs.reset(seed=1)
+        envs.step(np.zeros((5, 6)))
+    assert not record
+
+
+def test_the_command_line_shows_modes_and_stable_steps(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "rates.json"
+    assert main(["scenes", "check", "petasus-pum", "--speed", "0.5", "--json", str(file)]) == 0
+    shown = capsys.readouterr().out
+    assert all(part in shown for part in ("no fault found", "Fastest modes", "stable step", "mk4", "joint 0 (yaw)"))
+    data = json.loads(file.read_text())
+    s = Simulator("petasus-pum")
+    assert data["speed"] == 0.5
+    assert [complex(*mode["rate"]) for mode in data["modes"]] == [mode["rate"] for mode in s.modes(0.5)]
+    assert data["stable_steps"]["servos on, at end stops"] == s.stable_steps(0.5)
+    assert main(["scenes", "show", "free-body"]) == 0
+    assert "any" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("speed", ["-1", "nan", "inf", "fast"])
+def test_the_command_line_refuses_a_speed_that_is_none(capsys: pytest.CaptureFixture[str], speed: str) -> None:
+    assert main(["scenes", "check", "rexrov", "--speed", speed]) == 2
+    error = capsys.readouterr().err
+    assert "--speed" in error and error.count("\n") == 1

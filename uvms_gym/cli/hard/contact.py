@@ -1,0 +1,218 @@
+"""Cases of what comes suddenly: end stops, dead-bands, payloads."""
+
+import math
+from functools import cache
+
+import numpy as np
+
+from uvms_gym import Simulator, load_scene
+from uvms_gym.cli.hard.case import Case, Floats, Lab, Lost, Quantities, Scene, Truth, converged, instants, single_body
+from uvms_gym.cli.hard.truth import integral
+
+# A link flies into a compliant end stop at speed and out of it again: I q'' = -(k + c q') p for p > 0. Along the
+# contact p^2/2 = -(I/c) [(v - v0) - (k/c) ln((k + c v)/(k + c v0))], which gives the speed v1 at which it leaves, and,
+# by a quadrature over the speed, how long it stays.
+STOP = {"inertia": 0.2, "stiffness": 40.0, "damping": 4.0, "speed": 5.0, "limit": 0.5, "start": 0.0137}
+STOP_TIMES = instants(0.1, 6)
+
+
+def _run_stop(lab: Lab) -> Quantities:
+    inertia, stiffness, damping, speed, limit, start = STOP.values()
+    link = {"mass": 0.5, "inertia": [inertia] * 3}
+    stop = {"lower": -10.0, "upper": limit, "stiffness": stiffness, "damping": damping}
+    joint = {"kind": "revolute", "axis": [0.0, 0.0, 1.0], "limits": stop, "home": start}
+    scene = single_body("end stop", {"mass": 1.0, "inertia": [1.0] * 3})
+    scene["vehicle"]["fixed"] = True
+    scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
+    s = lab.simulator(scene)
+    s.set_state(qd=[speed])
+    values = lab.sampled(s, 0.1, len(STOP_TIMES), lambda: {"q": s.q[0], "q'": s.qd[0]})
+    # In between it is in the stop.
+    clear = (STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)
+    return {"q": values["q"][clear], "speed after": values["q'"][-1:]}
+
+
+def _stop_truth() -> Truth:
+    inertia, k, c, v0, limit, start = STOP.values()
+
+    def depth(v: Floats) -> Floats:
+        # Of p^2/2; log1p keeps its digits where v is near v0.
+        result: Floats = -(inertia / c) * ((v - v0) - (k / c) * np.log1p(c * (v - v0) / (k + c * v0)))
+        return result
+
+    low, high = -k / c * (1.0 - 1e-12), 0.0
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if depth(np.array(middle)) < 0.0 else (low, middle)
+    v1 = 0.5 * (low + high)
+
+    # dt = -I dv / (p (k + c v)); with v = (v0 + v1)/2 + (v0 - v1)/2 cos(a) the roots of p at both ends go away.
+    def rate(a: Floats) -> Floats:
+        v = 0.5 * (v0 + v1) + 0.5 * (v0 - v1) * np.cos(a)
+        result: Floats = inertia * 0.5 * (v0 - v1) * np.sin(a) / (np.sqrt(2.0 * depth(v)) * (k + c * v))
+        return result
+
+    stay = float(integral(rate, np.array([0.0, math.pi]), 0.1)[0])
+    hit = (limit - start) / v0
+    times = STOP_TIMES[(STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)]
+    q = np.where(times < hit, start + v0 * times, limit + v1 * (times - hit - stay))
+    return Truth({"q": q[:, None], "speed after": np.array([[v1]])}, "closed form, and a quadrature of the contact")
+
+
+END_STOP = Case(
+    name="joint limit hit at speed",
+    tests="a link at 5 rad/s into a compliant stop and out: speed after, and the joint coordinate",
+    run=_run_stop,
+    truth=_stop_truth,
+    steps={2: 0.002, 1: 0.0005},
+    interval=0.1,
+    smoothness=2,
+    reason="the stop's torque has a kink within a step, which leaves any method order 2",
+)
+
+
+# Chatter of a dead-band: BlueROV2 Heavy, 2 N buoyant, under a sampled PD that asks less of each thruster than it
+# turns at, until it does not. The command jumps, but only where control is sampled; the reference keeps that period.
+DEAD_BAND = (-2.4, 2.7)  # T200: PWM 1470 to 1530
+CONTROL_PERIOD, CHATTER_COUNT = 0.1, 200
+CHATTER_START = np.array([0.3, -0.2, 0.1])
+
+
+def _run_chatter(lab: Lab) -> Quantities:
+    scene = load_scene("bluerov2-heavy")
+    s = lab.simulator(scene | {"name": "hard case dead-band", "provenance": {}})
+    kp, kd = (np.array(scene["vehicle"]["servo"][gain]) for gain in ("kp", "kd"))
+    s.set_state(position=CHATTER_START)
+    rows, switched = [], []
+    for _ in range(CHATTER_COUNT):
+        rotation = s.rotation[0]
+        tilt = 0.5 * np.array(
+            [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+        )
+        wanted = s.allocate(-kp * np.concatenate([rotation.T @ s.position[0], tilt]) - kd * s.twist[0])[0]
+        turning = (wanted < DEAD_BAND[0]) | (wanted > DEAD_BAND[1])
+        lab.advance(s, CONTROL_PERIOD, thrust=np.where(turning, wanted, 0.0))
+        rows.append((s.position[0], s.rotation[0], s.twist[0]))
+        switched.append(turning)
+    position, attitude, twist = (np.array(part) for part in zip(*rows, strict=True))
+    switches = np.abs(np.diff(np.array(switched, dtype=np.float64), axis=0)).sum()
+    return {"position": position, "attitude": attitude, "twist": twist, "switchings": np.array([[switches]])}
+
+
+@cache
+def _chatter_truth() -> Truth:
+    return converged(_run_chatter, 0.002, "with the same control period")
+
+
+CHATTER = Case(
+    name="thruster dead-band chatter",
+    tests="BlueROV2 Heavy under a sampled PD with a dead-band, 20 s: pose and twist, and how often thrusters switch",
+    run=_run_chatter,
+    truth=_chatter_truth,
+    steps={4: 0.005, 3: 0.01, 2: 0.01, 1: 0.005},
+    interval=CONTROL_PERIOD,
+)
+
+
+# A payload picked up and dropped by PETASUS-PUM in motion. Pick-up is an inelastic impulse: with A_p the payload's
+# rigid and added inertia and V_p its twist, (M + J^T A_p J) nu+ = M nu- + J^T A_p V_p.
+PAYLOAD = {"mass": 2.0, "inertia": 0.01, "added": 1.0, "added_inertia": 0.004}
+PAYLOAD_TWIST = np.array([0.3, -0.1, 0.05, 0.05, -0.1, 0.1])
+PAYLOAD_TARGET = np.array([0.3, 0.5, 0.8, 0.5, 0.2])
+PAYLOAD_PART = 1.0
+
+
+def _payload_inertia() -> Floats:
+    mass, inertia, added, added_inertia = PAYLOAD.values()
+    return np.diag([mass + added] * 3 + [inertia + added_inertia] * 3)
+
+
+def _payload_scene(held: bool) -> Scene:
+    scene = load_scene("petasus-pum")
+    for link in scene["arm"]["links"]:
+        # A kink of the servos' limits or the stops would hide the case's own jumps.
+        for key in ("limits", "effort"):
+            link["joint"].pop(key)
+    if held:
+        mass, inertia, added, added_inertia = PAYLOAD.values()
+        body = {"mass": mass, "inertia": [inertia] * 3, "volume": 0.001}
+        scene["payload"] = {"body": body | {"added_mass": [added] * 3 + [added_inertia] * 3}}
+    return scene | {"name": "hard case payload", "provenance": {}}
+
+
+def _copy_state(source: Simulator, to: Simulator, velocity: Floats) -> None:
+    if not np.isfinite(velocity).all():
+        raise Lost
+    to.set_state(position=source.position, rotation=source.rotation, q=source.q, twist=velocity[:6], qd=velocity[6:])
+
+
+def picked_up(mass: Floats, joined: Floats, velocity: Floats) -> Floats:
+    """Velocities [V; q'] after a payload at rest was picked up, which makes the mass matrix `joined`."""
+    return np.asarray(np.linalg.solve(joined, mass @ velocity), dtype=np.float64)
+
+
+def _run_payload(lab: Lab) -> Quantities:
+    free, holding = (lab.simulator(_payload_scene(held)) for held in (False, True))
+    free.set_state(twist=PAYLOAD_TWIST)
+    payload = _payload_inertia()
+    values: Quantities = {}
+
+    def look(s: Simulator, when: str) -> None:
+        values[f"end effector {when}"] = s.end_effector_pose()[:, :3, 3]
+        values[f"attitude {when}"] = s.rotation
+        values[f"twist {when}"] = s.twist
+        values[f"q' {when}"] = s.qd
+
+    lab.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
+    look(free, "before")
+    before = np.concatenate([free.twist[0], free.qd[0]])
+    mass, jacobian = free.mass_matrix()[0], free.jacobian()[0]
+    joined = mass + jacobian.T @ payload @ jacobian
+    after = picked_up(mass, joined, before)
+    impulse, energy = free.momentum()[0], 0.5 * before @ mass @ before
+    _copy_state(free, holding, after)
+    # Laws: the inertia of both together, no impulse from outside, no energy won.
+    held = holding.mass_matrix()[0]
+    values["inertia held"] = np.array([[1.0 + np.linalg.norm(held - joined) / np.linalg.norm(joined)]])
+    gained = holding.momentum()[0] - impulse
+    values["impulse kept"] = 1.0 + np.abs([gained]) / np.repeat(np.linalg.norm(impulse.reshape(2, 3), axis=1), 3)
+    lost = energy - 0.5 * after @ held @ after
+    values["energy won at pick-up"] = np.array([[1.0 + max(0.0, -lost / energy)]])
+    lab.advance(holding, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
+    look(holding, "holding")
+
+    velocity = np.concatenate([holding.twist[0], holding.qd[0]])
+    _copy_state(holding, free, velocity)
+    # What goes with the payload is what it had: the twist of the end effector says how much.
+    carried = free.jacobian()[0] @ velocity
+    whole, rest = (0.5 * velocity @ s.mass_matrix()[0] @ velocity for s in (holding, free))
+    values["energy at drop"] = np.array([[(rest + 0.5 * carried @ payload @ carried) / whole]])
+    end = free.end_effector_pose()[0]
+    force, moment = end[:3, :3] @ (payload @ carried)[:3], end[:3, :3] @ (payload @ carried)[3:]
+    taken = np.concatenate([force, moment + np.cross(end[:3, 3], force)])
+    difference = free.momentum()[0] + taken - holding.momentum()[0]
+    scale = np.linalg.norm(holding.momentum()[0].reshape(2, 3), axis=1)
+    values["impulse at drop"] = 1.0 + np.abs([difference]) / np.repeat(scale, 3)
+    lab.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
+    look(free, "after the drop")
+    return values
+
+
+@cache
+def _payload_truth() -> Truth:
+    found = converged(_run_payload, 0.0025, "laws of the impulse at pick-up and drop")
+    for law in ("inertia held", "impulse kept", "energy won at pick-up", "energy at drop", "impulse at drop"):
+        found.values[law] = np.ones_like(found.values[law])
+    return found
+
+
+PAYLOAD_CASE = Case(
+    name="payload picked up and dropped",
+    tests="PETASUS-PUM in motion picks up 2 kg at rest and drops it 1 s later: motion, impulse, energy",
+    run=_run_payload,
+    truth=_payload_truth,
+    steps={4: 0.01, 3: 0.01, 1: 0.002},
+    interval=PAYLOAD_PART,
+)
+
+CASES = (END_STOP, CHATTER, PAYLOAD_CASE)

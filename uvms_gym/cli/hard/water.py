@@ -1,0 +1,365 @@
+"""Cases of added mass, drag, restoring and current: one body in water."""
+
+import math
+from functools import cache
+
+import numpy as np
+
+from uvms_gym import Simulator, load_scene
+from uvms_gym.cli.hard.case import Case, Floats, Lab, Quantities, Scene, Truth, instants, single_body
+from uvms_gym.cli.hard.truth import ideal_body, turn
+
+# Added mass far below and far above the mass: a body pushed against quadratic drag, v = v_t tanh(t/T),
+# x = v_t T ln cosh(t/T), T = (m + m_A) / (k v_t). Added mass as a lagged force is unstable here above m_A = m.
+RATIOS = np.array([0.01, 0.1, 1.0, 10.0, 100.0, 1000.0])
+PUSH = {"mass": 10.0, "drag": 20.0, "force": 20.0}
+PUSH_TIMES = instants(1.0, 10)
+# And the same body left to itself with twists about all axes, whose impulse and energy stay.
+ADDED = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
+LOOSE = np.array([0.5, -0.2, 0.1, 0.3, 0.5, -0.4])
+
+
+def _ratio_scene(drag: float) -> Scene:
+    damping = {"quadratic": [drag, 0.0, 0.0, 0.0, 0.0, 0.0]}
+    mass = PUSH["mass"]
+    body = {"mass": mass, "inertia": [1.0] * 3, "added_mass": list(mass * ADDED), "damping": damping}
+    return single_body("mass ratio", body, 1000.0)
+
+
+def _run_ratio(lab: Lab) -> Quantities:
+    pushed, loose = (lab.simulator(_ratio_scene(drag), len(RATIOS)) for drag in (PUSH["drag"], 0.0))
+    for s in (pushed, loose):
+        s.set_parameters(added_mass=RATIOS)
+    loose.set_state(twist=LOOSE)
+
+    def look_pushed() -> Quantities:
+        speed = {f"speed at {ratio:g}": v for ratio, v in zip(RATIOS, pushed.twist[:, :1], strict=True)}
+        return speed | {f"way at {ratio:g}": x for ratio, x in zip(RATIOS, pushed.position[:, :1], strict=True)}
+
+    def look_loose() -> Quantities:
+        energy, momentum = loose.energy()["total"], loose.momentum()
+        rows: Quantities = {f"energy at {ratio:g}": e[None] for ratio, e in zip(RATIOS, energy, strict=True)}
+        return rows | {f"impulse at {ratio:g}": p for ratio, p in zip(RATIOS, momentum, strict=True)}
+
+    wrench = [PUSH["force"], 0.0, 0.0, 0.0, 0.0, 0.0]
+    count = len(PUSH_TIMES)
+    return lab.sampled(pushed, 1.0, count, look_pushed, wrench=wrench) | lab.sampled(loose, 1.0, count, look_loose)
+
+
+def _ratio_truth() -> Truth:
+    mass, drag, force = PUSH.values()
+    terminal, values, count = math.sqrt(force / drag), {}, len(PUSH_TIMES)
+    for ratio in RATIOS:
+        scale = mass * (1.0 + ratio) / (drag * terminal)
+        values[f"speed at {ratio:g}"] = terminal * np.tanh(PUSH_TIMES / scale)[:, None]
+        values[f"way at {ratio:g}"] = terminal * scale * np.log(np.cosh(PUSH_TIMES / scale))[:, None]
+        inertia = np.diag(np.array([mass] * 3 + [1.0] * 3) + ratio * mass * ADDED)
+        values[f"energy at {ratio:g}"] = np.full((count, 1), 0.5 * LOOSE @ inertia @ LOOSE)
+        values[f"impulse at {ratio:g}"] = np.tile(inertia @ LOOSE, (count, 1))
+    return Truth(values, "closed form; laws of conservation")
+
+
+MASS_RATIO = Case(
+    name="added mass 0.01 to 1000 m",
+    tests="six ratios, 10 s: speed and way of a body pushed against quadratic drag; impulse and energy of a loose one",
+    run=_run_ratio,
+    truth=_ratio_truth,
+    steps={4: 0.02, 3: 0.01, 2: 0.01, 1: 0.002},
+    interval=1.0,
+)
+
+
+# Off-diagonal added mass: RexROV's published matrix, without drag and gravity: Kirchhoff's equations.
+REXROV_TWIST = np.array([1.0, 0.3, -0.2, 0.1, 0.25, -0.3])
+REXROV_TIMES = instants(1.0, 10)
+
+
+def _rexrov() -> Scene:
+    scene = load_scene("rexrov")
+    body = scene["vehicle"]["body"]
+    body["damping"] = {"linear": [0.0] * 6, "quadratic": [0.0] * 6}
+    scene["water"]["gravity"] = [0.0] * 3
+    return scene | {"provenance": {}, "name": "hard case off-diagonal"}
+
+
+def _run_rexrov(lab: Lab) -> Quantities:
+    s = lab.simulator(_rexrov())
+    s.set_state(twist=REXROV_TWIST)
+
+    def look() -> Quantities:
+        return {
+            "position": s.position[0],
+            "attitude": s.rotation[0],
+            "twist": s.twist[0],
+            "impulse": s.momentum()[0],
+            "energy": s.energy()["total"],
+        }
+
+    return lab.sampled(s, 1.0, len(REXROV_TIMES), look)
+
+
+@cache
+def _rexrov_truth() -> Truth:
+    body = _rexrov()["vehicle"]["body"]
+    rigid = np.diag([body["mass"]] * 3 + [0.0] * 3)
+    rigid[3:, 3:] = body["inertia"]
+    inertia = rigid + np.array(body["added_mass"])
+    values = ideal_body(inertia, REXROV_TWIST, REXROV_TIMES, 0.02)
+    finer = ideal_body(inertia, REXROV_TWIST, REXROV_TIMES, 0.04)
+    doubt = max(float(np.abs(values[name] - finer[name]).max()) for name in values)
+    count = len(REXROV_TIMES)
+    values["impulse"] = np.tile(inertia @ REXROV_TWIST, (count, 1))
+    values["energy"] = np.full((count, 1), 0.5 * REXROV_TWIST @ inertia @ REXROV_TWIST)
+    return Truth(values, "Kirchhoff's equations for the impulse, in numpy, two steps", doubt)
+
+
+OFF_DIAGONAL = Case(
+    name="off-diagonal added mass",
+    tests="RexROV without drag, 10 s: pose and twist, impulse and energy every 1 s",
+    run=_run_rexrov,
+    truth=_rexrov_truth,
+    steps={4: 0.02, 3: 0.02, 2: 0.01, 1: 0.002},
+    interval=1.0,
+)
+
+
+# Munk instability: a body that flies along its slender axis turns broadside at a rate known from linearisation.
+MUNK = {"mass": 10.0, "added_x": 1.0, "added_y": 9.0, "inertia": 1.5}
+MUNK_TIME, MUNK_START = 4.0, 1e-7
+
+
+def _munk_rate() -> float:
+    m, ax, ay, inertia = MUNK.values()
+    return math.sqrt((ay - ax) * (m + ax) / ((m + ay) * inertia))
+
+
+def _run_munk(lab: Lab) -> Quantities:
+    m, ax, ay, inertia = MUNK.values()
+    added = [ax, ay, ay, 0.5, 0.5, 0.5]
+    s = lab.simulator(single_body("munk", {"mass": m, "inertia": [inertia - 0.5] * 3, "added_mass": added}, 1000.0))
+    # The growing mode: sway v and yaw rate r with (m + ay) v' = -(m + ax) r.
+    yaw_rate = -_munk_rate() * (m + ay) / (m + ax) * MUNK_START
+    s.set_state(twist=[1.0, MUNK_START, 0.0, 0.0, 0.0, yaw_rate])
+    lab.advance(s, MUNK_TIME)
+    grown = s.twist[0, [1, 5]] / np.array([MUNK_START, yaw_rate])
+    return {"rate": np.log(np.where(grown > 0.0, grown, np.nan))[None] / MUNK_TIME}
+
+
+MUNK_CASE = Case(
+    name="Munk instability",
+    tests="growth rate of sway and of yaw over 4 s from 1e-7 of the speed",
+    run=_run_munk,
+    truth=lambda: Truth({"rate": np.full((1, 2), _munk_rate())}, "closed form, linearised: 1e-8 from nonlinear terms"),
+    steps={2: 0.04, 1: 0.02},
+    interval=MUNK_TIME,
+)
+
+
+# Quadratic drag at 50 m/s: braked to a stop; and against a force, through zero and up to terminal speed.
+FAST = {"mass": 19.0, "drag": 18.18, "force": 20.0, "speed": 50.0}
+FAST_TIMES = instants(0.1, 50)
+
+
+def _run_fast(lab: Lab) -> Quantities:
+    m, k, force, speed = FAST.values()
+    body = {"mass": m - 5.5, "inertia": [0.3] * 3, "added_mass": [5.5, 0.0, 0.0, 0.0, 0.0, 0.0]}
+    s = lab.simulator(single_body("fast drag", body | {"damping": {"quadratic": [k] + [0.0] * 5}}, 1000.0), 2)
+    s.set_state(twist=[[speed, 0.0, 0.0, 0.0, 0.0, 0.0], [-speed, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    wrench = [[0.0] * 6, [force, 0.0, 0.0, 0.0, 0.0, 0.0]]
+
+    def look() -> Quantities:
+        return {
+            "speed, braked": s.twist[0, :1],
+            "way, braked": s.position[0, :1],
+            "speed, through zero": s.twist[1, :1],
+            "way, through zero": s.position[1, :1],
+        }
+
+    return lab.sampled(s, 0.1, len(FAST_TIMES), look, wrench=wrench)
+
+
+def _fast_truth() -> Truth:
+    m, k, force, speed = FAST.values()
+    t, terminal = FAST_TIMES, math.sqrt(force / k)
+    rate = k * terminal / m
+    stop = math.atan(speed / terminal) / rate
+    before, after = np.minimum(t, stop), np.maximum(t - stop, 0.0)
+    # tan and ln cos while it goes backwards, tanh and ln cosh after.
+    angle = rate * (before - stop)
+    through = np.where(t < stop, np.tan(angle), np.tanh(rate * after)) * terminal
+    turning = -np.log(np.cos(angle) / math.cos(rate * stop)) + np.log(np.cosh(rate * after))
+    values = {
+        "speed, braked": speed / (1.0 + k * speed * t / m),
+        "way, braked": m / k * np.log1p(k * speed * t / m),
+        "speed, through zero": through,
+        "way, through zero": m / k * turning,
+    }
+    return Truth({name: value[:, None] for name, value in values.items()}, "closed form")
+
+
+FAST_DRAG = Case(
+    name="quadratic drag at 50 m/s",
+    tests="5 s of braking from 50 m/s, and of turning round against a force: speed and way every 0.1 s",
+    run=_run_fast,
+    truth=_fast_truth,
+    steps={4: 0.002, 2: 0.001, 1: 0.0005},
+    interval=0.1,
+    reason="the speed halves within 0.02 s at first",
+)
+
+
+# Linear drag over six decades: every quantity relative to what is left of it. An isotropic body, so that the
+# velocity in the world and the rate of turn decay exponentially, while in body axes one turns the other.
+DECAY, DECAY_SPIN = 1.0, np.array([0.6, -0.8, 1.0])
+DECAY_VELOCITY = np.array([1.0, 0.5, -0.5])
+DECAY_TIMES = instants(1.0, 14)
+
+
+def _run_decay(lab: Lab) -> Quantities:
+    mass, inertia = 3.0, 2.0
+    drag = [DECAY * 2.0 * mass] * 3 + [DECAY * inertia] * 3
+    body = {"mass": mass, "inertia": [inertia] * 3, "added_mass": [mass] * 3 + [0.0] * 3, "damping": {"linear": drag}}
+    s = lab.simulator(single_body("decay", body, 1000.0))
+    s.set_state(twist=np.concatenate([DECAY_VELOCITY, DECAY_SPIN]))
+
+    def look() -> Quantities:
+        left = np.exp(-DECAY * s.time[0])
+        return {"velocity": s.rotation[0] @ s.twist[0, :3] / left, "rate": s.twist[0, 3:] / left} | {
+            "position": s.position[0],
+            "attitude": s.rotation[0],
+        }
+
+    return lab.sampled(s, 1.0, len(DECAY_TIMES), look)
+
+
+def _decay_truth() -> Truth:
+    gone = (1.0 - np.exp(-DECAY * DECAY_TIMES)) / DECAY
+    rate = float(np.linalg.norm(DECAY_SPIN))
+    count = len(DECAY_TIMES)
+    values = {
+        "velocity": np.tile(DECAY_VELOCITY, (count, 1)),
+        "rate": np.tile(DECAY_SPIN, (count, 1)),
+        "position": gone[:, None] * DECAY_VELOCITY,
+        "attitude": turn(DECAY_SPIN / rate, rate * gone),
+    }
+    return Truth(values, "closed form")
+
+
+DRAG_DECAY = Case(
+    name="drag over six decades",
+    tests="14 s of decay by linear drag, to 1e-6: velocity and rate relative to what is left, position and attitude",
+    run=_run_decay,
+    truth=_decay_truth,
+    steps={4: 0.04, 3: 0.02, 2: 0.01, 1: 0.002},
+    interval=1.0,
+)
+
+
+# Restoring pendulum of small angle: omega^2 = m g d / (I_o + I_A - (m d)^2 / (m + m_A)); free, not pinned.
+PENDULUM = {"mass": 10.0, "depth": 0.05, "inertia": 0.3, "added": 8.0, "added_inertia": 0.2}
+PENDULUM_START, GRAVITY = 1e-3, 9.81
+# Ten periods, looked at often enough to follow the phase.
+PENDULUM_TIME, PENDULUM_INTERVAL = 20.0, 0.5
+PENDULUM_LOOKS = round(PENDULUM_TIME / PENDULUM_INTERVAL)
+
+
+def _pendulum_rate() -> float:
+    m, d, inertia, added, added_inertia = PENDULUM.values()
+    return math.sqrt(m * GRAVITY * d / (inertia + m * d * d + added_inertia - (m * d) ** 2 / (m + added)))
+
+
+def _run_pendulum(lab: Lab) -> Quantities:
+    m, d, inertia, added, added_inertia = PENDULUM.values()
+    body = {
+        "mass": m,
+        "inertia": [inertia] * 3,
+        "center_of_mass": [0.0, 0.0, -d],
+        "volume": m / 1000.0,
+        "added_mass": [4.0, added, added, *[added_inertia] * 3],
+    }
+    s = lab.simulator(single_body("pendulum", body, 1000.0, gravity=[0.0, 0.0, -GRAVITY]))
+    s.set_state(rotation=turn(np.eye(3)[0], PENDULUM_START)[0])
+    rate, phase, sizes = _pendulum_rate(), 0.0, []
+    for _ in range(PENDULUM_LOOKS):
+        lab.advance(s, PENDULUM_INTERVAL)
+        angle, speed = math.atan2(s.rotation[0, 2, 1], s.rotation[0, 2, 2]), float(s.twist[0, 3]) / rate
+        phase += (math.atan2(-speed, angle) - phase + math.pi) % (2.0 * math.pi) - math.pi
+        sizes.append(math.hypot(angle, speed))
+    return {"time per rad": np.array([[PENDULUM_TIME / phase]]), "amplitude": np.array(sizes)[:, None]}
+
+
+def _pendulum_truth() -> Truth:
+    rate = _pendulum_rate()
+    values = {"time per rad": np.array([[1.0 / rate]]), "amplitude": np.full((PENDULUM_LOOKS, 1), PENDULUM_START)}
+    return Truth(values, "closed form of small angles: 6e-8 from the angle of 1e-3 rad")
+
+
+PENDULUM_CASE = Case(
+    name="restoring pendulum",
+    tests="period and amplitude of roll over 20 s, some ten periods, neutral, centre of mass below that of buoyancy",
+    run=_run_pendulum,
+    truth=_pendulum_truth,
+    steps={4: 0.01, 3: 0.005, 2: 0.01, 1: 0.0002},
+    interval=PENDULUM_INTERVAL,
+)
+
+
+# A ball that spins while the water carries it off: relative to the water its velocity decays exponentially in world
+# axes, whatever it turns. Buoyancy and added mass follow water that accelerates: a body lighter than its water gets
+# ahead of it, (m + m_A) w' = -d w + (rho vol - m) (a_c - g).
+BALL = {"mass": 10.0, "added": 5.0, "drag": 3.0, "displaced": 10.5}
+BALL_SPIN = np.array([0.6, -0.8, 1.0])
+CURRENT = np.array([0.5, -0.3, 0.2])
+CURRENT_ACCELERATION = np.array([0.02, 0.05, -0.03])
+BALL_TIMES = instants(1.0, 20)
+
+
+def _run_ball(lab: Lab, acceleration: Floats) -> Quantities:
+    m, added, drag, displaced = BALL.values()
+    body = {
+        "mass": m,
+        "inertia": [1.0] * 3,
+        "volume": displaced / 1000.0,
+        "added_mass": [added] * 3 + [0.0] * 3,
+        "damping": {"linear": [drag] * 3 + [0.0] * 3},
+    }
+    s = lab.simulator(single_body("ball in a current", body, 1000.0, gravity=[0.0, 0.0, -GRAVITY]))
+    s.set_state(twist=np.concatenate([np.zeros(3), BALL_SPIN]), current=CURRENT, current_acceleration=acceleration)
+    return lab.sampled(s, 1.0, len(BALL_TIMES), lambda: _ball(s))
+
+
+def _ball(s: Simulator) -> Quantities:
+    return {"position": s.position[0], "velocity": s.rotation[0] @ s.twist[0, :3], "attitude": s.rotation[0]}
+
+
+def _ball_truth(acceleration: Floats) -> Truth:
+    m, added, drag, displaced = BALL.values()
+    rate, t = drag / (m + added), BALL_TIMES[:, None]
+    slip = (displaced - m) / drag * (acceleration + np.array([0.0, 0.0, GRAVITY]))
+    gone = (1.0 - np.exp(-rate * t)) / rate
+    position = CURRENT * t + 0.5 * acceleration * t * t + slip * t - (CURRENT + slip) * gone
+    velocity = CURRENT + acceleration * t + slip - (CURRENT + slip) * np.exp(-rate * t)
+    size = float(np.linalg.norm(BALL_SPIN))
+    attitude = turn(BALL_SPIN / size, size * BALL_TIMES)
+    return Truth({"position": position, "velocity": velocity, "attitude": attitude}, "closed form")
+
+
+DRIFT = Case(
+    name="drift with a current",
+    tests="a spinning ball carried off by steady water, 20 s: position, velocity and attitude every 1 s",
+    run=lambda lab: _run_ball(lab, np.zeros(3)),
+    truth=lambda: _ball_truth(np.zeros(3)),
+    steps={4: 0.04, 2: 0.02, 1: 0.005},
+    interval=1.0,
+)
+
+DRIFT_ACCELERATING = Case(
+    name="drift, water accelerating",
+    tests="the same in water that accelerates, buoyant: position, velocity and attitude every 1 s",
+    run=lambda lab: _run_ball(lab, CURRENT_ACCELERATION),
+    truth=lambda: _ball_truth(CURRENT_ACCELERATION),
+    steps=DRIFT.steps,
+    interval=1.0,
+)
+
+CASES = (MASS_RATIO, OFF_DIAGONAL, MUNK_CASE, FAST_DRAG, DRAG_DECAY, PENDULUM_CASE, DRIFT, DRIFT_ACCELERATING)
