@@ -55,11 +55,9 @@ impl<P: Copy> Drag<P> {
             Coefficients::Full(rows) => {
                 for i in 0..6 {
                     for k in 0..6 {
-                        let share = if i == k { L::c(1.0) } else { L::c(0.5) };
                         let row = (rows[i][k].get() * speed[k]).abs();
                         let column = (rows[k][i].get() * speed[i]).abs();
-                        let both = if i == k { row } else { row + column };
-                        diagonal[i] = both.mul_add(share, diagonal[i]);
+                        diagonal[i] = (row + column).mul_add(L::c(0.5), diagonal[i]);
                     }
                 }
             }
