@@ -121,9 +121,9 @@ impl Case {
         let from = if scene.vehicle.fixed { 6 } else { 0 };
         let size = 6 + n - from;
         let free: DMatrix<f64> = matrix.view((from, from), (size, size)).into();
-        let solved = free.lu().solve(&force.rows(from, size).into_owned());
         let mut all = DVector::zeros(6 + n);
-        if let Some(solved) = solved {
+        if size > 0 {
+            let solved = free.lu().solve(&force.rows(from, size).into_owned()).unwrap();
             all.rows_mut(from, size).copy_from(&solved);
         }
         all

@@ -106,7 +106,8 @@ fn a_stiff_pendulum_stays_within_its_swing() {
 
 #[test]
 fn lift_beyond_drag_is_no_engine() {
-    for (lift, stiffness) in [(0.5, 1e4), (2.0, 1e4), (10.0, 1e4), (2.0, 10.0)] {
+    // Decay through lift far beyond drag is slowed down by the bound that replaces it, but stays a decay.
+    for (lift, stiffness, bar) in [(0.5, 1e4, 1e-12), (2.0, 1e4, 1e-3), (10.0, 1e4, 1.0), (2.0, 10.0, 1e-12)] {
         let mut scene = body();
         let d = &mut scene.vehicle.body.damping.linear;
         *d = Matrix6::identity() * stiffness;
@@ -118,7 +119,7 @@ fn lift_beyond_drag_is_no_engine() {
         let greatest = ends.iter().map(|state| state.twist.norm()).fold(0.0, f64::max);
         let last = ends[299].twist.norm();
         println!("lift {lift} of {stiffness}: greatest {greatest:.3}, last {last:.3e}");
-        assert!(greatest < 5.0 && last < 0.1, "lift {lift} of {stiffness}");
+        assert!(greatest < 2.0 && last < bar, "lift {lift} of {stiffness}");
     }
 }
 
