@@ -1,7 +1,6 @@
 //! The linearly implicit method: its kernel against a dense twin, its order, and what it must survive.
 
 #[path = "../common/random_scene.rs"]
-#[allow(dead_code, reason = "each test crate uses a part")]
 mod random_scene;
 
 mod kernel;
