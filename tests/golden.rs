@@ -1,13 +1,14 @@
 //! Forward dynamics against outside truth: golden data in `tests/golden/`, beside the scripts that made them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Vector3, Vector6};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::system::{JOINTS, Joints, State};
+use uvms_gym::system::{JOINTS, Joints, State, rotation_vector};
 
 /// Bound on errors, relative to the greatest component.
 const TOLERANCE: f64 = 1e-10;
@@ -22,22 +23,22 @@ fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
     let balance = Balance::new(scene).unwrap();
     let external = case.external_with_wrench();
     let loads = Loads { thrust: &[], external: &external, joint_command: &case.joint_torque };
-    balance.at(&case.state(), Vector3::from(case.current)).accelerations(&loads).unwrap()
+    balance.at(&case.at.state(), Vector3::from(case.current)).accelerations(&loads).unwrap()
 }
 
 fn articulated_bodies(scene: &Scene, case: &Case) -> DVector<f64> {
     let mut scene = scene.clone();
     scene.water.current = case.current.into();
     let mut simulator = Simulator::new(scene, SimulatorOptions::default()).unwrap();
-    simulator.set_state(0, &case.state());
+    simulator.set_state(0, &case.at.state());
     let external: Vec<f64> = case.external_with_wrench().iter().flatten().copied().collect();
     let inputs = Inputs { joint_torque: Some(&case.joint_torque), external: Some(&external), ..Inputs::default() };
     simulator.forward_dynamics(&inputs).unwrap().into()
 }
 
 #[derive(Deserialize)]
-struct Golden {
-    scenes: Vec<SceneCases>,
+struct Golden<T> {
+    scenes: Vec<T>,
 }
 
 #[derive(Deserialize)]
@@ -46,14 +47,21 @@ struct SceneCases {
     cases: Vec<Case>,
 }
 
-/// A state, what is applied (vehicle wrench and external wrenches in body axes), and what comes of it.
+/// Where a system is and how it moves.
 #[derive(Deserialize)]
-struct Case {
+struct Kinematics {
     position: [f64; 3],
     rotation: [[f64; 3]; 3],
     twist: [f64; 6],
     q: Vec<f64>,
     qd: Vec<f64>,
+}
+
+/// A state, what is applied (vehicle wrench and external wrenches in body axes), and what comes of it.
+#[derive(Deserialize)]
+struct Case {
+    #[serde(flatten)]
+    at: Kinematics,
     joint_torque: Vec<f64>,
     wrench: [f64; 6],
     #[serde(default)]
@@ -79,7 +87,19 @@ struct Details {
     jacobian: Vec<Vec<f64>>,
 }
 
-impl Case {
+/// A motion under constant joint torques from `start` to `end`.
+#[derive(Deserialize)]
+struct Motion {
+    scene: String,
+    time: f64,
+    /// By how much their end changed when they last halved their step.
+    step_effect: f64,
+    joint_torque: Vec<f64>,
+    start: Kinematics,
+    end: Kinematics,
+}
+
+impl Kinematics {
     fn state(&self) -> State {
         State {
             position: self.position.into(),
@@ -90,10 +110,12 @@ impl Case {
             time: 0.0,
         }
     }
+}
 
+impl Case {
     /// External wrench per moving body, that on the vehicle included.
     fn external_with_wrench(&self) -> Vec<Vector6<f64>> {
-        let mut wrenches = vec![Vector6::zeros(); 1 + self.q.len()];
+        let mut wrenches = vec![Vector6::zeros(); 1 + self.at.q.len()];
         for (sum, external) in wrenches.iter_mut().zip(&self.external) {
             *sum += Vector6::from(*external);
         }
@@ -112,31 +134,48 @@ fn matrix(rows: &[Vec<f64>]) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), rows[0].len(), |i, j| rows[i][j])
 }
 
-fn golden(file: &str) -> Vec<(Scene, SceneCases)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
-    let text = std::fs::read_to_string(folder.join(file)).unwrap();
-    let golden: Golden = serde_json::from_str(&text).unwrap();
-    let scene = |name: &str| Scene::from_file(folder.join(format!("scenes/{name}.toml"))).unwrap();
-    golden.scenes.into_iter().map(|cases| (scene(&cases.scene), cases)).collect()
+fn read<T: DeserializeOwned>(file: &str) -> Vec<T> {
+    let text = std::fs::read_to_string(folder().join(file)).unwrap();
+    serde_json::from_str::<Golden<T>>(&text).unwrap().scenes
 }
 
-fn assert_close<'a>(what: &str, ours: impl IntoIterator<Item = &'a f64>, theirs: impl IntoIterator<Item = &'a f64>) {
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden")
+}
+
+fn scene(name: &str) -> Scene {
+    Scene::from_file(folder().join(format!("scenes/{name}.toml"))).unwrap()
+}
+
+fn golden(file: &str) -> Vec<(Scene, SceneCases)> {
+    read(file).into_iter().map(|cases: SceneCases| (scene(&cases.scene), cases)).collect()
+}
+
+/// Asserts that two lists agree; the error relative to the greatest entry.
+fn assert_close<'a>(
+    what: &str,
+    ours: impl IntoIterator<Item = &'a f64>,
+    theirs: impl IntoIterator<Item = &'a f64>,
+) -> f64 {
     let (ours, theirs): (Vec<_>, Vec<_>) = (ours.into_iter().collect(), theirs.into_iter().collect());
     assert_eq!(ours.len(), theirs.len(), "{what}");
     let scale = theirs.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let error = ours.iter().zip(&theirs).fold(0.0_f64, |most, (a, b)| most.max((*a - *b).abs()));
     assert!(error <= TOLERANCE * scale, "{what}: off by {error:e} of {scale:e}\nours   {ours:?}\ntheirs {theirs:?}");
+    error / scale
 }
 
 fn check_accelerations(file: &str) {
     for (scene, SceneCases { scene: name, cases }) in golden(file) {
         assert!(cases.len() >= 10, "{name}");
+        let mut worst = 0.0_f64;
         for (i, case) in cases.iter().enumerate() {
             for (method, accelerations) in FORWARD_DYNAMICS {
                 let what = format!("{name}, case {i}, {method}");
-                assert_close(&what, &accelerations(&scene, case), &case.expected.acceleration);
+                worst = worst.max(assert_close(&what, &accelerations(&scene, case), &case.expected.acceleration));
             }
         }
+        println!("{file}, {name}: {} states, off by at most {worst:.1e}", cases.len());
     }
 }
 
@@ -156,6 +195,44 @@ fn val_vehicle_alone_equals_fossen() {
 }
 
 #[test]
+fn val_dry_accelerations_equal_mujoco() {
+    check_accelerations("mujoco_dry.json");
+}
+
+/// Bound on the difference of position, attitude (rotation vector), twist and joints at the end of a motion of 1 s.
+const MOTION_TOLERANCE: f64 = 1e-11;
+
+#[test]
+fn val_dry_motions_end_where_mujocos_do() {
+    let motions: Vec<Motion> = read("mujoco_motion.json");
+    assert_eq!(motions.len(), 2);
+    for motion in motions {
+        assert!(motion.step_effect < MOTION_TOLERANCE / 10.0);
+        let misses = [0.004, 0.002, 0.001].map(|dt| {
+            let options = SimulatorOptions { dt, ..SimulatorOptions::default() };
+            let mut simulator = Simulator::new(scene(&motion.scene), options).unwrap();
+            simulator.set_state(0, &motion.start.state());
+            let inputs = Inputs { joint_torque: Some(&motion.joint_torque), ..Inputs::default() };
+            simulator.step(&inputs, (motion.time / dt).round() as usize).unwrap();
+            miss(&simulator.state(0), &motion.end.state())
+        });
+        println!("{}: misses MuJoCo's end by {misses:?}", motion.scene);
+        assert!(miss(&motion.start.state(), &motion.end.state()) > 0.1);
+        assert!(misses[2] < MOTION_TOLERANCE && misses[1] < misses[0] / 14.0, "{}: {misses:?}", motion.scene);
+    }
+}
+
+/// Greatest difference of two states.
+fn miss(ours: &State, theirs: &State) -> f64 {
+    let joints = ours.q.iter().chain(&ours.qd).zip(theirs.q.iter().chain(&theirs.qd)).map(|(a, b)| (a - b).abs());
+    let turn = rotation_vector(&(theirs.rotation.transpose() * ours.rotation)).amax();
+    let vehicle = [(ours.position - theirs.position).amax(), turn, (ours.twist - theirs.twist).amax()];
+    let differences: Vec<f64> = joints.chain(vehicle).collect();
+    assert!(differences.iter().all(|x| x.is_finite()));
+    differences.into_iter().fold(0.0, f64::max)
+}
+
+#[test]
 fn val_mass_matrix_bias_and_jacobian_equal_pinocchio() {
     let mut compared = 0;
     for (scene, SceneCases { scene: name, cases }) in golden("pinocchio_dry.json") {
@@ -163,9 +240,9 @@ fn val_mass_matrix_bias_and_jacobian_equal_pinocchio() {
         for (i, case) in cases.iter().enumerate() {
             let Some(theirs) = &case.expected.details else { continue };
             let what = |quantity: &str| format!("{name}, case {i}, {quantity}");
-            let form = balance.at(&case.state(), Vector3::zeros());
+            let form = balance.at(&case.at.state(), Vector3::zeros());
             let first = if scene.vehicle.fixed { 6 } else { 0 };
-            let free = 6 + case.q.len() - first;
+            let free = 6 + case.at.q.len() - first;
             let mass_matrix = form.mass_matrix().view((first, first), (free, free)).into_owned();
             assert_close(&what("mass matrix"), &mass_matrix, &matrix(&theirs.mass_matrix));
             // Pinocchio counts gravity among the bias.

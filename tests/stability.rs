@@ -411,7 +411,7 @@ fn the_instance_that_leaves_the_range_is_said_once() {
             let Some(stray) = stray else { continue };
             let seen = stray.sighting;
             assert_eq!((seen.instance, seen.finite), (77, true));
-            assert!((seen.time - 3.8).abs() < 1e-6 && (seen.stiffness - 2.4).abs() < 0.01, "{seen:?}");
+            assert!((seen.time - 3.8).abs() < 1e-6 && (seen.watched.stiffness - 2.4).abs() < 0.01, "{seen:?}");
             let text = stray.to_string();
             for part in ["'free-body'", "instance 77", "t = 3.8", "'mk4'", "dt = 0.6 s", "4.00 1/s", "2.40"] {
                 assert!(text.contains(part), "{part}: {text}");

@@ -166,6 +166,9 @@ class Simulator:
     def stiffness(self) -> NDArray[np.float64]:
         """(N,) dt times the fastest rate that each instance's motion excites, as the stages of its last steps show."""
     @property
+    def step_error(self) -> NDArray[np.float64]:
+        """(N,) share of its speed that each instance's last steps got wrong, as their stages show."""
+    @property
     def current(self) -> NDArray[np.float64]:
         """(N, 3) velocity of the water in the world, m/s."""
     @property
@@ -285,10 +288,8 @@ class Simulator:
         """Set factors, () or (N,), on the parameters of every body of each instance; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
-    def modes(
-        self, speed: ArrayLike | None = None, *, joint_servos: bool = True, station: bool = True
-    ) -> list[_Mode]:
-        """Rates at which small deviations decay, swing or grow, fastest first; at expected vehicle `speed` () or (6,)."""
+    def modes(self, speed: ArrayLike | None = None, *, joint_servos: bool = True, station: bool = True) -> list[_Mode]:
+        """Rates at which small deviations decay, swing or grow, fastest first; at vehicle `speed` () or (6,)."""
     def stable_steps(
         self,
         speed: ArrayLike | None = None,

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::layout::Layout;
-use super::monitor::Sighting;
+use super::monitor::{Sighting, Watched};
 use super::step::{Accelerate, Step, Switches};
 use super::table::{InstanceLoads, Table};
 use super::threads::for_each;
@@ -27,8 +27,8 @@ pub trait Storage: Send + Sync {
     fn attitude(&self, i: usize) -> Option<[f64; 4]>;
     /// Sets those coordinates.
     fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]);
-    /// What the integrator saw of fast rates of instance `i`.
-    fn contrast(&self, i: usize) -> [f64; 2];
+    /// What the integrator saw of the motion of instance `i`.
+    fn watched(&self, i: usize) -> Watched;
     /// Flow of the water at instance `i`.
     fn flow(&self, i: usize) -> Flow;
     /// Sets the flow of the water at instance `i`.
@@ -253,8 +253,8 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_attitude(&mut self.rows, i, attitude);
     }
 
-    fn contrast(&self, i: usize) -> [f64; 2] {
-        self.table.contrast(&self.rows, i)
+    fn watched(&self, i: usize) -> Watched {
+        self.table.watched(&self.rows, i)
     }
 
     fn flow(&self, i: usize) -> Flow {

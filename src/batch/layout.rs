@@ -10,7 +10,7 @@ pub struct Layout {
     pub joints: usize,
     /// R by rows, 9.
     pub rotation: usize,
-    /// r, 3.
+    /// r, 3, and what rounding has left out of it, 3.
     pub position: usize,
     /// Absolute body twist, 6.
     pub twist: usize,
@@ -63,7 +63,7 @@ impl Layout {
         Self {
             joints,
             rotation: take(9),
-            position: take(3),
+            position: take(6),
             twist: take(6),
             q: take(joints),
             qd: take(joints),
@@ -78,7 +78,7 @@ impl Layout {
             factors: take(5),
             attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
             keeps,
-            contrast: take(2),
+            contrast: take(4),
             plan: take(usize::from(adaptive)),
             adaptive,
             rows: take(0),

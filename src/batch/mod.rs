@@ -16,7 +16,7 @@ mod threads;
 
 pub use inputs::Inputs;
 pub use loads::AppliedLoads;
-pub use monitor::{Sighting, Stray};
+pub use monitor::{Sighting, Stray, WRONG, Watched};
 pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;

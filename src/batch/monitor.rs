@@ -6,8 +6,19 @@ use super::rates::{Others, digits};
 use super::simulator::{Simulator, SimulatorOptions};
 use super::table::Table;
 use crate::balance::Servos;
-use crate::integrate::stiffness;
 use crate::lane::Real;
+
+/// Share of its speed that the last steps of a motion may get wrong.
+pub const WRONG: f64 = 0.02;
+
+/// What steps showed of a motion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Watched {
+    /// `h |rate|` of the fastest rate that it excites.
+    pub stiffness: f64,
+    /// Share of its speed that the last steps got wrong.
+    pub error: f64,
+}
 
 /// An instance whose motion a step does not follow.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,8 +27,8 @@ pub struct Sighting {
     pub instance: usize,
     /// Its time, s.
     pub time: f64,
-    /// `h |rate|` of the fastest rate that its motion excites.
-    pub stiffness: f64,
+    /// What its motion showed.
+    pub watched: Watched,
     /// Whether its state is finite.
     pub finite: bool,
 }
@@ -32,13 +43,14 @@ impl Table {
             let finite = state.iter().fold(true, |finite, x| finite & x.to_f64().is_finite());
             let first = k * T::BLOCK;
             for i in first..count.min(first + T::BLOCK) {
-                let stiffness = stiffness(self.contrast(rows, i), T::EPSILON);
-                if finite && stiffness <= range {
+                let watched = self.watched(rows, i);
+                let follows = watched.stiffness <= range && watched.error <= WRONG;
+                if finite && follows {
                     continue;
                 }
                 let finite = finite || (0..self.layout.time).all(|row| self.get(rows, i, row).is_finite());
-                if !finite || stiffness > range {
-                    return Some(Sighting { instance: i, time: self.state(rows, i).time, stiffness, finite });
+                if !finite || !follows {
+                    return Some(Sighting { instance: i, time: self.state(rows, i).time, watched, finite });
                 }
             }
         }
@@ -96,7 +108,7 @@ pub struct Stray {
 impl fmt::Display for Stray {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, integrator, dt, range, sighting } = self;
-        let Sighting { instance, time, stiffness, finite } = *sighting;
+        let Sighting { instance, time, watched: Watched { stiffness, error }, finite } = *sighting;
         write!(f, "scene '{scene}': ")?;
         if finite {
             write!(f, "instance {instance} is wrong")?;
@@ -109,6 +121,9 @@ impl fmt::Display for Stray {
         }
         if range.is_finite() {
             write!(f, ", right up to h |rate| = {}", digits(*range))?;
+        }
+        if error.is_finite() && error > WRONG {
+            write!(f, ", the last steps wrong by {:.1} % of the speed", 100.0 * error)?;
         }
         write!(f, "; take a smaller dt{Others}")
     }

@@ -12,7 +12,7 @@ use crate::balance::{Balance, ClosedForm, Linearization, linearize};
 use crate::control::Allocation;
 use crate::description::Scene;
 use crate::error::SimulatorError;
-use crate::integrate::{Attitude, Gains, Integrator, stiffness};
+use crate::integrate::{Attitude, Gains, Integrator};
 use crate::lane::Isa;
 use crate::lie::Vector6;
 use crate::system::{Compiled, Factors, Flow, State, compile};
@@ -268,7 +268,14 @@ impl Simulator {
     /// by less than rounding does not count. 0 before the first step after [`Self::set_state`], and for integrators of
     /// one stage, which have nothing to compare. Adaptive integrators count with the pieces that they choose.
     pub fn stiffness(&self, i: usize) -> f64 {
-        stiffness(self.storage.contrast(i), self.options.precision.epsilon())
+        self.storage.watched(i).stiffness
+    }
+
+    /// Share of its speed that the last thirty steps or so of instance `i` got wrong, estimated from the same differences
+    /// for the methods of orders 2 to 4: of the velocity error summed over them, by the greatest speed among them. 0 for
+    /// others, which have nothing to compare or keep to a tolerance.
+    pub fn step_error(&self, i: usize) -> f64 {
+        self.storage.watched(i).error
     }
 
     /// Flow of the water at instance `i`.

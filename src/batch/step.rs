@@ -68,6 +68,7 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     fn motion<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
         motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
+        motion.rest = self.vector(layout.position + 3);
         motion.twist = self.six(layout.twist);
         self.joints(layout.q, layout.joints, &mut motion.q);
         self.joints(layout.qd, layout.joints, &mut motion.qd);
@@ -84,6 +85,7 @@ impl<T: Real> Columns<'_, T> {
             self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
         }
         self.set_all(layout.position, &motion.pose.position.0, 3);
+        self.set_all(layout.position + 3, &motion.rest.0, 3);
         self.set_all(layout.twist, &motion.twist.to_array(), 6);
         self.set_all(layout.q, &motion.q, layout.joints);
         self.set_all(layout.qd, &motion.qd, layout.joints);
@@ -95,12 +97,14 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
         let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
-        Watch { contrast: [self.get(layout.contrast), self.get(layout.contrast + 1)], plan }
+        let seen = layout.contrast;
+        Watch { contrast: [self.get(seen), self.get(seen + 1)], slip: [self.get(seen + 2), self.get(seen + 3)], plan }
     }
 
     #[inline(always)]
     fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
         self.set_all(layout.contrast, &watch.contrast, 2);
+        self.set_all(layout.contrast + 2, &watch.slip, 2);
         if layout.adaptive {
             self.set(layout.plan, watch.plan);
         }
@@ -145,10 +149,10 @@ fn shift_twist<L: Lane>(twist: Vector6<L>, rotation: &Matrix3<L>, current: Vecto
     Vector6 { linear: rotation.apply_transposed(current).scale_add(L::c(sign), twist.linear), ..twist }
 }
 
-/// Where water that moves at `current`, and gains `gained` within the step, carries `position`.
+/// How far water that moves at `current`, and gains `gained` within the step, carries a body.
 #[inline(always)]
-fn drift<L: Lane>(position: Vector3<L>, current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector3<L> {
-    gained.scale_add(L::c(0.5), current).scale_add(L::splat(h), position)
+fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector3<L> {
+    gained.scale_add(L::c(0.5), current).scale(L::splat(h))
 }
 
 /// Steps blocks of instances.
@@ -244,7 +248,7 @@ impl<T: Real> Step<'_, T> {
         let mut watch = columns.watch(self.layout);
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
-            let held = (motion.pose, motion.attitude);
+            let held = (motion.pose, motion.rest, motion.attitude);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             match &self.integrator {
                 Integrator::Explicit(method) => {
@@ -255,12 +259,12 @@ impl<T: Real> Step<'_, T> {
                     implicit_interval(self.h, motion, &mut memory.trial, &mut dynamics);
                 }
             }
-            motion.pose.position = drift(motion.pose.position, current, gained, self.h);
+            motion.travel(drift(current, gained, self.h));
             current = current + gained;
             dynamics.flow_on(current);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
             if system.fixed {
-                (motion.pose, motion.attitude) = held;
+                (motion.pose, motion.rest, motion.attitude) = held;
                 motion.twist = Vector6::zero();
             }
         }

@@ -3,8 +3,9 @@
 use nalgebra as na;
 
 use super::layout::Layout;
+use super::monitor::Watched;
 use super::step::Switches;
-use crate::integrate::Attitude;
+use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
 use crate::system::{Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
@@ -67,8 +68,9 @@ impl Table {
     /// State.
     pub fn state<T: Real>(&self, rows: &[T], i: usize) -> State {
         let layout = &self.layout;
+        let place = |k| self.get(rows, i, layout.position + k);
         let mut state = State {
-            position: self.get_all::<T, 3>(rows, i, layout.position).into(),
+            position: [0, 1, 2].map(|k| place(k) + place(3 + k)).into(),
             rotation: na::Matrix3::from_row_slice(&self.get_all::<T, 9>(rows, i, layout.rotation)),
             twist: self.get_all::<T, 6>(rows, i, layout.twist).into(),
             time: self.get(rows, i, layout.time) + self.get(rows, i, layout.time + 1),
@@ -85,7 +87,9 @@ impl Table {
     pub fn set_state<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
         let layout = &self.layout;
         self.set_all(rows, i, layout.rotation, state.rotation.transpose().iter().copied());
-        self.set_all(rows, i, layout.position, state.position.iter().copied());
+        let position = state.position.map(|x| T::from_f64(x).to_f64());
+        self.set_all(rows, i, layout.position, position.iter().copied());
+        self.set_all(rows, i, layout.position + 3, (state.position - position).iter().copied());
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
@@ -100,15 +104,16 @@ impl Table {
             }
         }
         // What was seen of another motion says nothing about this one.
-        self.set_all(rows, i, layout.contrast, [0.0; 2]);
+        self.set_all(rows, i, layout.contrast, [0.0; 4]);
         if layout.adaptive {
             self.set_all(rows, i, layout.plan, [0.0]);
         }
     }
 
-    /// What the integrator saw of fast rates.
-    pub fn contrast<T: Real>(&self, rows: &[T], i: usize) -> [f64; 2] {
-        self.get_all(rows, i, self.layout.contrast)
+    /// `h |rate|` of the fastest rate that the motion excites, and the share of its speed that its last steps got wrong.
+    pub fn watched<T: Real>(&self, rows: &[T], i: usize) -> Watched {
+        let [contrast, slip] = [0, 2].map(|k| self.get_all(rows, i, self.layout.contrast + k));
+        Watched { stiffness: stiffness(contrast, T::EPSILON), error: step_error(slip, T::EPSILON) }
     }
 
     /// Coordinates of the attitude that the integrator keeps, if it does.

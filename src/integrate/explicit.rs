@@ -107,11 +107,15 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
             to.attitude = quaternion::corrected(to.attitude, correction);
         }
         let (rotation, _) = kinematics(chart, to.attitude, end.twist.angular);
-        to.pose = Pose { rotation, position: from.pose.position + end.pose.linear };
+        to.pose = Pose { rotation, position: from.pose.position };
+        to.rest = from.rest;
+        to.travel(end.pose.linear);
     } else {
         turn = turn.max(end.pose.angular.dot(end.pose.angular));
-        to.pose = from.pose.times(&exp_se3(end.pose));
-        to.pose.rotation = to.pose.rotation.orthonormalised();
+        let moved = exp_se3(end.pose);
+        to.pose.rotation = from.pose.rotation.times(&moved.rotation).orthonormalised();
+        (to.pose.position, to.rest) = (from.pose.position, from.rest);
+        to.travel(from.pose.rotation.apply(moved.position));
     }
     to.twist = end.twist;
     for k in 0..n {

@@ -15,7 +15,7 @@ mod tableau;
 pub use catalogue::{Entry, Explicit, Gains, Integrator, Kind};
 pub use chart::{Attitude, Chart, Correction};
 pub use motion::Motion;
-pub use pieces::{Watch, interval, stiffness};
+pub use pieces::{Watch, interval, step_error, stiffness};
 pub use rosenbrock::{LinearlyImplicit, implicit_interval};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;

@@ -8,6 +8,8 @@ use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 pub struct Motion<L, const N: usize> {
     /// T.
     pub pose: Pose<L>,
+    /// What rounding has left out of the position.
+    pub rest: Vector3<L>,
     /// V, body twist.
     pub twist: Vector6<L>,
     /// q.
@@ -24,7 +26,27 @@ impl<L: Lane, const N: usize> Motion<L, N> {
     pub fn blank() -> Self {
         let zero = [L::zero(); N];
         let pose = Pose { rotation: Matrix3::identity(), position: Vector3::zero() };
-        Self { pose, twist: Vector6::zero(), q: zero, qd: zero, attitude: [L::zero(); 4] }
+        Self { pose, rest: Vector3::zero(), twist: Vector6::zero(), q: zero, qd: zero, attitude: [L::zero(); 4] }
+    }
+
+    /// Adds to the position by a compensated sum: steady travel adds the same number over and over, whose rounding is the
+    /// same each time too, and would grow to a drift.
+    #[inline(always)]
+    pub fn travel(&mut self, by: Vector3<L>) {
+        let passed = self.rest + by;
+        let next = self.pose.position + passed;
+        self.rest = passed - (next - self.pose.position);
+        self.pose.position = next;
+    }
+
+    /// How far it goes in a time `h` at its velocities, m and rad together.
+    #[inline(always)]
+    pub(super) fn way(&self, h: L, n: usize) -> L {
+        let mut sum = self.twist.dot(self.twist);
+        for k in 0..n {
+            sum = self.qd[k].mul_add(self.qd[k], sum);
+        }
+        sum.sqrt() * h
     }
 
     /// NaN throughout.
@@ -34,6 +56,7 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         let nan = Vector3([x; 3]);
         Self {
             pose: Pose { rotation: Matrix3([nan.0; 3]), position: nan },
+            rest: nan,
             twist: Vector6 { linear: nan, angular: nan },
             q: [x; N],
             qd: [x; N],
@@ -62,6 +85,7 @@ impl<L: Lane, const N: usize> Motion<L, N> {
             pick(mask, &new.pose.rotation.0[i], &mut self.pose.rotation.0[i], 3);
         }
         pick(mask, &new.pose.position.0, &mut self.pose.position.0, 3);
+        pick(mask, &new.rest.0, &mut self.rest.0, 3);
         pick(mask, &new.twist.linear.0, &mut self.twist.linear.0, 3);
         pick(mask, &new.twist.angular.0, &mut self.twist.angular.0, 3);
         pick(mask, &new.q, &mut self.q, n);

@@ -129,7 +129,8 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
 }
 
 /// Covers an interval of length `h`. Lanes that turn by more than half a radian within a piece take it in halves,
-/// quarters, and so on; lanes that have arrived stay as they are meanwhile.
+/// quarters, and so on; lanes that have arrived stay as they are meanwhile. [`super::Watch`] is not filled in: no rate is too
+/// fast here, and the extrapolation's own difference is the error of a method of order 1.
 #[inline(always)]
 pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L::Real,

@@ -22,6 +22,8 @@ pub struct Tableau {
     /// Weights n that sum to 0, for the estimate of fast rates: `sum n_i k_i` is the change of the right-hand side
     /// between states that differ by `h sum n_i a_ij k_j`. All 0 where there is none.
     pub contrast: [f64; STAGES],
+    /// Error of a step on a mode, by the size of that change (times h) and the power of `h |lambda|` given second.
+    pub slip: (f64, u32),
 }
 
 impl Tableau {
@@ -61,8 +63,16 @@ const fn rows<const K: usize>(given: [[f64; STAGES]; K]) -> [[f64; STAGES]; STAG
 }
 
 /// Euler's rule.
-pub static EULER: Tableau =
-    Tableau { stages: 1, order: 1, a: rows([]), b: row([1.0]), c: row([]), error: None, contrast: row([]) };
+pub static EULER: Tableau = Tableau {
+    stages: 1,
+    order: 1,
+    a: rows([]),
+    b: row([1.0]),
+    c: row([]),
+    error: None,
+    contrast: row([]),
+    slip: (0.0, 0),
+};
 
 /// The midpoint rule.
 ///
@@ -79,6 +89,8 @@ pub static MIDPOINT: Tableau = Tableau {
     c: row([0.0, 0.5]),
     error: None,
     contrast: row([-1.0, 1.0]),
+    // z^3 / 6 by z^2 / 2.
+    slip: (1.0 / 3.0, 1),
 };
 
 /// Heun's third-order method.
@@ -97,6 +109,8 @@ pub static HEUN3: Tableau = Tableau {
     c: row([0.0, 1.0 / 3.0, 2.0 / 3.0]),
     error: None,
     contrast: row([1.0, -2.0, 1.0]),
+    // z^4 / 24 by 2 z^3 / 9.
+    slip: (3.0 / 16.0, 1),
 };
 
 /// The classical fourth-order method, which the paper uses.
@@ -116,6 +130,8 @@ pub static RK4: Tableau = Tableau {
     c: row([0.0, 0.5, 0.5, 1.0]),
     error: None,
     contrast: row([0.0, -1.0, 1.0]),
+    // z^5 / 120 by z^3 / 4.
+    slip: (1.0 / 30.0, 2),
 };
 
 /// Dormand and Prince's pair of orders 5 and 4; goes on with order 5. `[DP80]`
@@ -142,6 +158,7 @@ pub static DORMAND_PRINCE: Tableau = Tableau {
         -1.0 / 40.0,
     ])),
     contrast: row([0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 1.0]),
+    slip: (0.0, 0),
 };
 const DORMAND_PRINCE_END: [f64; STAGES] =
     row([35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0]);

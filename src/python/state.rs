@@ -83,6 +83,14 @@ impl Simulator {
         array(py, &[instances], (0..instances).map(|i| self.inner.stiffness(i)).collect())
     }
 
+    /// numpy.ndarray (N,): share of its speed that the last thirty steps or so of each instance got wrong: the velocity
+    /// error that the stages show, summed, by the greatest speed. For the methods of orders 2 to 4; 0 for others.
+    #[getter]
+    fn step_error<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let instances = self.inner.instances();
+        array(py, &[instances], (0..instances).map(|i| self.inner.step_error(i)).collect())
+    }
+
     /// numpy.ndarray (N, 3): velocity of the water in the world, m/s.
     #[getter]
     fn current<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {

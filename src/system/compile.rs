@@ -5,7 +5,7 @@ use nalgebra as na;
 use super::chain::{Line, inverse, joint_frames};
 use super::model::{BodyTerms, Friction, JointTerms, Limits, Servo, System, VehicleServo};
 use super::variation::Ingredients;
-use crate::description::{Body, Frame, Joint, JointKind, Scene, Water};
+use crate::description::{Body, Frame, Joint, JointKind, Scene, Vehicle, Water};
 use crate::hydro::{Coefficients, Drag, Placement, Restoring};
 use crate::lane::Shared;
 use crate::lie::{Matrix3, Pose, Vector3};
@@ -84,11 +84,8 @@ pub fn compile(scene: &Scene) -> Compiled {
                 constant: if prismatic { frame.theta.sin_cos().into() } else { [frame.d, 0.0] },
                 body,
                 friction: friction(joint),
-                limits: joint
-                    .limits
-                    .as_ref()
-                    .map(|l| Limits { range: [l.lower, l.upper], stop: [l.stiffness, l.damping] }),
-                servo: joint.servo.as_ref().map(|s| Servo { kp: s.kp, kd: s.kd }),
+                limits: limits(joint),
+                servo: servo(joint),
                 effort: joint.effort,
             }
         })
@@ -98,7 +95,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         fixed: scene.vehicle.fixed,
         vehicle,
         joints,
-        vehicle_servo: scene.vehicle.servo.as_ref().map(|s| VehicleServo { kp: s.kp, kd: s.kd }),
+        vehicle_servo: vehicle_servo(&scene.vehicle),
     };
     Compiled { system: system.map(Shared), links, ingredients }
 }
@@ -262,6 +259,22 @@ fn friction(joint: &Joint) -> Option<Friction<f64>> {
     let f = &joint.friction;
     let coulomb = (f.coulomb != 0.0).then_some([f.coulomb, f.coulomb_speed * f.coulomb_speed]);
     (f.viscous != 0.0 || coulomb.is_some()).then_some(Friction { viscous: f.viscous, coulomb })
+}
+
+fn servo(joint: &Joint) -> Option<Servo<f64>> {
+    let gains = joint.servo.as_ref().filter(|s| s.kp != 0.0 || s.kd != 0.0)?;
+    Some(Servo { kp: gains.kp, kd: gains.kd })
+}
+
+fn vehicle_servo(vehicle: &Vehicle) -> Option<VehicleServo<f64>> {
+    let gains = vehicle.servo.as_ref().filter(|s| s.kp.iter().chain(&s.kd).any(|&gain| gain != 0.0))?;
+    Some(VehicleServo { kp: gains.kp, kd: gains.kd })
+}
+
+/// End stops, if they push at all.
+fn limits(joint: &Joint) -> Option<Limits<f64>> {
+    let limits = joint.limits.as_ref().filter(|l| l.stiffness != 0.0 || l.damping != 0.0)?;
+    Some(Limits { range: [limits.lower, limits.upper], stop: [limits.stiffness, limits.damping] })
 }
 
 fn identity() -> Pose<f64> {

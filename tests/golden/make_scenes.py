@@ -5,6 +5,7 @@ Rerun only on purpose: the golden files hold results for these very scenes. NumP
 
 The copies keep physics only (no servos, no thrusters, no provenance), so that tuning a shipped scene's gains does
 not disturb the golden data. Dry scenes lack all that water and joints add: only rigid bodies and gravity remain.
+Viscous scenes are dry ones whose joints keep their viscous friction.
 """
 
 import copy
@@ -77,8 +78,8 @@ def physics(scene):
     return scene
 
 
-def dry(scene):
-    """Without water, joint friction, end stops and effort limits."""
+def dry(scene, viscous=False):
+    """Without water, joint friction (but the viscous part if `viscous`), end stops and effort limits."""
     scene = copy.deepcopy(scene)
     scene["water"] = {"density": 0.0, "gravity": scene["water"]["gravity"]}
     for body in bodies(scene):
@@ -93,8 +94,10 @@ def dry(scene):
         ):
             body.pop(key, None)
     for joint in joints(scene):
+        kept = {"friction": {"viscous": joint["friction"]["viscous"]}} if viscous else {}
         for key in ("friction", "limits", "effort"):
             joint.pop(key, None)
+        joint |= kept
     return scene
 
 
@@ -208,7 +211,29 @@ RANDOM = {
     "random-no-links": (15, {"mass": 20.0, "kinds": "", "mount": "revolute", "base": True}),
     "random-no-arm": (16, {"mass": 25.0, "kinds": None}),
 }
+VISCOUS = ("random-nine-joints", "random-fixed-base", "petasus-pum")
 FROZEN = ("petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov")
+
+
+def coupled(scene, seed):
+    """With off-diagonal entries in all added masses: at most half of what would cost them their definiteness."""
+    scene = copy.deepcopy(scene)
+    rng = np.random.default_rng(seed)
+    for body in bodies(scene):
+        diagonal = np.array(body["added_mass"])
+        diagonal = np.maximum(diagonal, 1e-3 * diagonal.max())
+        root = rng.normal(size=(6, 6))
+        correlation = root @ root.T
+        size = np.sqrt(np.diag(correlation))
+        correlation = 0.5 * (np.eye(6) + correlation / np.outer(size, size))
+        body["added_mass"] = np.round(np.sqrt(np.outer(diagonal, diagonal)) * correlation, 6).tolist()
+    return scene
+
+
+def write_viscous(scene, name):
+    if name in VISCOUS:
+        summary = f"{name} without water, with viscous friction at the joints alone, made for tests."
+        write(dry(scene, viscous=True), f"{name}-viscous", summary)
 
 
 def main():
@@ -217,11 +242,16 @@ def main():
         scene = Random(seed).scene(**parts)
         write(scene, name, "Random numbers, made for tests.")
         write(dry(scene), f"{name}-dry", "Random numbers, made for tests; without water and joint losses.")
+        write_viscous(scene, name)
     for name in FROZEN:
         scene = physics(tomllib.loads((SHIPPED / f"{name}.toml").read_text()))
         write(scene, f"{name}-frozen", f"Physics of {name}, frozen for tests.")
         if "arm" in scene:
             write(dry(scene), f"{name}-dry", f"{name} without water and joint losses, frozen for tests.")
+        write_viscous(scene, name)
+        if name == "petasus-pum":
+            summary = f"{name} with off-diagonal added mass on every body, made for tests."
+            write(coupled(scene, 17), f"{name}-coupled", summary)
 
 
 if __name__ == "__main__":

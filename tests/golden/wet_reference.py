@@ -52,6 +52,7 @@ SCENES = [
     "random-fixed-base",
     "random-no-links",
     "random-no-arm",
+    "petasus-pum-coupled",
 ]
 STATES = 5
 

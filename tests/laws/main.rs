@@ -11,6 +11,7 @@ mod bodies;
 mod energy;
 mod flow;
 mod joints;
+mod links;
 mod momentum;
 mod order;
 mod rivals;

@@ -286,7 +286,7 @@ def test_exit_status_reaches_the_shell() -> None:
 def test_help_names_commands_and_options() -> None:
     done = uvms("--help", COLUMNS="100")
     assert done.returncode == 0
-    assert all(command in done.stdout for command in ("reproduce", "compare", "scenes"))
+    assert all(command in done.stdout for command in ("reproduce", "compare", "accuracy", "scenes"))
 
 
 def test_a_missing_extra_is_one_line_that_says_what_to_install(tmp_path: Path) -> None:

@@ -9,18 +9,22 @@ import typer
 
 from uvms_gym import __version__
 from uvms_gym.cli import scenes
+from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.compare import compare
+from uvms_gym.cli.explain import explain
 from uvms_gym.cli.reproduce import reproduce
 
 app = typer.Typer(
     name="uvms",
-    help="Simulate, reproduce and compare: underwater vehicle-manipulator systems.",
+    help="Simulate, reproduce, compare and measure: underwater vehicle-manipulator systems.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.command()(reproduce)
 app.command()(compare)
+app.command()(accuracy)
+scenes.app.command()(explain)
 app.add_typer(scenes.app, name="scenes")
 
 

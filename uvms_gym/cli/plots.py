@@ -60,7 +60,7 @@ def figure_2(path: Path, data: Mapping[str, Any]) -> None:
             ylim=(1e-16, 30.0),
         )
         figure.legend(loc="outside lower center", ncols=3)
-        _save(figure, path)
+        save(figure, path)
 
 
 def gamma_sweep(path: Path, data: Mapping[str, Any], printed: float, truth: float) -> None:
@@ -85,7 +85,7 @@ def gamma_sweep(path: Path, data: Mapping[str, Any], printed: float, truth: floa
             if integrator == "quaternion-rk4":
                 axes.axvline(27.85, color="#888888", linewidth=1.0, label="limit of stability, h gamma = 2.785")
             axes.legend(loc="upper left" if integrator == "quaternion-rk4" else "center right")
-        _save(figure, path)
+        save(figure, path)
 
 
 def tumbling(path: Path, data: Mapping[str, Any]) -> None:
@@ -108,7 +108,7 @@ def tumbling(path: Path, data: Mapping[str, Any]) -> None:
         axes.set(title=title, xlabel="step h (s)", ylabel="angle from the reference (rad)")
         _step_ticks(axes, steps)
         axes.legend()
-        _save(figure, path)
+        save(figure, path)
 
 
 def momentum(path: Path, data: Mapping[str, Any], bar: float) -> None:
@@ -136,7 +136,7 @@ def momentum(path: Path, data: Mapping[str, Any], bar: float) -> None:
             by_step.set(title="Greatest drift in 100 s", xlabel="step h (s)", ylabel="relative drift")
             _step_ticks(by_step, steps)
             by_step.legend(loc="lower right")
-        _save(figure, path)
+        save(figure, path)
 
 
 def vehicle_motion(path: Path, title: str, columns: Mapping[str, Any]) -> None:
@@ -148,7 +148,7 @@ def vehicle_motion(path: Path, title: str, columns: Mapping[str, Any]) -> None:
         top.set(title=title, ylabel="position (mm)")
         _three(bottom, columns["time"], np.rad2deg(columns["rpy"]), ("roll", "pitch", "yaw"))
         bottom.set(ylabel="attitude (deg)", xlabel="time (s)")
-        _save(figure, path)
+        save(figure, path)
 
 
 def end_effector(path: Path, cases: Mapping[str, Mapping[str, Any]]) -> None:
@@ -169,7 +169,7 @@ def end_effector(path: Path, cases: Mapping[str, Mapping[str, Any]]) -> None:
         z.set(ylabel="z (m)")
         error.set(ylabel="distance from ideal (mm)", xlabel="time (s)", ylim=(0.0, None))
         x.legend(loc="upper center")
-        _save(figure, path)
+        save(figure, path)
 
 
 def comparison(path: Path, results: Mapping[str, Any], metrics: Sequence[Any]) -> None:
@@ -183,7 +183,7 @@ def comparison(path: Path, results: Mapping[str, Any], metrics: Sequence[Any]) -
             row[0].annotate(scene, (0.0, 1.16), xycoords="axes fraction", fontweight="bold")
         handles, labels = grid[0][0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=3)
-        _save(figure, path)
+        save(figure, path)
 
 
 def _compare(axes: Axes, metric: Any, result: Mapping[str, Any]) -> None:
@@ -234,8 +234,9 @@ def _cut(angle: Any) -> Any:
     return np.where(np.abs(np.diff(angle, prepend=angle[0])) > np.pi, np.nan, angle)
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path, dpi: float = 130) -> None:
+    """Write a picture."""
     try:
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=dpi)
     except OSError as error:
         raise fail(f"cannot write {path}: {error.strerror}") from None

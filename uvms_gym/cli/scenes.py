@@ -1,4 +1,4 @@
-"""`uvms scenes`: list, show, check."""
+"""`uvms scenes`: list, show, check. `explain` is in a module of its own."""
 
 import math
 from typing import Annotated, Any
@@ -8,7 +8,7 @@ import typer
 import uvms_gym
 from uvms_gym.cli.common import Json, check_range, console, fail, prepare, table, write_json
 
-app = typer.Typer(help="List, show and check scenes.", no_args_is_help=True)
+app = typer.Typer(help="List, show, check and explain scenes.", no_args_is_help=True)
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
 
