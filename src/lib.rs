@@ -10,7 +10,7 @@
 //! description   scenes as plain data
 //! system        compile(description), state
 //! balance       the principle of dynamical balance: closed form, articulated bodies, ledger
-//! integrate     Munthe-Kaas methods and their rivals
+//! integrate     Munthe-Kaas methods, a linearly implicit one, rivals
 //! control       thruster allocation, PD
 //! scene         tasks: sampling, observation, reward
 //! batch         blocks of lanes, threads

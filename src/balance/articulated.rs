@@ -49,7 +49,7 @@ impl<L: Lane> Loads<L> {
 
     /// Servo target of joint `i`: value and rate at `time`.
     #[inline(always)]
-    fn target(&self, i: usize, time: L) -> Option<(L, L)> {
+    pub(super) fn target(&self, i: usize, time: L) -> Option<(L, L)> {
         if !self.servo {
             return None;
         }
@@ -62,20 +62,20 @@ impl<L: Lane> Loads<L> {
 
 /// What the outward pass leaves for the inward one, and that for the last.
 #[derive(Debug, Clone, Copy)]
-struct LinkScratch<L> {
+pub(super) struct LinkScratch<L> {
     /// Sine and cosine of theta, and d.
-    screw: [L; 3],
-    twist: Vector6<L>,
-    gravity: Vector3<L>,
+    pub screw: [L; 3],
+    pub twist: Vector6<L>,
+    pub gravity: Vector3<L>,
     /// U, 1/D and u.
-    column: Vector6<L>,
-    over_d: L,
-    torque: L,
+    pub column: Vector6<L>,
+    pub over_d: L,
+    pub torque: L,
 }
 
 /// Working memory of [`accelerations`].
 #[derive(Debug, Clone)]
-pub struct Scratch<L>([LinkScratch<L>; JOINTS]);
+pub struct Scratch<L>(pub(super) [LinkScratch<L>; JOINTS]);
 
 impl<L: Lane> Scratch<L> {
     /// Fresh memory; its contents never matter.
@@ -101,7 +101,7 @@ impl<L: Lane> Default for Scratch<L> {
 
 /// The constant part of the move to a joint.
 #[derive(Clone, Copy)]
-enum Base<L> {
+pub(super) enum Base<L> {
     Bend(Screw<L, 0>),
     Crank(Screw<L, 2>, Screw<L, 0>),
     Pose(Pose<L>),
@@ -109,7 +109,7 @@ enum Base<L> {
 
 impl<L: Lane> Base<L> {
     #[inline(always)]
-    fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
+    pub fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
         match *stand {
             Stand::Bend(bend, a) => Base::Bend(screw_x(bend, a)),
             Stand::Crank(turn, d, bend, a) => Base::Crank(constant_screw_z(turn, d), screw_x(bend, a)),
@@ -118,7 +118,7 @@ impl<L: Lane> Base<L> {
     }
 
     #[inline(always)]
-    fn twist(&self, twist: Vector6<L>) -> Vector6<L> {
+    pub fn twist(&self, twist: Vector6<L>) -> Vector6<L> {
         match self {
             Base::Bend(x) => x.adjoint_apply_inverse(twist),
             Base::Crank(z, x) => x.adjoint_apply_inverse(z.adjoint_apply_inverse(twist)),
@@ -136,7 +136,7 @@ impl<L: Lane> Base<L> {
     }
 
     #[inline(always)]
-    fn carry(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
+    pub fn carry(&self, inertia: &SpatialInertia<L>, wrench: Vector6<L>) -> (SpatialInertia<L>, Vector6<L>) {
         match self {
             Base::Bend(x) => (x.inertia_to_parent(inertia), x.co_adjoint_apply_inverse(wrench)),
             Base::Crank(z, x) => (
@@ -150,7 +150,7 @@ impl<L: Lane> Base<L> {
 
 /// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
 #[inline(always)]
-fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
+pub(super) fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
     let (v, w) = (twist.linear.0, twist.angular.0);
     let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
     if prismatic {
@@ -162,7 +162,7 @@ fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> Vecto
 
 /// `B V - restoring - drag`: what a body's own motion and the water ask for.
 #[inline(always)]
-fn body_bias<L: Lane, P: Param<L>>(
+pub(super) fn body_bias<L: Lane, P: Param<L>>(
     body: &BodyTerms<P>,
     inertia: &SpatialInertia<L>,
     twist: Vector6<L>,
@@ -198,9 +198,9 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
-/// Twists and gravity from the vehicle outward.
+/// Moves, twists and gravity of the links.
 #[inline(always)]
-fn outward<L: Lane, P: Param<L>>(
+pub(super) fn outward<L: Lane, P: Param<L>>(
     joints: &[JointTerms<P>],
     twist: Vector6<L>,
     gravity: Vector3<L>,
@@ -245,6 +245,28 @@ pub fn link_twists<L: Lane, P: Param<L>>(
     outward(joints, twist, Vector3::zero(), q, qd, links);
     for (twist, link) in twists.iter_mut().zip(links.iter()) {
         *twist = link.twist;
+    }
+}
+
+/// The last pass: `q''` from `V'`.
+#[inline(always)]
+pub(super) fn outward_rates<L: Lane, P: Param<L>>(
+    joints: &[JointTerms<P>],
+    links: &[LinkScratch<L>],
+    qd: &[L; JOINTS],
+    twist_rate: Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
+    let mut parent = twist_rate;
+    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+        let [sin, cos, d] = link.screw;
+        let carried = screw_z(sin, cos, d).adjoint_apply_inverse(Base::of(&joint.stand).twist(parent));
+        let mut rate = carried + velocity_product(joint.prismatic, link.twist, qd[i]);
+        let acceleration = (link.torque - link.column.dot(rate)) * link.over_d;
+        let moved = if joint.prismatic { &mut rate.linear.0[2] } else { &mut rate.angular.0[2] };
+        *moved += acceleration;
+        qdd[i] = acceleration;
+        parent = rate;
     }
 }
 
@@ -301,22 +323,12 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         *twist_rate = own.plus(&carried.0).solve(bias.scale_add(L::c(-1.0), wrench));
     }
 
-    let mut parent = *twist_rate;
-    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
-        let [sin, cos, d] = link.screw;
-        let carried = screw_z(sin, cos, d).adjoint_apply_inverse(Base::of(&joint.stand).twist(parent));
-        let mut rate = carried + velocity_product(joint.prismatic, link.twist, qd[i]);
-        let acceleration = (link.torque - link.column.dot(rate)) * link.over_d;
-        let moved = if joint.prismatic { &mut rate.linear.0[2] } else { &mut rate.angular.0[2] };
-        *moved += acceleration;
-        qdd[i] = acceleration;
-        parent = rate;
-    }
+    outward_rates(joints, links, qd, *twist_rate, qdd);
 }
 
 /// `U = A E`, `D = E^T A E` and `E^T p`.
 #[inline(always)]
-fn joint_column<L: Lane, P>(
+pub(super) fn joint_column<L: Lane, P>(
     joint: &JointTerms<P>,
     inertia: &SpatialInertia<L>,
     bias: Vector6<L>,

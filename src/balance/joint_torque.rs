@@ -27,3 +27,49 @@ pub fn joint_torque<L: Lane, P: Param<L>>(joint: &JointTerms<P>, q: L, qd: L, co
     }
     torque
 }
+
+/// The torque that holds if the joint keeps its rate for a time `h`, which the servo's `target` is ahead by; and by how much
+/// it falls for each unit of acceleration over that time: `h (d + h k)` with secants d and k of the torque in rate and
+/// coordinate. Neither is ever negative.
+#[inline(always)]
+pub fn implicit_joint_torque<L: Lane, P: Param<L>>(
+    joint: &JointTerms<P>,
+    h: L,
+    q: L,
+    qd: L,
+    command: L,
+    target: Option<(L, L)>,
+) -> (L, L) {
+    let ahead = h.mul_add(qd, q);
+    let (mut torque, mut falls) = (command, L::zero());
+    if let (Some(servo), Some((position, rate))) = (&joint.servo, target) {
+        let (kp, kd) = (servo.kp.get(), servo.kd.get());
+        torque = kp.mul_add(position - ahead, kd.mul_add(rate - qd, torque));
+        falls = h.mul_add(kp, kd) * h;
+    }
+    if let Some(effort) = joint.effort {
+        // Beyond the effort, the line from there to where the demand vanishes.
+        let effort = effort.get();
+        let demand = torque.abs();
+        falls = falls * L::select(effort.lt(demand), effort / demand, L::c(1.0));
+        torque = torque.min(effort).max(-effort);
+    }
+    if let Some(friction) = &joint.friction {
+        let mut slope = friction.viscous.get();
+        if let Some([coulomb, speed_squared]) = friction.coulomb {
+            slope += coulomb.get() / qd.mul_add(qd, speed_squared.get()).sqrt();
+        }
+        torque = slope.neg_mul_add(qd, torque);
+        falls = slope.mul_add(h, falls);
+    }
+    if let Some(limits) = &joint.limits {
+        let [lower, upper] = get_all(&limits.range);
+        let [stiffness, damping] = get_all(&limits.stop);
+        let excess = (ahead - upper).max(L::zero()) - (lower - ahead).max(L::zero());
+        let depth = excess.abs();
+        torque = stiffness.neg_mul_add(excess, (damping * depth).neg_mul_add(qd, torque));
+        let spring = L::select(L::zero().lt(depth), stiffness, L::zero());
+        falls = h.mul_add(spring, damping * depth).mul_add(h, falls);
+    }
+    (torque, falls)
+}

@@ -10,6 +10,7 @@ pub mod body;
 mod closed_form;
 mod composite;
 pub mod dense;
+pub mod implicit;
 mod inverse;
 pub mod joint;
 mod joint_torque;

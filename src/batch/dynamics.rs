@@ -1,7 +1,8 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::integrate::{Derivative, Rates, StagePose};
+use crate::balance::implicit::{Ahead, implicit_accelerations};
+use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
@@ -63,13 +64,37 @@ pub struct Dynamics<'a, L: Lane, P> {
     pub scratch: &'a mut Scratch<L>,
 }
 
-impl<L: Lane, P: Param<L>> Dynamics<'_, L, P> {
+impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
     /// Tells the station what the water's velocity has become.
     #[inline(always)]
     pub fn flow_on(&mut self, current: Vector3<L>) {
         if let Some(station) = &mut self.station {
             station.current = current;
         }
+    }
+
+    /// The system as seen afresh at each stage: else the compiler broadcasts all of it onto the stack beforehand.
+    #[inline(always)]
+    fn system_afresh(&self) -> &'a System<P> {
+        std::hint::black_box(self.system)
+    }
+
+    /// The instant at a stage, under the loads of the time `elapsed` after the start of the interval.
+    #[inline(always)]
+    fn instant<'b>(
+        &self,
+        system: &System<P>,
+        at: &impl StagePose<L>,
+        elapsed: L,
+        (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
+    ) -> Instant<'b, L> {
+        let gravity = at.to_body(self.gravity);
+        let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
+        let mut wrench = self.wrench;
+        if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
+            wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
+        }
+        Instant { gravity, twist, q, qd, wrench, held_rate, time: self.time + elapsed }
     }
 }
 
@@ -89,15 +114,27 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
         qd: &[L; JOINTS],
         rates: &mut Rates<L, JOINTS>,
     ) {
-        // Seen afresh at each stage: else the compiler broadcasts the whole system onto the stack beforehand.
-        let system = std::hint::black_box(self.system);
-        let gravity = at.to_body(self.gravity);
-        let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
-        let mut wrench = self.wrench;
-        if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
-            wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
-        }
-        let instant = Instant { gravity, twist, q, qd, wrench, held_rate, time: self.time + elapsed };
+        let system = self.system_afresh();
+        let instant = self.instant(system, at, elapsed, (twist, q, qd));
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
+    }
+}
+
+impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for Dynamics<'_, L, P> {
+    #[inline(always)]
+    fn implicit_rates(
+        &mut self,
+        at: &impl StagePose<L>,
+        (elapsed, h): (L, L),
+        twist: Vector6<L>,
+        q: &[L; JOINTS],
+        qd: &[L; JOINTS],
+        rates: &mut Rates<L, JOINTS>,
+    ) {
+        let system = self.system_afresh();
+        let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
+        let ahead = Ahead { h, station: self.station.is_some() };
+        let Rates { twist, qd } = rates;
+        implicit_accelerations(system, &instant, ahead, self.loads, self.scratch, twist, qd);
     }
 }

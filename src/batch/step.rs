@@ -4,7 +4,7 @@ use super::dynamics::{Dynamics, Station};
 use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::integrate::{Attitude, Integrator, Motion, Stages, Watch, interval};
+use crate::integrate::{Attitude, Integrator, Motion, Stages, Watch, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, Ingredients, JOINTS, System};
@@ -295,6 +295,9 @@ impl<T: Real> Step<'_, T> {
                 Integrator::Explicit(method) => {
                     let (trial, stages) = (&mut memory.trial, &mut memory.stages);
                     interval(method, self.h, motion, trial, &mut watch, &mut dynamics, stages);
+                }
+                Integrator::LinearlyImplicit => {
+                    implicit_interval(self.h, motion, &mut memory.trial, &mut dynamics);
                 }
             }
             motion.travel(drift(current, gained, self.h));

@@ -2,6 +2,7 @@
 
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Pose, Vector3, Vector6};
+use crate::spatial::SpatialInertia;
 
 /// A 6x6 coefficient matrix, as sparse as the scene has it.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,6 +81,9 @@ pub struct Drag<P> {
     pub linear: Coefficients<P>,
     /// D_Q.
     pub quadratic: Coefficients<P>,
+    /// Symmetric bound of a full D_L, with its symmetric part S and its skew part N (lift): `S + N^T S^-1 N`. For
+    /// linearly implicit methods, to which lift itself would be an unsymmetric matrix.
+    pub linear_bound: Option<SpatialInertia<P>>,
 }
 
 impl<P: Copy> Drag<P> {
@@ -89,6 +93,7 @@ impl<P: Copy> Drag<P> {
             placement: self.placement.map(&change),
             linear: self.linear.map(&change),
             quadratic: self.quadratic.map(&change),
+            linear_bound: self.linear_bound.map(|bound| bound.map(&change)),
         }
     }
 

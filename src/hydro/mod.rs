@@ -2,6 +2,7 @@
 
 mod damping;
 mod restoring;
+mod slope;
 
 pub use damping::{Coefficients, Drag, Placement};
 pub use restoring::Restoring;

@@ -9,6 +9,8 @@ use crate::lie::DexpInverse;
 pub enum Integrator {
     /// By an explicit Runge-Kutta method.
     Explicit(Explicit),
+    /// By linearly implicit Euler, extrapolated to order 2.
+    LinearlyImplicit,
 }
 
 /// An explicit Runge-Kutta method in coordinates of the pose.
@@ -88,7 +90,7 @@ const LAGGED: Integrator = Integrator::Explicit(Explicit {
 
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 13] = [
+    pub const NAMES: [Entry; 14] = [
         production("mk4", "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)", explicit(&RK4, CLOSED)),
         production(
             "mk4-truncated",
@@ -108,6 +110,11 @@ impl Integrator {
         production("mk3", "Munthe-Kaas on Heun's third-order tableau", explicit(&HEUN3, CLOSED)),
         production("mk2", "Munthe-Kaas on the midpoint rule", explicit(&MIDPOINT, CLOSED)),
         production("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, CLOSED)),
+        production(
+            "ros2",
+            "linearly implicit, order 2, L-stable: for scenes too stiff for the others at the step that is wanted",
+            Integrator::LinearlyImplicit,
+        ),
         rival(
             "semi-implicit-euler",
             "Euler on the velocities, then on the pose with the new ones: as games and many robot simulators step",
@@ -135,10 +142,11 @@ impl Integrator {
     /// By name.
     pub fn named(name: &str, gains: &Gains) -> Option<Self> {
         let mut found = Self::NAMES.into_iter().find(|entry| entry.name == name)?.integrator;
-        let Integrator::Explicit(method) = &mut found;
-        method.tolerance = gains.tolerance;
-        if let Chart::Quaternion(Correction::Fossen { gamma }) = &mut method.chart {
-            *gamma = gains.gamma;
+        if let Integrator::Explicit(method) = &mut found {
+            method.tolerance = gains.tolerance;
+            if let Chart::Quaternion(Correction::Fossen { gamma }) = &mut method.chart {
+                *gamma = gains.gamma;
+            }
         }
         Some(found)
     }
@@ -147,6 +155,7 @@ impl Integrator {
     pub fn order(&self) -> usize {
         match self {
             Integrator::Explicit(method) => method.tableau.order,
+            Integrator::LinearlyImplicit => 2,
         }
     }
 
@@ -154,20 +163,20 @@ impl Integrator {
     pub fn adaptive(&self) -> bool {
         match self {
             Integrator::Explicit(method) => method.tableau.error.is_some(),
+            Integrator::LinearlyImplicit => false,
         }
     }
 
     /// Whether linear systems are solved within a step.
     pub fn implicit(&self) -> bool {
-        match self {
-            Integrator::Explicit(_) => false,
-        }
+        matches!(self, Integrator::LinearlyImplicit)
     }
 
     /// Weight of the last acceleration in the filter, where added mass is a lagged force.
     pub fn lag(&self) -> Option<f64> {
         match self {
             Integrator::Explicit(method) => method.lag,
+            Integrator::LinearlyImplicit => None,
         }
     }
 
@@ -175,6 +184,7 @@ impl Integrator {
     pub fn attitude(&self) -> Attitude {
         match self {
             Integrator::Explicit(method) => method.chart.attitude(),
+            Integrator::LinearlyImplicit => Attitude::Matrix,
         }
     }
 }

@@ -9,7 +9,7 @@ use super::motion::Motion;
 use super::stages::{Point, Stages};
 use super::{Derivative, euler_angles, quaternion};
 use crate::lane::Lane;
-use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative, exp_se3};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative};
 
 /// What one step was like.
 pub(super) struct Report<L> {
@@ -115,10 +115,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         to.travel(end.pose.linear);
     } else {
         turn = turn.max(end.pose.angular.dot(end.pose.angular));
-        let moved = exp_se3(end.pose);
-        to.pose.rotation = from.pose.rotation.times(&moved.rotation).orthonormalised();
-        (to.pose.position, to.rest) = (from.pose.position, from.rest);
-        to.travel(from.pose.rotation.apply(moved.position));
+        to.arrive(from, end.pose);
     }
     to.twist = end.twist;
     for k in 0..n {

@@ -1,7 +1,7 @@
 //! The state that integrators step.
 
 use crate::lane::Lane;
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6, exp_se3};
 
 /// State of a step: `(T, V, q, q')`.
 #[derive(Debug, Clone, Copy)]
@@ -47,6 +47,15 @@ impl<L: Lane, const N: usize> Motion<L, N> {
             sum = self.qd[k].mul_add(self.qd[k], sum);
         }
         sum.sqrt() * h
+    }
+
+    /// Takes the pose `T exp(theta)` of one that starts at T.
+    #[inline(always)]
+    pub(super) fn arrive(&mut self, from: &Self, theta: Vector6<L>) {
+        let moved = exp_se3(theta);
+        self.pose.rotation = from.pose.rotation.times(&moved.rotation).orthonormalised();
+        (self.pose.position, self.rest) = (from.pose.position, from.rest);
+        self.travel(from.pose.rotation.apply(moved.position));
     }
 
     /// NaN throughout.

@@ -120,11 +120,11 @@ fn semi_implicit_euler(z: Complex<f64>) -> f64 {
     if discriminant < 0.0 { determinant.sqrt() } else { half_trace.abs() + discriminant.sqrt() }
 }
 
-/// `R(z) = (1 + (1 - 2g) z) / (1 - g z)^2` with `g = 1 - 1/sqrt 2`.
+/// `R(z) = 2 / (1 - z/2)^2 - 1 / (1 - z)`.
 fn linearly_implicit(z: Complex<f64>) -> Complex<f64> {
-    let g = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
-    let below = Complex::new(1.0, 0.0) - z * g;
-    (z * (1.0 - 2.0 * g) + 1.0) / (below * below)
+    let euler = |z: Complex<f64>| Complex::new(1.0, 0.0) / (Complex::new(1.0, 0.0) - z);
+    let half = euler(z * 0.5);
+    half * half * 2.0 - euler(z)
 }
 
 impl Integrator {
@@ -134,6 +134,7 @@ impl Integrator {
             Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Adaptive,
             Integrator::Explicit(method) if method.chart == Chart::VelocityFirst => Stability::SemiImplicitEuler,
             Integrator::Explicit(method) => Stability::Explicit(method.tableau),
+            Integrator::LinearlyImplicit => Stability::LinearlyImplicit,
         }
     }
 

@@ -77,6 +77,12 @@ pub struct Pose<L> {
 }
 
 impl<L: Lane> Pose<L> {
+    /// The frame itself.
+    #[inline(always)]
+    pub fn identity() -> Self {
+        Self { rotation: Matrix3::identity(), position: Vector3::zero() }
+    }
+
     /// From parameters: rotation by rows, position.
     #[inline(always)]
     pub fn of<P: Param<L>>(rotation: &[[P; 3]; 3], position: &[P; 3]) -> Self {

@@ -98,6 +98,12 @@ impl<L: Lane> Matrix3<L> {
         Self([[i, o, o], [o, i, o], [o, o, i]])
     }
 
+    /// The symmetric matrix of `xx, xy, xz, yy, yz, zz`.
+    #[inline(always)]
+    pub fn symmetric(s: &[L; 6]) -> Self {
+        Self([[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]])
+    }
+
     /// `self * v`
     #[inline(always)]
     pub fn apply(&self, v: Vector3<L>) -> Vector3<L> {

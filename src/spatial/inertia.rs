@@ -102,6 +102,25 @@ impl<L: Lane> SpatialInertia<L> {
         }
     }
 
+    /// Adds to entry (i, i).
+    #[inline(always)]
+    pub fn add_diagonal(&mut self, i: usize, x: L) {
+        if i < 3 {
+            self.m[PACKED[i][i]] += x;
+        } else {
+            self.j[PACKED[i - 3][i - 3]] += x;
+        }
+    }
+
+    /// Adds `s` times a symmetric matrix to the angular block.
+    #[inline(always)]
+    pub fn add_angular(&mut self, s: L, j: &Matrix3<L>) {
+        let j = packed(j);
+        for i in 0..6 {
+            self.j[i] = j[i].mul_add(s, self.j[i]);
+        }
+    }
+
     /// Momentum `A V`.
     #[inline(always)]
     pub fn apply(&self, twist: Vector6<L>) -> Vector6<L> {
@@ -242,11 +261,18 @@ impl<L: Lane> SpatialInertia<L> {
         let m = r.times(&unpacked(&self.m)).times(&rt);
         let h = r.times(&Matrix3(self.h)).times(&rt);
         let j = r.times(&unpacked(&self.j)).times(&rt);
-        // Shift by r: H' = H - M [r], J' = J - H^T [r] + [r] H', where [r] H' = -(H'^T [r])^T.
-        let h_new = minus_crossed(&h, &m, pose.position);
-        let half = minus_crossed(&j, &h.transposed(), pose.position);
-        let j_new = minus_crossed(&half.transposed(), &h_new.transposed(), pose.position).transposed();
-        Self { m: packed(&m), h: h_new.0, j: packed(&j_new) }
+        Self { m: packed(&m), h: h.0, j: packed(&j) }.shifted(pose.position)
+    }
+
+    /// The inertia of a child frame at `r`, its axes along the parent's, seen from the parent frame.
+    #[inline(always)]
+    pub fn shifted(&self, r: Vector3<L>) -> Self {
+        // H' = H - M [r], J' = J - H^T [r] + [r] H', where [r] H' = -(H'^T [r])^T.
+        let h = Matrix3(self.h);
+        let h_new = minus_crossed(&h, &unpacked(&self.m), r);
+        let half = minus_crossed(&unpacked(&self.j), &h.transposed(), r);
+        let j_new = minus_crossed(&half.transposed(), &h_new.transposed(), r).transposed();
+        Self { m: self.m, h: h_new.0, j: packed(&j_new) }
     }
 
     /// Solves `A x = b` by LDL^T, without pivoting: A is positive definite.

@@ -168,10 +168,34 @@ fn drag(body: &Body, hydrodynamic: &Pose<f64>) -> Option<Drag<f64>> {
 /// places and the frame needs no turning: `v |v|` is odd, so even its quadratic part allows that.
 fn placed(linear: Coefficients<f64>, quadratic: Coefficients<f64>, at: &Pose<f64>) -> Drag<f64> {
     let Some(axes) = signed_axes(&at.rotation) else {
-        return Drag { placement: Placement::At(at.rotation.0, at.position.0), linear, quadratic };
+        let linear_bound = linear_bound(&linear);
+        return Drag { placement: Placement::At(at.rotation.0, at.position.0), linear, quadratic, linear_bound };
     };
     let placement = if at.position.0 == [0.0; 3] { Placement::Here } else { Placement::Shifted(at.position.0) };
-    Drag { placement, linear: relabelled(&linear, &axes), quadratic: relabelled(&quadratic, &axes) }
+    let (linear, quadratic) = (relabelled(&linear, &axes), relabelled(&quadratic, &axes));
+    let linear_bound = linear_bound(&linear);
+    Drag { placement, linear, quadratic, linear_bound }
+}
+
+/// Greatest ratio of lift to the drag of the same motion that is bounded in full: a bound for more would hold back
+/// motions that are not stiff at all.
+const GREATEST_LIFT: f64 = 30.0;
+
+/// `S + N^T S^-1 N` of a full D_L: see [`Drag::linear_bound`].
+fn linear_bound(linear: &Coefficients<f64>) -> Option<SpatialInertia<f64>> {
+    let Coefficients::Full(rows) = linear else { return None };
+    let d = na::Matrix6::from_fn(|i, k| rows[i][k]);
+    let (s, n) = ((d + d.transpose()) / 2.0, (d - d.transpose()) / 2.0);
+    let bound = |s: na::Matrix6<f64>| {
+        let factor = s.cholesky()?;
+        let half = factor.l().solve_lower_triangular(&n)?;
+        let ratio = factor.l().solve_lower_triangular(&half.transpose())?.norm();
+        (ratio <= GREATEST_LIFT).then(|| half.tr_mul(&half))
+    };
+    // Where lift comes with too little drag some is made up, in the measure of each axis.
+    let least = na::Matrix6::from_fn(|i, k| if i == k { n.row(i).abs().sum() / GREATEST_LIFT } else { 0.0 });
+    let bound = s + bound(s).or_else(|| bound(s + 2.0 * least)).unwrap_or_else(na::Matrix6::zeros);
+    Some(SpatialInertia::from_entries(|i, k| bound[(i, k)]))
 }
 
 /// For each body axis, the axis of the other frame along it and its sign, if that frame only relabels the axes.

@@ -123,6 +123,9 @@ fn vary_body<L: Lane, P: Param<L>>(
     for (drag, of) in body.drag.iter_mut().zip(&of.drag) {
         scale(&mut drag.linear, &of.linear, factors.linear_drag);
         scale(&mut drag.quadratic, &of.quadratic, factors.quadratic_drag);
+        if let (Some(bound), Some(of)) = (&mut drag.linear_bound, &of.linear_bound) {
+            *bound = of.get().scale(factors.linear_drag);
+        }
     }
 }
 

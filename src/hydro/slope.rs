@@ -1,0 +1,92 @@
+//! How steeply drag and restoring oppose motion: matrices for the linearly implicit method, bounds from above where the
+//! force itself has no simple one. None of them is ever negative, so that what they are added to stays invertible.
+//!
+//! They are secants rather than tangents: quadratic drag `-D_Q |v| v` has the slope `D_Q |v|`, with which one implicit
+//! Euler step is exact for a single velocity, and never turns its sign.
+
+use super::damping::{Coefficients, Drag, Placement};
+use super::restoring::Restoring;
+use crate::lane::{Lane, Param, get_all};
+use crate::lie::{Pose, Vector3, Vector6};
+use crate::spatial::SpatialInertia;
+
+impl<P: Copy> Drag<P> {
+    /// Symmetric D of `drag = -D V` at the relative twist `twist`, both in body frame; full coefficients enter by a bound:
+    /// [`Self::linear_bound`], and for the quadratic ones the sum of each row.
+    #[inline(always)]
+    pub fn slope<L: Lane>(&self, twist: Vector6<L>) -> SpatialInertia<L>
+    where
+        P: Param<L>,
+    {
+        match &self.placement {
+            Placement::Here => self.slope_in_place(twist),
+            Placement::Shifted(p) => {
+                let r = Vector3(get_all(p));
+                let there = Vector6 { linear: twist.angular.cross_add(r, twist.linear), ..twist };
+                self.slope_in_place(there).shifted(r)
+            }
+            Placement::At(r, p) => {
+                let pose = Pose::of(r, p);
+                self.slope_in_place(pose.adjoint_apply_inverse(twist)).to_parent(&pose)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn slope_in_place<L: Lane>(&self, twist: Vector6<L>) -> SpatialInertia<L>
+    where
+        P: Param<L>,
+    {
+        let mut sum = SpatialInertia::zero();
+        let mut diagonal = [L::zero(); 6];
+        match (&self.linear, &self.linear_bound) {
+            (Coefficients::Diagonal(d), _) => diagonal = get_all(d),
+            (Coefficients::Full(_), Some(bound)) => sum = bound.get(),
+            _ => {}
+        }
+        let speed = twist.to_array();
+        match &self.quadratic {
+            Coefficients::None => {}
+            Coefficients::Diagonal(d) => {
+                for i in 0..6 {
+                    diagonal[i] = d[i].get().mul_add(speed[i].abs(), diagonal[i]);
+                }
+            }
+            Coefficients::Full(rows) => {
+                for i in 0..6 {
+                    for k in 0..6 {
+                        let row = (rows[i][k].get() * speed[k]).abs();
+                        let column = (rows[k][i].get() * speed[i]).abs();
+                        diagonal[i] = (row + column).mul_add(L::c(0.5), diagonal[i]);
+                    }
+                }
+            }
+        }
+        for i in 0..6 {
+            sum.add_diagonal(i, diagonal[i]);
+        }
+        sum
+    }
+}
+
+impl<P: Copy> Restoring<P> {
+    /// Symmetric K that opposes turning by delta with the moment `-K delta`, `K = k (I - e e^T)` with e along the
+    /// gravity `g` (body axes) and `k = (|s| |g| + s . g) / 2`: exact where the body hangs in its equilibrium, nothing
+    /// where it stands on its head.
+    #[inline(always)]
+    pub fn stiffness<L: Lane>(&self, g: Vector3<L>) -> [L; 6]
+    where
+        P: Param<L>,
+    {
+        let s: Vector3<L> = Vector3(get_all(&self.moment));
+        let square = g.dot(g).max(L::c(f64::from(f32::MIN_POSITIVE)));
+        let k = ((s.dot(s) * square).sqrt() + s.dot(g)) * L::c(0.5);
+        let e = g.scale(L::c(1.0) / square.sqrt()).0;
+        let mut stiffness = [L::zero(); 6];
+        for (place, (i, j)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
+            let unit = if i == j { k } else { L::zero() };
+            stiffness[place] = (e[i] * e[j]).neg_mul_add(k, unit);
+        }
+        stiffness
+    }
+}

@@ -1,0 +1,166 @@
+//! A linearly implicit method of order 2: linearly implicit Euler, extrapolated. `[HW96 sec. IV.9]`
+//!
+//! One step of the linearly implicit Euler rule `(I - h J) k = f`, `y + h k`, once over the whole step and once in two
+//! halves, in the coordinates `(Theta, q; V, q')` about the step's start; twice the fine result less the coarse one is of
+//! order 2, for any J at all. Each of the three solves has its own J, of the point it starts from.
+//!
+//! (The method of `[VSBH99]`, ROS2, needs one solve less, but overshoots within the step where forces saturate or grow.)
+//!
+//! Its stability function `2 / (1 - z/2)^2 - 1 / (1 - z)` is A-stable and vanishes at infinity (L-stable). With a J that
+//! overestimates the true rate by a factor 1/p it becomes `(1 - p)(1 - 2 p)` there: stable for `0 < p <= 3/2`.
+
+use super::chart::Increment;
+use super::motion::Motion;
+use super::{Derivative, Rates};
+use crate::lane::Lane;
+use crate::lie::{DexpInverse, Vector6, dexp_inverse_negative, rotate_back};
+
+/// A right-hand side that can be taken implicitly.
+pub trait LinearlyImplicit<L: Lane, const N: usize>: Derivative<L, N> {
+    /// Rates k of `(I - h J) k = f` at a point, with f as at the end of a step from there; `when` is where that step
+    /// begins after the start of the interval, and its size h.
+    fn implicit_rates(
+        &mut self,
+        at: &impl super::StagePose<L>,
+        when: (L, L),
+        twist: Vector6<L>,
+        q: &[L; N],
+        qd: &[L; N],
+        rates: &mut Rates<L, N>,
+    );
+}
+
+/// Rotation within a step beyond which a lane takes halves of it. Smaller than the explicit methods': Euler's equations and
+/// other products of velocities are left to the explicit side, where an oscillation grows by `(h rate)^4 / 8` a step.
+const GREATEST_TURN: f64 = 0.5;
+/// Smallest piece by the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
+const LEAST_SHARE: f64 = 1.0 / 1024.0;
+
+/// Coordinates of a point within a step.
+#[derive(Clone, Copy)]
+struct Point<L, const N: usize> {
+    theta: Vector6<L>,
+    twist: Vector6<L>,
+    q: [L; N],
+    qd: [L; N],
+}
+
+impl<L: Lane, const N: usize> Point<L, N> {
+    #[inline(always)]
+    fn start(from: &Motion<L, N>) -> Self {
+        Self { theta: Vector6::zero(), twist: from.twist, q: from.q, qd: from.qd }
+    }
+
+    /// Euler's rule, each coordinate by the rate at its end; the velocity v in axes that do not turn, so that a body that
+    /// flies straight while it spins neither gains nor loses speed.
+    #[inline(always)]
+    fn advance(&mut self, h: L, rates: &Rates<L, N>, n: usize) {
+        let Vector6 { linear: v, angular: omega } = self.twist;
+        let angular = rates.twist.angular.scale_add(h, omega);
+        let straight = omega.cross_add(v, rates.twist.linear).scale_add(h, v);
+        self.twist = Vector6 { linear: rotate_back(angular.scale(h), straight), angular };
+        self.theta = dexp_inverse_negative(DexpInverse::Truncated, self.theta, self.twist).scale_add(h, self.theta);
+        for k in 0..n {
+            self.qd[k] = rates.qd[k].mul_add(h, self.qd[k]);
+            self.q[k] = self.qd[k].mul_add(h, self.q[k]);
+        }
+    }
+
+    /// Twice this less the other.
+    #[inline(always)]
+    fn extrapolate(&mut self, coarse: &Self, n: usize) {
+        let two = L::c(2.0);
+        let minus = L::c(-1.0);
+        self.theta = self.theta.scale_add(two, coarse.theta.scale(minus));
+        self.twist = self.twist.scale_add(two, coarse.twist.scale(minus));
+        for k in 0..n {
+            self.q[k] = self.q[k].mul_add(two, -coarse.q[k]);
+            self.qd[k] = self.qd[k].mul_add(two, -coarse.qd[k]);
+        }
+    }
+
+    #[inline(always)]
+    fn turn(&self) -> L {
+        self.theta.angular.dot(self.theta.angular)
+    }
+}
+
+/// One step of size `h`, which begins `elapsed` after the start of the interval. Returns the square of the greatest
+/// rotation within the step.
+#[inline(always)]
+fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
+    h: L,
+    elapsed: L,
+    from: &Motion<L, N>,
+    to: &mut Motion<L, N>,
+    derivative: &mut D,
+) -> L {
+    let n = derivative.joints();
+    let half = h * L::c(0.5);
+    let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
+    let mut point = Point::start(from);
+    let mut coarse = point;
+    let mut greatest = L::zero();
+    // One call of the right-hand side for all three: it is by far the most code.
+    for solve in 0..3 {
+        let (begin, size) = match solve {
+            0 => (elapsed, h),
+            1 => (elapsed, half),
+            _ => (elapsed + half, half),
+        };
+        let at = Increment { start: &from.pose, theta: point.theta };
+        derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, &mut rates);
+        point.advance(size, &rates, n);
+        greatest = greatest.max(point.turn());
+        if solve == 0 {
+            coarse = point;
+            point = Point::start(from);
+        }
+    }
+    point.extrapolate(&coarse, n);
+    to.arrive(from, point.theta);
+    to.twist = point.twist;
+    for k in 0..n {
+        to.q[k] = point.q[k];
+        to.qd[k] = point.qd[k];
+    }
+    greatest.max(point.turn())
+}
+
+/// Covers an interval of length `h`. Lanes that turn by more than half a radian within a piece take it in halves,
+/// quarters, and so on; lanes that have arrived stay as they are meanwhile. [`super::Watch`] is not filled in: no rate is too
+/// fast here, and the extrapolation's own difference is the error of a method of order 1.
+#[inline(always)]
+pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
+    h: L::Real,
+    motion: &mut Motion<L, N>,
+    trial: &mut Motion<L, N>,
+    derivative: &mut D,
+) {
+    let n = derivative.joints();
+    let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
+    let limit = L::c(GREATEST_TURN * GREATEST_TURN);
+    let h = L::splat(h);
+    let (mut share, mut left) = (one, one);
+    let mut begun = false;
+    loop {
+        let turn = extrapolated(h * share, h * (one - left), motion, trial, derivative);
+        let fine = L::select(turn.lt(limit), one, zero);
+        let taken = L::select(zero.lt(left), fine, zero);
+        motion.keep(half.lt(taken), trial, n);
+        left = share.neg_mul_add(taken, left);
+        if !L::any(zero.lt(left)) {
+            return;
+        }
+        let sound = if begun { one } else { motion.sound(n) };
+        let lost = L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one, one - sound) * (one - fine);
+        let lost = L::select(zero.lt(left), lost, zero);
+        motion.keep(half.lt(lost), &Motion::lost(), n);
+        left = L::select(half.lt(lost), zero, left);
+        share = L::select(half.lt(fine), share, share * half);
+        begun = true;
+        if !L::any(zero.lt(left)) {
+            return;
+        }
+    }
+}
