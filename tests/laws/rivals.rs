@@ -47,7 +47,7 @@ fn lagged_added_mass_is_unstable_at_any_step_beyond_its_ratio() {
         for ratio in [0.5, 3.0, 5.0, 5.5] {
             let gain = pushed(ratio, h);
             println!("lagged, M_A = {ratio} m, h = {h}: {gain:.4} of the true speed");
-            assert!((gain - 1.0).abs() < 0.3 * h / 0.001 && gain.is_finite(), "{ratio}, {h}: {gain}");
+            assert!((gain - 1.0).abs() < 4.0 * h, "{ratio}, {h}: {gain}");
         }
         for ratio in [6.0, 8.0] {
             let gain = pushed(ratio, h);
