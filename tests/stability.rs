@@ -174,7 +174,8 @@ fn val_limits_of_stability() {
         (Stability::Explicit(&HEUN3), 2.51274532662, 3f64.sqrt()),
         (Stability::Explicit(&RK4), 2.78529356340, 8f64.sqrt()),
         (Stability::SemiImplicitEuler, 2.0, 2.0),
-        (Stability::Always, f64::INFINITY, f64::INFINITY),
+        (Stability::LinearlyImplicit, f64::INFINITY, f64::INFINITY),
+        (Stability::Adaptive, f64::INFINITY, f64::INFINITY),
     ] {
         for (rate, limit) in [(real(-fast), along_real), (Complex::new(0.0, fast), along_imaginary)] {
             let step = stability.greatest_step(rate, 0.0, f64::INFINITY);
@@ -202,6 +203,22 @@ fn val_the_stability_function_is_the_exponential_to_the_order() {
         let order = (error(0.02) / error(0.01)).log2() - 1.0;
         assert!((order - tableau.order as f64).abs() < 0.02, "{tableau:?}: {order}");
     }
+}
+
+#[test]
+fn val_the_linearly_implicit_method_is_stable_at_any_step() {
+    let factor = |z: Complex<f64>| Stability::LinearlyImplicit.factor(z);
+    for angle in 0..=90 {
+        for exponent in -20..=60 {
+            let turn = Complex::new(0.0, std::f64::consts::FRAC_PI_2 * (1.0 + f64::from(angle) / 90.0)).exp();
+            let z = turn * 2f64.powi(exponent);
+            assert!(factor(z) <= 1.0 + 1e-15, "{z}: {}", factor(z));
+        }
+    }
+    assert!(factor(real(-1e12)) < 1e-11, "it is L-stable");
+    // Of order 2.
+    let error = |x: f64| (factor(real(-x)) - (-x).exp()).abs();
+    assert!(((error(0.02) / error(0.01)).log2() - 3.0).abs() < 0.05);
 }
 
 #[test]
@@ -386,7 +403,7 @@ fn val_range_of_the_integrators() {
         let found = Stability::Explicit(tableau).range();
         assert!((found - range).abs() < 0.05, "order {}: {found}", tableau.order);
     }
-    assert_eq!(Stability::Always.range(), f64::INFINITY);
+    assert_eq!(Stability::Adaptive.range(), f64::INFINITY);
 }
 
 fn many(scene: &Scene, integrator: &str, dt: f64, precision: Precision, instances: usize) -> Simulator {
@@ -471,5 +488,17 @@ fn shipped_scenes_stay_within_the_range_at_their_steps() {
                 assert_eq!(s.warn_of_motion(), None);
             }
         }
+    }
+}
+
+/// Its stages differ in the length of the quaternion, where the motion shows no rate at all.
+#[test]
+fn a_kept_quaternion_is_no_reason_to_warn() {
+    let scene = Scene::shipped("free-body").unwrap();
+    for entry in Integrator::NAMES {
+        let mut s = many(&scene, entry.name, 0.1, Precision::Double, 1);
+        s.set_state(0, &State { twist: Vector6::ith(5, 1.0), ..State::default() });
+        s.step(&Inputs::default(), 1).unwrap();
+        assert_eq!(s.warn_of_motion(), None);
     }
 }

@@ -289,7 +289,7 @@ class Simulator:
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
     def modes(self, speed: ArrayLike | None = None, *, joint_servos: bool = True, station: bool = True) -> list[_Mode]:
-        """Rates at which small deviations decay, swing or grow, fastest first; at vehicle `speed` () or (6,)."""
+        """Rates at which deviations decay, swing or grow, fastest first; at expected vehicle `speed` () or (6,)."""
     def stable_steps(
         self,
         speed: ArrayLike | None = None,

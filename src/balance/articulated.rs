@@ -198,12 +198,19 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
-/// Moves, twists and gravity of the links.
+/// Twists and gravity from the vehicle outward.
 #[inline(always)]
-pub(super) fn outward<L: Lane, P: Param<L>>(joints: &[JointTerms<P>], at: &Instant<L>, links: &mut [LinkScratch<L>]) {
-    let (mut parent_twist, mut parent_gravity) = (at.twist, at.gravity);
+pub(super) fn outward<L: Lane, P: Param<L>>(
+    joints: &[JointTerms<P>],
+    twist: Vector6<L>,
+    gravity: Vector3<L>,
+    q: &[L; JOINTS],
+    qd: &[L; JOINTS],
+    links: &mut [LinkScratch<L>],
+) {
+    let (mut parent_twist, mut parent_gravity) = (twist, gravity);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
-        let coordinate = joint.offset.get() + at.q[i];
+        let coordinate = joint.offset.get() + q[i];
         let [k0, k1] = get_all(&joint.constant);
         let (sin, cos, d) = if joint.prismatic {
             (k0, k1, coordinate)
@@ -216,10 +223,28 @@ pub(super) fn outward<L: Lane, P: Param<L>>(joints: &[JointTerms<P>], at: &Insta
         let base = Base::of(&joint.stand);
         let mut twist = screw.adjoint_apply_inverse(base.twist(parent_twist));
         let moved = if joint.prismatic { &mut twist.linear.0[2] } else { &mut twist.angular.0[2] };
-        *moved += at.qd[i];
+        *moved += qd[i];
         link.twist = twist;
         link.gravity = screw.rotate_back(base.rotate_back(parent_gravity));
         (parent_twist, parent_gravity) = (twist, link.gravity);
+    }
+}
+
+/// Twist of each link in its joint's frame, relative to what `twist` of the vehicle is relative to.
+#[inline(always)]
+pub fn link_twists<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    twist: Vector6<L>,
+    q: &[L; JOINTS],
+    qd: &[L; JOINTS],
+    scratch: &mut Scratch<L>,
+    twists: &mut [Vector6<L>],
+) {
+    let joints = system.joints.as_slice();
+    let links = &mut scratch.0[..joints.len()];
+    outward(joints, twist, Vector3::zero(), q, qd, links);
+    for (twist, link) in twists.iter_mut().zip(links.iter()) {
+        *twist = link.twist;
     }
 }
 
@@ -259,7 +284,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     let joints = system.joints.as_slice();
     let links = &mut scratch.0[..joints.len()];
 
-    outward(joints, at, links);
+    outward(joints, twist, gravity, q, qd, links);
 
     // What the links already done ask of the body at hand.
     let mut carried = (SpatialInertia::zero(), Vector6::zero());

@@ -68,7 +68,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let Ahead { h, station } = ahead;
     let joints = system.joints.as_slice();
     let links = &mut scratch.0[..joints.len()];
-    outward(joints, at, links);
+    outward(joints, twist, gravity, q, qd, links);
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {

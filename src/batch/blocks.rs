@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use super::lagged::Lagged;
 use super::layout::Layout;
 use super::monitor::{Sighting, Watched};
 use super::step::{Accelerate, Step, Switches};
@@ -116,6 +117,8 @@ pub struct Blocks<T> {
 struct Parameters<T> {
     system: System<Shared<T>>,
     ingredients: Vec<Ingredients<Shared<T>>>,
+    /// The system without added mass, and the filter of that, where it is a lagged force.
+    rigid: Option<(System<Shared<T>>, f64)>,
 }
 
 impl<T: Real> Blocks<T> {
@@ -134,8 +137,9 @@ impl<T: Real> Blocks<T> {
         let number = |Shared(x)| Shared(T::from_f64(x));
         let ingredients: Vec<_> = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
         // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
-        let system = compiled.system.map(number).put_together(&ingredients);
-        let scene = Parameters { system, ingredients };
+        let system = compiled.system.map(number).put_together(&ingredients, &Factors::ONE);
+        let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
+        let scene = Parameters { system, ingredients, rigid };
         let layout = Layout::new(compiled.links.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
@@ -199,8 +203,9 @@ impl First {
 impl<T: Real> Part<'_, T> {
     fn step(&mut self, scene: &Parameters<T>, varied: bool, isa: Isa, run: &Run) {
         let mut step = Step {
-            system: &scene.system,
+            system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
             ingredients: varied.then_some(&scene.ingredients[..]),
+            lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
             layout: &self.table.layout,
             integrator: run.integrator,
             h: T::from_f64(run.h),

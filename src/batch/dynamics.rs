@@ -49,7 +49,7 @@ pub struct Dynamics<'a, L: Lane, P> {
     /// The system.
     pub system: &'a System<P>,
     /// Loads at the joints and on the links.
-    pub loads: &'a Loads<L>,
+    pub loads: &'a mut Loads<L>,
     /// Gravity, less the acceleration of the water, in world axes.
     pub gravity: Vector3<L>,
     /// Acceleration of the water in world axes.

@@ -38,7 +38,7 @@ pub struct Layout {
     pub attitude: usize,
     /// What these are.
     pub keeps: Attitude,
-    /// What the integrator saw of fast rates, 2.
+    /// What was seen of the motion, 5: squares that show fast rates, and what steps get wrong.
     pub contrast: usize,
     /// Piece that the integrator plans, 1: only where it is adaptive.
     pub plan: usize,
@@ -46,6 +46,10 @@ pub struct Layout {
     pub adaptive: bool,
     /// Factors on the instance's parameters, 5.
     pub factors: usize,
+    /// What is remembered of the steps before, 1 + 12 per body: only where added mass is a lagged force.
+    pub lag: usize,
+    /// Whether it is.
+    pub lagged: bool,
     /// Rows in all.
     pub rows: usize,
 }
@@ -55,6 +59,7 @@ impl Layout {
     pub fn new(joints: usize, integrator: &Integrator) -> Self {
         assert!(joints <= JOINTS);
         let (keeps, adaptive) = (integrator.attitude(), integrator.adaptive());
+        let lagged = integrator.lag().is_some();
         let mut rows = 0;
         let mut take = |count: usize| {
             rows += count;
@@ -78,9 +83,11 @@ impl Layout {
             factors: take(5),
             attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
             keeps,
-            contrast: take(4),
+            contrast: take(5),
             plan: take(usize::from(adaptive)),
             adaptive,
+            lag: take(if lagged { 1 + 12 * (joints + 1) } else { 0 }),
+            lagged,
             rows: take(0),
         }
     }

@@ -3,6 +3,7 @@
 mod blocks;
 mod dynamics;
 mod inputs;
+mod lagged;
 mod layout;
 mod loads;
 mod monitor;

@@ -9,7 +9,7 @@ use crate::balance::Servos;
 use crate::lane::Real;
 
 /// Share of its speed that the last steps of a motion may get wrong.
-pub const WRONG: f64 = 0.02;
+pub const WRONG: f64 = 0.01;
 
 /// What steps showed of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,7 +131,7 @@ impl fmt::Display for Stray {
 
 impl Simulator {
     /// What to warn of after steps, once: the first instance that became infinite or NaN, or whose motion excited rates
-    /// beyond [`crate::integrate::Stability::range`].
+    /// beyond [`crate::integrate::Integrator::range`].
     pub fn warn_of_motion(&mut self) -> Option<Stray> {
         let range = self.range();
         let watch = self.watch_mut();

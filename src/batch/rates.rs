@@ -1,6 +1,6 @@
 //! The rates of a scene: its modes at a spread of states, and the steps that are stable for them.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -122,6 +122,9 @@ struct Sample {
     linear: Linearization,
 }
 
+/// A mode that is the fastest of its kind: its sample, shares and rate.
+type Peak = (usize, Vec<f64>, Complex<f64>);
+
 /// Modes at a sample.
 #[derive(Debug)]
 struct Found {
@@ -212,7 +215,8 @@ impl Survey {
     /// For each coordinate the fastest mode that it has most of the energy of: among decaying ones, among growing ones, and
     /// for each joint against its end stops; fastest first.
     pub fn modes(&self, servos: Servos) -> Vec<Mode> {
-        let mut fastest: Vec<((usize, bool, bool), usize, Vec<f64>, Complex<f64>)> = Vec::new();
+        // By greatest coordinate, whether it grows, and whether it is at a stop.
+        let mut fastest: BTreeMap<(usize, bool, bool), Peak> = BTreeMap::new();
         for (sample, found) in self.found(servos).iter().enumerate() {
             // One of each conjugate pair.
             for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0 && rate.norm() > SLOW) {
@@ -223,15 +227,15 @@ impl Survey {
                     continue;
                 }
                 let kind = (most, rate.re > SLOW, stop.is_some());
-                match fastest.iter_mut().find(|entry| entry.0 == kind) {
-                    Some(entry) if entry.3.norm() >= rate.norm() => {}
-                    Some(entry) => *entry = (kind, sample, shares, rate),
-                    None => fastest.push((kind, sample, shares, rate)),
+                if fastest.get(&kind).is_none_or(|(_, _, other)| other.norm() < rate.norm()) {
+                    fastest.insert(kind, (sample, shares, rate));
                 }
             }
         }
-        fastest.sort_by(|a, b| b.3.norm().total_cmp(&a.3.norm()));
-        fastest.iter().map(|(_, sample, shares, rate)| self.mode(*sample, shares, *rate)).collect()
+        let mut modes: Vec<Mode> =
+            fastest.into_values().map(|(sample, shares, rate)| self.mode(sample, &shares, rate)).collect();
+        modes.sort_by(|a, b| b.rate.norm().total_cmp(&a.rate.norm()));
+        modes
     }
 
     /// Greatest stable step, s, infinite where any is; and the mode that bounds it.

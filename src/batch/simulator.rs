@@ -162,7 +162,7 @@ impl Simulator {
             integrator,
             isa,
             storage,
-            range: integrator.stability().range(),
+            range: integrator.range(),
             watch: Watch::default(),
         })
     }
@@ -196,7 +196,7 @@ impl Simulator {
         &mut self.watch
     }
 
-    /// `h |rate|` up to which the integrator is right: [`crate::integrate::Stability::range`].
+    /// `h |rate|` up to which the integrator is right: [`Integrator::range`].
     pub fn range(&self) -> f64 {
         self.range
     }

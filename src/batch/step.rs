@@ -1,6 +1,7 @@
 //! The kernels that visit blocks: steps and accelerations.
 
 use super::dynamics::{Dynamics, Station};
+use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::integrate::{Attitude, Integrator, Motion, Stages, Watch, implicit_interval, interval};
@@ -98,15 +99,41 @@ impl<T: Real> Columns<'_, T> {
     fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
         let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
         let seen = layout.contrast;
-        Watch { contrast: [self.get(seen), self.get(seen + 1)], slip: [self.get(seen + 2), self.get(seen + 3)], plan }
+        let [contrast, slip] = [[self.get(seen), self.get(seen + 1)], [self.get(seen + 2), self.get(seen + 3)]];
+        Watch { contrast, slip, spin: self.get(seen + 4), plan }
     }
 
     #[inline(always)]
     fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
         self.set_all(layout.contrast, &watch.contrast, 2);
         self.set_all(layout.contrast + 2, &watch.slip, 2);
+        self.set(layout.contrast + 4, watch.spin);
         if layout.adaptive {
             self.set(layout.plan, watch.plan);
+        }
+    }
+
+    #[inline(always)]
+    fn lag<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, lag: &mut Lag<L>) {
+        lag.factor = self.factors(layout).added_mass;
+        lag.wrench = self.six(layout.wrench);
+        for k in 0..layout.joints {
+            lag.links[k] = if switches.on_links { self.six(layout.links + 6 * k) } else { Vector6::zero() };
+        }
+        lag.begun = self.get(layout.lag);
+        for i in 0..=layout.joints {
+            let row = layout.lag + 1 + 12 * i;
+            lag.last[i] = [self.six(row), self.six(row + 6)];
+        }
+    }
+
+    #[inline(always)]
+    fn set_lag<L: Lane<Real = T>>(&mut self, layout: &Layout, lag: &Lag<L>) {
+        self.set(layout.lag, lag.begun);
+        for i in 0..=layout.joints {
+            let row = layout.lag + 1 + 12 * i;
+            self.set_all(row, &lag.last[i][0].to_array(), 6);
+            self.set_all(row + 6, &lag.last[i][1].to_array(), 6);
         }
     }
 
@@ -161,6 +188,8 @@ pub struct Step<'a, T> {
     pub system: &'a System<Shared<T>>,
     /// What its bodies are made of, if instances differ in their parameters.
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
+    /// What acts in place of added mass, where `system` has none.
+    pub lagged: Option<Lagged<'a, T>>,
     /// Rows of a block.
     pub layout: &'a Layout,
     /// How to step.
@@ -184,6 +213,7 @@ struct Memory<L: Lane> {
     loads: Loads<L>,
     motion: Motion<L, JOINTS>,
     trial: Motion<L, JOINTS>,
+    lag: Lag<L>,
 }
 
 impl<T: Real> Kernel<T> for Step<'_, T> {
@@ -195,6 +225,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
             loads: Loads::none(),
             motion: Motion::blank(),
             trial: Motion::blank(),
+            lag: Lag::new(),
         };
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut(self.layout.rows * T::BLOCK);
         match self.ingredients {
@@ -210,7 +241,11 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 for rows in blocks {
                     for first in (0..T::BLOCK).step_by(L::LANES) {
                         let mut columns = Columns { rows: &mut *rows, first };
-                        varied.vary(self.system, ingredients, &columns.factors(self.layout));
+                        let mut factors = columns.factors(self.layout);
+                        if self.lagged.is_some() {
+                            factors.added_mass = L::zero();
+                        }
+                        varied.vary(self.system, ingredients, &factors);
                         self.visit(&varied, &mut columns, &mut memory);
                     }
                 }
@@ -235,9 +270,12 @@ impl<T: Real> Step<'_, T> {
         let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
         let gained = acceleration.scale(L::splat(self.h));
         let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
+        if self.lagged.is_some() {
+            columns.lag(self.layout, self.switches, &mut memory.lag);
+        }
         let mut dynamics = Dynamics {
             system,
-            loads: &memory.loads,
+            loads: &mut memory.loads,
             gravity: Vector3(get_all(&system.gravity)) - acceleration,
             acceleration,
             wrench: columns.six(self.layout.wrench),
@@ -250,6 +288,9 @@ impl<T: Real> Step<'_, T> {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
             let held = (motion.pose, motion.rest, motion.attitude);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
+            if let Some(lagged) = &self.lagged {
+                lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut dynamics);
+            }
             match &self.integrator {
                 Integrator::Explicit(method) => {
                     let (trial, stages) = (&mut memory.trial, &mut memory.stages);
@@ -271,6 +312,9 @@ impl<T: Real> Step<'_, T> {
         columns.set_motion(self.layout, motion);
         columns.set_all(self.layout.current, &current.0, 3);
         columns.set_watch(self.layout, &watch);
+        if self.lagged.is_some() {
+            columns.set_lag(self.layout, &memory.lag);
+        }
         // Compensated, so that neither many steps nor their division into calls shows in the time.
         let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
         for _ in 0..self.substeps {

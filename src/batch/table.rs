@@ -104,16 +104,19 @@ impl Table {
             }
         }
         // What was seen of another motion says nothing about this one.
-        self.set_all(rows, i, layout.contrast, [0.0; 4]);
+        self.set_all(rows, i, layout.contrast, [0.0; 5]);
         if layout.adaptive {
             self.set_all(rows, i, layout.plan, [0.0]);
+        }
+        if layout.lagged {
+            self.set_all(rows, i, layout.lag, [0.0]);
         }
     }
 
     /// `h |rate|` of the fastest rate that the motion excites, and the share of its speed that its last steps got wrong.
     pub fn watched<T: Real>(&self, rows: &[T], i: usize) -> Watched {
-        let [contrast, slip] = [0, 2].map(|k| self.get_all(rows, i, self.layout.contrast + k));
-        Watched { stiffness: stiffness(contrast, T::EPSILON), error: step_error(slip, T::EPSILON) }
+        let [change, apart, slip @ ..]: [f64; 5] = self.get_all(rows, i, self.layout.contrast);
+        Watched { stiffness: stiffness([change, apart], T::EPSILON), error: step_error(slip, T::EPSILON) }
     }
 
     /// Coordinates of the attitude that the integrator keeps, if it does.

@@ -22,6 +22,9 @@ pub struct Explicit {
     pub chart: Chart,
     /// How well the estimated error is kept down, for tableaus with an embedded method.
     pub tolerance: f64,
+    /// Where added mass is no inertia but a force of its own, by the acceleration seen in the steps before: the weight of
+    /// the last one in that acceleration's filter. Left to whoever makes the right-hand side.
+    pub lag: Option<f64>,
 }
 
 /// What users may choose about an integrator.
@@ -61,7 +64,7 @@ pub struct Entry {
 }
 
 const fn explicit(tableau: &'static Tableau, chart: Chart) -> Integrator {
-    Integrator::Explicit(Explicit { tableau, chart, tolerance: Gains::DEFAULT.tolerance })
+    Integrator::Explicit(Explicit { tableau, chart, tolerance: Gains::DEFAULT.tolerance, lag: None })
 }
 
 const fn production(name: &'static str, summary: &'static str, integrator: Integrator) -> Entry {
@@ -77,9 +80,17 @@ const TRUNCATED: Chart = Chart::Exponential(DexpInverse::Truncated);
 const FOSSEN: Chart = Chart::Quaternion(Correction::Fossen { gamma: Gains::DEFAULT.gamma });
 const NORMALISE: Chart = Chart::Quaternion(Correction::Normalise);
 
+/// With the filter of uuv_simulator.
+const LAGGED: Integrator = Integrator::Explicit(Explicit {
+    tableau: &EULER,
+    chart: Chart::VelocityFirst,
+    tolerance: Gains::DEFAULT.tolerance,
+    lag: Some(0.3),
+});
+
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 13] = [
+    pub const NAMES: [Entry; 14] = [
         production("mk4", "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)", explicit(&RK4, CLOSED)),
         production(
             "mk4-truncated",
@@ -108,6 +119,11 @@ impl Integrator {
             "semi-implicit-euler",
             "Euler on the velocities, then on the pose with the new ones: as games and many robot simulators step",
             explicit(&EULER, Chart::VelocityFirst),
+        ),
+        rival(
+            "lagged-added-mass",
+            "semi-implicit-euler with added mass as a force by the filtered acceleration before: as Gazebo's plugins do",
+            LAGGED,
         ),
         rival(
             "euler-angles-rk4",
@@ -154,6 +170,14 @@ impl Integrator {
     /// Whether linear systems are solved within a step.
     pub fn implicit(&self) -> bool {
         matches!(self, Integrator::LinearlyImplicit)
+    }
+
+    /// Weight of the last acceleration in the filter, where added mass is a lagged force.
+    pub fn lag(&self) -> Option<f64> {
+        match self {
+            Integrator::Explicit(method) => method.lag,
+            Integrator::LinearlyImplicit => None,
+        }
     }
 
     /// What it keeps the attitude as.

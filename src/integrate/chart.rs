@@ -13,7 +13,7 @@ pub enum Chart {
     Commutators,
     /// The same, for Euler's rule alone, the pose and the joints moving with the velocities of the step's end.
     VelocityFirst,
-    /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21 eq. 2.41]`
+    /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21]`
     EulerAngles,
     /// The components of a quaternion that need not be of unit length, and the position: the paper's rivals. `[HC eq. 14]`
     Quaternion(Correction),

@@ -1,4 +1,4 @@
-//! Kinematics of roll, pitch and yaw, `R = Rz(yaw) Ry(pitch) Rx(roll)`. `[F21 eq. 2.18, 2.41]`
+//! Kinematics of roll, pitch and yaw, `R = Rz(yaw) Ry(pitch) Rx(roll)`. `[F21]`
 
 use crate::lane::{Lane, sin_cos};
 use crate::lie::{Matrix3, Vector3};

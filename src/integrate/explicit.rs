@@ -82,7 +82,10 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
             stages.q[i][k] = stages.qd_at[k];
         }
     }
-    let contrast = stages.contrast(tableau, n, h);
+    let contrast = match &tableau.contrast {
+        Some(contrast) => stages.contrast(contrast, n, h, from),
+        None => [L::zero(); 2],
+    };
     let error = match &tableau.error {
         Some(weights) => stages.error(weights, n, h, from),
         None => L::zero(),

@@ -11,15 +11,17 @@ mod rosenbrock;
 mod stability;
 mod stages;
 mod tableau;
+mod watch;
 
 pub use catalogue::{Entry, Explicit, Gains, Integrator, Kind};
 pub use chart::{Attitude, Chart, Correction};
 pub use motion::Motion;
-pub use pieces::{Watch, interval, step_error, stiffness};
+pub use pieces::interval;
 pub use rosenbrock::{LinearlyImplicit, implicit_interval};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
-pub use tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
+pub use tableau::{Contrast, DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
+pub use watch::{Watch, step_error, stiffness};
 
 use crate::lane::Lane;
 use crate::lie::{Pose, Vector3, Vector6};

@@ -5,7 +5,7 @@ use super::catalogue::Explicit;
 use super::explicit::{Report, explicit};
 use super::motion::Motion;
 use super::stages::Stages;
-use super::tableau::Tableau;
+use super::watch::Watch;
 use crate::lane::{Lane, Real};
 
 /// Rotation within a piece beyond which a lane's piece is halved. The maps hold up to pi, but the velocity of a spinning
@@ -17,23 +17,6 @@ const LEAST_SHARE: f64 = 1.0 / 1024.0;
 const MOST_ATTEMPTS: u32 = 1 << 14;
 /// Greatest piece that an adaptive method plans, by the interval.
 const GREATEST_PLAN: f64 = 4.0;
-/// Part of [`Watch::contrast`] that a piece leaves behind.
-const LEAK: f64 = 1.0 / 32.0;
-
-/// What is known about a motion besides its state; all 0 at first.
-#[derive(Debug, Clone, Copy)]
-pub struct Watch<L> {
-    /// Squares whose quotient is that of `h` times the fastest rate that the motion excites, averaged over some thirty
-    /// pieces, the last ones counting most: of `h` times the right-hand side's change within a piece, and of the
-    /// states' own difference, in m and rad.
-    pub contrast: [L; 2],
-    /// Errors of the velocities that these pieces made, estimated, as displacements over a piece; and the greatest
-    /// displacement over a piece, both fading likewise. m and rad.
-    pub slip: [L; 2],
-    /// Piece that an adaptive method plans next, by the interval.
-    pub plan: L,
-}
-
 /// Covers an interval of length `h`. Adaptive methods choose the pieces by their estimated error. With the others lanes
 /// that turn by more than a quarter revolution within a piece take it in halves, quarters, and so on. Lanes that have
 /// arrived stay as they are meanwhile.
@@ -75,19 +58,8 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
         let fine = L::select(error.lt(one), fine, zero);
         let active = L::select(zero.lt(left), one, zero);
         let taken = half.lt(fine * active);
+        watch.note(taken, method.tableau, h * share, (turn, contrast), (motion, trial), n);
         motion.keep(taken, trial, n);
-        for part in 0..2 {
-            let leaked = watch.contrast[part].neg_mul_add(L::c(LEAK), watch.contrast[part]);
-            watch.contrast[part] = L::select(taken, leaked + contrast[part], watch.contrast[part]);
-        }
-        let slip = slipped(method.tableau, contrast);
-        let way = motion.way(h * share, n);
-        let faded = [
-            watch.slip[0].neg_mul_add(L::c(LEAK), watch.slip[0]),
-            watch.slip[1].neg_mul_add(L::c(LEAK), watch.slip[1]),
-        ];
-        watch.slip[0] = L::select(taken, faded[0] + slip, watch.slip[0]);
-        watch.slip[1] = L::select(taken, faded[1].max(way), watch.slip[1]);
         left = L::select(taken, left - share, left);
         if adaptive {
             let factor = growth(error);
@@ -128,34 +100,4 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
 fn growth<L: Lane>(squared_error: L) -> L {
     let eighth = squared_error.max(L::c(1e-12)).sqrt().sqrt().sqrt().sqrt();
     (L::c(0.9) / (eighth * eighth.sqrt())).max(L::c(0.1)).min(L::c(5.0))
-}
-
-/// Error of a piece on what changes fastest, by its contrast.
-#[inline(always)]
-fn slipped<L: Lane>(tableau: &Tableau, [change, apart]: [L; 2]) -> L {
-    let (factor, power) = tableau.slip;
-    if power == 0 {
-        return L::zero();
-    }
-    let square = change / (apart + L::c(rounding(L::Real::EPSILON).powi(2)));
-    let rate = if power == 2 { square } else { square.sqrt() };
-    change.sqrt() * rate * L::c(factor)
-}
-
-/// Rounding of differences within a step, by the unit round-off times two: they matter from here on, m and rad.
-const ROUNDING: f64 = 100.0;
-
-/// `h |lambda|` of the fastest rate that a motion excites, by its [`Watch::contrast`]. Noise of rounding, which passes for
-/// a very fast rate where nothing moves, does not count.
-pub fn stiffness([change, apart]: [f64; 2], epsilon: f64) -> f64 {
-    (change / (apart + rounding(epsilon).powi(2) / LEAK)).sqrt()
-}
-
-/// What share of its speed the last thirty pieces or so got wrong, by [`Watch::slip`]; none of what moves within rounding.
-pub fn step_error([error, way]: [f64; 2], epsilon: f64) -> f64 {
-    error / (way + rounding(epsilon))
-}
-
-fn rounding(epsilon: f64) -> f64 {
-    ROUNDING * epsilon
 }

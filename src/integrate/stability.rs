@@ -2,7 +2,7 @@
 
 use nalgebra::Complex;
 
-use super::{Chart, Integrator, STAGES, Tableau};
+use super::{Attitude, Chart, Integrator, STAGES, Tableau};
 
 /// Growth of a mode by integration alone that passes for none, 1/s: 1 % per second. Some is inevitable: the methods of
 /// order 1 and 2 amplify an undamped oscillation at any step.
@@ -38,8 +38,10 @@ pub enum Stability {
     Explicit(&'static Tableau),
     /// `v += h a(x, v); x += h v`, on each pair of complex rates as an oscillator of its own.
     SemiImplicitEuler,
-    /// Stable at any step: A-stable, or with a step that follows the error.
-    Always,
+    /// The linearly implicit method of order 2 that is L-stable: any step makes what decays decay.
+    LinearlyImplicit,
+    /// An explicit method with a step that follows the error.
+    Adaptive,
 }
 
 impl Stability {
@@ -48,7 +50,8 @@ impl Stability {
         match self {
             Stability::Explicit(tableau) => tableau.stability(z).norm(),
             Stability::SemiImplicitEuler => semi_implicit_euler(z),
-            Stability::Always => 0.0,
+            Stability::LinearlyImplicit => linearly_implicit(z).norm(),
+            Stability::Adaptive => z.re.exp(),
         }
     }
 
@@ -59,7 +62,8 @@ impl Stability {
     /// last, [`PASSING`] for others. Modes that grow fast by themselves do not count.
     pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
-        if *self == Stability::Always || size < SLOW || rate.re > GROWING * size {
+        if matches!(self, Stability::LinearlyImplicit | Stability::Adaptive) || size < SLOW || rate.re > GROWING * size
+        {
             return most;
         }
         let stable = |h: f64| {
@@ -116,14 +120,30 @@ fn semi_implicit_euler(z: Complex<f64>) -> f64 {
     if discriminant < 0.0 { determinant.sqrt() } else { half_trace.abs() + discriminant.sqrt() }
 }
 
+/// `R(z) = 2 / (1 - z/2)^2 - 1 / (1 - z)`: implicit Euler, extrapolated.
+fn linearly_implicit(z: Complex<f64>) -> Complex<f64> {
+    let one = Complex::new(1.0, 0.0);
+    let half = one - z * 0.5;
+    one * 2.0 / (half * half) - one / (one - z)
+}
+
 impl Integrator {
     /// What its steps make of a mode. The stability of a method on the group is that of its tableau.
     pub fn stability(&self) -> Stability {
         match self {
-            Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Always,
+            Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Adaptive,
             Integrator::Explicit(method) if method.chart == Chart::VelocityFirst => Stability::SemiImplicitEuler,
             Integrator::Explicit(method) => Stability::Explicit(method.tableau),
-            Integrator::LinearlyImplicit => Stability::Always,
+            Integrator::LinearlyImplicit => Stability::LinearlyImplicit,
+        }
+    }
+
+    /// [`Stability::range`], where the estimate of fast rates is of the motion's alone: a quaternion that is kept counts
+    /// its own correction of its length, which is no error.
+    pub fn range(&self) -> f64 {
+        match self.attitude() {
+            Attitude::Quaternion => f64::INFINITY,
+            Attitude::Matrix | Attitude::Angles => self.stability().range(),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Rates;
 use super::motion::Motion;
-use super::tableau::{STAGES, Tableau};
+use super::tableau::{Contrast, STAGES};
 use crate::lane::Lane;
 use crate::lie::Vector6;
 
@@ -119,38 +119,33 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         sum
     }
 
-    /// How fast the right-hand side changes between states within the step: squares of `h` times its change, and of
-    /// the states' own difference. Velocities and accelerations count by `h`, so that a single mode of rate lambda, real
-    /// or oscillating, makes their quotient `(h |lambda|)^2` (on average over a period).
+    /// How fast the right-hand side changes between states within the step: squares of `h` times its change, and of the
+    /// states' own difference. Velocities and accelerations count by `h`, so that a single mode of rate lambda, real or
+    /// oscillating, makes their quotient `(h |lambda|)^2` (on average over a period).
+    ///
+    /// Written in the accelerations alone: coordinates differ by `h` times what velocities before them differ by.
     #[inline(always)]
-    pub(super) fn contrast(&self, tableau: &Tableau, n: usize, h: L) -> [L; 2] {
-        let apart = tableau.contrasted();
-        let (mut pose, mut twist) = ([Vector6::zero(); 2], [Vector6::zero(); 2]);
-        for j in 0..tableau.stages {
-            let (change, offset) = (L::c(tableau.contrast[j]), L::c(apart[j]));
-            pose[0] = self.pose[j].scale_add(change, pose[0]);
-            pose[1] = self.pose[j].scale_add(offset, pose[1]);
-            twist[0] = self.rates[j].twist.scale_add(change, twist[0]);
-            twist[1] = self.rates[j].twist.scale_add(offset, twist[1]);
+    pub(super) fn contrast(&self, contrast: &Contrast, n: usize, h: L, from: &Motion<L, N>) -> [L; 2] {
+        let Contrast { three, place, speed, change: [last, before], .. } = *contrast;
+        let (mut squares, mut across) = ([L::zero(); 3], L::zero());
+        let [a, b, c] = [&self.rates[0].twist, &self.rates[1].twist, &self.rates[2].twist];
+        for k in 0..3 {
+            let linear = [from.twist.linear.0[k], a.linear.0[k], b.linear.0[k], c.linear.0[k]];
+            add_differences(three, linear, &mut squares, &mut across);
+            let angular = [from.twist.angular.0[k], a.angular.0[k], b.angular.0[k], c.angular.0[k]];
+            add_differences(three, angular, &mut squares, &mut across);
         }
-        let mut places = [pose[0].dot(pose[0]), pose[1].dot(pose[1])];
-        let mut speeds = [twist[0].dot(twist[0]), twist[1].dot(twist[1])];
         for k in 0..n {
-            let (mut q, mut qd) = ([L::zero(); 2], [L::zero(); 2]);
-            for j in 0..tableau.stages {
-                let (change, offset) = (L::c(tableau.contrast[j]), L::c(apart[j]));
-                q[0] = self.q[j][k].mul_add(change, q[0]);
-                q[1] = self.q[j][k].mul_add(offset, q[1]);
-                qd[0] = self.rates[j].qd[k].mul_add(change, qd[0]);
-                qd[1] = self.rates[j].qd[k].mul_add(offset, qd[1]);
-            }
-            for part in 0..2 {
-                places[part] = q[part].mul_add(q[part], places[part]);
-                speeds[part] = qd[part].mul_add(qd[part], speeds[part]);
-            }
+            let joint = [from.qd[k], self.rates[0].qd[k], self.rates[1].qd[k], self.rates[2].qd[k]];
+            add_differences(three, joint, &mut squares, &mut across);
         }
-        let h2 = h * h;
-        [h2 * h2.mul_add(speeds[0], places[0]), h2 * h2.mul_add(speeds[1], places[1])]
+        let [first, second, third] = squares;
+        let change = third * L::c(last * last) + across * L::c(2.0 * last * before) + second * L::c(before * before);
+        let speeds = second * L::c(speed * speed);
+        let places = first * L::c(place * place);
+        let (h2, h4) = (h * h, h * h * (h * h));
+        let places = if three { places * h4 } else { places * h2 };
+        [h4 * (speeds + change.max(L::zero())), places + h4 * speeds]
     }
 
     /// Makes the last stage the first one of the next step where the mask holds; `at` is that step's start.
@@ -173,6 +168,16 @@ impl<L: Lane, const N: usize> Default for Stages<L, N> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// Adds squares of first quantity and successive differences, and the product of the two differences.
+#[inline(always)]
+fn add_differences<L: Lane>(three: bool, [v, a, b, c]: [L; 4], squares: &mut [L; 3], across: &mut L) {
+    let [x, y, z] = if three { [a, b - a, c - b] } else { [v, a, b - a] };
+    squares[0] = x.mul_add(x, squares[0]);
+    squares[1] = y.mul_add(y, squares[1]);
+    squares[2] = z.mul_add(z, squares[2]);
+    *across = y.mul_add(z, *across);
 }
 
 /// `(x / (1 + |size|))^2`

@@ -23,6 +23,8 @@ pub struct Factors<L> {
 impl Factors<f64> {
     /// The scene as it is.
     pub const ONE: Self = Self { mass: 1.0, added_mass: 1.0, linear_drag: 1.0, quadratic_drag: 1.0, volume: 1.0 };
+    /// The scene without added mass.
+    pub const RIGID: Self = Self { added_mass: 0.0, ..Self::ONE };
 }
 
 impl<L: Copy> Factors<L> {
@@ -83,10 +85,10 @@ impl<T: Real> System<Shared<T>> {
         system
     }
 
-    /// The system with terms put together from `ingredients` as [`System::vary`] does: to the same bits.
-    pub fn put_together(&self, ingredients: &[Ingredients<Shared<T>>]) -> Self {
+    /// The system with terms put together from `ingredients` by `factors` as [`System::vary`] does: to the same bits.
+    pub fn put_together(&self, ingredients: &[Ingredients<Shared<T>>], factors: &Factors<f64>) -> Self {
         let mut system = self.map(|Shared(x)| x);
-        system.vary(self, ingredients, &Factors::from_array([T::from_f64(1.0); 5]));
+        system.vary(self, ingredients, &Factors::from_array(factors.to_array().map(T::from_f64)));
         system.map(Shared)
     }
 }

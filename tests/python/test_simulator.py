@@ -319,12 +319,46 @@ def test_a_held_vehicle_stays() -> None:
         {"gamma": -1.0},
         {"gamma": NAN},
         {"gamma": []},
+        {"tolerance": 0.0},
+        {"tolerance": -1e-6},
+        {"tolerance": NAN},
+        {"tolerance": np.inf},
+        {"tolerance": "1e-6"},
     ],
     ids=str,
 )
 def test_a_bad_option_is_refused(options: dict[str, Any]) -> None:
     with pytest.raises((ValueError, TypeError)):
         Simulator("free-body", **options)
+
+
+def test_integrators_are_listed_with_what_they_are() -> None:
+    listed = {entry["name"]: entry for entry in integrators()}
+    assert next(iter(listed)) == Simulator("free-body").integrator
+    assert {entry["kind"] for entry in listed.values()} == {"production", "rival"}
+    assert {name: entry["order"] for name, entry in listed.items() if entry["kind"] == "production"}["mk3"] == 3
+    assert [name for name, entry in listed.items() if entry["adaptive"]] == ["mk54"]
+    assert listed["semi-implicit-euler"]["kind"] == "rival"
+    assert all(entry["summary"] for entry in listed.values())
+
+
+def test_a_tolerance_is_kept_and_a_smaller_one_ends_nearer() -> None:
+    ends = []
+    for tolerance in (1e-4, 1e-6, 1e-11):
+        s = moving("petasus-pum", 2, integrator="mk54", tolerance=tolerance, dt=0.1)
+        assert s.tolerance == tolerance
+        s.step(substeps=10)
+        ends.append(s.position)
+    coarse, fine = (np.abs(end - ends[2]).max() for end in ends[:2])
+    assert fine < 0.1 * coarse < 1e-3
+
+
+def test_stiffness_is_that_of_the_motion() -> None:
+    s = moving("bluerov2-heavy-alpha5", 4)
+    assert_same(s.stiffness, np.zeros(4))
+    s.step(substeps=20)
+    assert s.stiffness.shape == (4,)
+    assert (0.01 < s.stiffness).all() and (s.stiffness < 2.0).all()
 
 
 def test_dtypes_have_several_names() -> None:
@@ -362,13 +396,14 @@ def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_copies_and_pickles_go_on_alike(integrator: str, dtype: str) -> None:
-    s = moving("petasus-pum", 3, integrator=integrator, dtype=dtype, dt=0.02, gamma=0.5, threads=1)
+    options: dict[str, Any] = {"dt": 0.02, "gamma": 0.5, "tolerance": 1e-5, "threads": 1}
+    s = moving("petasus-pum", 3, integrator=integrator, dtype=dtype, **options)
     inputs = random_inputs(s)
     s.step(**inputs, substeps=7)
     others = [copy.copy(s), copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
     for other in others:
         assert repr(other) == repr(s)
-        assert (other.gamma, other.threads, other.scene) == (s.gamma, s.threads, s.scene)
+        assert (other.gamma, other.tolerance, other.threads, other.scene) == (0.5, 1e-5, 1, s.scene)
         assert_same(state_of(other), state_of(s))
     for simulator in (s, *others):
         simulator.step(**inputs, substeps=9)
