@@ -120,11 +120,11 @@ fn semi_implicit_euler(z: Complex<f64>) -> f64 {
     if discriminant < 0.0 { determinant.sqrt() } else { half_trace.abs() + discriminant.sqrt() }
 }
 
-/// `R(z) = 2 / (1 - z/2)^2 - 1 / (1 - z)`.
+/// `R(z) = 2 / (1 - z/2)^2 - 1 / (1 - z)`: implicit Euler, extrapolated.
 fn linearly_implicit(z: Complex<f64>) -> Complex<f64> {
-    let euler = |z: Complex<f64>| Complex::new(1.0, 0.0) / (Complex::new(1.0, 0.0) - z);
-    let half = euler(z * 0.5);
-    half * half * 2.0 - euler(z)
+    let one = Complex::new(1.0, 0.0);
+    let half = one - z * 0.5;
+    one * 2.0 / (half * half) - one / (one - z)
 }
 
 impl Integrator {
