@@ -355,7 +355,7 @@ def test_a_tolerance_is_kept_and_a_smaller_one_ends_nearer() -> None:
 
 def test_stiffness_is_that_of_the_motion() -> None:
     s = moving("bluerov2-heavy-alpha5", 4)
-    assert_same(s.stiffness, np.zeros(4))
+    np.testing.assert_array_equal(s.stiffness, np.zeros(4))
     s.step(substeps=20)
     assert s.stiffness.shape == (4,)
     assert (0.01 < s.stiffness).all() and (s.stiffness < 2.0).all()
@@ -397,7 +397,9 @@ def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_copies_and_pickles_go_on_alike(integrator: str, dtype: str) -> None:
     options: dict[str, Any] = {"dt": 0.02, "gamma": 0.5, "tolerance": 1e-5, "threads": 1}
-    s = moving("petasus-pum", 3, integrator=integrator, dtype=dtype, **options)
+    # Bodies whose added mass a lagged force cannot stand for are lost within a few steps.
+    scene = "free-body" if integrator == "lagged-added-mass" else "petasus-pum"
+    s = moving(scene, 3, integrator=integrator, dtype=dtype, **options)
     inputs = random_inputs(s)
     s.step(**inputs, substeps=7)
     others = [copy.copy(s), copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
