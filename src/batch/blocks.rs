@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::lagged::Lagged;
 use super::layout::Layout;
-use super::monitor::{Sighting, Watched};
+use super::monitor::{Bounds, Sighting, Watched};
 use super::step::{Accelerate, Step, Switches};
 use super::table::{InstanceLoads, Table};
 use super::threads::for_each;
@@ -28,8 +28,8 @@ pub trait Storage: Send + Sync {
     fn attitude(&self, i: usize) -> Option<[f64; 4]>;
     /// Sets those coordinates.
     fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]);
-    /// What the integrator saw of the motion of instance `i`.
-    fn watched(&self, i: usize) -> Watched;
+    /// What steps of size `h` showed of the motion of instance `i`.
+    fn watched(&self, i: usize, h: f64) -> Watched;
     /// Flow of the water at instance `i`.
     fn flow(&self, i: usize) -> Flow;
     /// Sets the flow of the water at instance `i`.
@@ -97,7 +97,7 @@ pub struct Run {
     /// Most threads.
     pub threads: usize,
     /// `h |rate|` up to which the integrator is right, where instances are watched for leaving it.
-    pub range: Option<f64>,
+    pub bounds: Option<Bounds>,
 }
 
 /// Blocks of instances in one precision.
@@ -219,7 +219,7 @@ impl<T: Real> Part<'_, T> {
 
     /// The first of `count` instances that the steps did not follow.
     fn sight(&self, run: &Run, count: usize) -> Option<Sighting> {
-        self.table.sight(self.rows, count, run.range?)
+        self.table.sight(self.rows, count, run.bounds?, run.h)
     }
 }
 
@@ -258,8 +258,8 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_attitude(&mut self.rows, i, attitude);
     }
 
-    fn watched(&self, i: usize) -> Watched {
-        self.table.watched(&self.rows, i)
+    fn watched(&self, i: usize, h: f64) -> Watched {
+        self.table.watched(&self.rows, i, h)
     }
 
     fn flow(&self, i: usize) -> Flow {

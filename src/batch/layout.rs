@@ -38,7 +38,7 @@ pub struct Layout {
     pub attitude: usize,
     /// What these are.
     pub keeps: Attitude,
-    /// What was seen of the motion, 5: squares that show fast rates, and what steps get wrong.
+    /// What was seen of the motion, 6: squares that show fast rates, and what steps get wrong.
     pub contrast: usize,
     /// Piece that the integrator plans, 1: only where it is adaptive.
     pub plan: usize,
@@ -83,7 +83,7 @@ impl Layout {
             factors: take(5),
             attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
             keeps,
-            contrast: take(5),
+            contrast: take(6),
             plan: take(usize::from(adaptive)),
             adaptive,
             lag: take(if lagged { 1 + 12 * (joints + 1) } else { 0 }),

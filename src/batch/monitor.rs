@@ -9,7 +9,7 @@ use crate::balance::Servos;
 use crate::lane::Real;
 
 /// Share of its speed that the last steps of a motion may get wrong.
-pub const WRONG: f64 = 0.01;
+pub const WRONG: f64 = 0.05;
 
 /// What steps showed of a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,6 +17,15 @@ pub struct Watched {
     /// `h |rate|` of the fastest rate that it excites.
     pub stiffness: f64,
     /// Share of its speed that the last steps got wrong.
+    pub error: f64,
+}
+
+/// What motions are watched for leaving.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bounds {
+    /// Of [`Watched::stiffness`].
+    pub stiffness: f64,
+    /// Of [`Watched::error`].
     pub error: f64,
 }
 
@@ -34,8 +43,8 @@ pub struct Sighting {
 }
 
 impl Table {
-    /// The first of `count` instances that is not finite or whose motion excites more than `range`.
-    pub(super) fn sight<T: Real>(&self, rows: &[T], count: usize, range: f64) -> Option<Sighting> {
+    /// The first of `count` instances that is not finite or whose motion is beyond the bounds.
+    pub(super) fn sight<T: Real>(&self, rows: &[T], count: usize, bounds: Bounds, h: f64) -> Option<Sighting> {
         let width = self.layout.rows * T::BLOCK;
         for (k, block) in rows.chunks_exact(width).enumerate() {
             // The state is what comes before the time; no branches, so that it takes next to no time.
@@ -43,8 +52,8 @@ impl Table {
             let finite = state.iter().fold(true, |finite, x| finite & x.to_f64().is_finite());
             let first = k * T::BLOCK;
             for i in first..count.min(first + T::BLOCK) {
-                let watched = self.watched(rows, i);
-                let follows = watched.stiffness <= range && watched.error <= WRONG;
+                let watched = self.watched(rows, i, h);
+                let follows = watched.stiffness <= bounds.stiffness && watched.error <= bounds.error;
                 if finite && follows {
                     continue;
                 }
@@ -82,6 +91,11 @@ impl Watch {
     /// Whether motions are still watched: until the first sighting.
     pub fn watches(&self) -> bool {
         self.sighted.is_none()
+    }
+
+    /// Whether it was said already that the step is too great.
+    pub fn has_warned(&self) -> bool {
+        self.warned
     }
 
     /// Remembers the first sighting.

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::blocks::{Blocks, Rider, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
-use super::monitor::Watch;
+use super::monitor::{Bounds, WRONG, Watch};
 use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::balance::articulated::Loads;
@@ -201,9 +201,15 @@ impl Simulator {
         self.range
     }
 
-    /// The integrator's range, as long as motions are watched for leaving it.
-    fn watched_range(&self) -> Option<f64> {
-        self.watch.watches().then_some(self.range)
+    /// What motions are watched for leaving, as long as they are.
+    fn bounds(&self) -> Option<Bounds> {
+        // After a warning of the step itself only what is no longer finite is news.
+        let bounds = if self.watch.has_warned() {
+            Bounds { stiffness: f64::INFINITY, error: f64::INFINITY }
+        } else {
+            Bounds { stiffness: self.range, error: WRONG }
+        };
+        self.watch.watches().then_some(bounds)
     }
 
     /// Number of instances.
@@ -268,14 +274,14 @@ impl Simulator {
     /// by less than rounding does not count. 0 before the first step after [`Self::set_state`], and for integrators of
     /// one stage, which have nothing to compare. Adaptive integrators count with the pieces that they choose.
     pub fn stiffness(&self, i: usize) -> f64 {
-        self.storage.watched(i).stiffness
+        self.storage.watched(i, self.options.dt).stiffness
     }
 
     /// Share of its speed that the last thirty steps or so of instance `i` got wrong, estimated from the same differences
     /// for the methods of orders 2 to 4: of the velocity error summed over them, by the greatest speed among them. 0 for
     /// others, which have nothing to compare or keep to a tolerance.
     pub fn step_error(&self, i: usize) -> f64 {
-        self.storage.watched(i).error
+        self.storage.watched(i, self.options.dt).error
     }
 
     /// Flow of the water at instance `i`.
@@ -311,7 +317,7 @@ impl Simulator {
     ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let switches = self.apply(inputs)?;
-        let range = self.watched_range();
+        let bounds = self.bounds();
         let part = (PART / self.instances()).max(1);
         let mut before = 0;
         while before < substeps {
@@ -319,7 +325,7 @@ impl Simulator {
                 return Ok(false);
             }
             let substeps = part.min(substeps - before);
-            let sighting = self.storage.step(&Run { integrator, h, substeps, before, switches, threads, range });
+            let sighting = self.storage.step(&Run { integrator, h, substeps, before, switches, threads, bounds });
             self.watch.sighted(sighting);
             before += substeps;
         }
@@ -350,7 +356,7 @@ impl Simulator {
     /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
     pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        let run = Run { integrator, h, substeps, before: 0, switches, threads, range: self.watched_range() };
+        let run = Run { integrator, h, substeps, before: 0, switches, threads, bounds: self.bounds() };
         let sighting = self.storage.step_with(&run, riders);
         self.watch.sighted(sighting);
     }

@@ -99,15 +99,19 @@ impl<T: Real> Columns<'_, T> {
     fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
         let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
         let seen = layout.contrast;
-        let [contrast, slip] = [[self.get(seen), self.get(seen + 1)], [self.get(seen + 2), self.get(seen + 3)]];
-        Watch { contrast, slip, spin: self.get(seen + 4), plan }
+        let mut watch = Watch { plan, ..Watch::blank() };
+        for k in 0..3 {
+            watch.contrast[k] = self.get(seen + k);
+        }
+        (watch.slip, watch.spin) = ([self.get(seen + 3), self.get(seen + 4)], self.get(seen + 5));
+        watch
     }
 
     #[inline(always)]
     fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
-        self.set_all(layout.contrast, &watch.contrast, 2);
-        self.set_all(layout.contrast + 2, &watch.slip, 2);
-        self.set(layout.contrast + 4, watch.spin);
+        self.set_all(layout.contrast, &watch.contrast, 3);
+        self.set_all(layout.contrast + 3, &watch.slip, 2);
+        self.set(layout.contrast + 5, watch.spin);
         if layout.adaptive {
             self.set(layout.plan, watch.plan);
         }
@@ -297,7 +301,7 @@ impl<T: Real> Step<'_, T> {
                     interval(method, self.h, motion, trial, &mut watch, &mut dynamics, stages);
                 }
                 Integrator::LinearlyImplicit => {
-                    implicit_interval(self.h, motion, &mut memory.trial, &mut dynamics);
+                    implicit_interval(self.h, motion, &mut memory.trial, &mut watch, &mut dynamics);
                 }
             }
             motion.travel(drift(current, gained, self.h));

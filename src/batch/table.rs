@@ -104,7 +104,7 @@ impl Table {
             }
         }
         // What was seen of another motion says nothing about this one.
-        self.set_all(rows, i, layout.contrast, [0.0; 5]);
+        self.set_all(rows, i, layout.contrast, [0.0; 6]);
         if layout.adaptive {
             self.set_all(rows, i, layout.plan, [0.0]);
         }
@@ -114,9 +114,9 @@ impl Table {
     }
 
     /// `h |rate|` of the fastest rate that the motion excites, and the share of its speed that its last steps got wrong.
-    pub fn watched<T: Real>(&self, rows: &[T], i: usize) -> Watched {
-        let [change, apart, slip @ ..]: [f64; 5] = self.get_all(rows, i, self.layout.contrast);
-        Watched { stiffness: stiffness([change, apart], T::EPSILON), error: step_error(slip, T::EPSILON) }
+    pub fn watched<T: Real>(&self, rows: &[T], i: usize, h: f64) -> Watched {
+        let [places, speeds, changes, slip @ ..]: [f64; 6] = self.get_all(rows, i, self.layout.contrast);
+        Watched { stiffness: stiffness([places, speeds, changes], T::EPSILON), error: step_error(slip, h) }
     }
 
     /// Coordinates of the attitude that the integrator keeps, if it does.

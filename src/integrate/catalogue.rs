@@ -109,7 +109,7 @@ impl Integrator {
         ),
         production("mk3", "Munthe-Kaas on Heun's third-order tableau", explicit(&HEUN3, CLOSED)),
         production("mk2", "Munthe-Kaas on the midpoint rule", explicit(&MIDPOINT, CLOSED)),
-        production("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, CLOSED)),
+        rival("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, CLOSED)),
         production(
             "ros2",
             "linearly implicit, order 2, L-stable: for scenes too stiff for the others at the step that is wanted",

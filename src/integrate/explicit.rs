@@ -17,8 +17,8 @@ pub(super) struct Report<L> {
     pub turn: L,
     /// Square of the estimated error, for tableaus with an embedded method, else 0.
     pub error: L,
-    /// Squares whose quotient is that of `h` times the fastest rate: see [`Stages::contrast`].
-    pub contrast: [L; 2],
+    /// How the stages differ: see [`Stages::contrast`].
+    pub contrast: [L; 3],
 }
 
 /// Kept attitude at a point: a quaternion, or 0 and three angles.
@@ -84,7 +84,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     }
     let contrast = match &tableau.contrast {
         Some(contrast) => stages.contrast(contrast, n, h, from),
-        None => [L::zero(); 2],
+        None => [L::zero(); 3],
     };
     let error = match &tableau.error {
         Some(weights) => stages.error(weights, n, h, from),

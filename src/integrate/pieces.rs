@@ -58,7 +58,10 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
         let fine = L::select(error.lt(one), fine, zero);
         let active = L::select(zero.lt(left), one, zero);
         let taken = half.lt(fine * active);
-        watch.note(taken, method.tableau, h * share, (turn, contrast), (motion, trial), n);
+        let wrong = watch.compare(taken, method.tableau, contrast);
+        if !adaptive {
+            watch.judge(taken, method.tableau.order, (h * share, wrong, turn), (motion, trial), n);
+        }
         motion.keep(taken, trial, n);
         left = L::select(taken, left - share, left);
         if adaptive {

@@ -11,6 +11,7 @@
 
 use super::chart::Increment;
 use super::motion::Motion;
+use super::watch::Watch;
 use super::{Derivative, Rates};
 use crate::lane::Lane;
 use crate::lie::{DexpInverse, Vector6, dexp_inverse_negative, rotate_back};
@@ -79,6 +80,18 @@ impl<L: Lane, const N: usize> Point<L, N> {
         }
     }
 
+    /// Length of what its velocities are more than others.
+    #[inline(always)]
+    fn faster_than(&self, twist: &Vector6<L>, qd: &[L; N], n: usize) -> L {
+        let more = twist.scale_add(L::c(-1.0), self.twist);
+        let mut sum = more.dot(more);
+        for k in 0..n {
+            let more = self.qd[k] - qd[k];
+            sum = more.mul_add(more, sum);
+        }
+        sum.sqrt()
+    }
+
     #[inline(always)]
     fn turn(&self) -> L {
         self.theta.angular.dot(self.theta.angular)
@@ -86,7 +99,7 @@ impl<L: Lane, const N: usize> Point<L, N> {
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval. Returns the square of the greatest
-/// rotation within the step.
+/// rotation within the step, and its estimated error, m and rad.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L,
@@ -94,7 +107,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     from: &Motion<L, N>,
     to: &mut Motion<L, N>,
     derivative: &mut D,
-) -> L {
+) -> (L, L) {
     let n = derivative.joints();
     let half = h * L::c(0.5);
     let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
@@ -117,24 +130,28 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
             point = Point::start(from);
         }
     }
+    let apart = point.faster_than(&coarse.twist, &coarse.qd, n) * h;
     point.extrapolate(&coarse, n);
+    // Of a mode, z^2 / 4 apart, changed by z, and wrong by z^3 / 6.
+    let changed = point.faster_than(&from.twist, &from.qd, n) * h + L::c(1e-30);
+    let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
     to.arrive(from, point.theta);
     to.twist = point.twist;
     for k in 0..n {
         to.q[k] = point.q[k];
         to.qd[k] = point.qd[k];
     }
-    greatest.max(point.turn())
+    (greatest.max(point.turn()), error)
 }
 
 /// Covers an interval of length `h`. Lanes that turn by more than half a radian within a piece take it in halves,
-/// quarters, and so on; lanes that have arrived stay as they are meanwhile. [`super::Watch`] is not filled in: no rate is too
-/// fast here, and the extrapolation's own difference is the error of a method of order 1.
+/// quarters, and so on; lanes that have arrived stay as they are meanwhile.
 #[inline(always)]
 pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L::Real,
     motion: &mut Motion<L, N>,
     trial: &mut Motion<L, N>,
+    watch: &mut Watch<L>,
     derivative: &mut D,
 ) {
     let n = derivative.joints();
@@ -144,9 +161,10 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let (mut share, mut left) = (one, one);
     let mut begun = false;
     loop {
-        let turn = extrapolated(h * share, h * (one - left), motion, trial, derivative);
+        let (turn, error) = extrapolated(h * share, h * (one - left), motion, trial, derivative);
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
+        watch.judge(half.lt(taken), 2, (h * share, error, turn), (motion, trial), n);
         motion.keep(half.lt(taken), trial, n);
         left = share.neg_mul_add(taken, left);
         if !L::any(zero.lt(left)) {

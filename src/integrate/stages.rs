@@ -119,13 +119,12 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         sum
     }
 
-    /// How fast the right-hand side changes between states within the step: squares of `h` times its change, and of the
-    /// states' own difference. Velocities and accelerations count by `h`, so that a single mode of rate lambda, real or
-    /// oscillating, makes their quotient `(h |lambda|)^2` (on average over a period).
+    /// How the right-hand side changes between states within the step. Squares of the states' difference, first its
+    /// coordinates and then its velocities times h; and of the accelerations' change times h^2.
     ///
     /// Written in the accelerations alone: coordinates differ by `h` times what velocities before them differ by.
     #[inline(always)]
-    pub(super) fn contrast(&self, contrast: &Contrast, n: usize, h: L, from: &Motion<L, N>) -> [L; 2] {
+    pub(super) fn contrast(&self, contrast: &Contrast, n: usize, h: L, from: &Motion<L, N>) -> [L; 3] {
         let Contrast { three, place, speed, change: [last, before], .. } = *contrast;
         let (mut squares, mut across) = ([L::zero(); 3], L::zero());
         let [a, b, c] = [&self.rates[0].twist, &self.rates[1].twist, &self.rates[2].twist];
@@ -145,7 +144,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         let places = first * L::c(place * place);
         let (h2, h4) = (h * h, h * h * (h * h));
         let places = if three { places * h4 } else { places * h2 };
-        [h4 * (speeds + change.max(L::zero())), places + h4 * speeds]
+        [places, h4 * speeds, h4 * change.max(L::zero())]
     }
 
     /// Makes the last stage the first one of the next step where the mask holds; `at` is that step's start.

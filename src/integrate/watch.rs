@@ -1,28 +1,31 @@
 //! What the pieces of a motion show besides its state: how fast the rates are that it excites, and what they get wrong.
 
 use super::motion::Motion;
-use super::tableau::Tableau;
+use super::tableau::{Contrast, Tableau};
 use crate::lane::{Lane, Real};
 use crate::lie::Vector3;
 
-/// Part of what was seen that a piece leaves behind: some thirty of them count.
-const LEAK: f64 = 1.0 / 32.0;
+/// Part of what was seen that a piece keeps.
+const KEPT: f64 = 1.0 - 1.0 / 32.0;
+/// Greatest `h |lambda|` that errors are estimated for: what is faster shows by itself.
+const FASTEST: f64 = 2.0;
 /// Time that errors of spinning count for, s: no damping takes them away.
 const SPIN_TIME: f64 = 10.0;
 /// Turn within a piece from which on spinning counts, rad.
 const SPIN: f64 = 0.02;
+/// Speed that counts as rest, m/s and rad/s.
+const REST: f64 = 1e-3;
 /// Rounding of differences within a step, by the unit round-off times two: they matter from here on, m and rad.
 const ROUNDING: f64 = 100.0;
 
-/// What was seen of a motion; all 0 at first.
+/// What was seen of a motion; all 0 at first. Sums leave a share behind with each piece, so that the last thirty count.
 #[derive(Debug, Clone, Copy)]
 pub struct Watch<L> {
-    /// Squares whose quotient is that of `h` times the fastest rate that the motion excites, averaged over some thirty
-    /// pieces, the last ones counting most: of `h` times the right-hand side's change within a piece, and of the
-    /// states' own difference, in m and rad.
-    pub contrast: [L; 2],
-    /// Errors of the velocities that these pieces made, estimated, as displacements over a piece; and the greatest
-    /// displacement over a piece, both fading likewise. m and rad.
+    /// Sums of squares of how states within a piece differ (coordinates, velocities times h) and of how the accelerations
+    /// at them do (times h^2), m and rad.
+    pub contrast: [L; 3],
+    /// Errors of the velocities, estimated and summed, as displacements over a piece; and the greatest displacement over a
+    /// piece, fading likewise. m and rad.
     pub slip: [L; 2],
     /// Share of the velocities that spinning has got wrong in the last ten seconds, estimated.
     pub spin: L,
@@ -31,52 +34,55 @@ pub struct Watch<L> {
 }
 
 impl<L: Lane> Watch<L> {
-    /// Takes note of a piece of size `h` in the lanes that took it: its squared turn and its contrast, its start and end.
+    /// What all entries are at first.
     #[inline(always)]
-    pub(super) fn note<const N: usize>(
+    pub fn blank() -> Self {
+        let zero = L::zero();
+        Self { contrast: [zero; 3], slip: [zero; 2], spin: zero, plan: zero }
+    }
+
+    /// Takes note of a piece in the lanes that took it: how its stages differ. Its estimated error, m and rad.
+    #[inline(always)]
+    pub(super) fn compare(&mut self, taken: L::Mask, tableau: &Tableau, contrast: [L; 3]) -> L {
+        for part in 0..3 {
+            let sum = self.contrast[part].mul_add(L::c(KEPT), contrast[part]);
+            self.contrast[part] = L::select(taken, sum, self.contrast[part]);
+        }
+        let Some(Contrast { slip: (factor, power), .. }) = tableau.contrast else { return L::zero() };
+        let [_, speeds, changes] = self.contrast;
+        let square = (changes / (speeds + L::c(rounding(L::Real::EPSILON).powi(2)))).min(L::c(FASTEST * FASTEST));
+        let rate = if power == 2 { square } else { square.sqrt() };
+        contrast[2].sqrt() * rate * L::c(factor)
+    }
+
+    /// Takes note of a piece of size `h` that a method of order `order` took from one motion to another: its estimated error
+    /// and its squared turn.
+    #[inline(always)]
+    pub(super) fn judge<const N: usize>(
         &mut self,
         taken: L::Mask,
-        tableau: &Tableau,
-        h: L,
-        (turn, contrast): (L, [L; 2]),
+        order: usize,
+        (h, error, turn): (L, L, L),
         (from, to): (&Motion<L, N>, &Motion<L, N>),
         n: usize,
     ) {
-        let kept = L::c(1.0 - LEAK);
-        for part in 0..2 {
-            let sum = self.contrast[part].mul_add(kept, contrast[part]);
-            self.contrast[part] = L::select(taken, sum, self.contrast[part]);
-        }
-        if tableau.error.is_some() {
-            return;
-        }
-        let error = self.slip[0].mul_add(kept, slip(tableau, contrast));
-        let way = (self.slip[1] * kept).max(to.way(h, n));
+        let error = self.slip[0].mul_add(L::c(KEPT), error);
+        let way = (self.slip[1] * L::c(KEPT)).max(to.way(h, n));
         self.slip = [L::select(taken, error, self.slip[0]), L::select(taken, way, self.slip[1])];
         let mut spin = (h * self.spin).neg_mul_add(L::c(1.0 / SPIN_TIME), self.spin);
         let spins = L::c(SPIN * SPIN).lt(turn);
         if L::any(spins) {
-            spin += L::select(spins, spun(tableau, turn, from, to), L::zero());
+            spin += L::select(spins, spun(order, turn, from, to), L::zero());
         }
         self.spin = L::select(taken, spin, self.spin);
     }
 }
 
-/// Error of a piece on what changes fastest, by its contrast.
-#[inline(always)]
-fn slip<L: Lane>(tableau: &Tableau, [change, apart]: [L; 2]) -> L {
-    let Some(contrast) = &tableau.contrast else { return L::zero() };
-    let (factor, power) = contrast.slip;
-    let square = change / (apart + L::c(rounding(L::Real::EPSILON).powi(2)));
-    let rate = if power == 2 { square } else { square.sqrt() };
-    change.sqrt() * rate * L::c(factor)
-}
-
 /// Error of a piece that turns by `theta`, as a share of the velocities: `u theta^p / (p + 1)!` for order p, where u is the
 /// share that linear or angular velocity changes by in body axes. A steady spin has no error at all.
 #[inline(always)]
-fn spun<L: Lane, const N: usize>(tableau: &Tableau, turn: L, from: &Motion<L, N>, to: &Motion<L, N>) -> L {
-    let power = match tableau.order {
+fn spun<L: Lane, const N: usize>(order: usize, turn: L, from: &Motion<L, N>, to: &Motion<L, N>) -> L {
+    let power = match order {
         1 => turn.sqrt() * L::c(1.0 / 2.0),
         2 => turn * L::c(1.0 / 6.0),
         3 => turn * turn.sqrt() * L::c(1.0 / 24.0),
@@ -94,16 +100,17 @@ fn changed<L: Lane>(from: Vector3<L>, to: Vector3<L>) -> L {
     change.dot(change) / (from.dot(from) + L::c(rounding(L::Real::EPSILON).powi(2)))
 }
 
-/// `h |lambda|` of the fastest rate that a motion excites, by its [`Watch::contrast`]. Noise of rounding, which passes for
-/// a very fast rate where nothing moves, does not count.
-pub fn stiffness([change, apart]: [f64; 2], epsilon: f64) -> f64 {
-    (change / (apart + rounding(epsilon).powi(2) / LEAK)).sqrt()
+/// `h |lambda|` of the fastest rate that a motion excites, by its [`Watch::contrast`]: a single mode, real or oscillating,
+/// makes `h` times the right-hand side's change so many times the states' own difference (on average over a period).
+/// Noise of rounding, which passes for a very fast rate where nothing moves, does not count.
+pub fn stiffness([places, speeds, changes]: [f64; 3], epsilon: f64) -> f64 {
+    ((speeds + changes) / (places + speeds + rounding(epsilon).powi(2) / (1.0 - KEPT))).sqrt()
 }
 
-/// Share of its velocities that the steps of a motion got wrong of late, by [`Watch::slip`] and [`Watch::spin`]; none of what
-/// moves within rounding.
-pub fn step_error([error, way, spin]: [f64; 3], epsilon: f64) -> f64 {
-    (error / (way + rounding(epsilon))).max(spin)
+/// Share of its velocities that the steps of a motion got wrong of late, by [`Watch::slip`] and [`Watch::spin`]; a motion
+/// slower than [`REST`] counts as one of that speed.
+pub fn step_error([error, way, spin]: [f64; 3], h: f64) -> f64 {
+    (error / way.max(REST * h)).max(spin)
 }
 
 fn rounding(epsilon: f64) -> f64 {

@@ -46,7 +46,7 @@ impl Simulator {
     /// StepWarning
     ///     Once per simulator: before the first step with the servos that make `dt` unstable for a mode of the scene (see
     ///     `modes`). And once after the first call in which the motion of an instance left what the integrator follows
-    ///     (`stiffness` beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.01), or its state became infinite or NaN.
+    ///     (`stiffness` beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05), or its state became infinite or NaN.
     #[pyo3(
         signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=None),
         text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=1)"

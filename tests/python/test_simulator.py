@@ -393,6 +393,8 @@ def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
         assert_same(state_of(s), before)
 
 
+# Its starts are violent, and some of the methods crude.
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_copies_and_pickles_go_on_alike(integrator: str, dtype: str) -> None:

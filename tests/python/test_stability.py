@@ -108,8 +108,9 @@ def test_a_speed_that_is_none_is_refused(speed: Any, error: type[Exception], tex
 
 
 @pytest.mark.parametrize("name", uvms_gym.scenes())
-@pytest.mark.parametrize("integrator", ["mk4", "mk3", "mk2"])
-@pytest.mark.parametrize("dt", [0.01, 0.02])
+@pytest.mark.parametrize(
+    ("integrator", "dt"), [("mk4", 0.01), ("mk4", 0.02), ("mk3", 0.01), ("mk3", 0.02), ("mk2", 0.01), ("ros2", 0.01)]
+)
 def test_nobody_is_warned_of_a_shipped_scene_at_its_step(name: str, integrator: str, dt: float) -> None:
     s = Simulator(name, dt=dt, integrator=integrator)
     with caught() as record:
@@ -144,7 +145,7 @@ def test_a_step_at_the_stable_one_is_not_warned_of() -> None:
     for factor, count in ((0.99, 0), (1.01, 1)):
         with caught() as record:
             servoed(Simulator(scene, dt=factor * stable))
-        assert len(record) == count
+        assert sum("unstable" in str(w.message) for w in record) == count
 
 
 def test_as_an_error_the_warning_comes_before_the_step() -> None:

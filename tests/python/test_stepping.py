@@ -43,6 +43,8 @@ def test_an_instance_does_not_depend_on_its_place() -> None:
     assert_same(state_of(s), {part: np.ascontiguousarray(value[::-1]) for part, value in state_of(other).items()})
 
 
+# Some of the 700 starts are violent.
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 def test_an_instance_does_not_depend_on_threads() -> None:
     results = []
     for threads in (1, 2, 5):

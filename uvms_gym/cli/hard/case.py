@@ -22,8 +22,9 @@ DTYPES = ("float64", "float32")
 #: Bar of a fourth-order method in float64, and the least bar in float32; relative. A method of order p < 4 has to
 #: keep the p/4-th power of the former: the error of an order-p method where a fourth-order one is just good enough.
 BAR, BAR_FLOAT32 = 1e-6, 1e-3
-#: Relative error beyond which a result is grossly wrong: none may come about without a warning, at any step.
-GROSS = 1e-2
+#: Relative error beyond which a result is grossly wrong, in its first digit: none may come about without a warning, at
+#: any step. Warnings begin where steps get 5 % of the speed wrong, as estimated to within a few times.
+GROSS = 0.1
 #: The coarser steps that each case is run at too, as multiples of the recommended one, and the coarsest, s.
 COARSER, COARSEST = (2, 5, 10, 20, 50, 100, 200), 0.1
 #: Tolerances asked of integrators that choose their own step.
@@ -121,6 +122,8 @@ class Case:
     bars: Mapping[str, float] = field(default_factory=dict)
     #: Whether coarser steps mean anything.
     coarser: bool = True
+    #: The coarsest that does, s.
+    coarsest: float = COARSEST
 
     def step(self, method: Method) -> float:
         """Recommended step of a method, s."""
@@ -141,7 +144,7 @@ class Case:
             return
         recommended = self.step(method)
         candidates = [factor * recommended for factor in COARSER]
-        for step in [*(step for step in candidates if step < 0.99 * COARSEST), COARSEST]:
+        for step in [*(step for step in candidates if step < 0.99 * self.coarsest), self.coarsest]:
             count = self.interval / step
             if step > 1.01 * recommended and abs(count - round(count)) < 1e-6:
                 yield step
@@ -184,15 +187,9 @@ def judge(case: Case, method: Method, dtype: str, step: float | None = None) -> 
             found = errors(case.run(Lab(method, dtype, at)), truth)
         except Lost:
             found = {"state": math.inf}
-    messages = [str(w.message) for w in caught if issubclass(w.category, step_warning())]
+    messages = [str(w.message) for w in caught if issubclass(w.category, uvms_gym.StepWarning)]
     bar = case.bar(method, dtype) if recommended else max(GROSS, case.bar(method, dtype))
     return Run(case.name, method.name, dtype, at, recommended, found, bar, messages)
-
-
-def step_warning() -> type[Warning]:
-    """Category of the warnings that count."""
-    found: type[Warning] = getattr(uvms_gym, "StepWarning", UserWarning)
-    return found
 
 
 def errors(values: Quantities, truth: Quantities) -> dict[str, float]:
