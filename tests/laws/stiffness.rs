@@ -134,3 +134,58 @@ fn noise_of_rounding_is_no_motion() {
         }
     }
 }
+
+#[test]
+fn val_error_of_a_decaying_motion_is_that_of_its_steps() {
+    // One step makes R(z) of v where e^z is right: z^(p + 1) / (p + 1)! wrong.
+    let mut scene = body();
+    for z in [0.1, 0.3] {
+        scene.vehicle.body.damping.linear = Matrix6::identity() * (10.0 * z / 0.1);
+        let state = State { twist: Vector6::ith(0, 0.3), ..State::default() };
+        for (integrator, share) in [("mk4", z.powi(5) / 120.0), ("mk3", z.powi(4) / 24.0), ("mk2", z.powi(3) / 6.0)] {
+            let mut simulator = simulator(&scene, integrator, 0.1, &state);
+            simulator.step(&Inputs::default(), 1).unwrap();
+            let expected = share * f64::exp(z);
+            let seen = simulator.step_error(0);
+            assert!((seen / expected - 1.0).abs() < 0.1 * z + 0.02, "{integrator} at {z}: {seen:e}, {expected:e}");
+        }
+        let mut implicit = simulator(&scene, "ros2", 0.1, &state);
+        implicit.step(&Inputs::default(), 1).unwrap();
+        let wrong = (implicit.state(0).twist[0] / 0.3 - f64::exp(-z)).abs() * f64::exp(z);
+        let seen = implicit.step_error(0);
+        assert!(seen > 0.5 * wrong && seen < 3.0 * wrong, "{z}: {seen:e}, {wrong:e}");
+    }
+}
+
+#[test]
+fn straight_flight_of_a_body_that_spins_counts_as_wrong_and_a_steady_spin_does_not() {
+    let scene = body();
+    let (theta, h, steps) = (0.5, 0.01, 20);
+    let after = |twist: Vector6<f64>, integrator: &str| {
+        let mut simulator = simulator(&scene, integrator, h, &State { twist, ..State::default() });
+        simulator.step(&Inputs::default(), steps).unwrap();
+        simulator.step_error(0)
+    };
+    let spin = Vector6::ith(5, theta / h);
+    for (integrator, factor) in
+        [("mk4", theta.powi(4) / 120.0), ("mk3", theta.powi(3) / 24.0), ("mk2", theta.powi(2) / 6.0)]
+    {
+        let seen = after(spin + Vector6::ith(0, 1.0), integrator);
+        let expected = steps as f64 * factor * 2.0 * f64::sin(theta / 2.0);
+        // The velocity itself shrinks or grows by what is wrong.
+        assert!((seen / expected - 1.0).abs() < 0.2, "{integrator}: {seen:e}, {expected:e}");
+        assert_eq!(after(spin, integrator), 0.0);
+    }
+}
+
+#[test]
+fn start_from_rest_under_a_steady_push_is_right() {
+    let scene = body();
+    for integrator in ["mk4", "mk3", "mk2", "ros2"] {
+        let mut simulator = simulator(&scene, integrator, 0.1, &State::default());
+        for _ in 0..20 {
+            simulator.step(&Inputs { wrench: Some(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), ..Inputs::default() }, 1).unwrap();
+            assert!(simulator.step_error(0) < 1e-12, "{integrator}: {:e}", simulator.step_error(0));
+        }
+    }
+}

@@ -72,7 +72,7 @@ def drift_picture(path: Path, results: Mapping[str, Any], seconds: float) -> Non
         for panels, (name, result) in zip(rows, results.items(), strict=True):
             for axes, quantity in zip(panels, QUANTITIES, strict=True):
                 _draw_drift(axes, result["drift"], quantity)
-                axes.set_title(f"{name}: {titles[quantity]}")
+                axes.set_title(f"{name}: {titles[quantity]}", fontsize=9.5)
             panels[0].set_ylabel(f"relative drift in {seconds:g} s")
         for axes in rows[-1]:
             axes.set_xlabel("step (s)")

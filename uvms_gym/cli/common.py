@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import gymnasium
 import numpy as np
@@ -25,6 +25,9 @@ Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for pict
 Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
 
 console = Console(highlight=False)
+if not console.is_terminal:
+    # Files and pipes have no width; the widest tables need this much.
+    console.width = max(console.width, 120)
 
 
 def fail(message: str) -> typer.TyperException:
@@ -46,7 +49,8 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], text
     console.print(title, style="bold", markup=False)
     drawn = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for i, name in enumerate(header):
-        drawn.add_column(name, justify="left" if i < text_columns else "right", overflow="fold")
+        justify: Literal["left", "right"] = "left" if i < text_columns else "right"
+        drawn.add_column(name, justify=justify, overflow="fold", no_wrap=i == 0 and text_columns == 1)
     for row in rows:
         drawn.add_row(*(escape(cell) for cell in row))
     console.print(drawn)
