@@ -107,8 +107,9 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
     - `action` (`"wrench"`): `"wrench"` or `"thrusters"`.
-    - `dt` (0.01), `substeps` (5): physics step, s, and steps per control period. A `dt` that is too large for the
-      scene is warned of by `uvms_gym.StepWarning`, once, at the first `step`.
+    - `dt` (0.01), `substeps` (5): physics step, s, and steps per control period. At 0.01 s the end effector errs by
+      1e-9 to 3e-9 m (f64; 1e-6 to 7e-6 m in f32) after 10 s of driven motion, in the median (`uvms accuracy`). A `dt`
+      that is too large for the scene is warned of by `uvms_gym.StepWarning`, once, at the first `step`.
     - `integrator` (`"mk4"`), `dtype` (`"float64"`): as `uvms_gym.Simulator` has them.
     - `max_current` (0.3): greatest speed of the drawn current, m/s.
     - `start_distance` (0.05), `start_angle` (0.05): greatest initial error, m and rad.
