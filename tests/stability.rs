@@ -495,7 +495,7 @@ fn shipped_scenes_stay_within_the_range_at_their_steps() {
     }
 }
 
-/// Its stages differ in the length of the quaternion, where the motion shows no rate at all.
+/// A steady spin shows no rate at all, whatever keeps a quaternion's length.
 #[test]
 fn a_kept_quaternion_is_no_reason_to_warn() {
     let scene = Scene::shipped("free-body").unwrap();

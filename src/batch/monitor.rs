@@ -144,8 +144,8 @@ impl fmt::Display for Stray {
 }
 
 impl Simulator {
-    /// What to warn of after steps, once: the first instance that became infinite or NaN, or whose motion excited rates
-    /// beyond [`crate::integrate::Integrator::range`].
+    /// What to warn of after steps, once: the first instance that became infinite or NaN, whose motion excited rates
+    /// beyond [`crate::integrate::Integrator::range`], or of whose speed the steps got more than [`WRONG`] wrong.
     pub fn warn_of_motion(&mut self) -> Option<Stray> {
         let range = self.range();
         let watch = self.watch_mut();

@@ -277,9 +277,10 @@ impl Simulator {
         self.storage.watched(i, self.options.dt).stiffness
     }
 
-    /// Share of its speed that the last thirty steps or so of instance `i` got wrong, estimated from the same differences
-    /// for the methods of orders 2 to 4: of the velocity error summed over them, by the greatest speed among them. 0 for
-    /// others, which have nothing to compare or keep to a tolerance.
+    /// Share of its speed that the last thirty steps or so of instance `i` got wrong, estimated for the methods of orders 2
+    /// to 4 from how a step's stages (`ros2`: its fine and its coarse result) differ: the velocity error summed over
+    /// them, by the greatest speed among them; or what spinning got wrong in ten seconds, if that is more. One-stage
+    /// methods count spinning alone; adaptive ones keep to a tolerance and have 0.
     pub fn step_error(&self, i: usize) -> f64 {
         self.storage.watched(i, self.options.dt).error
     }

@@ -17,6 +17,7 @@ const LEAST_SHARE: f64 = 1.0 / 1024.0;
 const MOST_ATTEMPTS: u32 = 1 << 14;
 /// Greatest piece that an adaptive method plans, by the interval.
 const GREATEST_PLAN: f64 = 4.0;
+
 /// Covers an interval of length `h`. Adaptive methods choose the pieces by their estimated error. With the others lanes
 /// that turn by more than a quarter revolution within a piece take it in halves, quarters, and so on. Lanes that have
 /// arrived stay as they are meanwhile.

@@ -138,8 +138,7 @@ impl Integrator {
         }
     }
 
-    /// [`Stability::range`], where the estimate of fast rates is of the motion's alone: a quaternion that is kept counts
-    /// its own correction of its length, which is no error.
+    /// [`Stability::range`]; infinite for integrators that keep a quaternion, which are for comparison alone.
     pub fn range(&self) -> f64 {
         match self.attitude() {
             Attitude::Quaternion => f64::INFINITY,

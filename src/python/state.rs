@@ -84,7 +84,8 @@ impl Simulator {
     }
 
     /// numpy.ndarray (N,): share of its speed that the last thirty steps or so of each instance got wrong: the velocity
-    /// error that the stages show, summed, by the greatest speed. For the methods of orders 2 to 4; 0 for others.
+    /// error that the stages show, summed, by the greatest speed; or what spinning got wrong in ten seconds, if that is
+    /// more. The integrators of one stage count spinning alone; "mk54" keeps to its tolerance and has 0.
     #[getter]
     fn step_error<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let instances = self.inner.instances();

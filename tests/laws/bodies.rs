@@ -10,7 +10,7 @@ use uvms_gym::system::{State, rotation_vector};
 use crate::{distance, drift, simulator};
 
 /// A body alone in water without gravity: 10 kg, its frame at its centre of mass.
-fn body(change: impl FnOnce(&mut Body)) -> Scene {
+pub fn body(change: impl FnOnce(&mut Body)) -> Scene {
     let mut scene = Scene::shipped("free-body").unwrap();
     scene.water.density = 1000.0;
     scene.vehicle.body.mass = 10.0;
@@ -19,7 +19,7 @@ fn body(change: impl FnOnce(&mut Body)) -> Scene {
     scene
 }
 
-fn diagonal(x: [f64; 6]) -> Matrix6<f64> {
+pub fn diagonal(x: [f64; 6]) -> Matrix6<f64> {
     Matrix6::from_diagonal(&x.into())
 }
 

@@ -1,11 +1,12 @@
 //! Water that accelerates.
 
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Simulator, States};
 use uvms_gym::description::{Body, Scene};
 use uvms_gym::error::SimulatorError;
 use uvms_gym::system::{Flow, State};
 
+use crate::bodies::{self, diagonal};
 use crate::cases::for_bodies;
 use crate::random_scene::{Options, random_scene, random_state};
 use crate::simulator;
@@ -15,17 +16,9 @@ const ACCELERATION: Vector3<f64> = Vector3::new(0.05, 0.08, -0.06);
 
 /// A body in water under gravity, its frame at its centre of mass.
 fn body(change: impl FnOnce(&mut Body)) -> Scene {
-    let mut scene = Scene::shipped("free-body").unwrap();
-    scene.water.density = 1000.0;
+    let mut scene = bodies::body(change);
     scene.water.gravity = Vector3::new(0.0, 0.0, -9.81);
-    scene.vehicle.body.mass = 10.0;
-    change(&mut scene.vehicle.body);
-    scene.check().unwrap();
     scene
-}
-
-fn diagonal(x: [f64; 6]) -> Matrix6<f64> {
-    Matrix6::from_diagonal(&x.into())
 }
 
 /// `scene` at `state` in the flow.
