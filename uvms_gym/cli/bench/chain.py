@@ -13,7 +13,7 @@ class Link(NamedTuple):
     """A moving body with all that is fixed to it, and the joint that carries it (None: the vehicle).
 
     `placement` (4, 4) is the body's frame in that of the body before it, its joint at zero; `axis` (3,) a unit vector.
-    `center_of_mass` (3,), m, and `inertia` (3, 3), kg m^2 about it, are in the body's frame; `volume` in m^3.
+    `center_of_mass` (3,), m, and `inertia` (3, 3), kg m^2 about it, are in the body's frame; `buoyancy` in N.
     """
 
     joint: dict[str, Any] | None
@@ -22,7 +22,7 @@ class Link(NamedTuple):
     mass: float
     center_of_mass: Floats
     inertia: Floats
-    volume: float
+    buoyancy: float
 
     @property
     def prismatic(self) -> bool:
@@ -54,7 +54,7 @@ def chain(scene: dict[str, Any]) -> list[Link]:
         here = here @ transform(arm.get("end_effector"))
     if payload := scene.get("payload"):
         parts[-1].append((here @ transform(payload.get("frame")), payload["body"]))
-    return [_link(*joint, bodies) for joint, bodies in zip(joints, parts, strict=True)]
+    return [_link(*joint, bodies, scene["water"]) for joint, bodies in zip(joints, parts, strict=True)]
 
 
 def transform(frame: dict[str, Any] | None) -> Floats:
@@ -82,7 +82,7 @@ def dry(scene: dict[str, Any]) -> dict[str, Any]:
     if result.get("payload"):
         bodies.append(result["payload"]["body"])
     for body in bodies:
-        for key in ("added_mass", "damping", "volume"):
+        for key in ("added_mass", "damping", "volume", "buoyancy"):
             body.pop(key, None)
     for joint in joints:
         joint.pop("limits", None)
@@ -100,7 +100,15 @@ def _turn(axis: int, angle: float) -> Floats:
     return result
 
 
-def _link(joint: dict[str, Any] | None, placement: Floats, parts: list[tuple[Floats, dict[str, Any]]]) -> Link:
+def _away(mass: float, offset: Floats) -> Floats:
+    """(3, 3) moments of a point mass at `offset`, which parallel axes differ by."""
+    moments: Floats = mass * ((offset @ offset) * np.eye(3) - np.outer(offset, offset))
+    return moments
+
+
+def _link(
+    joint: dict[str, Any] | None, placement: Floats, parts: list[tuple[Floats, dict[str, Any]]], water: dict[str, Any]
+) -> Link:
     masses = np.array([body["mass"] for _, body in parts])
     centers = np.array([place[:3, :3] @ body["center_of_mass"] + place[:3, 3] for place, body in parts])
     center = masses @ centers / masses.sum()
@@ -108,9 +116,15 @@ def _link(joint: dict[str, Any] | None, placement: Floats, parts: list[tuple[Flo
     for (place, body), mass, offset in zip(parts, masses, centers - center, strict=True):
         own = np.array(body["inertia"])
         own = np.diag(own) if own.ndim == 1 else own
-        inertia += place[:3, :3] @ own @ place[:3, :3].T
-        # Parallel axes.
-        inertia += mass * ((offset @ offset) * np.eye(3) - np.outer(offset, offset))
+        if body.get("inertia_at") == "origin":
+            own = own - _away(mass, np.array(body["center_of_mass"]))
+        inertia += place[:3, :3] @ own @ place[:3, :3].T + _away(mass, offset)
     axis = np.zeros(3) if joint is None else np.array(joint["axis"]) / np.linalg.norm(joint["axis"])
-    volume = sum(body.get("volume", 0.0) for _, body in parts)
-    return Link(joint, placement, axis, float(masses.sum()), center, inertia, float(volume))
+    buoyancy = sum(_buoyancy(body, water) for _, body in parts)
+    return Link(joint, placement, axis, float(masses.sum()), center, inertia, buoyancy)
+
+
+def _buoyancy(body: dict[str, Any], water: dict[str, Any]) -> float:
+    if (given := body.get("buoyancy")) is not None:
+        return float(given)
+    return float(water["density"] * np.linalg.norm(water["gravity"]) * (body.get("volume") or 0.0))

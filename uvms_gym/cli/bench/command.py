@@ -71,12 +71,12 @@ def bench(
     """
     arguments = _arguments(scene, n, threads, dtype, lanes, substeps, integrator, repeats, seed, quick)
     arguments |= {"env": env, "peers": with_peers, "sb3": sb3}
+    loaded = [read_scene(name) for name in arguments["scene"]]
+    acting, compared = _sections(loaded, scene is not None, env, with_peers, sb3)
     if with_peers:
         peers.require()
     if sb3:
         learning.require()
-    loaded = [read_scene(name) for name in arguments["scene"]]
-    acting, compared = _sections(loaded, scene is not None, env, with_peers, sb3)
     prepare(out, json_file, FILES)
     begun, load = time.perf_counter(), os.getloadavg()
     results: dict[str, Any] = {}

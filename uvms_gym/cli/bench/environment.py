@@ -5,7 +5,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils.performance import benchmark_vector_step
+from gymnasium.utils import performance
 from numpy.typing import NDArray
 
 from uvms_gym import Simulator
@@ -32,9 +32,8 @@ class VectorEnv:
 
     def __init__(self, scene: dict[str, Any], n: int, threads: int, dtype: str, seed: int) -> None:
         self.name, self.n = scene["name"], n
-        self.env: Any = gymnasium.make_vec(
-            ENV, num_envs=n, scene=scene, substeps=SUBSTEPS, threads=threads, dtype=dtype
-        )
+        options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads, "dtype": dtype}
+        self.env: Any = gymnasium.make_vec(ENV, num_envs=n, **options)
         rng = np.random.default_rng(seed)
         shape = self.env.action_space.shape
         self.actions = [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(DRAWN)]
@@ -172,11 +171,13 @@ def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int, tic
     }
 
 
-def gymnasium_study(scene: dict[str, Any], n: int, threads: int, seconds: float, seed: int) -> float:
-    """Control steps per second by Gymnasium's own benchmark, which draws its actions as it goes."""
+def gymnasium_study(scene: dict[str, Any], n: int, threads: int, seconds: float, seed: int) -> float | None:
+    """Control steps per second by Gymnasium's own benchmark, which draws its actions as it goes; None before 1.4."""
+    if not hasattr(performance, "benchmark_vector_step"):
+        return None
     env = gymnasium.make_vec(ENV, num_envs=n, scene=scene, substeps=SUBSTEPS, threads=threads)
     try:
-        return float(benchmark_vector_step(env, target_duration=seconds, seed=seed))  # type: ignore[arg-type]
+        return float(performance.benchmark_vector_step(env, target_duration=seconds, seed=seed))  # type: ignore[arg-type]
     finally:
         env.close()
 

@@ -50,13 +50,13 @@ def build(
     """
     root = ET.Element("mujoco")
     ET.SubElement(root, "compiler", angle="radian", autolimits="false", boundmass="0", boundinertia="0")
-    density = scene["water"]["density"]
+    density, gravity = scene["water"]["density"], scene["water"]["gravity"]
     option = ET.SubElement(
         root,
         "option",
         integrator=integrator,
         timestep=repr(step),
-        gravity=_numbers(np.zeros(3) if weight == "none" else scene["water"]["gravity"]),
+        gravity=_numbers(np.zeros(3) if weight == "none" else gravity),
         density=_numbers(density if water else 0.0),
         viscosity=_numbers(VISCOSITY if water else 0.0),
     )
@@ -66,7 +66,7 @@ def build(
     for i, link in enumerate(chain(scene)):
         parent = ET.SubElement(parent, "body", _place(link.placement[:3, 3], link.placement[:3, :3]))
         if weight == "buoyant":
-            parent.set("gravcomp", repr(density * link.volume / link.mass))
+            parent.set("gravcomp", repr(link.buoyancy / (link.mass * float(np.linalg.norm(gravity)))))
         if link.joint is None:
             ET.SubElement(parent, "freejoint")
         else:

@@ -230,13 +230,5 @@ def parameter_costs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         if row["varied"] and (other := shared.get(key(row))):
             own, same = (each["samples"].fair(row["threads"]) for each in (row, other))
             percent = summary(100.0 * (own / same - 1.0))
-            result.append(
-                {
-                    "scene": row["scene"],
-                    "dtype": row["dtype"],
-                    "lanes": row["lanes"],
-                    "percent": percent,
-                    "bytes": row["bytes"],
-                }
-            )
+            result.append({name: row[name] for name in ("scene", "dtype", "lanes", "bytes")} | {"percent": percent})
     return result

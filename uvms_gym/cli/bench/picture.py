@@ -39,7 +39,7 @@ def _rates(axes: Axes, rows: Sequence[Mapping[str, Any]], many: int) -> None:
         dtype, lanes, threads = kind
         places = np.arange(len(scenes)) + (k - 0.5 * (len(kinds) - 1)) * width
         label = f"{SHORT[dtype]}, {lanes}, {threads} thread{'s' if threads > 1 else ''}"
-        spread = np.abs(ends - rates)
+        spread = np.abs(ends - rates).tolist()
         colour = COLOURS[k % len(COLOURS)]
         bars = axes.bar(places, rates, 0.92 * width, yerr=spread, color=colour, ecolor="#444444", label=label)
         if len(kinds) * len(scenes) <= 24:

@@ -94,17 +94,23 @@ def _print_environment(found: dict[str, Any]) -> None:
         shares = (f"{spread(row[name], 1.0, 1)} %" for name in ("percent", "percent_of_alone"))
         rows.append([row["scene"], SHORT[row["dtype"]], str(row["threads"]), str(row["n"]), *times, *shares])
     substeps = found["vector"][0]["substeps"]
-    columns = ("scene", "", "threads", "n", "env", "physics", "alone", "above physics", "above alone")
-    table(f"make_vec: ns per control step ({substeps} substeps) and instance", columns, rows, text_columns=2)
+    parts = ("env", "physics", "alone", "above physics", "above alone")
+    header: tuple[str, ...] = ("scene", "", "threads", "n", *parts)
+    table(f"make_vec: ns per control step ({substeps} substeps) and instance", header, rows, text_columns=2)
     rows = []
     for row in found["single"]:
         times = (spread(row[name], US, 1) for name in ("env", "physics", "physics_alone", "above", "above_alone"))
         rows.append([row["scene"], SHORT[row["dtype"]], *times])
-    columns = ("scene", "", *columns[-5:])
-    table(f"make: us per control step ({substeps} substeps), one environment", columns, rows, text_columns=2)
-    rows = [[r["scene"], str(r["threads"]), str(r["n"]), f"{r['steps_per_second']:.0f}"] for r in found["gymnasium"]]
-    columns = ("scene", "threads", "n", "control steps per second")
-    table("gymnasium.utils.performance.benchmark_vector_step", columns, rows)
+    header = ("scene", "", *parts)
+    table(f"make: us per control step ({substeps} substeps), one environment", header, rows, text_columns=2)
+    rows = []
+    for row in found["gymnasium"]:
+        rate = row["steps_per_second"]
+        rows.append(
+            [row["scene"], str(row["threads"]), str(row["n"]), "Gymnasium lacks it" if rate is None else f"{rate:.0f}"]
+        )
+    header = ("scene", "threads", "n", "control steps per second")
+    table("gymnasium.utils.performance.benchmark_vector_step", header, rows)
     say(
         "Episodes of make_vec are out of step, so that some end and start anew at every step. Physics is "
         "Simulator.step with the same substeps, thrusts and cubic joint references, as Python calls it; alone is what "
