@@ -16,7 +16,7 @@ from uvms_gym.cli.common import fail
 ENV = "UVMS-StationKeep-v0"
 #: Physics steps per control step, the environments' default.
 SUBSTEPS = 5
-#: Batches of random actions that are drawn beforehand and taken in turn.
+#: Batches of random actions that are drawn beforehand and taken in turn, half of them the negatives of the others.
 DRAWN = 8
 #: Control steps and physics steps of the single environment in one sample.
 SINGLE_CALLS = 200
@@ -35,8 +35,7 @@ class VectorEnv:
         options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads, "dtype": dtype}
         self.env: Any = gymnasium.make_vec(ENV, num_envs=n, **options)
         rng = np.random.default_rng(seed)
-        shape = self.env.action_space.shape
-        self.actions = [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(DRAWN)]
+        self.actions = _actions(rng, self.env.action_space.shape or ())
         self.next = 0
         self.last: tuple[NDArray[Any], ...] = ()
         self.env.reset(seed=seed)
@@ -134,8 +133,7 @@ def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int, tic
     """Time single calls of `gymnasium.make(...).step`, wrappers and all, and of the physics of the same substeps."""
     env = gymnasium.make(ENV, scene=scene, substeps=SUBSTEPS, dtype=dtype)
     rng = np.random.default_rng(seed)
-    shape = env.action_space.shape
-    actions = [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(DRAWN)]
+    actions = _actions(rng, env.action_space.shape or ())
     env.reset(seed=seed)
     physics = [Physics(env.unwrapped.simulator, substeps, seed) for substeps in (SUBSTEPS, 2 * SUBSTEPS)]  # type: ignore[attr-defined]
 
@@ -180,6 +178,12 @@ def gymnasium_study(scene: dict[str, Any], n: int, threads: int, seconds: float,
         return float(performance.benchmark_vector_step(env, target_duration=seconds, seed=seed))  # type: ignore[arg-type]
     finally:
         env.close()
+
+
+def _actions(rng: np.random.Generator, shape: tuple[int, ...]) -> list[NDArray[np.float32]]:
+    """Actions whose mean is zero, so that no vehicle is driven away and every episode has its length."""
+    half = [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(DRAWN // 2)]
+    return [action for drawn in half for action in (drawn, -drawn)]
 
 
 def _stagger(env: Any, rng: np.random.Generator, step: Any) -> None:

@@ -1,7 +1,7 @@
 """End to end with Stable-Baselines3: steps per second of PPO, collecting and learning."""
 
 import time
-from importlib.util import find_spec
+from importlib import import_module
 from typing import Any
 
 import gymnasium
@@ -20,9 +20,11 @@ WRAPPER = "a minimal VecEnv over make_vec with same-step autoreset, inside of th
 
 
 def require() -> None:
-    """Refuse where Stable-Baselines3 is missing."""
-    if find_spec("stable_baselines3") is None:
-        raise fail("--sb3: stable_baselines3 is not installed; run: pip install stable-baselines3")
+    """Refuse where Stable-Baselines3 cannot be imported."""
+    try:
+        import_module("stable_baselines3")
+    except ImportError as error:
+        raise fail(f"--sb3 needs stable-baselines3 ({error}); run: pip install stable-baselines3") from None
 
 
 def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed: int, tick: Tick) -> dict[str, Any]:

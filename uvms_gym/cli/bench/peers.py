@@ -1,6 +1,6 @@
 """MuJoCo and Pinocchio beside us: the same joints and masses, in one process, interleaved."""
 
-from importlib.util import find_spec
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -46,9 +46,12 @@ Ours are timed as whole Python calls, inputs handed over."""
 
 
 def require() -> None:
-    """Refuse where a peer is missing."""
-    if missing := [package for module, package in NAMES.items() if find_spec(module) is None]:
-        raise fail(f"--peers: {', '.join(missing)} not installed; run: pip install 'uvms-gym[peers]'")
+    """Refuse where a peer cannot be imported."""
+    for module, package in NAMES.items():
+        try:
+            import_module(module)
+        except ImportError as error:
+            raise fail(f"--peers needs {package} ({error}); run: pip install 'uvms-gym[peers]'") from None
 
 
 def check_scene(scene: dict[str, Any]) -> None:

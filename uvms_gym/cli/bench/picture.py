@@ -71,7 +71,7 @@ def _peers(axes: Axes, scene: str, step: Mapping[str, Any]) -> None:
         xlabel="ns",
         yticks=range(len(names)),
         yticklabels=names,
-        xlim=(0.0, 1.4 * times.max()),
+        xlim=(0.0, 1.5 * times.max()),
     )
     axes.set_axisbelow(True)
     axes.invert_yaxis()
