@@ -1,6 +1,8 @@
 import json
 import math
 import os
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -313,6 +315,16 @@ def test_val_peers_are_timed_and_set_against_us(
     printed = " ".join(capsys.readouterr().out.split())
     assert "adds nothing to the inertia" in printed
     assert "no integrator between the four" in printed
+
+
+def test_the_command_line_needs_neither_peers_nor_learners() -> None:
+    absent = ("mujoco", "pinocchio", "stable_baselines3", "torch")
+    block = f"import sys; sys.modules |= dict.fromkeys({absent})"
+    code = block + "; from uvms_gym.cli import main; sys.exit(main(['bench', '--peers']))"
+    done = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "'uvms-gym[peers]'" in line
 
 
 def test_missing_peers_are_one_line_that_says_what_to_install(

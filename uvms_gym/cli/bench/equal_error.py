@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator
-from uvms_gym.cli.bench import mujoco_peer
 from uvms_gym.cli.bench.chain import Floats
 from uvms_gym.cli.bench.physics import DT, THRUST
 from uvms_gym.cli.bench.timing import Tick
@@ -133,6 +132,8 @@ def _by_mujoco(
     step: float,
 ) -> Floats:
     """(N, 3) where the vehicles end by MuJoCo."""
+    from uvms_gym.cli.bench import mujoco_peer
+
     total = round(TIME / step)
     steps = min(total, CHUNK)
     model = mujoco_peer.build(scene, integrator, step)
