@@ -102,6 +102,19 @@ impl<L: Lane> SpatialInertia<L> {
         }
     }
 
+    /// Column K.
+    #[inline(always)]
+    pub fn column<const K: usize>(&self) -> Vector6<L> {
+        Vector6::from_array([
+            self.entry(0, K),
+            self.entry(1, K),
+            self.entry(2, K),
+            self.entry(3, K),
+            self.entry(4, K),
+            self.entry(5, K),
+        ])
+    }
+
     /// Adds to entry (i, i).
     #[inline(always)]
     pub fn add_diagonal(&mut self, i: usize, x: L) {
@@ -187,13 +200,23 @@ impl<L: Lane> SpatialInertia<L> {
         self.eliminate::<3>(u, over_d)
     }
 
-    /// The same where the direction is the rotation about z: its row and column vanish.
+    /// What is left where the body is free to turn about z (that row and column vanish), `U / D` and `1 / D`.
     #[inline(always)]
-    pub fn turn_eliminated(&self, u: Vector6<L>, over_d: L) -> Self {
+    pub fn free_to_turn(&self) -> (Self, Vector6<L>, L) {
+        let u = self.column::<5>();
+        let (zero, over_d) = (L::zero(), L::c(1.0) / u.angular.0[2]);
         let mut rest = self.eliminate::<2>(u, over_d);
-        (rest.j[2], rest.j[4], rest.j[5]) = (L::zero(), L::zero(), L::zero());
-        (rest.h[0][2], rest.h[1][2], rest.h[2][2]) = (L::zero(), L::zero(), L::zero());
-        rest
+        (rest.j[2], rest.j[4], rest.j[5]) = (zero, zero, zero);
+        (rest.h[0][2], rest.h[1][2], rest.h[2][2]) = (zero, zero, zero);
+        (rest, u.scale(over_d), over_d)
+    }
+
+    /// What is left where the body is free to slide along z, `U / D` and `1 / D`.
+    #[inline(always)]
+    pub fn free_to_slide(&self) -> (Self, Vector6<L>, L) {
+        let u = self.column::<2>();
+        let over_d = L::c(1.0) / u.linear.0[2];
+        (self.eliminated(u, over_d), u.scale(over_d), over_d)
     }
 
     /// Works on the first `ANGULAR` (2 or 3) angular rows and columns. Unrolled by hand: the compiler would not.
@@ -228,7 +251,7 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m, h, j }
     }
 
-    /// `A c + p` for an inertia left by [`Self::turn_eliminated`] and a c without components along or about z.
+    /// `A c + p` for an inertia left by [`Self::free_to_turn`] and a c without components along or about z.
     #[inline(always)]
     pub fn apply_across(&self, c: Vector6<L>, p: Vector6<L>) -> Vector6<L> {
         let ([cx, cy, _], [dx, dy, _]) = (c.linear.0, c.angular.0);
@@ -275,62 +298,75 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m: self.m, h: h_new.0, j: packed(&j_new) }
     }
 
-    /// Solves `A x = b` by LDL^T, without pivoting: A is positive definite.
+    /// Solves `A x = b`.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
-        let mut a = [[L::zero(); 6]; 6];
+        self.factored().solve(b)
+    }
+
+    /// `A = L D L^T`, without pivoting: A is positive definite.
+    #[inline(always)]
+    pub fn factored(&self) -> Factored<L> {
+        let mut factored = Factored::blank();
         for i in 0..6 {
             for k in 0..=i {
-                a[i][k] = self.entry(i, k);
+                factored.l[i][k] = self.entry(i, k);
             }
         }
-        let mut system = Elimination { a, over_d: [L::zero(); 6], x: b.to_array() };
-        system.eliminate::<0>();
-        system.eliminate::<1>();
-        system.eliminate::<2>();
-        system.eliminate::<3>();
-        system.eliminate::<4>();
-        system.eliminate::<5>();
-        system.substitute::<5>();
-        system.substitute::<4>();
-        system.substitute::<3>();
-        system.substitute::<2>();
-        system.substitute::<1>();
-        system.substitute::<0>();
-        Vector6::from_array(system.x)
+        factored.eliminate::<0>();
+        factored.eliminate::<1>();
+        factored.eliminate::<2>();
+        factored.eliminate::<3>();
+        factored.eliminate::<4>();
+        factored.eliminate::<5>();
+        factored
     }
 }
 
-/// A system of six equations on its way to the solution. (Steps are constants, so that every index below is one.)
-struct Elimination<L> {
-    /// Lower triangle of what is left of A; columns already eliminated hold L D.
-    a: [[L; 6]; 6],
+/// An inertia as `L D L^T`.
+#[derive(Debug, Clone, Copy)]
+pub struct Factored<L> {
+    /// L below its diagonal of ones.
+    l: [[L; 6]; 6],
     over_d: [L; 6],
-    x: [L; 6],
 }
 
-impl<L: Lane> Elimination<L> {
-    /// Eliminates unknown K from the equations after it.
+impl<L: Lane> Factored<L> {
+    /// Memory to factor into.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        Self { l: [[L::zero(); 6]; 6], over_d: [L::zero(); 6] }
+    }
+
+    /// Eliminates unknown K from the equations after it. (K is a constant, so that every index is one.)
     #[inline(always)]
     fn eliminate<const K: usize>(&mut self) {
-        let over_d = L::c(1.0) / self.a[K][K];
+        let over_d = L::c(1.0) / self.l[K][K];
+        let column = self.l.map(|row| row[K]);
         for i in K + 1..6 {
-            let factor = self.a[i][K] * over_d;
+            self.l[i][K] = column[i] * over_d;
             for k in K + 1..=i {
-                self.a[i][k] = factor.neg_mul_add(self.a[k][K], self.a[i][k]);
+                self.l[i][k] = self.l[i][K].neg_mul_add(column[k], self.l[i][k]);
             }
-            self.x[i] = factor.neg_mul_add(self.x[K], self.x[i]);
         }
         self.over_d[K] = over_d;
     }
 
-    /// Works out unknown K from those after it.
+    /// Solves `L D L^T x = b`.
     #[inline(always)]
-    fn substitute<const K: usize>(&mut self) {
-        let mut sum = self.x[K];
-        for i in K + 1..6 {
-            sum = self.a[i][K].neg_mul_add(self.x[i], sum);
+    pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
+        let mut x = b.to_array();
+        for k in 0..6 {
+            for i in k + 1..6 {
+                x[i] = self.l[i][k].neg_mul_add(x[k], x[i]);
+            }
         }
-        self.x[K] = sum * self.over_d[K];
+        for k in (0..6).rev() {
+            x[k] = x[k] * self.over_d[k];
+            for i in k + 1..6 {
+                x[k] = self.l[i][k].neg_mul_add(x[i], x[k]);
+            }
+        }
+        Vector6::from_array(x)
     }
 }

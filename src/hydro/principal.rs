@@ -1,0 +1,71 @@
+//! A body in its principal frame.
+
+use crate::lane::{Lane, Param, get_all};
+use crate::lie::{Matrix3, Vector3, Vector6};
+
+/// Inertia (rigid and added) and drag in a frame that makes both diagonal, as that of most links does: there they take
+/// half the arithmetic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Principal<P> {
+    /// Position of the frame in the body's.
+    pub position: [P; 3],
+    /// Its rotation by rows, where its axes do not lie along the body's.
+    pub rotation: Option<[[P; 3]; 3]>,
+    /// Diagonal of the inertia.
+    pub inertia: [P; 6],
+    /// Diagonals of D_L and D_Q.
+    pub drag: [[P; 6]; 2],
+}
+
+impl<P: Copy> Principal<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Principal<Q> {
+        Principal {
+            position: self.position.map(&change),
+            rotation: self.rotation.map(|rows| rows.map(|row| row.map(&change))),
+            inertia: self.inertia.map(&change),
+            drag: self.drag.map(|d| d.map(&change)),
+        }
+    }
+
+    /// `B V - drag` of a body of relative twist V, both in body frame: see [`crate::spatial::SpatialInertia::bias_wrench`]
+    /// and [`super::Drag`].
+    #[inline(always)]
+    pub fn bias<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        let r = Vector3(get_all(&self.position));
+        let (mut v, mut w) = (twist.angular.cross_add(r, twist.linear), twist.angular);
+        let turn = match &self.rotation {
+            Some(rows) => Some(Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])])),
+            None => None,
+        };
+        if let Some(turn) = &turn {
+            (v, w) = (turn.apply_transposed(v), turn.apply_transposed(w));
+        }
+        let [mx, my, mz, jx, jy, jz]: [L; 6] = get_all(&self.inertia);
+        let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
+        let spin = Vector3([jx * w.0[0], jy * w.0[1], jz * w.0[2]]);
+        let mut force = w.cross_add(momentum, self.along(0, v));
+        let mut moment = v.cross_add(momentum, w.cross_add(spin, self.along(3, w)));
+        if let Some(turn) = &turn {
+            (force, moment) = (turn.apply(force), turn.apply(moment));
+        }
+        Vector6 { linear: force, angular: r.cross_add(force, moment) }
+    }
+
+    /// `(D_L + D_Q |v|) v` of the three entries from `first` on.
+    #[inline(always)]
+    fn along<L: Lane>(&self, first: usize, v: Vector3<L>) -> Vector3<L>
+    where
+        P: Param<L>,
+    {
+        let [linear, quadratic] = &self.drag;
+        let mut out = v.0;
+        for k in 0..3 {
+            out[k] = quadratic[first + k].get().mul_add(v.0[k].abs(), linear[first + k].get()) * v.0[k];
+        }
+        Vector3(out)
+    }
+}
