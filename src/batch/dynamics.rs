@@ -1,6 +1,6 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
-use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
+use crate::balance::articulated::{Instant, Loads, Scratch, configure, respond};
 use crate::balance::implicit::{Ahead, implicit_accelerations};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param};
@@ -108,6 +108,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     fn rates(
         &mut self,
         at: &impl StagePose<L>,
+        fresh: bool,
         elapsed: L,
         twist: Vector6<L>,
         q: &[L; JOINTS],
@@ -116,7 +117,10 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     ) {
         let system = self.system_afresh();
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
-        accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
+        if fresh {
+            configure(system, instant.gravity, q, self.scratch);
+        }
+        respond(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }
 
