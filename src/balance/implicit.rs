@@ -13,7 +13,7 @@
 //! `h (d + h k)` added to each joint's. (h D_i meets the whole `V_i'`, products of velocities included, for that is how
 //! much the body's twist changes.) No pivot is ever less than the explicit form's.
 
-use super::articulated::{Instant, Loads, Scratch, body_bias, outward_rates, place, velocity_product};
+use super::articulated::{Instant, Loads, Scratch, body_bias, place, velocity_product, whole};
 use super::joint_torque::implicit_joint_torque;
 use crate::lane::{Lane, Param};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -38,7 +38,8 @@ fn effective<L: Lane, P: Param<L>>(
     gravity: Vector3<L>,
 ) -> (SpatialInertia<L>, Vector6<L>) {
     let mut inertia: SpatialInertia<L> = body.inertia.get();
-    let mut bias = body_bias(body, twist, gravity);
+    let mut bias = Vector6::zero();
+    body_bias(body, twist, gravity, &mut bias);
     for drag in &body.drag {
         inertia = drag.slope(twist).scale_add(h, &inertia);
     }
@@ -67,19 +68,20 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let joints = system.joints.as_slice();
     let links = &mut scratch.links[..joints.len()];
     place(joints, gravity, q, links);
-    let mut moving = twist;
+    let (mut moving, mut twists) = (twist, [Vector6::zero(); JOINTS]);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         moving = link.twist_from_parent(joint, moving);
         match joint.constant {
             Constant::Shift(_) => moving.angular.0[2] += qd[i],
             Constant::Turn(..) => moving.linear.0[2] += qd[i],
         }
-        link.twist = moving;
+        twists[i] = moving;
+        link.across = velocity_product(joint.slides(), moving, qd[i]);
     }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
-        let (own, mut bias) = effective(&joint.body, h, link.twist, link.gravity);
+        let (own, mut bias) = effective(&joint.body, h, twists[i], link.gravity);
         if loads.on_links {
             bias = bias - loads.links[i];
         }
@@ -97,9 +99,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
         let over_d = L::c(1.0) / (d + falls);
         (link.share, link.torque) = (column.scale(over_d), (torque - along) * over_d);
 
-        let c = velocity_product(joint.slides(), link.twist, qd[i]);
         let rest = inertia.eliminated(column, over_d);
-        let wrench = rest.apply(c) + column.scale_add(link.torque, bias);
+        let wrench = rest.apply(whole(link.across)) + column.scale_add(link.torque, bias);
         carried = (link.inertia_to_parent(joint, &rest), link.wrench_to_parent(joint, wrench));
     }
 
@@ -120,5 +121,13 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
         *twist_rate = inertia.solve(Vector6::from_array(force));
     }
 
-    outward_rates(joints, links, qd, *twist_rate, qdd);
+    let mut rate = *twist_rate;
+    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
+        rate = link.twist_from_parent(joint, rate) + whole(link.across);
+        *qdd = link.torque - link.share.dot(rate);
+        match joint.constant {
+            Constant::Shift(_) => rate.angular.0[2] += *qdd,
+            Constant::Turn(..) => rate.linear.0[2] += *qdd,
+        }
+    }
 }

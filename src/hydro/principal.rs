@@ -3,8 +3,8 @@
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Matrix3, Vector3, Vector6};
 
-/// Inertia (rigid and added) and drag in a frame that makes both diagonal, as that of most links does: there they take
-/// half the arithmetic.
+/// Inertia (rigid and added), drag and net weight in a frame that makes all of them diagonal, as that of most links does:
+/// there they take half the arithmetic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Principal<P> {
     /// Position of the frame in the body's.
@@ -15,6 +15,8 @@ pub struct Principal<P> {
     pub inertia: [P; 6],
     /// Diagonals of D_L and D_Q.
     pub drag: [[P; 6]; 2],
+    /// Mass less displaced mass: both have their centres here.
+    pub net_mass: P,
 }
 
 impl<P: Copy> Principal<P> {
@@ -25,34 +27,48 @@ impl<P: Copy> Principal<P> {
             rotation: self.rotation.map(|rows| rows.map(|row| row.map(&change))),
             inertia: self.inertia.map(&change),
             drag: self.drag.map(|d| d.map(&change)),
+            net_mass: change(self.net_mass),
         }
     }
 
-    /// `B V - drag` of a body of relative twist V, both in body frame: see [`crate::spatial::SpatialInertia::bias_wrench`]
-    /// and [`super::Drag`].
+    /// `B V - drag - restoring` of a body of relative twist V under gravity g, all in body frame: see
+    /// [`crate::spatial::SpatialInertia::bias_wrench`], [`super::Drag`] and [`super::Restoring`].
     #[inline(always)]
-    pub fn bias<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    pub fn bias<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
     where
         P: Param<L>,
     {
         let r = Vector3(get_all(&self.position));
-        let (mut v, mut w) = (twist.angular.cross_add(r, twist.linear), twist.angular);
-        let turn = match &self.rotation {
-            Some(rows) => Some(Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])])),
-            None => None,
-        };
-        if let Some(turn) = &turn {
-            (v, w) = (turn.apply_transposed(v), turn.apply_transposed(w));
+        let (v, w) = (twist.angular.cross_add(r, twist.linear), twist.angular);
+        let net_mass = -self.net_mass.get();
+        match &self.rotation {
+            None => {
+                let there = self.in_place(v, w);
+                bias.linear = gravity.scale_add(net_mass, there.linear);
+                bias.angular = r.cross_add(bias.linear, there.angular);
+            }
+            Some(rows) => {
+                let turn = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
+                let there = self.in_place(turn.apply_transposed(v), turn.apply_transposed(w));
+                bias.linear = gravity.scale_add(net_mass, turn.apply(there.linear));
+                bias.angular = r.cross_add(bias.linear, turn.apply(there.angular));
+            }
         }
+    }
+
+    /// `B V - drag` in the principal frame.
+    #[inline(always)]
+    fn in_place<L: Lane>(&self, v: Vector3<L>, w: Vector3<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
         let [mx, my, mz, jx, jy, jz]: [L; 6] = get_all(&self.inertia);
         let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
         let spin = Vector3([jx * w.0[0], jy * w.0[1], jz * w.0[2]]);
-        let mut force = w.cross_add(momentum, self.along(0, v));
-        let mut moment = v.cross_add(momentum, w.cross_add(spin, self.along(3, w)));
-        if let Some(turn) = &turn {
-            (force, moment) = (turn.apply(force), turn.apply(moment));
+        Vector6 {
+            linear: w.cross_add(momentum, self.along(0, v)),
+            angular: v.cross_add(momentum, w.cross_add(spin, self.along(3, w))),
         }
-        Vector6 { linear: force, angular: r.cross_add(force, moment) }
     }
 
     /// `(D_L + D_Q |v|) v` of the three entries from `first` on.

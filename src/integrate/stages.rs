@@ -67,42 +67,38 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     pub(super) fn weigh(&mut self, weights: &Weights, count: usize, n: usize, h: L, chart: Chart, from: &Motion<L, N>) -> Point<L> {
         let Weights { time, speed, place } = *weights;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
-        let way = h * L::c(time);
-        for k in 0..n {
-            self.q_at[k] = from.qd[k] * way;
-            self.qd_at[k] = L::zero();
-        }
-        if chart == Chart::Nystrom {
+        let (way, h2) = (h * L::c(time), h * h);
+        let nystrom = chart == Chart::Nystrom;
+        if nystrom {
             sum.pose = from.twist.scale(way);
         }
-        let h2 = h * h;
         for j in 0..count {
             if speed[j] != 0.0 {
                 let weight = h * L::c(speed[j]);
                 sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
-                for k in 0..n {
-                    self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
-                }
-                if chart != Chart::Nystrom {
+                if !nystrom {
                     sum.pose = self.pose[j].scale_add(weight, sum.pose);
-                    if chart.attitude() != Attitude::Matrix {
-                        sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
-                    }
+                }
+                if chart.attitude() != Attitude::Matrix {
+                    sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
                 }
             }
-            if place[j] != 0.0 {
-                let weight = h2 * L::c(place[j]);
-                for k in 0..n {
-                    self.q_at[k] = self.rates[j].qd[k].mul_add(weight, self.q_at[k]);
-                }
-                if chart == Chart::Nystrom {
-                    sum.pose = self.rates[j].twist.scale_add(weight, sum.pose);
-                }
+            if nystrom && place[j] != 0.0 {
+                sum.pose = self.rates[j].twist.scale_add(h2 * L::c(place[j]), sum.pose);
             }
         }
         for k in 0..n {
-            self.q_at[k] += from.q[k];
-            self.qd_at[k] += from.qd[k];
+            let (mut q, mut qd) = (from.qd[k] * way, L::zero());
+            for j in 0..count {
+                if speed[j] != 0.0 {
+                    qd = self.rates[j].qd[k].mul_add(h * L::c(speed[j]), qd);
+                }
+                if place[j] != 0.0 {
+                    q = self.rates[j].qd[k].mul_add(h2 * L::c(place[j]), q);
+                }
+            }
+            self.q_at[k] = from.q[k] + q;
+            self.qd_at[k] = from.qd[k] + qd;
         }
         sum.twist = from.twist + sum.twist;
         sum

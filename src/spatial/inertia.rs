@@ -251,10 +251,10 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m, h, j }
     }
 
-    /// `A c + p` for an inertia left by [`Self::free_to_turn`] and a c without components along or about z.
+    /// `A c + p` for an inertia left by [`Self::free_to_turn`] and a c without components along or about z: x and y of both
+    /// its parts.
     #[inline(always)]
-    pub fn apply_across(&self, c: Vector6<L>, p: Vector6<L>) -> Vector6<L> {
-        let ([cx, cy, _], [dx, dy, _]) = (c.linear.0, c.angular.0);
+    pub fn apply_across(&self, [cx, cy, dx, dy]: [L; 4], p: Vector6<L>) -> Vector6<L> {
         let (m, h, j) = (&self.m, &self.h, &self.j);
         let (f, t) = (p.linear.0, p.angular.0);
         // sum + a x + b y
@@ -301,25 +301,9 @@ impl<L: Lane> SpatialInertia<L> {
     /// Solves `A x = b`.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
-        self.factored().solve(b)
-    }
-
-    /// `A = L D L^T`, without pivoting: A is positive definite.
-    #[inline(always)]
-    pub fn factored(&self) -> Factored<L> {
         let mut factored = Factored::blank();
-        for i in 0..6 {
-            for k in 0..=i {
-                factored.l[i][k] = self.entry(i, k);
-            }
-        }
-        factored.eliminate::<0>();
-        factored.eliminate::<1>();
-        factored.eliminate::<2>();
-        factored.eliminate::<3>();
-        factored.eliminate::<4>();
-        factored.eliminate::<5>();
-        factored
+        factored.factor(self);
+        factored.solve(b)
     }
 }
 
@@ -338,18 +322,34 @@ impl<L: Lane> Factored<L> {
         Self { l: [[L::zero(); 6]; 6], over_d: [L::zero(); 6] }
     }
 
-    /// Eliminates unknown K from the equations after it. (K is a constant, so that every index is one.)
+    /// Factors a positive definite A: no pivoting. Row by row, so that little is at hand at a time.
     #[inline(always)]
-    fn eliminate<const K: usize>(&mut self) {
-        let over_d = L::c(1.0) / self.l[K][K];
-        let column = self.l.map(|row| row[K]);
-        for i in K + 1..6 {
-            self.l[i][K] = column[i] * over_d;
-            for k in K + 1..=i {
-                self.l[i][k] = self.l[i][K].neg_mul_add(column[k], self.l[i][k]);
+    pub fn factor(&mut self, a: &SpatialInertia<L>) {
+        self.push::<0>(a);
+        self.push::<1>(a);
+        self.push::<2>(a);
+        self.push::<3>(a);
+        self.push::<4>(a);
+        self.push::<5>(a);
+    }
+
+    /// Works out row I from those before. (I is a constant, so that every index is one.)
+    #[inline(always)]
+    fn push<const I: usize>(&mut self, a: &SpatialInertia<L>) {
+        // Row I of L D.
+        let mut row = [L::zero(); 6];
+        for k in 0..I {
+            row[k] = a.entry(I, k);
+            for j in 0..k {
+                row[k] = row[j].neg_mul_add(self.l[k][j], row[k]);
             }
+            self.l[I][k] = row[k] * self.over_d[k];
         }
-        self.over_d[K] = over_d;
+        let mut pivot = a.entry(I, I);
+        for k in 0..I {
+            pivot = row[k].neg_mul_add(self.l[I][k], pivot);
+        }
+        self.over_d[I] = L::c(1.0) / pivot;
     }
 
     /// Solves `L D L^T x = b`.

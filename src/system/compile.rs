@@ -246,7 +246,7 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
     let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
     let restoring = (restoring != none).then_some(restoring);
     let principal = drag.first().and_then(|drag| {
-        let (principal, parts) = principal(&sum.rigid, &sum.added, drag)?;
+        let (principal, parts) = principal(&sum, drag)?;
         sum.principal = Some(parts);
         Some(principal)
     });
@@ -257,11 +257,7 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
 const OFF_DIAGONAL: f64 = 1e-14;
 
 /// A body in the frame of its drag, if everything is diagonal there; with the diagonals of rigid and added inertia.
-fn principal(
-    rigid: &SpatialInertia<f64>,
-    added: &SpatialInertia<f64>,
-    drag: &Drag<f64>,
-) -> Option<(Principal<f64>, [[f64; 6]; 2])> {
+fn principal(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Principal<f64>, [[f64; 6]; 2])> {
     let at = within(&drag.placement);
     let back = inverse(&at);
     let diagonal = |inertia: &SpatialInertia<f64>| {
@@ -272,7 +268,16 @@ fn principal(
         let clean = (0..6).all(|i| (0..i).all(|k| !off(i, k)));
         clean.then(|| [0, 1, 2, 3, 4, 5].map(|k| there.entry(k, k)))
     };
-    let parts = [diagonal(rigid)?, diagonal(added)?];
+    let parts = [diagonal(&of.rigid)?, diagonal(&of.added)?];
+    let centred = |mass: &Restoring<f64>| {
+        let arm = at.position.scale(mass.net_mass);
+        let size = arm.dot(arm).sqrt();
+        let off = Vector3(mass.moment) - arm;
+        off.dot(off).sqrt() <= OFF_DIAGONAL * size
+    };
+    if !(centred(&of.weight) && centred(&of.displaced)) {
+        return None;
+    }
     let coefficients = |c: &Coefficients<f64>| match c {
         Coefficients::None => Some([0.0; 6]),
         Coefficients::Diagonal(d) => Some(*d),
@@ -283,6 +288,7 @@ fn principal(
         rotation: matches!(drag.placement, Placement::At(..)).then_some(at.rotation.0),
         inertia: [0, 1, 2, 3, 4, 5].map(|k| parts[0][k] + parts[1][k]),
         drag: [coefficients(&drag.linear)?, coefficients(&drag.quadratic)?],
+        net_mass: of.weight.net_mass - of.displaced.net_mass,
     };
     Some((principal, parts))
 }

@@ -30,7 +30,7 @@ pub struct BodyTerms<P> {
     pub restoring: Option<Restoring<P>>,
     /// Drag, one entry per body of the scene that is fixed to this one.
     pub drag: Vec<Drag<P>>,
-    /// `inertia` and the first of `drag` once more, where both are diagonal in one frame.
+    /// `inertia`, `restoring` and the first of `drag` once more, where they are diagonal in one frame.
     pub principal: Option<Principal<P>>,
 }
 

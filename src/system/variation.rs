@@ -124,6 +124,8 @@ fn vary_body<L: Lane, P: Param<L>>(
         }
     }
     if let (Some(principal), Some(of), Some([rigid, added])) = (&mut body.principal, &of.principal, &parts.principal) {
+        let displaced = parts.displaced.net_mass.get();
+        principal.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
         let [linear, quadratic] = &mut principal.drag;
         for k in 0..6 {
             let added = added[k].get() * factors.added_mass;

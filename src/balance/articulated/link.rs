@@ -12,13 +12,14 @@ pub(crate) struct Link<L> {
     pub screw: [L; 2],
     /// Gravity in its axes.
     pub gravity: Vector3<L>,
-    /// `U / D` and `1 / D`.
+    /// `U / D` and `1 / D`. Along the joint `U / D` is 1, and not kept.
     pub share: Vector6<L>,
     pub over_d: L,
-    /// `A - U U^T / D`
+    /// `A - U U^T / D`; rows and columns that vanish are not kept.
     pub rest: SpatialInertia<L>,
-    /// V, and p without what the links further out ask for.
-    pub twist: Vector6<L>,
+    /// c, without the entries that vanish.
+    pub across: [L; 4],
+    /// p without what the links further out ask for.
     pub bias: Vector6<L>,
     /// Joint torque, later `u / D`.
     pub torque: L,
@@ -42,7 +43,7 @@ impl<L: Lane> Scratch<L> {
             share: none,
             over_d: zero,
             rest: SpatialInertia::zero(),
-            twist: none,
+            across: [zero; 4],
             bias: none,
             torque: zero,
         };

@@ -87,36 +87,43 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
-/// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
+/// `c = ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one; x and y of
+/// both parts.
 #[inline(always)]
-pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
+pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
     let (v, w) = (twist.linear.0, twist.angular.0);
-    let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
-    if slides {
-        Vector6 { linear: across, angular: Vector3::zero() }
-    } else {
-        Vector6 { linear: Vector3([v[1] * qd, -(v[0] * qd), L::zero()]), angular: across }
-    }
+    let (x, y) = (w[1] * qd, -(w[0] * qd));
+    if slides { [x, y, L::zero(), L::zero()] } else { [v[1] * qd, -(v[0] * qd), x, y] }
 }
 
-/// `B V - restoring - drag`: what a body's own motion and the water ask for.
+/// [`velocity_product`] with its zeros.
+#[inline(always)]
+pub(super) fn whole<L: Lane>([vx, vy, wx, wy]: [L; 4]) -> Vector6<L> {
+    Vector6 { linear: Vector3([vx, vy, L::zero()]), angular: Vector3([wx, wy, L::zero()]) }
+}
+
+/// `B V - restoring - drag`: what a body's own motion and the water ask for. (Written where it belongs at once: values
+/// that meet after a branch would go through memory besides.)
 #[inline(always)]
 pub(super) fn body_bias<L: Lane, P: Param<L>>(
     body: &BodyTerms<P>,
     twist: Vector6<L>,
     gravity: Vector3<L>,
-) -> Vector6<L> {
-    let (mut bias, rest) = match (&body.principal, &body.drag[..]) {
-        (Some(principal), [_, rest @ ..]) => (principal.bias(twist), rest),
-        (_, drag) => (body.inertia.get().bias_wrench(twist), drag),
-    };
-    for drag in rest {
-        bias = bias - drag.wrench(twist);
+    bias: &mut Vector6<L>,
+) {
+    let mut drag = &body.drag[..];
+    if let (Some(principal), [_, rest @ ..]) = (&body.principal, drag) {
+        principal.bias(twist, gravity, bias);
+        drag = rest;
+    } else {
+        *bias = body.inertia.get().bias_wrench(twist);
+        if let Some(restoring) = &body.restoring {
+            *bias = restoring.subtract(gravity, *bias);
+        }
     }
-    if let Some(restoring) = &body.restoring {
-        bias = restoring.subtract(gravity, bias);
+    for drag in drag {
+        *bias = *bias - drag.wrench(twist);
     }
-    bias
 }
 
 /// Places the links: their screws and gravity.
@@ -170,7 +177,7 @@ pub fn configure<L: Lane, P: Param<L>>(
     }
     if !system.fixed {
         let own: SpatialInertia<L> = system.vehicle.inertia.get();
-        scratch.base = own.plus(&carried).factored();
+        scratch.base.factor(&own.plus(&carried));
     }
 }
 
@@ -196,8 +203,8 @@ pub fn respond<L: Lane, P: Param<L>>(
             Constant::Shift(_) => moving.angular.0[2] += qd[i],
             Constant::Turn(..) => moving.linear.0[2] += qd[i],
         }
-        link.twist = moving;
-        link.bias = body_bias(&joint.body, moving, link.gravity);
+        link.across = velocity_product(joint.slides(), moving, qd[i]);
+        body_bias(&joint.body, moving, link.gravity, &mut link.bias);
         if loads.on_links {
             link.bias = link.bias - loads.links[i];
         }
@@ -206,19 +213,23 @@ pub fn respond<L: Lane, P: Param<L>>(
 
     // What the links already done ask of the body at hand.
     let mut carried = Vector6::zero();
-    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
+    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
         let bias = link.bias + carried;
-        let c = velocity_product(joint.slides(), link.twist, qd[i]);
         let wrench = match joint.constant {
             Constant::Shift(_) => {
                 let u = link.torque - bias.angular.0[2];
+                let mut wrench = link.share.scale_add(u, bias);
+                // Nothing but its torque passes a joint along its axis.
+                wrench.angular.0[2] = link.torque;
                 link.torque = u * link.over_d;
-                link.rest.apply_across(c, link.share.scale_add(u, bias))
+                link.rest.apply_across(link.across, wrench)
             }
             Constant::Turn(..) => {
                 let u = link.torque - bias.linear.0[2];
+                let mut wrench = link.share.scale_add(u, bias);
+                wrench.linear.0[2] = link.torque;
                 link.torque = u * link.over_d;
-                link.rest.apply(c) + link.share.scale_add(u, bias)
+                link.rest.apply(whole(link.across)) + wrench
             }
         };
         carried = link.wrench_to_parent(joint, wrench);
@@ -227,30 +238,36 @@ pub fn respond<L: Lane, P: Param<L>>(
     *twist_rate = if system.fixed {
         Vector6 { linear: held_rate, angular: Vector3::zero() }
     } else {
-        scratch.base.solve(wrench - (body_bias(&system.vehicle, twist, gravity) + carried))
+        let mut bias = Vector6::zero();
+        body_bias(&system.vehicle, twist, gravity, &mut bias);
+        scratch.base.solve(wrench - (bias + carried))
     };
 
-    outward_rates(joints, links, qd, *twist_rate, qdd);
+    outward_rates(joints, links, *twist_rate, qdd);
 }
 
-/// The last pass: `q''` from `V'`.
+/// The last pass: `q''` from `V'`. What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there.
 #[inline(always)]
-pub(super) fn outward_rates<L: Lane, P: Param<L>>(
+fn outward_rates<L: Lane, P: Param<L>>(
     joints: &[JointTerms<P>],
     links: &[Link<L>],
-    qd: &[L; JOINTS],
     twist_rate: Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
     let mut rate = twist_rate;
-    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
-        rate = link.twist_from_parent(joint, rate) + velocity_product(joint.slides(), link.twist, qd[i]);
-        let acceleration = link.torque - link.share.dot(rate);
-        match joint.constant {
-            Constant::Shift(_) => rate.angular.0[2] += acceleration,
-            Constant::Turn(..) => rate.linear.0[2] += acceleration,
-        }
-        qdd[i] = acceleration;
+    for ((joint, link), qdd) in joints.iter().zip(links).zip(qdd) {
+        rate = link.twist_from_parent(joint, rate);
+        let [vx, vy, wx, wy] = link.across;
+        let (v, w) = (&mut rate.linear.0, &mut rate.angular.0);
+        (v[0], v[1], w[0], w[1]) = (v[0] + vx, v[1] + vy, w[0] + wx, w[1] + wy);
+        let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
+        // In two sums: the joints wait for each other here.
+        let rest = sy.neg_mul_add(v[1], sx.neg_mul_add(v[0], link.torque)) - ty.mul_add(w[1], tx * w[0]);
+        let along = match joint.constant {
+            Constant::Shift(_) => std::mem::replace(&mut w[2], sz.neg_mul_add(v[2], rest)),
+            Constant::Turn(..) => std::mem::replace(&mut v[2], tz.neg_mul_add(w[2], rest)),
+        };
+        *qdd = if joint.slides() { v[2] - along } else { w[2] - along };
     }
 }
 
