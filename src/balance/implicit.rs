@@ -13,7 +13,7 @@
 //! `h (d + h k)` added to each joint's. (h D_i meets the whole `V_i'`, products of velocities included, for that is how
 //! much the body's twist changes.) No pivot is ever less than the explicit form's.
 
-use super::articulated::{Instant, Loads, Scratch, body_bias, place, velocity_product, whole};
+use super::articulated::{Instant, Loads, Scratch, body_bias, along, place, velocity_product};
 use super::joint_torque::implicit_joint_torque;
 use crate::lane::{Lane, Param};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -39,7 +39,7 @@ fn effective<L: Lane, P: Param<L>>(
 ) -> (SpatialInertia<L>, Vector6<L>) {
     let mut inertia: SpatialInertia<L> = body.inertia.get();
     let mut bias = Vector6::zero();
-    body_bias(body, twist, gravity, &mut bias);
+    body_bias(body, twist, None, gravity, &mut bias);
     for drag in &body.drag {
         inertia = drag.slope(twist).scale_add(h, &inertia);
     }
@@ -68,15 +68,12 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let joints = system.joints.as_slice();
     let links = &mut scratch.links[..joints.len()];
     place(joints, gravity, q, links);
-    let (mut moving, mut twists) = (twist, [Vector6::zero(); JOINTS]);
+    let (mut moving, none) = (twist, [Vector6::zero(); JOINTS]);
+    let (mut twists, mut across) = (none, none);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
-        moving = link.twist_from_parent(joint, moving);
-        match joint.constant {
-            Constant::Shift(_) => moving.angular.0[2] += qd[i],
-            Constant::Turn(..) => moving.linear.0[2] += qd[i],
-        }
+        moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
         twists[i] = moving;
-        link.across = velocity_product(joint.slides(), moving, qd[i]);
+        across[i] = velocity_product(joint.slides(), moving, qd[i]);
     }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
@@ -100,8 +97,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
         (link.share, link.torque) = (column.scale(over_d), (torque - along) * over_d);
 
         let rest = inertia.eliminated(column, over_d);
-        let wrench = rest.apply(whole(link.across)) + column.scale_add(link.torque, bias);
-        carried = (link.inertia_to_parent(joint, &rest), link.wrench_to_parent(joint, wrench));
+        let wrench = rest.apply(across[i]) + column.scale_add(link.torque, bias);
+        carried = (link.whole_inertia_to_parent(joint, &rest), link.wrench_to_parent(joint, wrench));
     }
 
     if system.fixed {
@@ -122,12 +119,9 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     }
 
     let mut rate = *twist_rate;
-    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
-        rate = link.twist_from_parent(joint, rate) + whole(link.across);
-        *qdd = link.torque - link.share.dot(rate);
-        match joint.constant {
-            Constant::Shift(_) => rate.angular.0[2] += *qdd,
-            Constant::Turn(..) => rate.linear.0[2] += *qdd,
-        }
+    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+        rate = link.twist_from_parent(joint, rate) + across[i];
+        qdd[i] = link.torque - link.share.dot(rate);
+        rate = along(joint, rate, qdd[i]);
     }
 }

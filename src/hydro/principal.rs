@@ -31,44 +31,60 @@ impl<P: Copy> Principal<P> {
         }
     }
 
-    /// `B V - drag - restoring` of a body of relative twist V under gravity g, all in body frame: see
+    /// `A g + B V - drag - restoring` of a body of relative twist V under gravity, all in body frame: see
     /// [`crate::spatial::SpatialInertia::bias_wrench`], [`super::Drag`] and [`super::Restoring`].
     #[inline(always)]
-    pub fn bias<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
-    where
+    pub fn bias<L: Lane>(
+        &self,
+        twist: Vector6<L>,
+        gained: Option<Vector6<L>>,
+        gravity: Vector3<L>,
+        bias: &mut Vector6<L>,
+    ) where
         P: Param<L>,
     {
         let r = Vector3(get_all(&self.position));
-        let (v, w) = (twist.angular.cross_add(r, twist.linear), twist.angular);
+        let twist = moved(r, twist);
+        let gained = match gained {
+            Some(x) => Some(moved(r, x)),
+            None => None,
+        };
         let net_mass = -self.net_mass.get();
         match &self.rotation {
             None => {
-                let there = self.in_place(v, w);
+                let there = self.in_place(twist, gained);
                 bias.linear = gravity.scale_add(net_mass, there.linear);
                 bias.angular = r.cross_add(bias.linear, there.angular);
             }
             Some(rows) => {
                 let turn = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
-                let there = self.in_place(turn.apply_transposed(v), turn.apply_transposed(w));
+                let gained = match gained {
+                    Some(x) => Some(turned_back(&turn, x)),
+                    None => None,
+                };
+                let there = self.in_place(turned_back(&turn, twist), gained);
                 bias.linear = gravity.scale_add(net_mass, turn.apply(there.linear));
                 bias.angular = r.cross_add(bias.linear, turn.apply(there.angular));
             }
         }
     }
 
-    /// `B V - drag` in the principal frame.
+    /// `A g + B V - drag` in the principal frame.
     #[inline(always)]
-    fn in_place<L: Lane>(&self, v: Vector3<L>, w: Vector3<L>) -> Vector6<L>
+    fn in_place<L: Lane>(&self, twist: Vector6<L>, gained: Option<Vector6<L>>) -> Vector6<L>
     where
         P: Param<L>,
     {
+        let (v, w) = (twist.linear, twist.angular);
         let [mx, my, mz, jx, jy, jz]: [L; 6] = get_all(&self.inertia);
         let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
         let spin = Vector3([jx * w.0[0], jy * w.0[1], jz * w.0[2]]);
-        Vector6 {
-            linear: w.cross_add(momentum, self.along(0, v)),
-            angular: v.cross_add(momentum, w.cross_add(spin, self.along(3, w))),
+        let (mut f, mut m) = (self.along(0, v), self.along(3, w));
+        if let Some(Vector6 { linear: Vector3(a), angular: Vector3(b) }) = gained {
+            f = Vector3([mx.mul_add(a[0], f.0[0]), my.mul_add(a[1], f.0[1]), mz.mul_add(a[2], f.0[2])]);
+            m = Vector3([jx.mul_add(b[0], m.0[0]), jy.mul_add(b[1], m.0[1]), jz.mul_add(b[2], m.0[2])]);
         }
+        Vector6 { linear: w.cross_add(momentum, f), angular: v.cross_add(momentum, w.cross_add(spin, m)) }
     }
 
     /// `(D_L + D_Q |v|) v` of the three entries from `first` on.
@@ -84,4 +100,16 @@ impl<P: Copy> Principal<P> {
         }
         Vector3(out)
     }
+}
+
+/// A twist or its rate at the point r.
+#[inline(always)]
+fn moved<L: Lane>(r: Vector3<L>, x: Vector6<L>) -> Vector6<L> {
+    Vector6 { linear: x.angular.cross_add(r, x.linear), ..x }
+}
+
+/// `R^T` times both parts.
+#[inline(always)]
+fn turned_back<L: Lane>(turn: &Matrix3<L>, x: Vector6<L>) -> Vector6<L> {
+    Vector6 { linear: turn.apply_transposed(x.linear), angular: turn.apply_transposed(x.angular) }
 }

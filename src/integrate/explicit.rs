@@ -67,7 +67,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
             whole = Pose { rotation, position: from.pose.position + point.pose.linear };
             stages.scalar[i] = w;
             rate = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
-            Increment { start: &whole, theta: Vector6::zero() }
+            Increment { start: &whole, theta: None }
         } else {
             if i == 2 && chart == Chart::Commutators {
                 // [MO99]: K_2 / 2 - [K_1, K_2] / 8 where the exponential stands on the left.
@@ -83,7 +83,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
                 Chart::Exponential(form) if i > 0 => dexp_inverse_negative(form, point.pose, point.twist),
                 _ => point.twist,
             };
-            Increment { start: &from.pose, theta: point.pose }
+            Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
         let time = elapsed + h * L::c(tableau.c[i]);
         let fresh = !tableau.stays[i];

@@ -16,6 +16,8 @@ pub struct Stages<L, const N: usize> {
     pub(super) scalar: [L; STAGES],
     /// V' and q''.
     pub(super) rates: [Rates<L, N>; STAGES],
+    /// Weights of the rates in velocities and in coordinates, with their h and h^2, at the stage at hand.
+    pub(super) weights: [[L; 2]; STAGES],
     /// q and q' of the stage at hand.
     pub(super) q_at: [L; N],
     pub(super) qd_at: [L; N],
@@ -47,6 +49,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             pose: [Vector6::zero(); STAGES],
             scalar: [L::zero(); STAGES],
             rates: [rates; STAGES],
+            weights: [[L::zero(); 2]; STAGES],
             q_at: zero,
             qd_at: zero,
         }
@@ -75,6 +78,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         for j in 0..count {
             if speed[j] != 0.0 {
                 let weight = h * L::c(speed[j]);
+                self.weights[j][0] = weight;
                 sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
                 if !nystrom {
                     sum.pose = self.pose[j].scale_add(weight, sum.pose);
@@ -83,18 +87,22 @@ impl<L: Lane, const N: usize> Stages<L, N> {
                     sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
                 }
             }
-            if nystrom && place[j] != 0.0 {
-                sum.pose = self.rates[j].twist.scale_add(h2 * L::c(place[j]), sum.pose);
+            if place[j] != 0.0 {
+                let weight = h2 * L::c(place[j]);
+                self.weights[j][1] = weight;
+                if nystrom {
+                    sum.pose = self.rates[j].twist.scale_add(weight, sum.pose);
+                }
             }
         }
         for k in 0..n {
             let (mut q, mut qd) = (from.qd[k] * way, L::zero());
             for j in 0..count {
                 if speed[j] != 0.0 {
-                    qd = self.rates[j].qd[k].mul_add(h * L::c(speed[j]), qd);
+                    qd = self.rates[j].qd[k].mul_add(self.weights[j][0], qd);
                 }
                 if place[j] != 0.0 {
-                    q = self.rates[j].qd[k].mul_add(h2 * L::c(place[j]), q);
+                    q = self.rates[j].qd[k].mul_add(self.weights[j][1], q);
                 }
             }
             self.q_at[k] = from.q[k] + q;

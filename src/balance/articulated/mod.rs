@@ -7,13 +7,15 @@
 //!
 //! ```text
 //! configure   inward    U = A E,  D = E^T U,   A_p += Ad^-T (A - U U^T / D) Ad^-1
-//! respond     outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
-//!             inward    u = tau - E^T p,   p_p += Ad^-T (p + (A - U U^T / D) c + U u / D)
+//! respond     outward   V_i = Ad^-1 V_p + E q',   g_i = Ad^-1 g_p + ad_V_i E q',   p_i = A_i g_i + B V_i - F_i
+//!             inward    u = tau - E^T p,   p_p += Ad^-T (p + U u / D)
 //!             base      A_0 V_0' = -p_0
-//!             outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
+//!             outward   q'' = (u - U^T Ad^-1 a_p) / D,   a_i = Ad^-1 a_p + E q'',   V_i' = a_i + g_i
 //! ```
 //!
-//! What depends on the configuration alone is a pass of its own: it can serve several velocities.
+//! with `g_0 = 0`, `a_0 = V_0'`. What products of velocities make of the acceleration, g, meets each body's own inertia
+//! A_i in the outward pass, so that articulated inertia need not be kept. What depends on the configuration alone is a
+//! pass of its own: it can serve several velocities.
 
 mod link;
 
@@ -34,8 +36,9 @@ pub struct Loads<L> {
     pub torque: [L; JOINTS],
     /// Whether the joint servos are on.
     pub servo: bool,
-    /// Servo targets, as polynomials in the time, constant term first.
-    pub target: [[L; 4]; JOINTS],
+    /// Servo targets, as cubic polynomials in the time, constant term first, and the rates of these, in time to the powers 1
+    /// and 2.
+    pub target: [[L; 6]; JOINTS],
     /// Whether `links` holds anything.
     pub on_links: bool,
     /// External wrenches on the links, each in its joint's frame.
@@ -49,10 +52,16 @@ impl<L: Lane> Loads<L> {
         Self {
             torque: [L::zero(); JOINTS],
             servo: false,
-            target: [[L::zero(); 4]; JOINTS],
+            target: [[L::zero(); 6]; JOINTS],
             on_links: false,
             links: [Vector6::zero(); JOINTS],
         }
+    }
+
+    /// Sets the servo target of joint `i`.
+    #[inline(always)]
+    pub fn set_target(&mut self, i: usize, [a, b, c, d]: [L; 4]) {
+        self.target[i] = [a, b, c, d, c + c, L::c(3.0) * d];
     }
 
     /// Servo target of joint `i`: value and rate at `time`.
@@ -61,9 +70,9 @@ impl<L: Lane> Loads<L> {
         if !self.servo {
             return None;
         }
-        let [a, b, c, d] = self.target[i];
+        let [a, b, c, d, c2, d3] = self.target[i];
         let value = d.mul_add(time, c).mul_add(time, b).mul_add(time, a);
-        let rate = (L::c(3.0) * d).mul_add(time, L::c(2.0) * c).mul_add(time, b);
+        let rate = d3.mul_add(time, c2).mul_add(time, b);
         Some((value, rate))
     }
 }
@@ -87,36 +96,48 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
-/// `c = ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one; x and y of
-/// both parts.
+/// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
 #[inline(always)]
-pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
+pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
     let (v, w) = (twist.linear.0, twist.angular.0);
-    let (x, y) = (w[1] * qd, -(w[0] * qd));
-    if slides { [x, y, L::zero(), L::zero()] } else { [v[1] * qd, -(v[0] * qd), x, y] }
+    let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
+    if slides {
+        Vector6 { linear: across, angular: Vector3::zero() }
+    } else {
+        Vector6 { linear: Vector3([v[1] * qd, -(v[0] * qd), L::zero()]), angular: across }
+    }
 }
 
-/// [`velocity_product`] with its zeros.
+/// `V + E q'`
 #[inline(always)]
-pub(super) fn whole<L: Lane>([vx, vy, wx, wy]: [L; 4]) -> Vector6<L> {
-    Vector6 { linear: Vector3([vx, vy, L::zero()]), angular: Vector3([wx, wy, L::zero()]) }
+pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vector6<L>, qd: L) -> Vector6<L> {
+    match joint.constant {
+        Constant::Shift(_) => twist.angular.0[2] += qd,
+        Constant::Turn(..) => twist.linear.0[2] += qd,
+    }
+    twist
 }
 
-/// `B V - restoring - drag`: what a body's own motion and the water ask for. (Written where it belongs at once: values
+/// `A g + B V - restoring - drag`: what a body's motion and the water ask for. (Written where it belongs at once: values
 /// that meet after a branch would go through memory besides.)
 #[inline(always)]
 pub(super) fn body_bias<L: Lane, P: Param<L>>(
     body: &BodyTerms<P>,
     twist: Vector6<L>,
+    gained: Option<Vector6<L>>,
     gravity: Vector3<L>,
     bias: &mut Vector6<L>,
 ) {
     let mut drag = &body.drag[..];
     if let (Some(principal), [_, rest @ ..]) = (&body.principal, drag) {
-        principal.bias(twist, gravity, bias);
+        principal.bias(twist, gained, gravity, bias);
         drag = rest;
     } else {
-        *bias = body.inertia.get().bias_wrench(twist);
+        let inertia: SpatialInertia<L> = body.inertia.get();
+        *bias = inertia.bias_wrench(twist);
+        if let Some(gained) = gained {
+            *bias = *bias + inertia.apply(gained);
+        }
         if let Some(restoring) = &body.restoring {
             *bias = restoring.subtract(gravity, *bias);
         }
@@ -146,6 +167,17 @@ pub(super) fn place<L: Lane, P: Param<L>>(
     }
 }
 
+impl<L: Lane> Scratch<L> {
+    /// Works out what a system has once and for all; before anything else is done with it.
+    #[inline(always)]
+    pub fn prepare<P: Param<L>>(&mut self, system: &System<P>) {
+        let joints = system.joints.as_slice();
+        if let (Some(joint), Some(link)) = (joints.last(), self.links[..joints.len()].last_mut()) {
+            self.tip = link.free(joint, &joint.body.inertia.get());
+        }
+    }
+}
+
 /// The part that depends on the configuration alone.
 #[inline(always)]
 pub fn configure<L: Lane, P: Param<L>>(
@@ -156,27 +188,21 @@ pub fn configure<L: Lane, P: Param<L>>(
 ) {
     let joints = system.joints.as_slice();
     let links = &mut scratch.links[..joints.len()];
+    scratch.gravity = gravity;
     place(joints, gravity, q, links);
+    let own: SpatialInertia<L> = system.vehicle.inertia.get();
+    let (Some((tip, others)), Some((last, links))) = (joints.split_last(), links.split_last_mut()) else {
+        scratch.base.factor(&own);
+        return;
+    };
     // Inertia of the links already done, as the body at hand feels it.
-    let mut carried = SpatialInertia::zero();
-    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
+    let mut carried = last.inertia_to_parent(tip, &scratch.tip);
+    for (joint, link) in others.iter().zip(links).rev() {
         let own: SpatialInertia<L> = joint.body.inertia.get();
-        let inertia = own.plus(&carried);
-        let screw = link.screw(joint);
-        let felt = match joint.constant {
-            Constant::Shift(_) => {
-                (link.rest, link.share, link.over_d) = inertia.free_to_turn();
-                screw.turning_inertia_to_parent(&link.rest)
-            }
-            Constant::Turn(..) => {
-                (link.rest, link.share, link.over_d) = inertia.free_to_slide();
-                screw.inertia_to_parent(&link.rest)
-            }
-        };
-        carried = Base::of(&joint.stand).inertia(&felt);
+        let rest = link.free(joint, &own.plus(&carried));
+        carried = link.inertia_to_parent(joint, &rest);
     }
     if !system.fixed {
-        let own: SpatialInertia<L> = system.vehicle.inertia.get();
         scratch.base.factor(&own.plus(&carried));
     }
 }
@@ -196,15 +222,13 @@ pub fn respond<L: Lane, P: Param<L>>(
     let joints = system.joints.as_slice();
     let links = &mut scratch.links[..joints.len()];
 
-    let mut moving = twist;
+    let (mut moving, mut gained) = (twist, Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         moving = link.twist_from_parent(joint, moving);
-        match joint.constant {
-            Constant::Shift(_) => moving.angular.0[2] += qd[i],
-            Constant::Turn(..) => moving.linear.0[2] += qd[i],
-        }
-        link.across = velocity_product(joint.slides(), moving, qd[i]);
-        body_bias(&joint.body, moving, link.gravity, &mut link.bias);
+        let across = velocity_product(joint.slides(), moving, qd[i]);
+        gained = if i == 0 { across } else { link.twist_from_parent(joint, gained) + across };
+        moving = along(joint, moving, qd[i]);
+        body_bias(&joint.body, moving, Some(gained), link.gravity, &mut link.bias);
         if loads.on_links {
             link.bias = link.bias - loads.links[i];
         }
@@ -215,23 +239,12 @@ pub fn respond<L: Lane, P: Param<L>>(
     let mut carried = Vector6::zero();
     for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
         let bias = link.bias + carried;
-        let wrench = match joint.constant {
-            Constant::Shift(_) => {
-                let u = link.torque - bias.angular.0[2];
-                let mut wrench = link.share.scale_add(u, bias);
-                // Nothing but its torque passes a joint along its axis.
-                wrench.angular.0[2] = link.torque;
-                link.torque = u * link.over_d;
-                link.rest.apply_across(link.across, wrench)
-            }
-            Constant::Turn(..) => {
-                let u = link.torque - bias.linear.0[2];
-                let mut wrench = link.share.scale_add(u, bias);
-                wrench.linear.0[2] = link.torque;
-                link.torque = u * link.over_d;
-                link.rest.apply(whole(link.across)) + wrench
-            }
-        };
+        let slides = joint.slides();
+        let u = link.torque - if slides { bias.linear.0[2] } else { bias.angular.0[2] };
+        let mut wrench = link.share.scale_add(u, bias);
+        // Nothing but its torque passes a joint along its axis.
+        *(if slides { &mut wrench.linear.0[2] } else { &mut wrench.angular.0[2] }) = link.torque;
+        link.torque = u * link.over_d;
         carried = link.wrench_to_parent(joint, wrench);
     }
 
@@ -239,35 +252,25 @@ pub fn respond<L: Lane, P: Param<L>>(
         Vector6 { linear: held_rate, angular: Vector3::zero() }
     } else {
         let mut bias = Vector6::zero();
-        body_bias(&system.vehicle, twist, gravity, &mut bias);
+        body_bias(&system.vehicle, twist, None, gravity, &mut bias);
         scratch.base.solve(wrench - (bias + carried))
     };
 
-    outward_rates(joints, links, *twist_rate, qdd);
-}
-
-/// The last pass: `q''` from `V'`. What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there.
-#[inline(always)]
-fn outward_rates<L: Lane, P: Param<L>>(
-    joints: &[JointTerms<P>],
-    links: &[Link<L>],
-    twist_rate: Vector6<L>,
-    qdd: &mut [L; JOINTS],
-) {
-    let mut rate = twist_rate;
-    for ((joint, link), qdd) in joints.iter().zip(links).zip(qdd) {
+    let mut rate = *twist_rate;
+    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
         rate = link.twist_from_parent(joint, rate);
-        let [vx, vy, wx, wy] = link.across;
         let (v, w) = (&mut rate.linear.0, &mut rate.angular.0);
-        (v[0], v[1], w[0], w[1]) = (v[0] + vx, v[1] + vy, w[0] + wx, w[1] + wy);
         let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
-        // In two sums: the joints wait for each other here.
+        // In two sums, as the joints wait for each other here. What a link does along its joint is `(u - U^T a) / D`,
+        // whatever its parent does there.
         let rest = sy.neg_mul_add(v[1], sx.neg_mul_add(v[0], link.torque)) - ty.mul_add(w[1], tx * w[0]);
-        let along = match joint.constant {
-            Constant::Shift(_) => std::mem::replace(&mut w[2], sz.neg_mul_add(v[2], rest)),
-            Constant::Turn(..) => std::mem::replace(&mut v[2], tz.neg_mul_add(w[2], rest)),
+        let (moved, does) = if joint.slides() {
+            (&mut v[2], tz.neg_mul_add(w[2], rest))
+        } else {
+            (&mut w[2], sz.neg_mul_add(v[2], rest))
         };
-        *qdd = if joint.slides() { v[2] - along } else { w[2] - along };
+        *qdd = does - *moved;
+        *moved = does;
     }
 }
 
@@ -281,6 +284,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
+    scratch.prepare(system);
     configure(system, at.gravity, at.q, scratch);
     respond(system, at, loads, scratch, twist_rate, qdd);
 }
@@ -300,11 +304,7 @@ pub fn link_twists<L: Lane, P: Param<L>>(
     place(joints, Vector3::zero(), q, links);
     let mut twist = twist;
     for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
-        twist = link.twist_from_parent(joint, twist);
-        match joint.constant {
-            Constant::Shift(_) => twist.angular.0[2] += qd[i],
-            Constant::Turn(..) => twist.linear.0[2] += qd[i],
-        }
+        twist = along(joint, link.twist_from_parent(joint, twist), qd[i]);
         twists[i] = twist;
     }
 }
