@@ -31,38 +31,30 @@ impl<P: Copy> Principal<P> {
         }
     }
 
-    /// `A g + B V - drag - restoring` of a body of relative twist V under gravity, all in body frame: see
+    /// `A g + B V - drag - restoring`, with or without (`G`) the rate g, of a body of relative twist V under gravity, all in body frame: see
     /// [`crate::spatial::SpatialInertia::bias_wrench`], [`super::Drag`] and [`super::Restoring`].
     #[inline(always)]
-    pub fn bias<L: Lane>(
+    pub fn bias<const G: bool, L: Lane>(
         &self,
         twist: Vector6<L>,
-        gained: Option<Vector6<L>>,
+        gained: Vector6<L>,
         gravity: Vector3<L>,
         bias: &mut Vector6<L>,
     ) where
         P: Param<L>,
     {
         let r = Vector3(get_all(&self.position));
-        let twist = moved(r, twist);
-        let gained = match gained {
-            Some(x) => Some(moved(r, x)),
-            None => None,
-        };
+        let (twist, gained) = (moved(r, twist), moved(r, gained));
         let net_mass = -self.net_mass.get();
         match &self.rotation {
             None => {
-                let there = self.in_place(twist, gained);
+                let there = self.in_place::<G, L>(twist, gained);
                 bias.linear = gravity.scale_add(net_mass, there.linear);
                 bias.angular = r.cross_add(bias.linear, there.angular);
             }
             Some(rows) => {
                 let turn = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
-                let gained = match gained {
-                    Some(x) => Some(turned_back(&turn, x)),
-                    None => None,
-                };
-                let there = self.in_place(turned_back(&turn, twist), gained);
+                let there = self.in_place::<G, L>(turned_back(&turn, twist), turned_back(&turn, gained));
                 bias.linear = gravity.scale_add(net_mass, turn.apply(there.linear));
                 bias.angular = r.cross_add(bias.linear, turn.apply(there.angular));
             }
@@ -71,7 +63,7 @@ impl<P: Copy> Principal<P> {
 
     /// `A g + B V - drag` in the principal frame.
     #[inline(always)]
-    fn in_place<L: Lane>(&self, twist: Vector6<L>, gained: Option<Vector6<L>>) -> Vector6<L>
+    fn in_place<const G: bool, L: Lane>(&self, twist: Vector6<L>, gained: Vector6<L>) -> Vector6<L>
     where
         P: Param<L>,
     {
@@ -80,7 +72,8 @@ impl<P: Copy> Principal<P> {
         let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
         let spin = Vector3([jx * w.0[0], jy * w.0[1], jz * w.0[2]]);
         let (mut f, mut m) = (self.along(0, v), self.along(3, w));
-        if let Some(Vector6 { linear: Vector3(a), angular: Vector3(b) }) = gained {
+        if G {
+            let (a, b) = (gained.linear.0, gained.angular.0);
             f = Vector3([mx.mul_add(a[0], f.0[0]), my.mul_add(a[1], f.0[1]), mz.mul_add(a[2], f.0[2])]);
             m = Vector3([jx.mul_add(b[0], m.0[0]), jy.mul_add(b[1], m.0[1]), jz.mul_add(b[2], m.0[2])]);
         }

@@ -118,24 +118,24 @@ pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vect
     twist
 }
 
-/// `A g + B V - restoring - drag`: what a body's motion and the water ask for. (Written where it belongs at once: values
-/// that meet after a branch would go through memory besides.)
+/// `A g + B V - restoring - drag`, or without g: what a body's motion and the water ask for. (Written where it belongs at
+/// once: values that meet after a branch would go through memory besides.)
 #[inline(always)]
-pub(super) fn body_bias<L: Lane, P: Param<L>>(
+pub(super) fn body_bias<const G: bool, L: Lane, P: Param<L>>(
     body: &BodyTerms<P>,
     twist: Vector6<L>,
-    gained: Option<Vector6<L>>,
+    gained: Vector6<L>,
     gravity: Vector3<L>,
     bias: &mut Vector6<L>,
 ) {
     let mut drag = &body.drag[..];
     if let (Some(principal), [_, rest @ ..]) = (&body.principal, drag) {
-        principal.bias(twist, gained, gravity, bias);
+        principal.bias::<G, L>(twist, gained, gravity, bias);
         drag = rest;
     } else {
         let inertia: SpatialInertia<L> = body.inertia.get();
         *bias = inertia.bias_wrench(twist);
-        if let Some(gained) = gained {
+        if G {
             *bias = *bias + inertia.apply(gained);
         }
         if let Some(restoring) = &body.restoring {
@@ -228,7 +228,7 @@ pub fn respond<L: Lane, P: Param<L>>(
         let across = velocity_product(joint.slides(), moving, qd[i]);
         gained = if i == 0 { across } else { link.twist_from_parent(joint, gained) + across };
         moving = along(joint, moving, qd[i]);
-        body_bias(&joint.body, moving, Some(gained), link.gravity, &mut link.bias);
+        body_bias::<true, L, P>(&joint.body, moving, gained, link.gravity, &mut link.bias);
         if loads.on_links {
             link.bias = link.bias - loads.links[i];
         }
@@ -252,7 +252,7 @@ pub fn respond<L: Lane, P: Param<L>>(
         Vector6 { linear: held_rate, angular: Vector3::zero() }
     } else {
         let mut bias = Vector6::zero();
-        body_bias(&system.vehicle, twist, None, gravity, &mut bias);
+        body_bias::<false, L, P>(&system.vehicle, twist, Vector6::zero(), gravity, &mut bias);
         scratch.base.solve(wrench - (bias + carried))
     };
 
