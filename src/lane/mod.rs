@@ -16,7 +16,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
 pub use dual::Dual;
-pub use elementary::{horner, sin_cos};
+pub use elementary::{horner, sin_cos, tanh};
 
 /// One number of each instance in a group of `LANES` instances.
 pub trait Lane:

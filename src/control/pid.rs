@@ -1,0 +1,86 @@
+//! The paper's PD with an integral, from observations alone.
+
+use super::Pd;
+use super::pd::check_gains;
+use super::policy::{Policy, Widths};
+use crate::error::ControlError;
+
+/// Integral time over derivative time, `T_i / T_d`, where no integral gains are given.
+const INTEGRAL_RATIO: f64 = 4.0;
+/// An axis falls short where it misses more than this share of its limit: actions are rounded to f32.
+const MISSED: f64 = 1e-4;
+
+/// PID on the vehicle, `F = -kp e - kd V - ki z` with `z' = e`: [`Pd`] and an integral of the pose error, which takes
+/// out what a current or a weight leaves of it.
+///
+/// The integral is the policy's memory, not the observation's leaky one, which by its leak holds no constant wrench
+/// without error. Against windup it waits (conditional integration) on every axis whose wrench the thrusters do not
+/// reach, for as long as the error would drive it further that way; the allocation tells what they reach.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pid {
+    pd: Pd,
+    ki: [f64; 6],
+    /// Control period, s.
+    period: f64,
+}
+
+impl Pid {
+    /// A PID that acts every `period` s. Without integral gains `T_i = 4 T_d`, the ratio of Ziegler and Nichols:
+    /// `ki = kp / T_i` with `T_d = kd / kp`, so `ki = kp^2 / (4 kd)`.
+    ///
+    /// # Errors
+    /// `ControlError::Gain` for a gain that is not finite or is negative.
+    pub fn new(pd: Pd, ki: Option<[f64; 6]>, period: f64) -> Result<Self, ControlError> {
+        let (kp, kd) = (&pd.gains().kp, &pd.gains().kd);
+        let rule = |k: usize| if kd[k] > 0.0 { kp[k] * kp[k] / (INTEGRAL_RATIO * kd[k]) } else { 0.0 };
+        let ki = ki.unwrap_or_else(|| std::array::from_fn(rule));
+        check_gains("ki", &ki)?;
+        Ok(Self { pd, ki, period })
+    }
+
+    /// Its proportional and derivative part.
+    pub fn pd(&self) -> &Pd {
+        &self.pd
+    }
+
+    /// Integral gains, N/(m s) and N m/(rad s).
+    pub fn ki(&self) -> &[f64; 6] {
+        &self.ki
+    }
+
+    /// One action, and the integral that follows.
+    fn control(&self, observation: &[f32], integral: &mut [f64], action: &mut [f32]) {
+        let actions = self.pd.actions();
+        let mut wrench = self.pd.wrench(observation);
+        for k in 0..6 {
+            wrench[k] -= self.ki[k] * integral[k];
+        }
+        actions.normalise(&wrench, action);
+        let allocation = actions.allocation();
+        let missed = wrench - allocation.wrench(&actions.thrusts(action));
+        let (error, limits) = (self.pd.error(observation), allocation.wrench_limits());
+        for k in 0..6 {
+            let short = missed[k] * wrench[k].signum() > MISSED * limits[k];
+            let further = error[k] * wrench[k] < 0.0;
+            if !(short && further) {
+                integral[k] += self.period * error[k];
+            }
+        }
+    }
+}
+
+impl Policy for Pid {
+    fn widths(&self) -> Widths {
+        Widths { memory: 6, ..self.pd.widths() }
+    }
+
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        let widths = self.widths();
+        widths.rows(observations, memory, actions)?;
+        let rows = observations.chunks_exact(widths.observation).zip(memory.chunks_exact_mut(widths.memory));
+        for ((observation, integral), action) in rows.zip(actions.chunks_exact_mut(widths.action.max(1))) {
+            self.control(observation, integral, action);
+        }
+        Ok(())
+    }
+}
