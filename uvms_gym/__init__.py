@@ -4,9 +4,20 @@ Importing it registers the environments with Gymnasium.
 """
 
 from uvms_gym._core import SceneError, Simulator, StepWarning, __version__, integrators, load_scene, scenes
-from uvms_gym.controllers import PD
+from uvms_gym.controllers import MLP, PD, PID
 from uvms_gym.envs import register_envs
 
-__all__ = ["PD", "SceneError", "Simulator", "StepWarning", "__version__", "integrators", "load_scene", "scenes"]
+__all__ = [
+    "MLP",
+    "PD",
+    "PID",
+    "SceneError",
+    "Simulator",
+    "StepWarning",
+    "__version__",
+    "integrators",
+    "load_scene",
+    "scenes",
+]
 
 register_envs()

@@ -7,7 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "Mlp",
     "Pd",
+    "Pid",
+    "Policy",
     "SceneError",
     "Simulator",
     "StationKeep",
@@ -410,16 +413,36 @@ class StationKeep:
         joint_reference and joint_reference_rate (N, n).
         """
 
+    def rest(self) -> Policy:
+        """No control: every action is 0."""
+
     def pd(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
         """The paper's PD with these gains (6 each), or with the scene's."""
+
+    def pid(
+        self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None
+    ) -> Pid:
+        """The PD with an integral; its gains follow from the others where they are not given."""
 
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
 
+class Policy:
+    """A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`."""
+
+    @property
+    def widths(self) -> list[int]:
+        """Lengths of a row of observations, memory and actions."""
+
+    def act(
+        self, observations: NDArray[np.float32], memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Actions (n, a) for observations (n, d) and memory (n, m), and the memory after them."""
+
 @final
-class Pd:
-    """PD on the vehicle, `F = -kp e - kd V`, from observations alone."""
+class Pd(Policy):
+    """PD on the vehicle, `F = -kp e - kd V`."""
 
     @property
     def kp(self) -> list[float]:
@@ -429,5 +452,59 @@ class Pd:
     def kd(self) -> list[float]:
         """Derivative gains, N s/m and N m s/rad."""
 
-    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions (n, a) for observations (n, d)."""
+@final
+class Pid(Policy):
+    """PD with an integral of the pose error."""
+
+    @property
+    def kp(self) -> list[float]:
+        """Proportional gains, N/m and N m/rad."""
+
+    @property
+    def kd(self) -> list[float]:
+        """Derivative gains, N s/m and N m s/rad."""
+
+    @property
+    def ki(self) -> list[float]:
+        """Integral gains, N/(m s) and N m/(rad s)."""
+
+@final
+class Mlp(Policy):
+    """A multilayer perceptron in single precision."""
+
+    def __new__(
+        cls,
+        weights: list[NDArray[np.float32]],
+        biases: list[NDArray[np.float32]],
+        *,
+        activation: str,
+        output: str,
+        normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
+        task: StationKeep | None,
+        notes: dict[str, str],
+    ) -> Mlp: ...
+    @staticmethod
+    def from_bytes(bytes: bytes) -> Mlp:
+        """The policy that a safetensors file holds."""
+
+    def to_bytes(self) -> bytes:
+        """The policy as a safetensors file."""
+
+    def check(self, task: StationKeep) -> None:
+        """Refuse a task that the policy is not for."""
+
+    @property
+    def sizes(self) -> list[int]:
+        """Entries of the observation and of all layers' results."""
+
+    @property
+    def activation(self) -> str:
+        """Function between layers."""
+
+    @property
+    def purpose(self) -> dict[str, Any] | None:
+        """What the policy is for: task, scene, action, actions, control_period and observation."""
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """What else is to be known of it."""

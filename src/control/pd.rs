@@ -44,6 +44,11 @@ impl Pd {
         &self.gains
     }
 
+    /// What it reads.
+    pub fn reading(&self) -> &Reading {
+        &self.reading
+    }
+
     /// What its actions mean.
     pub(super) fn actions(&self) -> &ActionMap {
         &self.actions

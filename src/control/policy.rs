@@ -1,6 +1,5 @@
 //! What all controllers have in common.
 
-use super::ActionMap;
 use crate::error::ControlError;
 
 /// Lengths of the rows that a policy reads, remembers and writes.
@@ -57,9 +56,9 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Rest for observations of this length.
-    pub fn new(observation: usize, actions: &ActionMap) -> Self {
-        Self { widths: Widths { observation, memory: 0, action: actions.len() } }
+    /// Rest for rows of these lengths.
+    pub fn new(widths: Widths) -> Self {
+        Self { widths }
     }
 }
 

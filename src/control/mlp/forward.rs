@@ -9,7 +9,7 @@ use crate::lane::{Kernel, Lane, tanh};
 /// Instances that go through the layers together: a multiple of twice the widest lane.
 const PANEL: usize = 32;
 /// Outputs computed side by side, so that every number read is used several times and the adders stay busy.
-const TILE: usize = 8;
+const TILE: usize = 4;
 /// Lanes side by side.
 const PAIR: usize = 2;
 

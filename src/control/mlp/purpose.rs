@@ -31,10 +31,6 @@ impl Purpose {
 
     /// Refuses another environment.
     pub(super) fn check(&self, environment: &Self) -> Result<(), PolicyError> {
-        let name = |kind: ActionKind| match kind {
-            ActionKind::Wrench => "wrench",
-            ActionKind::Thrusters => "thrusters",
-        };
         let block = |purpose: &Self, i: usize| match purpose.observation.get(i) {
             Some((name, entries)) => format!("{name} ({entries})"),
             None => "nothing".to_owned(),
@@ -46,7 +42,7 @@ impl Purpose {
         let pairs = [
             ("task", self.task.clone(), environment.task.clone()),
             ("scene", self.scene.clone(), environment.scene.clone()),
-            ("action", name(self.action).to_owned(), name(environment.action).to_owned()),
+            ("action", self.action.name().into(), environment.action.name().into()),
             ("number of actions", self.actions.to_string(), environment.actions.to_string()),
             ("control period", period(self), period(environment)),
             (
