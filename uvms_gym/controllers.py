@@ -148,8 +148,8 @@ class PID(Controller):
     kp, kd : array_like (6,) or None
         As `PD` has them.
     ki : array_like (6,) or None
-        Integral gains, N/(m s) and N m/(rad s). Where None, from the others by T_i = 4 T_d (the ratio of Ziegler and
-        Nichols): `ki = kp**2 / (4 kd)`.
+        Integral gains, N/(m s) and N m/(rad s). Where None, from the others by T_i = 2 T_d: `ki = kp**2 / (2 kd)`.
+        (On a critically damped PD the slowest poles then have a damping ratio of 0.69.)
     **options
         Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt` and `substeps` matter.
 

@@ -320,7 +320,7 @@ fn integral_gains_follow_from_the_others() {
     let rule = *Pid::new(pd(ActionKind::Wrench), None, 0.1).unwrap().ki();
     for ki in rule {
         let (integral_time, derivative_time): (f64, f64) = (100.0 / ki, 30.0 / 100.0);
-        assert!((integral_time - 4.0 * derivative_time).abs() < 1e-12);
+        assert!((integral_time - 2.0 * derivative_time).abs() < 1e-12);
     }
     let refused = Pid::new(pd(ActionKind::Wrench), Some([f64::NAN; 6]), 0.1);
     assert!(matches!(refused, Err(ControlError::Gain { name: "ki", index: 0, .. })));
