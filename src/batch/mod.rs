@@ -1,6 +1,7 @@
 //! Many instances at a time: blocks of lanes, threads.
 
 mod blocks;
+mod columns;
 mod dynamics;
 mod inputs;
 mod lagged;
