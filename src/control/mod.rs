@@ -1,6 +1,7 @@
 //! Control of one vehicle: thruster allocation, what an action means, the paper's PD.
 
 mod action;
+mod actuation;
 mod allocation;
 mod pd;
 
@@ -8,5 +9,6 @@ mod pd;
 mod tests;
 
 pub use action::{ActionKind, ActionMap, ActionRange};
+pub use actuation::{ACTIONS, Actuated, Actuation};
 pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
 pub use pd::{Pd, Reading};
