@@ -63,7 +63,7 @@ fn idle(batch: &StationKeepBatch) -> Vec<f32> {
 /// Rows of instance `i`, as bits.
 fn row(batch: &StationKeepBatch, step: &Transition, i: usize) -> (Vec<u32>, Vec<u64>, bool, bool) {
     let d = batch.task().observation_len();
-    let verdict = &step.verdicts[i];
+    let verdict = step.verdict(i);
     let numbers = verdict.info.iter().chain([&verdict.reward]).map(|x| x.to_bits()).collect();
     let observation = step.observations[i * d..(i + 1) * d].iter().map(|x| x.to_bits()).collect();
     (observation, numbers, verdict.terminated, verdict.truncated)
@@ -115,7 +115,7 @@ fn next_step_autoreset_spends_a_step_on_the_reset() {
     batch.reset(&seeds(3), None, &[]).unwrap();
     for step in 1..=10 {
         let result = batch.step(&actions(&batch, step)).unwrap();
-        for (i, verdict) in result.verdicts.iter().enumerate() {
+        for (i, verdict) in result.verdicts().enumerate() {
             assert_eq!(verdict.truncated, step % 5 == 4);
             assert_eq!(verdict.reward == 0.0, step % 5 == 0);
             let episode = batch.episode(i).unwrap();
@@ -139,14 +139,14 @@ fn same_step_autoreset_hands_over_the_last_observation() {
         for (i, end) in got.finals.iter().enumerate() {
             let d = batch.task().observation_len();
             assert_eq!(end.observation, expected.observations[i * d..(i + 1) * d]);
-            assert_eq!((end.instance, end.info), (i, expected.verdicts[i].info));
-            assert_eq!(got.verdicts[i].reward, expected.verdicts[i].reward);
-            assert!(got.verdicts[i].truncated);
+            assert_eq!((end.instance, end.info), (i, expected.verdict(i).info));
+            assert_eq!(got.rewards[i], expected.rewards[i]);
+            assert!(got.truncated[i]);
         }
         if ends {
             let next = plain.reset(&[None; 3], None, &[]).unwrap();
             assert_eq!(got.observations, next.observations);
-            assert_eq!(got.verdicts.iter().map(|v| v.info).collect::<Vec<_>>(), next.info);
+            assert_eq!(got.info, next.info);
         }
     }
 }
@@ -189,9 +189,9 @@ fn an_instance_that_diverges_leaves_its_neighbours_alone() {
     for step in 0..6 {
         let actions = actions(&one, step);
         let (a, b) = (one.step(&actions).unwrap(), other.step(&actions).unwrap());
-        ended |= a.verdicts[1].terminated;
-        assert!(!a.verdicts[1].truncated);
-        assert!([0, 2].into_iter().all(|i| row(&one, &a, i) == row(&other, &b, i) && !a.verdicts[i].terminated));
+        ended |= a.terminated[1];
+        assert!(!a.truncated[1]);
+        assert!([0, 2].into_iter().all(|i| row(&one, &a, i) == row(&other, &b, i) && !a.terminated[i]));
         assert!(a.observations.iter().all(|x| x.is_finite()));
     }
     assert!(ended);
@@ -290,7 +290,7 @@ fn the_pd_holds_station_and_no_action_does_not() {
                 }
                 let result = batch.step(&actions).unwrap();
                 observations = result.observations;
-                last = result.verdicts;
+                last = result.verdicts().collect();
             }
             last
         };

@@ -2,6 +2,7 @@
 //! alone: the paper's PD, PID, neural networks.
 
 mod action;
+mod actuation;
 mod allocation;
 mod mlp;
 mod pd;
@@ -12,6 +13,7 @@ mod policy;
 mod tests;
 
 pub use action::{ActionKind, ActionMap, ActionRange};
+pub use actuation::{ACTIONS, Actuated, Actuation};
 pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, Purpose};
 pub use pd::{Pd, Reading};

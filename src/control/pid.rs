@@ -1,8 +1,8 @@
 //! The paper's PD with an integral, from observations alone.
 
-use super::Pd;
 use super::pd::check_gains;
 use super::policy::{Policy, Widths};
+use super::{ACTIONS, Actuation, Pd};
 use crate::error::ControlError;
 
 /// Integral time over derivative time, `T_i / T_d`, where no integral gains are given.
@@ -19,6 +19,7 @@ const MISSED: f64 = 1e-4;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pid {
     pd: Pd,
+    actuation: Actuation<f64>,
     ki: [f64; 6],
     /// Control period, s.
     period: f64,
@@ -36,7 +37,7 @@ impl Pid {
         let rule = |k: usize| if kd[k] > 0.0 { kp[k] * kp[k] / (INTEGRAL_RATIO * kd[k]) } else { 0.0 };
         let ki = ki.unwrap_or_else(|| std::array::from_fn(rule));
         check_gains("ki", &ki)?;
-        Ok(Self { pd, ki, period })
+        Ok(Self { actuation: Actuation::new(pd.actions()), pd, ki, period })
     }
 
     /// Its proportional and derivative part.
@@ -57,11 +58,12 @@ impl Pid {
             wrench[k] -= self.ki[k] * integral[k];
         }
         actions.normalise(&wrench, action);
-        let allocation = actions.allocation();
-        let missed = wrench - allocation.wrench(&actions.thrusts(action));
-        let (error, limits) = (self.pd.error(observation), allocation.wrench_limits());
+        let mut entries = [0.0; ACTIONS];
+        entries.iter_mut().zip(&*action).for_each(|(entry, a)| *entry = f64::from(*a));
+        let reached = self.actuation.act(&entries).wrench.to_array();
+        let (error, limits) = (self.pd.error(observation), actions.allocation().wrench_limits());
         for k in 0..6 {
-            let short = missed[k] * wrench[k].signum() > MISSED * limits[k];
+            let short = (wrench[k] - reached[k]) * wrench[k].signum() > MISSED * limits[k];
             let further = error[k] * wrench[k] < 0.0;
             if !(short && further) {
                 integral[k] += self.period * error[k];

@@ -105,6 +105,13 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
         out
     }
 
+    /// A point of the child frame, in the parent frame.
+    #[inline(always)]
+    pub fn carry(&self, mut point: Vector3<L>) -> Vector3<L> {
+        point.0[ALONG] += self.shift;
+        self.rotate(point)
+    }
+
     /// A vector of the parent, in child axes.
     #[inline(always)]
     pub fn rotate_back(&self, v: Vector3<L>) -> Vector3<L> {

@@ -126,14 +126,20 @@ impl<P: Copy> BodyTerms<P> {
     }
 }
 
+impl<P: Copy> Stand<P> {
+    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Stand<Q> {
+        match *self {
+            Stand::Bend(bend, a) => Stand::Bend(bend.map(c), c(a)),
+            Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), c(d), bend.map(c), c(a)),
+            Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
+        }
+    }
+}
+
 impl<P: Copy> JointTerms<P> {
     fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointTerms<Q> {
         JointTerms {
-            stand: match self.stand {
-                Stand::Bend(bend, a) => Stand::Bend(bend.map(c), c(a)),
-                Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), c(d), bend.map(c), c(a)),
-                Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
-            },
+            stand: self.stand.map(c),
             prismatic: self.prismatic,
             offset: c(self.offset),
             constant: self.constant.map(c),
