@@ -418,6 +418,14 @@ pub enum ControlError {
     /// Arrays that do not fit together.
     #[error("{what}: {got} numbers, expected {expected}")]
     Shape { what: &'static str, got: usize, expected: usize },
+    /// An instance that there is not.
+    #[error("instance {instance}: there are {instances}, counted from 0")]
+    Instance { instance: usize, instances: usize },
+    /// A policy for other rows.
+    #[error(
+        "the policy reads {got} entries of an observation and gives {gives} of an action; here they are {expected} and {takes}"
+    )]
+    Widths { got: usize, gives: usize, expected: usize, takes: usize },
 }
 
 /// A task that cannot be set up, or started, as asked.

@@ -9,6 +9,7 @@ mod model;
 mod motion;
 mod parameters;
 mod policies;
+mod rollout;
 mod scene;
 mod simulator;
 mod stability;
@@ -26,6 +27,8 @@ mod core {
     use super::integrators::integrators;
     #[pymodule_export]
     use super::policies::{Mlp, Pd, Pid, Policy};
+    #[pymodule_export]
+    use super::rollout::Rollout;
     #[pymodule_export]
     use super::scene::{load_scene, scenes};
     #[pymodule_export]

@@ -24,7 +24,7 @@ const MODES: [(&str, Autoreset); 3] =
     [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
 
 pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
-type Row<'py, T> = Bound<'py, PyArray1<T>>;
+pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
 /// Instances, their last observations, their last measures (18, k).
 type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>);
 /// Observations, rewards, terminated, truncated, measures (18, N), ends of episodes.
@@ -329,7 +329,7 @@ impl StationKeep {
 }
 
 /// An error of a call; those about the order of calls are Gymnasium's own.
-fn refused(error: TaskError) -> PyErr {
+pub(super) fn refused(error: TaskError) -> PyErr {
     if !matches!(error, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
         return error.into();
     }
