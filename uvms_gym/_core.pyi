@@ -11,6 +11,7 @@ __all__ = [
     "Pd",
     "Pid",
     "Policy",
+    "Rollout",
     "SceneError",
     "Simulator",
     "StationKeep",
@@ -419,14 +420,59 @@ class StationKeep:
     def pd(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
         """The paper's PD with these gains (6 each), or with the scene's."""
 
-    def pid(
-        self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None
-    ) -> Pid:
+    def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
         """The PD with an integral; its gains follow from the others where they are not given."""
+
+    def rollout(self, policy: Policy, trace: list[int] = []) -> Rollout:
+        """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
+
+    def run(self, rollout: Rollout, steps: int) -> None:
+        """So many control periods of all instances under the rollout's policy, from where they stand.
+
+        Instances whose episode is over wait.
+        """
 
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
+
+@final
+class Rollout:
+    """What a policy remembers of a batch's instances, and what came of it so far."""
+
+    @property
+    def steps(self) -> NDArray[np.uint32]:
+        """Control periods that count, (N,)."""
+
+    @property
+    def returns(self) -> NDArray[np.float64]:
+        """Sum of the rewards, (N,)."""
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Episodes that ended for a reason within the task, (N,)."""
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Episodes that ended because their time did, (N,)."""
+
+    @property
+    def sums(self) -> NDArray[np.float64]:
+        """Sums of the measures, (18, N)."""
+
+    @property
+    def squares(self) -> NDArray[np.float64]:
+        """Sums of their squares, (18, N)."""
+
+    @property
+    def traces(self) -> list[dict[str, Any]]:
+        """Records of the chosen instances, in ascending order.
+
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 18).
+        """
+
+    def count_anew(self) -> None:
+        """Count anew from here on; the policy forgets nothing."""
 
 class Policy:
     """A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`."""
