@@ -289,8 +289,8 @@ fn the_pd_holds_station_and_no_action_does_not() {
                     pd.act(&observations, &mut [], &mut actions).unwrap();
                 }
                 let result = batch.step(&actions).unwrap();
-                observations = result.observations;
                 last = result.verdicts().collect();
+                observations = result.observations;
             }
             last
         };
