@@ -306,9 +306,10 @@ fn integral_waits_while_its_axis_falls_short_and_turns_at_once() {
         held(&pid, &error_on(2, 0.2), 10_000, &mut integral);
         let (full, limit) = (integral[2], allocation().wrench_limits()[2]);
         assert!((50.0 * full + 100.0 * 0.2 - limit).abs() < 50.0 * 0.2 * 0.1 + 1e-2 * limit, "{kind:?}: {full}");
-        let before = integral;
-        held(&pid, &error_on(2, -0.01), 1, &mut integral);
-        assert!(integral[2] < before[2], "an error of the other sign is taken at once");
+        // An error of the other sign is taken at once, even while the axis still falls short.
+        integral[2] = 2.0 * limit / 50.0;
+        held(&pid, &error_on(2, -0.1), 1, &mut integral);
+        assert!((integral[2] - (2.0 * limit / 50.0 - 0.01)).abs() < 1e-8);
     }
 }
 
