@@ -4,6 +4,7 @@ use super::pd::check_gains;
 use super::policy::{Policy, Widths};
 use super::{ACTIONS, Actuation, Pd};
 use crate::error::ControlError;
+use crate::lane::{Isa, Kernel, Lane, Real};
 
 /// Integral time over derivative time, `T_i / T_d`, where no integral gains are given.
 const INTEGRAL_RATIO: f64 = 2.0;
@@ -51,6 +52,7 @@ impl Pid {
     }
 
     /// One action, and the integral that follows.
+    #[inline(always)]
     fn control(&self, observation: &[f32], integral: &mut [f64], action: &mut [f32]) {
         let actions = self.pd.actions();
         let mut wrench = self.pd.wrench(observation);
@@ -78,12 +80,28 @@ impl Policy for Pid {
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        let widths = self.widths();
-        widths.rows(observations, memory, actions)?;
-        let rows = observations.chunks_exact(widths.observation).zip(memory.chunks_exact_mut(widths.memory));
-        for ((observation, integral), action) in rows.zip(actions.chunks_exact_mut(widths.action.max(1))) {
-            self.control(observation, integral, action);
-        }
+        self.widths().rows(observations, memory, actions)?;
+        // An instruction set that cannot be had is not this one's to complain of.
+        f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Rows { pid: self, observations, memory, actions });
         Ok(())
+    }
+}
+
+/// Rows that are to be acted on: one by one, but with the machine's own multiply-add.
+struct Rows<'a> {
+    pid: &'a Pid,
+    observations: &'a [f32],
+    memory: &'a mut [f64],
+    actions: &'a mut [f32],
+}
+
+impl Kernel<f64> for Rows<'_> {
+    #[inline(always)]
+    fn run<L: Lane<Real = f64>>(&mut self) {
+        let Widths { observation, memory, action } = self.pid.widths();
+        let rows = self.observations.chunks_exact(observation).zip(self.memory.chunks_exact_mut(memory));
+        for ((observation, integral), action) in rows.zip(self.actions.chunks_exact_mut(action.max(1))) {
+            self.pid.control(observation, integral, action);
+        }
     }
 }
