@@ -9,6 +9,7 @@ use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, StationKe
 use uvms_gym::control::{ActionKind, Policy};
 use uvms_gym::description::Scene;
 use uvms_gym::error::{ControlError, TaskError};
+use uvms_gym::lane::Isa;
 use uvms_gym::scene::{StartOverride, StationKeepOptions};
 use uvms_gym::system::EndEffector;
 
@@ -105,6 +106,100 @@ fn an_instance_does_not_know_how_many_there_are_nor_on_which_thread_it_is() {
                 assert_eq!(c.finals.len(), a.finals.iter().filter(|end| end.instance < 2).count());
                 assert!((0..2).all(|i| row(&many, &a, i) == row(&few, &c, i)), "step {step}");
             }
+        }
+    }
+}
+
+/// Starts from which episodes end at different times: one by one, the instances leave.
+fn leaving(n: usize) -> Vec<StartOverride> {
+    let start = |i: usize| StartOverride {
+        position: Some([9.95 - 0.07 * (i % 7) as f64, 0.0, 0.0]),
+        attitude: Some([1.0, 0.0, 0.0, 0.0]),
+        twist: Some([5.0, 0.0, 0.0, 0.0, 0.0, 0.1 * i as f64]),
+        ..Default::default()
+    };
+    (0..n).map(start).collect()
+}
+
+#[test]
+fn each_of_many_is_as_it_would_be_alone() {
+    for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
+        for precision in [Precision::Double, Precision::Single] {
+            let made =
+                |instances| Made { instances, autoreset, precision, max_steps: Some(9), ..Made::default() }.batch();
+            let n = 19;
+            let mut many = made(n);
+            many.reset(&seeds(n), None, &leaving(n)).unwrap();
+            let all: Vec<_> =
+                (0..14).map(|step| (actions(&many, step), many.step(&actions(&many, step)).unwrap())).collect();
+            let ended = |i: usize| all.iter().position(|(_, result)| result.terminated[i]);
+            assert!(ended(0) < ended(6) && ended(6).is_some(), "they should leave one after the other");
+            for i in [0, 3, 7, 8, 18] {
+                let mut alone = made(1);
+                alone.reset(&seeds(n)[i..=i], None, &leaving(n)[i..=i]).unwrap();
+                for (step, (actions, expected)) in all.iter().enumerate() {
+                    let width = alone.task().action_len();
+                    let got = alone.step(&actions[i * width..(i + 1) * width]).unwrap();
+                    assert_eq!(row(&alone, &got, 0), row(&many, expected, i), "step {step}, instance {i}");
+                    let end = expected.finals.iter().find(|end| end.instance == i);
+                    assert_eq!(got.finals.first().map(|end| &end.observation), end.map(|end| &end.observation));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn lanes_do_what_the_task_does_to_one_instance() {
+    // Where lanes fuse multiply and add, as the scalar functions do.
+    if Isa::best().unwrap() == Isa::Plain {
+        return;
+    }
+    for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
+        let options = StationKeepOptions {
+            substeps: 2,
+            action: kind,
+            target_distance: 1.0,
+            target_turn: 2.0,
+            ..Default::default()
+        };
+        let simulator = SimulatorOptions { instances: 11, ..Default::default() };
+        let mut batch = StationKeepBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
+        batch.reset(&seeds(11), None, &[]).unwrap();
+        let (d, a) = (batch.task().observation_len(), batch.task().action_len());
+        let mut twins: Vec<_> = (0..11).map(|i| batch.episode(i).unwrap()).collect();
+        for step in 0..5 {
+            let actions: Vec<f32> = actions(&batch, step).iter().map(|x| 1.2 * x).collect();
+            let result = batch.step(&actions).unwrap();
+            for (i, twin) in twins.iter_mut().enumerate() {
+                let (task, state) = (batch.task(), batch.simulator().state(i));
+                task.act(twin, &actions[i * a..(i + 1) * a]);
+                let outcome = task.advance(twin, &state);
+                let verdict = result.verdict(i);
+                assert_eq!(
+                    (outcome.reward, outcome.info()),
+                    (verdict.reward, verdict.info),
+                    "step {step}, instance {i}"
+                );
+                assert_eq!(batch.episode(i).as_ref(), Some(&*twin));
+                let mut seen = vec![0.0; d];
+                task.observe(twin, &state, &mut seen);
+                assert_eq!(seen, result.observations[i * d..(i + 1) * d]);
+            }
+        }
+    }
+}
+
+#[test]
+fn an_instance_takes_less_than_three_kilobytes() {
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"] {
+        for (precision, most) in [(Precision::Double, 3000), (Precision::Single, 1500)] {
+            let simulator = SimulatorOptions { instances: 64, precision, ..Default::default() };
+            let scene = Scene::shipped(name).unwrap();
+            let options = StationKeepOptions::default();
+            let batch = StationKeepBatch::new(scene, options, simulator, Autoreset::NextStep, None).unwrap();
+            let bytes = batch.bytes_per_instance();
+            assert!(bytes < most && bytes > batch.simulator().bytes_per_instance(), "{name}: {bytes}");
         }
     }
 }

@@ -407,6 +407,12 @@ class StationKeep:
         replaced the instances, last observations and last measures.
         """
 
+    def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
+        """One control period of the one instance that there is, under `action` (a,).
+
+        Gives observation (d,), reward, terminated, truncated and measures by name.
+        """
+
     def episodes(self) -> dict[str, NDArray[Any]]:
         """What the episodes drew, and how far they are.
 

@@ -98,11 +98,13 @@ impl<T: Real> Kernel<T> for Look<'_, T> {
         for (k, rows) in blocks.enumerate() {
             for first in (0..T::BLOCK).step_by(L::LANES) {
                 let columns = Columns { rows: &mut *rows, first };
-                // Zero times each number: NaN for one that is not finite.
-                let mut sum = L::zero();
+                // Zero times each number of the state, which is what comes before the time: NaN for one that is not
+                // finite. In four sums, which need not wait for each other.
+                let mut sums = [L::zero(); 4];
                 for row in 0..self.layout.time {
-                    sum = columns.get::<L>(row).mul_add(L::zero(), sum);
+                    sums[row % 4] = columns.get::<L>(row).mul_add(L::zero(), sums[row % 4]);
                 }
+                let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
                 let Seen::<L> { contrast, slip, spin, .. } = columns.watch(self.layout);
                 let stiffness = stiffness(contrast, T::EPSILON);
                 let error = step_error([slip[0], slip[1], spin], self.h);

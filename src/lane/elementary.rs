@@ -183,7 +183,8 @@ pub fn atan2<L: Lane>(y: L, x: L) -> L {
     let (over, under) = (L::select(diagonal, rise - run, rise), L::select(diagonal, rise + run, run));
     let (over, under) = (L::select(steep, -run, over), L::select(steep, rise, under));
     let eighths = L::select(steep, L::c(2.0), L::select(diagonal, one, zero));
-    let t = over / L::select(zero.lt(under), under, one);
+    // At the origin 0 / 1; NaN stays NaN.
+    let t = over / L::select(zero.lt(under), under, under + one);
     let z = t * t;
     let bend = t * (z * horner(z, coefficients));
     let angle = eighths.mul_add(L::c(quarter[0]), eighths.mul_add(L::c(quarter[1]), -bend) + t);

@@ -50,6 +50,9 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
         let mut page = [0.0; ACTIONS * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
+            if lanes < L::LANES {
+                page.fill(0.0);
+            }
             let rows = &self.actions[first * width..];
             for lane in 0..lanes {
                 for k in 0..width {
