@@ -53,7 +53,7 @@ impl Rollout {
     /// Of a policy that remembers nothing yet of `instances` instances. The instances that `traced` names are recorded.
     ///
     /// # Errors
-    /// `ControlError::Shape` for an instance that there is not.
+    /// `ControlError::Instance` for one that there is not.
     pub fn new(policy: &dyn Policy, instances: usize, traced: &[usize]) -> Result<Self, ControlError> {
         if let Some(&got) = traced.iter().find(|i| **i >= instances) {
             return Err(ControlError::Instance { instance: got, instances });
