@@ -4,16 +4,18 @@
 //! of them along, so a child makes a pool of its own. Nothing here waits for a lock that another thread may have held at
 //! the moment of the fork.
 
+use std::hint::spin_loop;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread::{available_parallelism, yield_now};
+use std::thread::available_parallelism;
+use std::time::{Duration, Instant};
 
 use once_cell::race::OnceBox;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// Turns that a thread that has done its part gives to others before it sleeps: some tens of microseconds. Most often the
-/// others come to an end by then, and sleeping and waking would take as long.
-const PATIENCE: usize = 200;
+/// How long a thread that has done its part waits awake for the others: mostly they come to an end by then, and to sleep
+/// and to be woken takes as long.
+const PATIENCE: Duration = Duration::from_micros(50);
 
 /// Calls `work` on all items, on up to `threads` threads: this one, and those of the pool that nobody else has engaged.
 /// Which thread does what has no influence on the result. A panic in `work` is raised here, once all threads are done.
@@ -39,10 +41,9 @@ pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads
             });
         }
         turn();
-        let mut patience = PATIENCE;
-        while busy.load(Ordering::Acquire) > 0 && patience > 0 {
-            yield_now();
-            patience -= 1;
+        let done = Instant::now();
+        while busy.load(Ordering::Acquire) > 0 && done.elapsed() < PATIENCE {
+            spin_loop();
         }
     });
 }
@@ -112,7 +113,7 @@ impl Pool {
 mod tests {
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::sync::mpsc::channel;
-    use std::time::{Duration, Instant};
+    use std::thread::yield_now;
 
     use super::*;
 
