@@ -1,6 +1,6 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
-use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
+use crate::balance::articulated::{Instant, Loads, Scratch, configure, respond};
 use crate::balance::implicit::{Ahead, implicit_accelerations};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param};
@@ -85,10 +85,10 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
         &self,
         system: &System<P>,
         at: &impl StagePose<L>,
+        gravity: Vector3<L>,
         elapsed: L,
         (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
     ) -> Instant<'b, L> {
-        let gravity = at.to_body(self.gravity);
         let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
         let mut wrench = self.wrench;
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
@@ -108,6 +108,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     fn rates(
         &mut self,
         at: &impl StagePose<L>,
+        fresh: bool,
         elapsed: L,
         twist: Vector6<L>,
         q: &[L; JOINTS],
@@ -115,8 +116,11 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.system_afresh();
-        let instant = self.instant(system, at, elapsed, (twist, q, qd));
-        accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
+        if fresh {
+            configure(system, at.to_body(self.gravity), q, self.scratch);
+        }
+        let instant = self.instant(system, at, self.scratch.gravity, elapsed, (twist, q, qd));
+        respond(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }
 
@@ -132,7 +136,7 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for Dynamics<'_, L, P> {
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.system_afresh();
-        let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
+        let instant = self.instant(system, at, at.to_body(self.gravity), elapsed + h, (twist, q, qd));
         let ahead = Ahead { h, station: self.station.is_some() };
         let Rates { twist, qd } = rates;
         implicit_accelerations(system, &instant, ahead, self.loads, self.scratch, twist, qd);

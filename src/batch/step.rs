@@ -163,9 +163,8 @@ impl<T: Real> Columns<'_, T> {
         for k in 0..layout.joints {
             loads.torque[k] = self.get(layout.torque + k);
             if switches.servo {
-                for p in 0..4 {
-                    loads.target[k][p] = self.get(layout.target + 4 * k + p);
-                }
+                let row = layout.target + 4 * k;
+                loads.set_target(k, [self.get(row), self.get(row + 1), self.get(row + 2), self.get(row + 3)]);
             }
             if switches.on_links {
                 loads.links[k] = self.six(layout.links + 6 * k);
@@ -287,10 +286,11 @@ impl<T: Real> Step<'_, T> {
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
+        dynamics.scratch.prepare(system);
         let mut watch = columns.watch(self.layout);
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
-            let held = (motion.pose, motion.rest, motion.attitude);
+            let held = if system.fixed { Some((motion.pose, motion.rest, motion.attitude)) } else { None };
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if let Some(lagged) = &self.lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut dynamics);
@@ -308,7 +308,7 @@ impl<T: Real> Step<'_, T> {
             current = current + gained;
             dynamics.flow_on(current);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
-            if system.fixed {
+            if let Some(held) = held {
                 (motion.pose, motion.rest, motion.attitude) = held;
                 motion.twist = Vector6::zero();
             }

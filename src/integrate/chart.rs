@@ -11,6 +11,11 @@ pub enum Chart {
     Exponential(DexpInverse),
     /// The same with `Theta' = V` and two commutators that make up for it: for the classical tableau alone. `[MO99]`
     Commutators,
+    /// The same on Nystrom's tableau: Theta by the accelerations of the stages, `Theta_i = c_i h V + h^2 sum place_ij V_j'`,
+    /// and one commutator. With `V(t) = V + t V' + ...` Theta holds `t^3 [V, V'] / 12 + t^4 [V, V''] / 24` of it `[MO99]`:
+    /// `h^2 [V, V_4] / 12` at the end has both; and `h^2 [V, V_4] / 8` at the last stage, whose weight is 1/6, makes the
+    /// sum over the stages, none of which has it at half the step, what the integral of `t^3 [V, V'] / 12` is.
+    Nystrom,
     /// The same, for Euler's rule alone, the pose and the joints moving with the velocities of the step's end.
     VelocityFirst,
     /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21]`
@@ -47,7 +52,7 @@ impl Chart {
     #[inline(always)]
     pub fn attitude(&self) -> Attitude {
         match self {
-            Chart::Exponential(_) | Chart::Commutators | Chart::VelocityFirst => Attitude::Matrix,
+            Chart::Exponential(_) | Chart::Commutators | Chart::Nystrom | Chart::VelocityFirst => Attitude::Matrix,
             Chart::EulerAngles => Attitude::Angles,
             Chart::Quaternion(_) => Attitude::Quaternion,
         }
@@ -58,17 +63,24 @@ impl Chart {
 pub(super) struct Increment<'a, L> {
     /// T.
     pub start: &'a Pose<L>,
-    /// Theta; 0 where the chart gives the whole pose.
-    pub theta: Vector6<L>,
+    /// Theta; none where the chart gives the whole pose.
+    pub theta: Option<Vector6<L>>,
 }
 
 impl<L: Lane> StagePose<L> for Increment<'_, L> {
     #[inline(always)]
     fn to_body(&self, world: Vector3<L>) -> Vector3<L> {
-        rotate_back(self.theta.angular, self.start.rotation.apply_transposed(world))
+        let body = self.start.rotation.apply_transposed(world);
+        match self.theta {
+            Some(theta) => rotate_back(theta.angular, body),
+            None => body,
+        }
     }
     #[inline(always)]
     fn pose(&self) -> Pose<L> {
-        self.start.times(&exp_se3(self.theta))
+        match self.theta {
+            Some(theta) => self.start.times(&exp_se3(theta)),
+            None => *self.start,
+        }
     }
 }

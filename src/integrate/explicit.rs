@@ -6,7 +6,7 @@
 use super::catalogue::Explicit;
 use super::chart::{Attitude, Chart, Increment};
 use super::motion::Motion;
-use super::stages::{Point, Stages};
+use super::stages::{Point, Stages, Weights};
 use super::{Derivative, euler_angles, quaternion};
 use crate::lane::Lane;
 use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative};
@@ -53,33 +53,43 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     let Explicit { tableau, chart, .. } = *method;
     let n = derivative.joints();
     let keeps = chart.attitude() != Attitude::Matrix;
-    let mut turn = L::zero();
+    let (mut turn, mut bracket) = (L::zero(), Vector6::zero());
     for i in usize::from(begun)..tableau.stages {
-        let mut point = if i == 0 { stages.start(n, from) } else { stages.weigh(&tableau.a[i], i, n, h, keeps, from) };
+        let mut point = if i == 0 {
+            stages.start(n, from)
+        } else {
+            let weights = Weights { time: tableau.c[i], speed: &tableau.a[i], place: &tableau.place[i] };
+            stages.weigh(&weights, i, n, h, chart, from)
+        };
         let (whole, rate);
         let at = if keeps {
             let (rotation, [w, x, y, z]) = kinematics(chart, attitude_at(&point, from), point.twist.angular);
             whole = Pose { rotation, position: from.pose.position + point.pose.linear };
             stages.scalar[i] = w;
             rate = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
-            Increment { start: &whole, theta: Vector6::zero() }
+            Increment { start: &whole, theta: None }
         } else {
             if i == 2 && chart == Chart::Commutators {
                 // [MO99]: K_2 / 2 - [K_1, K_2] / 8 where the exponential stands on the left.
                 point.pose = ad(stages.pose[0], stages.pose[1]).scale_add(h * h * L::c(0.125), point.pose);
+            }
+            if i == 3 && chart == Chart::Nystrom {
+                // What two stages without brackets lack, this one has for them: see the chart.
+                bracket = ad(from.twist, point.twist).scale(h * h);
+                point.pose = bracket.scale_add(L::c(1.0 / 8.0), point.pose);
             }
             turn = turn.max(point.pose.angular.dot(point.pose.angular));
             rate = match chart {
                 Chart::Exponential(form) if i > 0 => dexp_inverse_negative(form, point.pose, point.twist),
                 _ => point.twist,
             };
-            Increment { start: &from.pose, theta: point.pose }
+            Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
         let time = elapsed + h * L::c(tableau.c[i]);
-        derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
-        stages.pose[i] = rate;
-        for k in 0..n {
-            stages.q[i][k] = stages.qd_at[k];
+        let fresh = !tableau.stays[i];
+        derivative.rates(&at, fresh, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
+        if chart != Chart::Nystrom {
+            stages.pose[i] = rate;
         }
     }
     let contrast = match &tableau.contrast {
@@ -87,15 +97,17 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         None => [L::zero(); 3],
     };
     let error = match &tableau.error {
-        Some(weights) => stages.error(weights, n, h, from),
+        Some(weights) => stages.error(tableau, weights, n, h, from),
         None => L::zero(),
     };
-    let mut end = stages.weigh(&tableau.b, tableau.stages, n, h, keeps, from);
+    let weights = Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end };
+    let mut end = stages.weigh(&weights, tableau.stages, n, h, chart, from);
     match chart {
         Chart::Commutators => {
             // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.
             end.pose = ad(stages.pose[0], stages.pose[3]).scale_add(h * h * L::c(1.0 / 12.0), end.pose);
         }
+        Chart::Nystrom => end.pose = bracket.scale_add(L::c(1.0 / 12.0), end.pose),
         Chart::VelocityFirst => {
             end.pose = end.twist.scale(h);
             for k in 0..n {
