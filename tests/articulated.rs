@@ -170,13 +170,14 @@ fn factors_on_parameters_give_the_scene_that_has_them() {
         }
         let loads = RandomLoads::new(seed, &scene);
         let mut random = Random::new(seed);
-        let factors: [f64; 5] = std::array::from_fn(|_| random.between(0.6, 1.5));
-        let varied = scene.varied(&factors);
+        let mut factors = Factors::from_array(std::array::from_fn(|_| random.between(0.6, 1.5)));
+        (factors.payload, factors.thrust) = (if seed % 2 == 0 { 0.0 } else { random.between(0.1, 5.0) }, 1.0);
+        let varied = scene.varied(factors.of_bodies());
 
         // The second instance of three, so that its neighbours differ.
         let options = SimulatorOptions { instances: 3, ..SimulatorOptions::default() };
         let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-        simulator.set_factors(&[Factors::ONE, Factors::from_array(factors), Factors::ONE]).unwrap();
+        simulator.set_factors(&[Factors::ONE, factors, Factors::ONE]).unwrap();
         let mut twin = Simulator::new(varied.clone(), SimulatorOptions::default()).unwrap();
         let mut plain = Simulator::new(scene, SimulatorOptions::default()).unwrap();
         for k in 0..3 {

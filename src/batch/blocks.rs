@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
+use super::inputs::Applied;
 use super::lagged::Lagged;
 use super::layout::Layout;
 use super::monitor::{Bounds, Sighting, Watched};
@@ -47,8 +48,9 @@ pub trait Storage: Send + Sync {
     fn set_column(&mut self, i: usize, column: &[f64]);
     /// Numbers in a column.
     fn column_len(&self) -> usize;
-    /// Steps all instances; the first one that the steps do not follow, if it is asked for.
-    fn step(&mut self, run: &Run) -> Option<Sighting>;
+    /// Steps all instances, under loads that are given now or were before; the first one that the steps do not follow, if
+    /// it is asked for.
+    fn step(&mut self, run: &Run, given: Option<&Applied>) -> Option<Sighting>;
     /// `[V'; q'']` of all instances under their loads, instance by instance.
     fn accelerations(&mut self, switches: Switches) -> Vec<f64>;
     /// Bytes per instance.
@@ -86,8 +88,9 @@ pub struct Blocks<T> {
     isa: Isa,
     instances: usize,
     rows: Vec<T>,
-    /// Instances whose factors are not all 1.
+    /// Instances whose factors are not all 1, and those with a payload.
     varied: usize,
+    laden: usize,
 }
 
 /// The scene's parameters.
@@ -126,7 +129,7 @@ impl<T: Real> Blocks<T> {
         rows.try_reserve_exact(size).map_err(|_| memory())?;
         rows.resize(size, T::from_f64(0.0));
         let table = Table { layout, links: compiled.links.clone() };
-        let mut blocks = Self { scene, table, isa, instances, rows, varied: 0 };
+        let mut blocks = Self { scene, table, isa, instances, rows, varied: 0, laden: 0 };
         // Columns past the last instance hold a sane state too: they are stepped along.
         for i in 0..columns {
             blocks.set_state(i, state);
@@ -147,15 +150,15 @@ impl<T: Real> Blocks<T> {
         items: impl ExactSizeIterator<Item = I> + Send,
         work: impl Fn(&mut Part<'_, T>, I) + Sync,
     ) -> Option<Sighting> {
-        let (scene, varied, table, isa, instances) =
-            (&self.scene, self.varied > 0, &self.table, self.isa, self.instances);
+        let (varied, laden) = (self.varied > 0, self.laden > 0);
+        let (scene, table, isa, instances) = (&self.scene, &self.table, self.isa, self.instances);
         let threads = run.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
         let least = First::default();
         let chunks = self.rows.chunks_mut(Self::CHUNK * table.layout.rows);
         for_each(chunks.zip(items).enumerate(), threads, |(k, (rows, item))| {
             let first = k * Self::CHUNK;
             let count = Self::CHUNK.min(instances - first);
-            let mut part = Part { scene, varied, run, count, first, table, isa, rows, sighting: None };
+            let mut part = Part { scene, varied, laden, run, count, first, table, isa, rows, sighting: None };
             work(&mut part, item);
             least.note(first, part.sighting);
         });
@@ -171,6 +174,8 @@ impl<T: Real> Blocks<T> {
     fn recount(&mut self, before: &Factors<f64>, after: &Factors<f64>) {
         self.varied += usize::from(*after != Factors::ONE);
         self.varied -= usize::from(*before != Factors::ONE);
+        self.laden += usize::from(after.payload != 0.0);
+        self.laden -= usize::from(before.payload != 0.0);
     }
 }
 
@@ -178,6 +183,7 @@ impl<T: Real> Blocks<T> {
 pub struct Part<'a, T> {
     scene: &'a Parameters<T>,
     varied: bool,
+    laden: bool,
     run: &'a Run,
     /// Instances in it; those past them are there to fill the last block.
     pub count: usize,
@@ -214,12 +220,22 @@ impl First {
 }
 
 impl<T: Real> Part<'_, T> {
+    /// Sets the loads of all instances.
+    fn apply(&mut self, given: &Applied) {
+        let (mut loads, switches) = (InstanceLoads::default(), given.switches());
+        for i in 0..self.count {
+            given.fill(self.first + i, self.table.thrust(self.rows, i), &mut loads);
+            self.table.set_loads(self.rows, i, &loads, switches);
+        }
+    }
+
     /// Steps all instances.
     pub fn step(&mut self) {
         let (scene, run) = (self.scene, self.run);
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
             ingredients: self.varied.then_some(&scene.ingredients[..]),
+            laden: self.laden,
             lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
             layout: &self.table.layout,
             integrator: run.integrator,
@@ -293,9 +309,14 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.layout.rows
     }
 
-    fn step(&mut self, run: &Run) -> Option<Sighting> {
+    fn step(&mut self, run: &Run, given: Option<&Applied>) -> Option<Sighting> {
         let parts = self.instances.div_ceil(Self::CHUNK);
-        self.visit(run, 0..parts, |part, _| part.step())
+        self.visit(run, 0..parts, |part, _| {
+            if let Some(given) = given {
+                part.apply(given);
+            }
+            part.step();
+        })
     }
 
     fn accelerations(&mut self, switches: Switches) -> Vec<f64> {
@@ -305,6 +326,7 @@ impl<T: Real> Storage for Blocks<T> {
         let mut job = Accelerate {
             system: &self.scene.system,
             ingredients: (self.varied > 0).then_some(&self.scene.ingredients[..]),
+            laden: self.laden > 0,
             layout: &self.table.layout,
             switches,
             blocks: &mut self.rows,

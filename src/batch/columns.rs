@@ -9,7 +9,7 @@ use crate::integrate::{Attitude, Motion, Watch};
 use crate::lane::{Lane, Real};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::scene::Stance;
-use crate::system::{Factors, JOINTS};
+use crate::system::{FACTORS, Factors, JOINTS};
 
 /// One column group of a block: rows by number, `LANES` instances wide.
 pub struct Columns<'a, T> {
@@ -165,8 +165,8 @@ impl<T: Real> Columns<'_, T> {
     /// Factors on the parameters.
     #[inline(always)]
     pub fn factors<L: Lane<Real = T>>(&self, layout: &Layout) -> Factors<L> {
-        let mut factors = [L::zero(); 5];
-        for k in 0..5 {
+        let mut factors = [L::zero(); FACTORS];
+        for k in 0..FACTORS {
             factors[k] = self.get(layout.factors + k);
         }
         Factors::from_array(factors)

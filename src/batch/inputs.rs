@@ -113,14 +113,14 @@ impl<'a> Applied<'a> {
         }
     }
 
-    /// Thrust of instance `i` within limits.
-    pub fn thrust(&self, i: usize) -> Thrusts {
+    /// Thrust of instance `i` within limits, times a factor.
+    pub fn thrust(&self, i: usize, factor: f64) -> Thrusts {
         let m = self.allocation.count();
         let mut thrusts = [0.0; THRUSTERS];
         if let Some(given) = self.inputs.thrust {
             for k in 0..m {
                 let [low, high] = self.allocation.limits(k);
-                thrusts[k] = given[i * m + k].clamp(low, high);
+                thrusts[k] = factor * given[i * m + k].clamp(low, high);
             }
         }
         thrusts
@@ -137,10 +137,11 @@ impl<'a> Applied<'a> {
         values.map(|v| &v[i * width..(i + 1) * width])
     }
 
-    /// Loads of instance `i`.
-    pub fn fill(&self, i: usize, loads: &mut InstanceLoads) {
+    /// Loads of instance `i`, whose thrusters have that factor.
+    pub fn fill(&self, i: usize, thrust: f64, loads: &mut InstanceLoads) {
         let (n, inputs) = (self.joints, &self.inputs);
-        loads.wrench = if inputs.thrust.is_some() { self.allocation.wrench(&self.thrust(i)).into() } else { [0.0; 6] };
+        loads.wrench =
+            if inputs.thrust.is_some() { self.allocation.wrench(&self.thrust(i, thrust)).into() } else { [0.0; 6] };
         for (sum, extra) in loads.wrench.iter_mut().zip(self.wrench(i)) {
             *sum += extra;
         }

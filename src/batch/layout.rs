@@ -1,7 +1,7 @@
 //! Memory of a block of instances: one row per number of the state and the loads, one column per instance.
 
 use crate::integrate::{Attitude, Integrator};
-use crate::system::JOINTS;
+use crate::system::{FACTORS, JOINTS};
 
 /// First row of each entry. All numbers of an instance lie in one column of its block.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,7 +44,7 @@ pub struct Layout {
     pub plan: usize,
     /// Whether it is.
     pub adaptive: bool,
-    /// Factors on the instance's parameters, 5.
+    /// Factors on the instance's parameters, as [`crate::system::Factors`] has them.
     pub factors: usize,
     /// What is remembered of the steps before, 1 + 12 per body: only where added mass is a lagged force.
     pub lag: usize,
@@ -80,7 +80,7 @@ impl Layout {
             target: take(4 * joints),
             links: take(6 * joints),
             station: take(12),
-            factors: take(5),
+            factors: take(FACTORS),
             attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
             keeps,
             contrast: take(6),

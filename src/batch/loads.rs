@@ -45,7 +45,8 @@ impl Simulator {
     fn loads_of(&self, applied: &Applied, i: usize) -> AppliedLoads {
         let (state, switches) = (self.state(i), applied.switches());
         let mut given = InstanceLoads::default();
-        applied.fill(i, &mut given);
+        let thrust = self.factors(i).thrust;
+        applied.fill(i, thrust, &mut given);
         let mut vehicle = Vector6::from(applied.wrench(i));
         if switches.station {
             vehicle += self.station_wrench(&state, &given);
@@ -56,7 +57,7 @@ impl Simulator {
             actuator_torque(joint, state.q[k], state.qd[k], given.torque[k], target)
         };
         AppliedLoads {
-            thrust: applied.thrust(i)[..self.allocation().count()].to_vec(),
+            thrust: applied.thrust(i, thrust)[..self.allocation().count()].to_vec(),
             external: std::iter::once(vehicle).chain(links).collect(),
             joint_command: self.scene().joints().enumerate().map(torque).collect(),
         }

@@ -317,16 +317,18 @@ impl Simulator {
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        let switches = self.apply(inputs)?;
         let bounds = self.bounds();
-        let part = (PART / self.instances()).max(1);
+        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let switches = applied.switches();
+        let part = (PART / self.options.instances).max(1);
         let mut before = 0;
         while before < substeps {
             if before > 0 && !go_on() {
                 return Ok(false);
             }
             let substeps = part.min(substeps - before);
-            let sighting = self.storage.step(&Run { integrator, h, substeps, before, switches, threads, bounds });
+            let run = Run { integrator, h, substeps, before, switches, threads, bounds };
+            let sighting = self.storage.step(&run, (before == 0).then_some(&applied));
             self.watch.sighted(sighting);
             before += substeps;
         }
@@ -416,7 +418,7 @@ impl Simulator {
             return Cow::Borrowed(&self.balance);
         }
         // A scene that composed does so with other masses too.
-        let varied = Balance::new(&self.scene.varied(&factors.to_array()));
+        let varied = Balance::new(&self.scene.varied(factors.of_bodies()));
         varied.map_or(Cow::Borrowed(&self.balance), Cow::Owned)
     }
 
@@ -432,7 +434,7 @@ impl Simulator {
     pub fn linearize(&self, inputs: &Inputs, i: usize) -> Result<Linearization, SimulatorError> {
         let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
         let mut given = InstanceLoads::default();
-        applied.fill(i, &mut given);
+        applied.fill(i, self.factors(i).thrust, &mut given);
         let mut loads = Loads::none();
         loads.torque = given.torque;
         loads.on_links = applied.switches().on_links;
@@ -440,7 +442,7 @@ impl Simulator {
             loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
         }
         let (state, flow) = (self.state(i), self.flow(i));
-        let scene = self.scene.varied(&self.factors(i).to_array());
+        let scene = self.scene.varied(self.factors(i).of_bodies());
         Ok(linearize(&compile(&scene).system, &state, &flow, &given.wrench, &loads))
     }
 
@@ -457,7 +459,7 @@ impl Simulator {
         let switches = applied.switches();
         let mut loads = InstanceLoads::default();
         for i in 0..self.options.instances {
-            applied.fill(i, &mut loads);
+            applied.fill(i, self.storage.factors(i).thrust, &mut loads);
             self.storage.set_loads(i, &loads, switches);
         }
         Ok(switches)

@@ -39,6 +39,8 @@ pub struct Step<'a, T> {
     pub system: &'a System<Shared<T>>,
     /// What its bodies are made of, if instances differ in their parameters.
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
+    /// Whether some of them carry payloads.
+    pub laden: bool,
     /// What acts in place of added mass, where `system` has none.
     pub lagged: Option<Lagged<'a, T>>,
     /// Rows of a block.
@@ -88,7 +90,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 }
             }
             Some(ingredients) => {
-                let mut varied: System<L> = self.system.variable(ingredients);
+                let mut varied: System<L> = self.system.variable(ingredients, self.laden);
                 for rows in blocks {
                     for first in (0..T::BLOCK).step_by(L::LANES) {
                         let mut columns = Columns { rows: &mut *rows, first };
@@ -184,6 +186,8 @@ pub struct Accelerate<'a, T> {
     pub system: &'a System<Shared<T>>,
     /// What its bodies are made of, if instances differ in their parameters.
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
+    /// Whether some of them carry payloads.
+    pub laden: bool,
     /// Rows of a block.
     pub layout: &'a Layout,
     /// Loads that are on.
@@ -199,7 +203,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.layout;
         // One form for instances that differ and for those that do not: speed does not matter here.
-        let mut system: System<L> = self.system.variable(self.ingredients.unwrap_or_default());
+        let mut system: System<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.laden);
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = Motion::blank();

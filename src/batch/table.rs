@@ -146,6 +146,11 @@ impl Table {
         Factors::from_array(self.get_all(rows, i, self.layout.factors))
     }
 
+    /// Factor on the thrust.
+    pub(super) fn thrust<T: Real>(&self, rows: &[T], i: usize) -> f64 {
+        self.factors(rows, i).thrust
+    }
+
     /// Sets the factors on the parameters.
     pub fn set_factors<T: Real>(&self, rows: &mut [T], i: usize, factors: &Factors<f64>) {
         self.set_all(rows, i, self.layout.factors, factors.to_array());

@@ -44,6 +44,25 @@ pub struct Body {
     pub damping: Damping,
 }
 
+impl Body {
+    /// A point mass at the origin, out of the water's reach.
+    pub fn point(mass: f64) -> Self {
+        Self {
+            mass,
+            center_of_mass: Vector3::zeros(),
+            inertia: Matrix3::zeros(),
+            inertia_at: InertiaPoint::Com,
+            weight: None,
+            volume: None,
+            buoyancy: None,
+            center_of_buoyancy: Vector3::zeros(),
+            hydrodynamic_frame: Frame::default(),
+            added_mass: Matrix6::zeros(),
+            damping: Damping::default(),
+        }
+    }
+}
+
 /// The point an inertia matrix is about.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

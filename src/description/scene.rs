@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use super::body::InertiaPoint;
 use super::{Arm, Body, Frame, Provenance, Vehicle, numbers};
 
 /// Everything that is simulated together.
@@ -56,23 +57,37 @@ pub struct Payload {
 
 impl Scene {
     /// The scene with factors on mass (and inertia), added mass, linear drag, quadratic drag and displaced volume of
-    /// every body.
-    pub fn varied(&self, [mass, added_mass, linear, quadratic, volume]: &[f64; 5]) -> Self {
+    /// every body, and then a point mass at the end effector, kg.
+    pub fn varied(&self, [mass, added_mass, linear, quadratic, volume, payload]: [f64; 6]) -> Self {
         let mut scene = self.clone();
         let arm =
             scene.arm.iter_mut().flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|l| &mut l.body)));
         let payload = scene.payload.iter_mut().map(|payload| &mut payload.body);
         for body in std::iter::once(&mut scene.vehicle.body).chain(arm).chain(payload) {
             body.mass *= mass;
-            body.inertia *= *mass;
+            body.inertia *= mass;
             body.weight = None;
-            body.added_mass *= *added_mass;
-            body.damping.linear *= *linear;
-            body.damping.quadratic *= *quadratic;
+            body.added_mass *= added_mass;
+            body.damping.linear *= linear;
+            body.damping.quadratic *= quadratic;
             for displaced in [&mut body.volume, &mut body.buoyancy].into_iter().flatten() {
                 *displaced *= volume;
             }
         }
+        if payload != 0.0 {
+            scene.carry(payload);
+        }
         scene
+    }
+
+    /// Adds a point mass at the end effector.
+    fn carry(&mut self, mass: f64) {
+        let held = self.payload.get_or_insert_with(|| Payload { frame: Frame::default(), body: Body::point(0.0) });
+        let (at, body) = (-(held.frame.rotation().transpose() * held.frame.position), &mut held.body);
+        let total = body.mass + mass;
+        let apart = (at - body.center_of_mass).cross_matrix();
+        let about_com = body.inertia_about_com() - apart * apart * (body.mass * mass / total);
+        body.center_of_mass = (body.center_of_mass * body.mass + at * mass) / total;
+        (body.mass, body.inertia, body.inertia_at, body.weight) = (total, about_com, InertiaPoint::Com, None);
     }
 }

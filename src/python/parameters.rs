@@ -10,12 +10,12 @@ use crate::system::Factors;
 
 #[pymethods]
 impl Simulator {
-    /// Factors on the scene's parameters, per instance; all 1 unless set.
+    /// Factors on the scene's parameters, per instance, all 1 unless set; and payloads, 0 unless set.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     mass, added_mass, linear_drag, quadratic_drag, volume: see `set_parameters`.
+    ///     mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust: see `set_parameters`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let instances = self.inner.instances();
@@ -41,12 +41,19 @@ impl Simulator {
     ///     Factors on drag coefficients.
     /// volume : array_like () or (N,)
     ///     Factor on displaced volume, and with it buoyancy.
+    /// payload : array_like () or (N,)
+    ///     Point mass at the end effector (at the vehicle's origin without an arm), kg; on top of the scene's payload.
+    /// thrust : array_like () or (N,)
+    ///     Factor on what the thrusters give for the thrust that is asked of them.
     ///
     /// Raises
     /// ------
     /// ValueError, TypeError
     ///     A factor has the wrong shape or type, is negative or not finite; nothing has changed then.
-    #[pyo3(signature = (*, mass=None, added_mass=None, linear_drag=None, quadratic_drag=None, volume=None))]
+    #[pyo3(signature = (
+        *, mass=None, added_mass=None, linear_drag=None, quadratic_drag=None, volume=None, payload=None, thrust=None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn set_parameters(
         &mut self,
         mass: Given,
@@ -54,10 +61,12 @@ impl Simulator {
         linear_drag: Given,
         quadratic_drag: Given,
         volume: Given,
+        payload: Given,
+        thrust: Given,
     ) -> PyResult<()> {
         let instances = self.inner.instances();
         let mut factors: Vec<_> = (0..instances).map(|i| self.inner.factors(i).to_array()).collect();
-        let given = [mass, added_mass, linear_drag, quadratic_drag, volume];
+        let given = [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust];
         for (k, (name, given)) in Factors::<f64>::NAMES.into_iter().zip(given).enumerate() {
             let Some(given) = given else { continue };
             let (shape, numbers) = read(name, given)?;

@@ -94,6 +94,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         fixed: scene.vehicle.fixed,
         vehicle,
         joints,
+        grip: links.last().unwrap_or(&hook).times(&tip).position.0,
         vehicle_servo: vehicle_servo(&scene.vehicle),
     };
     Compiled { system: system.map(Shared), links, ingredients }
@@ -250,7 +251,7 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
         sum.principal = Some(parts);
         Some(principal)
     });
-    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag, principal }, sum)
+    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag, principal, load: None }, sum)
 }
 
 /// Entries of an inertia off its diagonal that are rounding, by the diagonal entries that they couple.

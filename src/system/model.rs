@@ -1,7 +1,7 @@
 //! What the kernel reads: constants of a scene, in the frames that compute fastest.
 
 use crate::hydro::{Drag, Principal, Restoring};
-use crate::spatial::{Bend, SpatialInertia};
+use crate::spatial::{Bend, PointMass, SpatialInertia};
 
 /// A scene compiled for computation; a term that the scene does not have is absent. Shared by all instances.
 ///
@@ -17,6 +17,8 @@ pub struct System<P> {
     pub vehicle: BodyTerms<P>,
     /// Joints and links from the base outward.
     pub joints: Vec<JointTerms<P>>,
+    /// Where payloads are held: the end effector's origin in the last body's frame.
+    pub grip: [P; 3],
     /// Station keeping evaluated within the stages.
     pub vehicle_servo: Option<VehicleServo<P>>,
 }
@@ -32,6 +34,8 @@ pub struct BodyTerms<P> {
     pub drag: Vec<Drag<P>>,
     /// `inertia`, `restoring` and the first of `drag` once more, where they are diagonal in one frame.
     pub principal: Option<Principal<P>>,
+    /// Payload of single instances, which `principal` does not hold; `inertia` and `restoring` do.
+    pub load: Option<PointMass<P>>,
 }
 
 /// One joint and the link that it moves.
@@ -120,6 +124,7 @@ impl<P: Copy> System<P> {
             fixed: self.fixed,
             vehicle: self.vehicle.map(c),
             joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
+            grip: self.grip.map(c),
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
         }
     }
@@ -132,6 +137,7 @@ impl<P: Copy> BodyTerms<P> {
             restoring: self.restoring.map(|r| r.map(c)),
             drag: self.drag.iter().map(|d| d.map(c)).collect(),
             principal: self.principal.map(|p| p.map(c)),
+            load: self.load.map(|load| load.map(c)),
         }
     }
 }

@@ -3,7 +3,10 @@
 use super::model::{BodyTerms, System};
 use crate::hydro::{Coefficients, Restoring};
 use crate::lane::{Lane, Param, Real, Shared};
-use crate::spatial::SpatialInertia;
+use crate::spatial::{PointMass, SpatialInertia};
+
+/// Number of factors.
+pub const FACTORS: usize = 7;
 
 /// Factors on the parameters of every body of one instance; all 1 for the scene as it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,28 +21,51 @@ pub struct Factors<L> {
     pub quadratic_drag: L,
     /// Displaced volume, and with it buoyancy.
     pub volume: L,
+    /// No factor, but a point mass at the end effector, kg.
+    pub payload: L,
+    /// Thrust.
+    pub thrust: L,
 }
 
 impl Factors<f64> {
     /// The scene as it is.
-    pub const ONE: Self = Self { mass: 1.0, added_mass: 1.0, linear_drag: 1.0, quadratic_drag: 1.0, volume: 1.0 };
+    pub const ONE: Self = Self {
+        mass: 1.0,
+        added_mass: 1.0,
+        linear_drag: 1.0,
+        quadratic_drag: 1.0,
+        volume: 1.0,
+        payload: 0.0,
+        thrust: 1.0,
+    };
     /// The scene without added mass.
     pub const RIGID: Self = Self { added_mass: 0.0, ..Self::ONE };
 }
 
+impl Factors<f64> {
+    /// Those of bodies: all but that on thrust.
+    pub fn of_bodies(&self) -> [f64; FACTORS - 1] {
+        let [bodies @ .., _] = self.to_array();
+        bodies
+    }
+}
+
 impl<L: Copy> Factors<L> {
     /// Names, in the order of [`Self::to_array`].
-    pub const NAMES: [&'static str; 5] = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume"];
+    pub const NAMES: [&'static str; FACTORS] =
+        ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume", "payload", "thrust"];
 
-    /// From five numbers.
+    /// From their numbers.
     #[inline(always)]
-    pub fn from_array([mass, added_mass, linear_drag, quadratic_drag, volume]: [L; 5]) -> Self {
-        Self { mass, added_mass, linear_drag, quadratic_drag, volume }
+    pub fn from_array(numbers: [L; FACTORS]) -> Self {
+        let [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust] = numbers;
+        Self { mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust }
     }
 
-    /// As five numbers.
-    pub fn to_array(&self) -> [L; 5] {
-        [self.mass, self.added_mass, self.linear_drag, self.quadratic_drag, self.volume]
+    /// As numbers.
+    pub fn to_array(&self) -> [L; FACTORS] {
+        let Self { mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust } = *self;
+        [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust]
     }
 }
 
@@ -73,8 +99,8 @@ impl<P: Copy> Ingredients<P> {
 
 impl<T: Real> System<Shared<T>> {
     /// Memory for a system of single instances of bodies of these `ingredients`, with every term that
-    /// [`System::vary`] may bring about.
-    pub fn variable<L: Lane<Real = T>>(&self, ingredients: &[Ingredients<Shared<T>>]) -> System<L> {
+    /// [`System::vary`] may bring about; payloads only if some are `laden`.
+    pub fn variable<L: Lane<Real = T>>(&self, ingredients: &[Ingredients<Shared<T>>], laden: bool) -> System<L> {
         let mut system = self.map(|Shared(x)| L::splat(x));
         let zero = Shared(T::from_f64(0.0));
         let weightless = Restoring { net_mass: zero, moment: [zero; 3] };
@@ -84,6 +110,12 @@ impl<T: Real> System<Shared<T>> {
             if parts.weight != weightless || parts.displaced != weightless {
                 body.restoring.get_or_insert(none);
             }
+        }
+        if laden {
+            let load = PointMass { mass: L::zero(), at: system.grip };
+            let last = system.joints.last_mut().map_or(&mut system.vehicle, |joint| &mut joint.body);
+            last.restoring.get_or_insert(none);
+            last.load = Some(load);
         }
         system
     }
@@ -116,11 +148,21 @@ fn vary_body<L: Lane, P: Param<L>>(
 ) {
     let (rigid, added) = (parts.rigid.get(), parts.added.get());
     body.inertia = rigid.scale_add(factors.mass, &added.scale(factors.added_mass));
+    if let Some(load) = &mut body.load {
+        load.mass = factors.payload;
+        body.inertia = body.inertia.plus(&load.inertia());
+    }
     if let Some(restoring) = &mut body.restoring {
         let net = |weight: P, displaced: P| displaced.get().neg_mul_add(factors.volume, weight.get() * factors.mass);
         restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass);
         for k in 0..3 {
             restoring.moment[k] = net(parts.weight.moment[k], parts.displaced.moment[k]);
+        }
+        if let Some(load) = &body.load {
+            restoring.net_mass += load.mass;
+            for k in 0..3 {
+                restoring.moment[k] = load.mass.mul_add(load.at[k], restoring.moment[k]);
+            }
         }
     }
     if let (Some(principal), Some(of), Some([rigid, added])) = (&mut body.principal, &of.principal, &parts.principal) {

@@ -9,19 +9,45 @@ from helpers import assert_same, moving, state_of
 
 from uvms_gym import Simulator, load_scene
 
-NAMES = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume"]
+NAMES = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume", "payload", "thrust"]
+NEUTRAL = {name: float(name != "payload") for name in NAMES}
 
 
 def test_parameters_start_at_one_and_stay_through_reset() -> None:
     s = Simulator("petasus-pum", 3)
     assert list(s.parameters) == NAMES
-    assert all((factor == 1.0).all() for factor in s.parameters.values())
+    assert all((factor == NEUTRAL[name]).all() for name, factor in s.parameters.items())
     s.set_parameters(mass=[0.9, 1.0, 1.1], volume=1.05)
     s.reset()
     assert np.array_equal(s.parameters["mass"], [0.9, 1.0, 1.1])
     assert np.array_equal(s.parameters["volume"], [1.05] * 3)
     s.set_parameters(mass=1.0, volume=1.0)
-    assert all((factor == 1.0).all() for factor in s.parameters.values())
+    assert all((factor == NEUTRAL[name]).all() for name, factor in s.parameters.items())
+
+
+@pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy"])
+def test_a_payload_weighs_at_the_end_effector(scene: str) -> None:
+    plain, laden = Simulator(scene, 2), Simulator(scene, 2)
+    laden.set_parameters(payload=[0.0, 2.5])
+    (jacobian,) = laden.jacobian[1:]
+    extra = laden.mass_matrix()[1] - plain.mass_matrix()[1]
+    assert np.allclose(extra, 2.5 * jacobian[:3].T @ jacobian[:3], atol=1e-12)
+    # Its weight, through the end effector's Jacobian, and nothing else.
+    rates = [np.concatenate(s.forward_dynamics(), axis=1) for s in (plain, laden)]
+    assert np.array_equal(rates[0][0], rates[1][0])
+    force = plain.mass_matrix()[1] @ (rates[1] - rates[0])[1] + extra @ rates[1][1]
+    down = laden.end_effector_pose[1, :3, :3].T @ [0.0, 0.0, -9.81]
+    assert np.allclose(force, 2.5 * jacobian[:3].T @ down, rtol=1e-3, atol=1e-9)
+
+
+def test_weak_thrusters_give_less() -> None:
+    full, weak = Simulator("bluerov2-heavy", 2), Simulator("bluerov2-heavy", 2)
+    weak.set_parameters(thrust=[1.0, 0.5])
+    thrust = np.tile(np.linspace(4.0, 11.0, 8), (2, 1))
+    weak.step(thrust=thrust, substeps=20)
+    thrust[1] *= 0.5
+    full.step(thrust=thrust, substeps=20)
+    assert_same(state_of(weak), state_of(full))
 
 
 def test_factors_are_those_of_a_scene_with_other_numbers() -> None:

@@ -131,6 +131,9 @@ pub(super) fn body_bias<const G: bool, L: Lane, P: Param<L>>(
     let mut drag = &body.drag[..];
     if let (Some(principal), [_, rest @ ..]) = (&body.principal, drag) {
         principal.bias::<G, L>(twist, gained, gravity, bias);
+        if let Some(load) = &body.load {
+            *bias = *bias + load.bias(twist, gained, gravity);
+        }
         drag = rest;
     } else {
         let inertia: SpatialInertia<L> = body.inertia.get();

@@ -65,7 +65,8 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
             }
             let (mut columns, mut memory) = self.blocks.group(first);
             let command = keeper.act(&mut memory, &action);
-            columns.set_all(layout.wrench, &command.actuated.wrench.to_array(), 6);
+            let thrust = columns.factors::<L>(layout).thrust;
+            columns.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array(), 6);
             for k in 0..layout.joints {
                 columns.set_all(layout.target + 4 * k, &command.joints[k], 4);
             }
