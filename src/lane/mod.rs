@@ -138,6 +138,15 @@ pub fn get_all<L: Lane, P: Param<L>, const K: usize>(parameters: &[P; K]) -> [L;
     out
 }
 
+/// A parameter in lanes, where there is one.
+#[inline(always)]
+pub fn get_option<L: Lane, P: Param<L>>(parameter: Option<P>) -> Option<L> {
+    match parameter {
+        Some(parameter) => Some(parameter.get()),
+        None => None,
+    }
+}
+
 /// Implements the assigning operators by the plain ones.
 macro_rules! assigning_ops {
     ($lane:ty) => {
