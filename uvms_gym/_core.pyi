@@ -5,6 +5,7 @@ from typing import Any, ClassVar, TypeAlias, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import disjoint_base
 
 __all__ = [
     "Mlp",
@@ -431,7 +432,7 @@ class StationKeep:
     def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
         """The PD with an integral; its gains follow from the others where they are not given."""
 
-    def rollout(self, policy: Policy, trace: list[int] = []) -> Rollout:
+    def rollout(self, policy: Policy, trace: list[int] = ...) -> Rollout:
         """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
 
     def run(self, rollout: Rollout, steps: int) -> None:
@@ -482,6 +483,7 @@ class Rollout:
     def count_anew(self) -> None:
         """Count anew from here on; the policy forgets nothing."""
 
+@disjoint_base
 class Policy:
     """A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`."""
 

@@ -1,0 +1,7 @@
+"""Controllers with the signature of Stable-Baselines3's policies. They run natively, alone or in a closed loop."""
+
+from uvms_gym.controllers.base import Controller
+from uvms_gym.controllers.feedback import PD, PID, Rest
+from uvms_gym.controllers.mlp import MLP
+
+__all__ = ["MLP", "PD", "PID", "Controller", "Rest"]

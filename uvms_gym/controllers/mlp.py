@@ -1,0 +1,184 @@
+"""Neural policies, without torch."""
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, Self, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uvms_gym import _core
+from uvms_gym.controllers.base import Controller, options_of
+from uvms_gym.envs._station_keep import Options, native
+
+
+class MLP(Controller):
+    """A neural network: layers `W x + b` with an activation between them, in float32.
+
+    It says what a trained policy says with `deterministic=True`: the mean of its actions. Files are safetensors; they
+    tell what environment the policy is for (task, scene, kind of action, control period, names and sizes of the
+    observation's blocks), and are refused where it is another. A scene that is altered but keeps its name is the same.
+
+    Parameters
+    ----------
+    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
+        The `UVMS-StationKeep` environment that the policy is for.
+    weights : sequence of array_like (outputs, inputs)
+        One per layer, as torch has them.
+    biases : sequence of array_like (outputs,)
+        One per layer.
+    activation : str
+        "tanh", "relu" or "elu", after every layer but the last.
+    output : str
+        "clip": the last layer's numbers are clipped to [-1, 1]. "tanh": they are squashed by it, as SAC does.
+    mean, variance : array_like (inputs,) or None
+        What observations are normalised by first, as VecNormalize does it (its `obs_rms.mean` and `obs_rms.var`):
+        `clip((x - mean) / sqrt(variance + epsilon), -clip, clip)`. Nothing where None.
+    epsilon, clip : float
+        As VecNormalize has them (`epsilon`, `clip_obs`).
+    notes : mapping of str to str, or None
+        What else is to be known: seeds, steps, scores.
+    **options
+        Without `env`: arguments of `StationKeepEnv` that tell what the policy is for. Without both it does not say so.
+
+    Raises
+    ------
+    ValueError
+        Layers do not fit together or to the environment, or a number is not finite.
+    TypeError
+        `env` is something else, or options are given besides.
+    """
+
+    policy: _core.Mlp
+
+    def __init__(
+        self,
+        env: Any = None,
+        *,
+        weights: Sequence[ArrayLike],
+        biases: Sequence[ArrayLike],
+        activation: Literal["tanh", "relu", "elu"] = "tanh",
+        output: Literal["clip", "tanh"] = "clip",
+        mean: ArrayLike | None = None,
+        variance: ArrayLike | None = None,
+        epsilon: float = 1e-8,
+        clip: float = 10.0,
+        notes: Mapping[str, str] | None = None,
+        **options: Unpack[Options],
+    ) -> None:
+        if (mean is None) != (variance is None):
+            raise ValueError("give both mean and variance, or neither")
+        given = None if mean is None else (_array("mean", mean, 1), _array("variance", variance, 1), epsilon, clip)
+        self.policy = _core.Mlp(
+            [_array(f"weights[{i}]", layer, 2) for i, layer in enumerate(weights)],
+            [_array(f"biases[{i}]", layer, 1) for i, layer in enumerate(biases)],
+            activation=activation,
+            output=output,
+            normalisation=given,
+            task=_task(type(self).__name__, env, options),
+            notes=dict(notes or {}),
+        )
+
+    @classmethod
+    def from_state_dict(cls, state_dict: Mapping[str, ArrayLike], env: Any = None, **arguments: Any) -> Self:
+        """Make a policy from the arrays of a torch module, by their names there.
+
+        Parameters
+        ----------
+        state_dict : mapping of str to array_like
+            `model.policy.state_dict()` of Stable-Baselines3's PPO or A2C (a `MlpPolicy` on the CPU) or SAC, or
+            `state_dict()` of an `nn.Sequential`: layers are taken in the order of their numbers.
+        env, **arguments
+            As `MLP` has them; the activation is not in the arrays.
+
+        Raises
+        ------
+        ValueError
+            No layers are found under any of these names.
+        """
+        for hidden, last in (
+            (r"mlp_extractor\.policy_net\.(\d+)", "action_net"),
+            (r"actor\.latent_pi\.(\d+)", "actor.mu"),
+            (r"(\d+)", None),
+        ):
+            found = (re.fullmatch(rf"{hidden}\.weight", name) for name in state_dict)
+            numbered = sorted((int(match[1]), match[0]) for match in found if match)
+            names = [name.removesuffix(".weight") for _, name in numbered]
+            if last is not None and f"{last}.weight" in state_dict:
+                names.append(last)
+            if names:
+                weights, biases = ([state_dict[f"{name}.{part}"] for name in names] for part in ("weight", "bias"))
+                return cls(env, weights=weights, biases=biases, **arguments)
+        raise ValueError(f"no layers found among the names {', '.join(state_dict)}")
+
+    @classmethod
+    def load(cls, file: str | os.PathLike[str], env: Any = None, **options: Unpack[Options]) -> Self:
+        """Read a policy from a safetensors file, and check that it is for `env` (or `options`), if given.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read.
+        ValueError
+            It holds no policy, or one for something else; the message names the difference.
+        """
+        task = _task(cls.__name__, env, options)
+        try:
+            policy = _core.Mlp.from_bytes(Path(file).read_bytes())
+            if task is not None:
+                policy.check(task)
+        except ValueError as error:
+            raise ValueError(f"{os.fspath(file)}: {error}") from None
+        return cls._of(policy)
+
+    def save(self, file: str | os.PathLike[str]) -> None:
+        """Write the policy to a safetensors file. Equal policies make equal files.
+
+        Raises
+        ------
+        OSError
+            The file cannot be written.
+        """
+        Path(file).write_bytes(self.policy.to_bytes())
+
+    @property
+    def sizes(self) -> list[int]:
+        """Entries of the observation and of all layers' results."""
+        return self.policy.sizes
+
+    @property
+    def purpose(self) -> dict[str, Any] | None:
+        """What the policy is for: task, scene, action, actions, control_period and observation."""
+        return self.policy.purpose
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """What else is to be known of it."""
+        return self.policy.notes
+
+    @classmethod
+    def _of(cls, policy: _core.Mlp) -> Self:
+        self = cls.__new__(cls)
+        self.policy = policy
+        return self
+
+    @classmethod
+    def _unpacked(cls, data: bytes) -> Self:
+        return cls._of(_core.Mlp.from_bytes(data))
+
+    def __reduce__(self) -> Any:
+        return self._unpacked, (self.policy.to_bytes(),)
+
+
+def _array(name: str, given: ArrayLike | None, dimensions: int) -> NDArray[np.float32]:
+    array = np.asarray(given, dtype=np.float32)
+    if array.ndim != dimensions:
+        raise ValueError(f"{name} has shape {array.shape}, but must have {dimensions} dimensions")
+    return array
+
+
+def _task(controller: str, env: Any, given: Options) -> _core.StationKeep | None:
+    """The task that a policy is for, if that is told."""
+    return native(options_of(controller, env, given)) if env is not None or given else None
