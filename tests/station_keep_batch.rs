@@ -5,10 +5,10 @@ mod common;
 use common::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
 use uvms_gym::balance::Balance;
-use uvms_gym::batch::{Autoreset, Precision, SimulatorOptions, StationKeepBatch, Transition};
-use uvms_gym::control::ActionKind;
+use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, StationKeepBatch, Tally, Transition};
+use uvms_gym::control::{ActionKind, Policy};
 use uvms_gym::description::Scene;
-use uvms_gym::error::TaskError;
+use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::lane::Isa;
 use uvms_gym::scene::{StartOverride, StationKeepOptions};
 use uvms_gym::system::EndEffector;
@@ -381,7 +381,7 @@ fn the_pd_holds_station_and_no_action_does_not() {
             let mut last = Vec::new();
             for _ in 0..200 {
                 if controlled {
-                    pd.act(&observations, &mut actions).unwrap();
+                    pd.act(&observations, &mut [], &mut actions).unwrap();
                 }
                 let result = batch.step(&actions).unwrap();
                 last = result.verdicts().collect();
@@ -395,4 +395,79 @@ fn the_pd_holds_station_and_no_action_does_not() {
             assert!(held.info[6] < 0.5 * adrift.info[6], "{held:?} {adrift:?}");
         }
     }
+}
+
+/// What stepping with a policy's actions brings in so many periods.
+fn stepped(batch: &mut StationKeepBatch, policy: &dyn Policy, steps: u32) -> Vec<Tally> {
+    let (n, widths) = (batch.instances(), policy.widths());
+    let mut observations = batch.reset(&seeds(n), None, &[]).unwrap().observations;
+    let mut memory = vec![0.0; n * widths.memory];
+    let mut actions = vec![0.0; n * widths.action];
+    let mut tallies = vec![Tally::default(); n];
+    for _ in 0..steps {
+        policy.act(&observations, &mut memory, &mut actions).unwrap();
+        let done = batch.step(&actions).unwrap();
+        let running =
+            tallies.iter_mut().zip(done.verdicts()).filter(|(tally, _)| !tally.terminated && !tally.truncated);
+        for (tally, verdict) in running {
+            tally.steps += 1;
+            tally.reward += verdict.reward;
+            (tally.terminated, tally.truncated) = (verdict.terminated, verdict.truncated);
+            for (k, x) in verdict.info.into_iter().enumerate() {
+                tally.sums[k] += x;
+                tally.squares[k] += x * x;
+            }
+        }
+        observations = done.observations;
+    }
+    tallies
+}
+
+#[test]
+fn a_rollout_gives_what_stepping_gives_bit_for_bit() {
+    for precision in [Precision::Double, Precision::Single] {
+        for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
+            let made = Made { instances: 131, max_steps: Some(9), autoreset, precision, ..Made::default() };
+            let mut batch = made.batch();
+            let pid = batch.task().pid(None, None).unwrap();
+            let expected = stepped(&mut batch, &pid, 11);
+            for (threads, parts) in [(1, &[11][..]), (2, &[4, 0, 7])] {
+                let mut batch = Made { threads, ..made }.batch();
+                let mut rollout = Rollout::new(&pid, 131, &[130]).unwrap();
+                batch.reset(&seeds(131), None, &[]).unwrap();
+                for steps in parts {
+                    batch.run(&pid, &mut rollout, *steps).unwrap();
+                }
+                assert_eq!(rollout.tallies(), expected);
+                assert_eq!(rollout.traces()[0].rewards.iter().sum::<f64>(), expected[130].reward);
+            }
+            assert!(expected.iter().all(|tally| tally.steps == 9 && tally.truncated));
+        }
+    }
+}
+
+#[test]
+fn rollouts_that_do_not_fit_are_refused() {
+    let mut batch = Made::default().batch();
+    let pid = batch.task().pid(None, None).unwrap();
+    let mut rollout = Rollout::new(&pid, 3, &[]).unwrap();
+    assert_eq!(batch.run(&pid, &mut rollout, 1), Err(TaskError::NotBegun { instance: 0 }));
+    batch.reset(&seeds(3), None, &[]).unwrap();
+    let mut other = Rollout::new(&pid, 4, &[]).unwrap();
+    assert!(matches!(batch.run(&pid, &mut other, 1), Err(TaskError::Control(ControlError::Shape { .. }))));
+    let mut rest = Rollout::new(&batch.task().rest(), 3, &[]).unwrap();
+    let refused = batch.run(&pid, &mut rest, 1);
+    assert!(matches!(refused, Err(TaskError::Control(ControlError::Shape { what: "memory", got: 0, expected: 18 }))));
+    let small = StationKeepBatch::new(
+        Scene::shipped("bluerov2-heavy").unwrap(),
+        StationKeepOptions::default(),
+        SimulatorOptions::default(),
+        Autoreset::Disabled,
+        None,
+    );
+    let narrow = small.unwrap().task().pid(None, None).unwrap();
+    let refused = batch.run(&narrow, &mut rollout, 1);
+    assert!(matches!(refused, Err(TaskError::Control(ControlError::Widths { got: 24, .. }))));
+    assert_eq!(rollout.tallies(), [Tally::default(); 3]);
+    assert!(matches!(Rollout::new(&pid, 3, &[3]), Err(ControlError::Instance { instance: 3, instances: 3 })));
 }

@@ -13,14 +13,12 @@
 //! `h (d + h k)` added to each joint's. (h D_i meets the whole `V_i'`, products of velocities included, for that is how
 //! much the body's twist changes.) No pivot is ever less than the explicit form's.
 
-use super::articulated::{
-    Base, Instant, Loads, Scratch, body_bias, joint_column, outward, outward_rates, velocity_product,
-};
+use super::articulated::{Instant, Loads, Scratch, along, body_bias, place, velocity_product};
 use super::joint_torque::implicit_joint_torque;
 use crate::lane::{Lane, Param};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::spatial::{SpatialInertia, screw_z};
-use crate::system::{BodyTerms, JOINTS, System};
+use crate::spatial::SpatialInertia;
+use crate::system::{BodyTerms, Constant, JOINTS, System};
 
 /// How far ahead forces are taken.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +38,8 @@ fn effective<L: Lane, P: Param<L>>(
     gravity: Vector3<L>,
 ) -> (SpatialInertia<L>, Vector6<L>) {
     let mut inertia: SpatialInertia<L> = body.inertia.get();
-    let mut bias = body_bias(body, &inertia, twist, gravity);
+    let mut bias = Vector6::zero();
+    body_bias::<false, L, P>(body, twist, Vector6::zero(), gravity, &mut bias);
     for drag in &body.drag {
         inertia = drag.slope(twist).scale_add(h, &inertia);
     }
@@ -67,29 +66,39 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
     let Ahead { h, station } = ahead;
     let joints = system.joints.as_slice();
-    let links = &mut scratch.0[..joints.len()];
-    outward(joints, twist, gravity, q, qd, links);
+    let links = &mut scratch.links[..joints.len()];
+    place(joints, gravity, q, links);
+    let (mut moving, none) = (twist, [Vector6::zero(); JOINTS]);
+    let (mut twists, mut across) = (none, none);
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
+        twists[i] = moving;
+        across[i] = velocity_product(joint.slides(), moving, qd[i]);
+    }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
-        let (own, mut bias) = effective(&joint.body, h, link.twist, link.gravity);
+        let (own, mut bias) = effective(&joint.body, h, twists[i], link.gravity);
         if loads.on_links {
-            bias = loads.links[i].scale_add(L::c(-1.0), bias);
+            bias = bias - loads.links[i];
         }
         let inertia = own.plus(&carried.0);
         bias = bias + carried.1;
-        let (column, d, along) = joint_column(joint, &inertia, bias);
+        let (column, along) = match joint.constant {
+            Constant::Shift(_) => (inertia.column::<5>(), bias.angular.0[2]),
+            Constant::Turn(..) => (inertia.column::<2>(), bias.linear.0[2]),
+        };
+        let d = match joint.constant {
+            Constant::Shift(_) => column.angular.0[2],
+            Constant::Turn(..) => column.linear.0[2],
+        };
         let (torque, falls) = implicit_joint_torque(joint, h, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        let torque = torque - along;
         let over_d = L::c(1.0) / (d + falls);
-        (link.column, link.over_d, link.torque) = (column, over_d, torque);
+        (link.share, link.torque) = (column.scale(over_d), (torque - along) * over_d);
 
-        let c = velocity_product(joint.prismatic, link.twist, qd[i]);
         let rest = inertia.eliminated(column, over_d);
-        let wrench = rest.apply(c) + column.scale_add(torque * over_d, bias);
-        let [sin, cos, d] = link.screw;
-        let screw = screw_z(sin, cos, d);
-        carried = Base::of(&joint.stand).carry(&screw.inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(wrench));
+        let wrench = rest.apply(across[i]) + column.scale_add(link.torque, bias);
+        carried = (link.whole_inertia_to_parent(joint, &rest), link.wrench_to_parent(joint, wrench));
     }
 
     if system.fixed {
@@ -97,7 +106,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     } else {
         let (own, bias) = effective(&system.vehicle, h, twist, gravity);
         let mut inertia = own.plus(&carried.0);
-        let mut force = (bias + carried.1).scale_add(L::c(-1.0), wrench).to_array();
+        let mut force = (wrench - (bias + carried.1)).to_array();
         if let (true, Some(gains)) = (station, &system.vehicle_servo) {
             let rate = twist.to_array();
             for i in 0..6 {
@@ -109,5 +118,10 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
         *twist_rate = inertia.solve(Vector6::from_array(force));
     }
 
-    outward_rates(joints, links, qd, *twist_rate, qdd);
+    let mut rate = *twist_rate;
+    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+        rate = link.twist_from_parent(joint, rate) + across[i];
+        qdd[i] = link.torque - link.share.dot(rate);
+        rate = along(joint, rate, qdd[i]);
+    }
 }

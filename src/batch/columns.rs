@@ -171,9 +171,8 @@ impl<T: Real> Columns<'_, T> {
         for k in 0..layout.joints {
             loads.torque[k] = self.get(layout.torque + k);
             if switches.servo {
-                for p in 0..4 {
-                    loads.target[k][p] = self.get(layout.target + 4 * k + p);
-                }
+                let row = layout.target + 4 * k;
+                loads.set_target(k, [self.get(row), self.get(row + 1), self.get(row + 2), self.get(row + 3)]);
             }
             if switches.on_links {
                 loads.links[k] = self.six(layout.links + 6 * k);

@@ -22,4 +22,6 @@ pub use monitor::{Sighting, Stray, WRONG, Watched};
 pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;
-pub use station_keep::{Autoreset, Beginning, Final, Outputs, Saved, StationKeepBatch, Transition, Verdict};
+pub use station_keep::{
+    Autoreset, Beginning, Final, Outputs, Rollout, Saved, StationKeepBatch, Tally, Trace, Transition, Verdict,
+};

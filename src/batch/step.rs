@@ -134,10 +134,11 @@ impl<T: Real> Step<'_, T> {
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
+        dynamics.scratch.prepare(system);
         let mut watch = columns.watch(self.layout);
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
-            let held = (motion.pose, motion.rest, motion.attitude);
+            let held = if system.fixed { Some((motion.pose, motion.rest, motion.attitude)) } else { None };
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if let Some(lagged) = &self.lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut dynamics);
@@ -155,7 +156,7 @@ impl<T: Real> Step<'_, T> {
             current = current + gained;
             dynamics.flow_on(current);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
-            if system.fixed {
+            if let Some(held) = held {
                 (motion.pose, motion.rest, motion.attitude) = held;
                 motion.twist = Vector6::zero();
             }

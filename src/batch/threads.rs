@@ -1,14 +1,29 @@
 //! Sharing work among threads.
+//!
+//! One pool per process, made when it is first needed; its threads sleep where there is nothing to do. A fork takes none
+//! of them along, so a child makes a pool of its own. Nothing here waits for a lock that another thread may have held at
+//! the moment of the fork.
 
+use std::hint::spin_loop;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::available_parallelism;
+use std::time::{Duration, Instant};
 
-/// Calls `work` on all items, on up to `threads` threads. Which thread does what has no influence on the result.
-/// Threads live for the call only: nothing to go wrong across a fork.
+use once_cell::race::OnceBox;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+/// How long a thread that has done its part waits awake for the others: mostly they come to an end by then, and to sleep
+/// and to be woken takes as long.
+const PATIENCE: Duration = Duration::from_micros(50);
+
+/// Calls `work` on all items, on up to `threads` threads: this one, and those of the pool that nobody else has engaged.
+/// Which thread does what has no influence on the result. A panic in `work` is raised here, once all threads are done.
 pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads: usize, work: impl Fn(I) + Sync) {
-    let threads = threads.min(items.len());
-    if threads <= 1 {
-        return items.for_each(work);
-    }
+    let helpers = threads.min(items.len()).saturating_sub(1);
+    let busy = AtomicUsize::new(0);
+    let engaged = if helpers == 0 { None } else { Pool::of_this_process().engage(helpers, &busy) };
+    let Some((pool, engaged)) = engaged else { return items.for_each(work) };
     let items = Mutex::new(items);
     let turn = || {
         loop {
@@ -17,11 +32,173 @@ pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads
             work(item);
         }
     };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            // Where no more threads are to be had, those that there are do the work.
-            let _ = std::thread::Builder::new().spawn_scoped(scope, turn);
+    pool.in_place_scope(|scope| {
+        for helper in engaged {
+            let turn = &turn;
+            scope.spawn(move |_| {
+                let _until_done = helper;
+                turn();
+            });
         }
         turn();
+        let done = Instant::now();
+        while busy.load(Ordering::Acquire) > 0 && done.elapsed() < PATIENCE {
+            spin_loop();
+        }
     });
+}
+
+/// The threads of one process.
+struct Pool {
+    process: u32,
+    /// None where no threads are to be had.
+    threads: Option<ThreadPool>,
+    idle: AtomicUsize,
+    /// That of a child of the process, which has a copy of this one, but none of its threads.
+    child: OnceBox<Pool>,
+}
+
+/// A thread of the pool while it is engaged.
+struct Helper<'a> {
+    idle: &'a AtomicUsize,
+    busy: &'a AtomicUsize,
+}
+
+impl Drop for Helper<'_> {
+    fn drop(&mut self) {
+        self.idle.fetch_add(1, Ordering::Relaxed);
+        self.busy.fetch_sub(1, Ordering::Release);
+    }
+}
+
+impl Pool {
+    /// One thread less than there are cores, but one in any case.
+    fn new(process: u32) -> Self {
+        let helpers = available_parallelism().map_or(1, |cores| (cores.get() - 1).max(1));
+        let name = |i| format!("uvms-gym-{i}");
+        let threads = ThreadPoolBuilder::new().num_threads(helpers).thread_name(name).build().ok();
+        let idle = AtomicUsize::new(if threads.is_some() { helpers } else { 0 });
+        Self { process, threads, idle, child: OnceBox::new() }
+    }
+
+    /// Two threads that need it first at once make it twice, and drop one, rather than wait for each other.
+    fn of_this_process() -> &'static Self {
+        static ELDEST: OnceBox<Pool> = OnceBox::new();
+        let process = std::process::id();
+        let make = || Box::new(Self::new(process));
+        let mut pool = ELDEST.get_or_init(make);
+        while let Some(child) = pool.child.get() {
+            pool = child;
+        }
+        if pool.process == process { pool } else { pool.child.get_or_init(make) }
+    }
+
+    /// Up to `most` threads that are idle, if there are any, counted in `busy` for as long as they are engaged. Only
+    /// threads that can begin at once: what nobody has begun could not be taken back.
+    fn engage<'a>(
+        &'a self,
+        most: usize,
+        busy: &'a AtomicUsize,
+    ) -> Option<(&'a ThreadPool, impl Iterator<Item = Helper<'a>> + 'a)> {
+        let threads = self.threads.as_ref()?;
+        let take = |idle: usize| Some(idle - idle.min(most)).filter(|&rest| rest < idle);
+        let before = self.idle.fetch_update(Ordering::Relaxed, Ordering::Relaxed, take).ok()?;
+        let engaged = before.min(most);
+        busy.store(engaged, Ordering::Relaxed);
+        Some((threads, (0..engaged).map(move |_| Helper { idle: &self.idle, busy })))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::sync::mpsc::channel;
+    use std::thread::yield_now;
+
+    use super::*;
+
+    /// How often work is called on each of `count` items.
+    fn calls(count: usize, threads: usize) -> Vec<usize> {
+        let calls: Vec<AtomicUsize> = (0..count).map(|_| AtomicUsize::new(0)).collect();
+        for_each(calls.iter(), threads, |item| {
+            item.fetch_add(1, Ordering::Relaxed);
+        });
+        calls.into_iter().map(AtomicUsize::into_inner).collect()
+    }
+
+    #[test]
+    fn work_is_called_once_on_each_item_whatever_the_threads() {
+        for count in [0, 1, 2, 3, 16, 1000] {
+            for threads in [0, 1, 2, 3, 8, 100] {
+                assert_eq!(calls(count, threads), vec![1; count], "{threads} threads");
+            }
+        }
+    }
+
+    /// Whether two items come under work at the same time.
+    fn two_at_once() -> bool {
+        let (within, began) = (AtomicUsize::new(0), Instant::now());
+        let met = AtomicUsize::new(0);
+        for_each(0..2, 2, |_| {
+            within.fetch_add(1, Ordering::Relaxed);
+            while within.load(Ordering::Relaxed) < 2 && began.elapsed() < Duration::from_secs(1) {
+                yield_now();
+            }
+            met.fetch_add(usize::from(began.elapsed() < Duration::from_secs(1)), Ordering::Relaxed);
+        });
+        met.into_inner() == 2
+    }
+
+    #[test]
+    fn several_threads_work_where_they_may() {
+        // Other tests may have engaged the pool.
+        assert!((0..15).any(|_| two_at_once()));
+    }
+
+    #[test]
+    fn calls_within_calls_and_from_many_threads_at_once_come_to_an_end() {
+        std::thread::scope(|scope| {
+            for _ in 0..8 {
+                scope.spawn(|| {
+                    for _ in 0..50 {
+                        for_each(0..5, 3, |_| assert_eq!(calls(7, 4), [1; 7]));
+                    }
+                });
+            }
+        });
+    }
+
+    #[test]
+    fn a_long_call_does_not_hold_up_a_short_one() {
+        let cores = available_parallelism().unwrap().get();
+        let (started, stop, done) = (channel(), channel::<()>(), channel());
+        let stopped = Mutex::new(stop.1);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                // Every thread of this call waits until the short one has ended.
+                for_each(0..4 * cores, cores.max(2), |_| {
+                    started.0.send(()).unwrap();
+                    let _ = stopped.lock().unwrap().recv();
+                });
+            });
+            started.1.recv().unwrap();
+            scope.spawn(|| {
+                calls(100, 2);
+                done.0.send(()).unwrap();
+            });
+            let came = done.1.recv_timeout(Duration::from_secs(20));
+            drop(stop.0);
+            came.expect("the short call to end first");
+        });
+    }
+
+    #[test]
+    fn a_panic_of_the_work_is_raised_and_leaves_the_threads_in_order() {
+        for culprit in 0..20 {
+            let run = || for_each(0..20, 2, |i| assert!(i != culprit, "culprit {i}"));
+            let panic = catch_unwind(AssertUnwindSafe(run)).unwrap_err();
+            assert_eq!(panic.downcast_ref::<String>(), Some(&format!("culprit {culprit}")));
+        }
+        assert!((0..15).any(|_| two_at_once()));
+    }
 }

@@ -16,6 +16,16 @@ pub enum ActionKind {
     Thrusters,
 }
 
+impl ActionKind {
+    /// Name for people and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            ActionKind::Wrench => "wrench",
+            ActionKind::Thrusters => "thrusters",
+        }
+    }
+}
+
 /// Physical meaning of one entry of an action.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActionRange {

@@ -26,4 +26,14 @@ impl<P: Copy> Restoring<P> {
     {
         Vector6 { linear: g.scale(self.net_mass.get()), angular: Vector3(get_all(&self.moment)).cross(g) }
     }
+
+    /// `sum` less the wrench under gravity `g` (body axes).
+    #[inline(always)]
+    pub fn subtract<L: Lane>(&self, g: Vector3<L>, sum: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        let linear = g.scale_add(-self.net_mass.get(), sum.linear);
+        Vector6 { linear, angular: g.cross_add(Vector3(get_all(&self.moment)), sum.angular) }
+    }
 }

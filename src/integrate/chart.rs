@@ -58,17 +58,24 @@ impl Chart {
 pub(super) struct Increment<'a, L> {
     /// T.
     pub start: &'a Pose<L>,
-    /// Theta; 0 where the chart gives the whole pose.
-    pub theta: Vector6<L>,
+    /// Theta; none where the chart gives the whole pose.
+    pub theta: Option<Vector6<L>>,
 }
 
 impl<L: Lane> StagePose<L> for Increment<'_, L> {
     #[inline(always)]
     fn to_body(&self, world: Vector3<L>) -> Vector3<L> {
-        rotate_back(self.theta.angular, self.start.rotation.apply_transposed(world))
+        let body = self.start.rotation.apply_transposed(world);
+        match self.theta {
+            Some(theta) => rotate_back(theta.angular, body),
+            None => body,
+        }
     }
     #[inline(always)]
     fn pose(&self) -> Pose<L> {
-        self.start.times(&exp_se3(self.theta))
+        match self.theta {
+            Some(theta) => self.start.times(&exp_se3(theta)),
+            None => *self.start,
+        }
     }
 }

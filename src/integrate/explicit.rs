@@ -6,7 +6,7 @@
 use super::catalogue::Explicit;
 use super::chart::{Attitude, Chart, Increment};
 use super::motion::Motion;
-use super::stages::{Point, Stages};
+use super::stages::{Point, Stages, Weights};
 use super::{Derivative, euler_angles, quaternion};
 use crate::lane::Lane;
 use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative};
@@ -55,14 +55,19 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     let keeps = chart.attitude() != Attitude::Matrix;
     let mut turn = L::zero();
     for i in usize::from(begun)..tableau.stages {
-        let mut point = if i == 0 { stages.start(n, from) } else { stages.weigh(&tableau.a[i], i, n, h, keeps, from) };
+        let mut point = if i == 0 {
+            stages.start(n, from)
+        } else {
+            let weights = Weights { time: tableau.c[i], speed: &tableau.a[i], place: &tableau.place[i] };
+            stages.weigh(&weights, i, n, h, keeps, from)
+        };
         let (whole, rate);
         let at = if keeps {
             let (rotation, [w, x, y, z]) = kinematics(chart, attitude_at(&point, from), point.twist.angular);
             whole = Pose { rotation, position: from.pose.position + point.pose.linear };
             stages.scalar[i] = w;
             rate = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
-            Increment { start: &whole, theta: Vector6::zero() }
+            Increment { start: &whole, theta: None }
         } else {
             if i == 2 && chart == Chart::Commutators {
                 // [MO99]: K_2 / 2 - [K_1, K_2] / 8 where the exponential stands on the left.
@@ -73,24 +78,22 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
                 Chart::Exponential(form) if i > 0 => dexp_inverse_negative(form, point.pose, point.twist),
                 _ => point.twist,
             };
-            Increment { start: &from.pose, theta: point.pose }
+            Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
         let time = elapsed + h * L::c(tableau.c[i]);
         derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
         stages.pose[i] = rate;
-        for k in 0..n {
-            stages.q[i][k] = stages.qd_at[k];
-        }
     }
     let contrast = match &tableau.contrast {
         Some(contrast) => stages.contrast(contrast, n, h, from),
         None => [L::zero(); 3],
     };
     let error = match &tableau.error {
-        Some(weights) => stages.error(weights, n, h, from),
+        Some(weights) => stages.error(tableau, weights, n, h, from),
         None => L::zero(),
     };
-    let mut end = stages.weigh(&tableau.b, tableau.stages, n, h, keeps, from);
+    let weights = Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end };
+    let mut end = stages.weigh(&weights, tableau.stages, n, h, keeps, from);
     match chart {
         Chart::Commutators => {
             // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.

@@ -121,7 +121,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
             1 => (elapsed, half),
             _ => (elapsed + half, half),
         };
-        let at = Increment { start: &from.pose, theta: point.theta };
+        let at = Increment { start: &from.pose, theta: Some(point.theta) };
         derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, &mut rates);
         point.advance(size, &rates, n);
         greatest = greatest.max(point.turn());

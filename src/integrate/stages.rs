@@ -2,7 +2,7 @@
 
 use super::Rates;
 use super::motion::Motion;
-use super::tableau::{Contrast, STAGES};
+use super::tableau::{Contrast, STAGES, Tableau, times};
 use crate::lane::Lane;
 use crate::lie::Vector6;
 
@@ -13,10 +13,10 @@ pub struct Stages<L, const N: usize> {
     pub(super) pose: [Vector6<L>; STAGES],
     /// Rates of the quaternion's scalar part, for charts that keep the attitude.
     pub(super) scalar: [L; STAGES],
-    /// Joint rates.
-    pub(super) q: [[L; N]; STAGES],
     /// V' and q''.
     pub(super) rates: [Rates<L, N>; STAGES],
+    /// Weights of the rates in velocities and in coordinates, with their h and h^2, at the stage at hand.
+    pub(super) weights: [[L; 2]; STAGES],
     /// q and q' of the stage at hand.
     pub(super) q_at: [L; N],
     pub(super) qd_at: [L; N],
@@ -29,6 +29,16 @@ pub(super) struct Point<L> {
     pub twist: Vector6<L>,
 }
 
+/// What a stage's point, or the step's end, is made of.
+pub(super) struct Weights<'a> {
+    /// Its time, by the step.
+    pub time: f64,
+    /// Weights of the rates.
+    pub speed: &'a [f64; STAGES],
+    /// Weights of the accelerations in the coordinates.
+    pub place: &'a [f64; STAGES],
+}
+
 impl<L: Lane, const N: usize> Stages<L, N> {
     /// Fresh memory; its contents never matter.
     pub fn new() -> Self {
@@ -37,8 +47,8 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         Self {
             pose: [Vector6::zero(); STAGES],
             scalar: [L::zero(); STAGES],
-            q: [zero; STAGES],
             rates: [rates; STAGES],
+            weights: [[L::zero(); 2]; STAGES],
             q_at: zero,
             qd_at: zero,
         }
@@ -58,36 +68,42 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     #[inline(always)]
     pub(super) fn weigh(
         &mut self,
-        weights: &[f64; STAGES],
+        weights: &Weights,
         count: usize,
         n: usize,
         h: L,
         keeps: bool,
         from: &Motion<L, N>,
     ) -> Point<L> {
+        let Weights { time, speed, place } = *weights;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
-        for k in 0..n {
-            self.q_at[k] = L::zero();
-            self.qd_at[k] = L::zero();
-        }
+        let (way, h2) = (h * L::c(time), h * h);
         for j in 0..count {
-            if weights[j] == 0.0 {
-                continue;
+            if speed[j] != 0.0 {
+                let weight = h * L::c(speed[j]);
+                self.weights[j][0] = weight;
+                sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
+                sum.pose = self.pose[j].scale_add(weight, sum.pose);
+                if keeps {
+                    sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
+                }
             }
-            let weight = h * L::c(weights[j]);
-            sum.pose = self.pose[j].scale_add(weight, sum.pose);
-            sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
-            if keeps {
-                sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
-            }
-            for k in 0..n {
-                self.q_at[k] = self.q[j][k].mul_add(weight, self.q_at[k]);
-                self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
+            if place[j] != 0.0 {
+                self.weights[j][1] = h2 * L::c(place[j]);
             }
         }
         for k in 0..n {
-            self.q_at[k] += from.q[k];
-            self.qd_at[k] += from.qd[k];
+            let (mut q, mut qd) = (from.qd[k] * way, L::zero());
+            for j in 0..count {
+                if speed[j] != 0.0 {
+                    qd = self.rates[j].qd[k].mul_add(self.weights[j][0], qd);
+                }
+                if place[j] != 0.0 {
+                    q = self.rates[j].qd[k].mul_add(self.weights[j][1], q);
+                }
+            }
+            self.q_at[k] = from.q[k] + q;
+            self.qd_at[k] = from.qd[k] + qd;
         }
         sum.twist = from.twist + sum.twist;
         sum
@@ -95,7 +111,8 @@ impl<L: Lane, const N: usize> Stages<L, N> {
 
     /// Square of the length of `h sum e_j k_j`, each entry of twist, q and q' by one plus its magnitude at the start.
     #[inline(always)]
-    pub(super) fn error(&self, weights: &[f64; STAGES], n: usize, h: L, from: &Motion<L, N>) -> L {
+    pub(super) fn error(&self, tableau: &Tableau, weights: &[f64; STAGES], n: usize, h: L, from: &Motion<L, N>) -> L {
+        let places = times(weights, &tableau.a);
         let (mut pose, mut twist) = (Vector6::zero(), Vector6::zero());
         for j in 0..STAGES {
             let weight = h * L::c(weights[j]);
@@ -111,7 +128,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             let (mut q, mut qd) = (L::zero(), L::zero());
             for j in 0..STAGES {
                 let weight = h * L::c(weights[j]);
-                q = self.q[j][k].mul_add(weight, q);
+                q = self.rates[j].qd[k].mul_add(h * h * L::c(places[j]), q);
                 qd = self.rates[j].qd[k].mul_add(weight, qd);
             }
             sum += squared_share(q, from.q[k]) + squared_share(qd, from.qd[k]);
@@ -157,7 +174,6 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         }
         for k in 0..n {
             first.qd[k] = L::select(mask, last.qd[k], first.qd[k]);
-            self.q[0][k] = at.qd[k];
         }
         self.pose[0] = at.twist;
     }

@@ -16,6 +16,11 @@ pub struct Tableau {
     pub b: [f64; STAGES],
     /// Stage times.
     pub c: [f64; STAGES],
+    /// What the accelerations weigh in the coordinates of the stages, by `h^2`: `y_i = y + c_i h y' + h^2 sum_j place_ij k_j`;
+    /// and in those of the step's end: `a a` and `b a`.
+    pub place: [[f64; STAGES]; STAGES],
+    /// See `place`.
+    pub place_end: [f64; STAGES],
     /// What the step weights differ by from those of a method of lower order, if one is embedded: its last stage is the
     /// step's end.
     pub error: Option<[f64; STAGES]>,
@@ -69,9 +74,38 @@ const fn rows<const K: usize>(given: [[f64; STAGES]; K]) -> [[f64; STAGES]; STAG
     rows
 }
 
+/// `row a`
+pub(super) const fn times(row: &[f64; STAGES], a: &[[f64; STAGES]; STAGES]) -> [f64; STAGES] {
+    let mut product = [0.0; STAGES];
+    let mut j = 0;
+    while j < STAGES {
+        let mut k = 0;
+        while k < STAGES {
+            product[k] += row[j] * a[j][k];
+            k += 1;
+        }
+        j += 1;
+    }
+    product
+}
+
+impl Tableau {
+    /// A Runge-Kutta method, without estimates.
+    const fn new<const K: usize>(order: usize, a: [[f64; STAGES]; K], b: [f64; STAGES], c: [f64; STAGES]) -> Self {
+        let a = rows(a);
+        let mut place = [[0.0; STAGES]; STAGES];
+        let mut i = 0;
+        while i < STAGES {
+            place[i] = times(&a[i], &a);
+            i += 1;
+        }
+        let place_end = times(&b, &a);
+        Self { stages: K + 1, order, a, b, c, place, place_end, error: None, contrast: None }
+    }
+}
+
 /// Euler's rule.
-pub static EULER: Tableau =
-    Tableau { stages: 1, order: 1, a: rows([]), b: row([1.0]), c: row([]), error: None, contrast: None };
+pub static EULER: Tableau = Tableau::new(1, [], row([1.0]), row([]));
 
 /// The midpoint rule.
 ///
@@ -81,14 +115,9 @@ pub static EULER: Tableau =
 ///     |  0   1
 /// ```
 pub static MIDPOINT: Tableau = Tableau {
-    stages: 2,
-    order: 2,
-    a: rows([row([0.5])]),
-    b: row([0.0, 1.0]),
-    c: row([0.0, 0.5]),
-    error: None,
     // Slip: z^3 / 6 by z^2 / 2.
     contrast: Some(Contrast { three: false, place: 0.5, speed: 0.5, change: [1.0, 0.0], slip: (1.0 / 3.0, 1) }),
+    ..Tableau::new(2, [row([0.5])], row([0.0, 1.0]), row([0.0, 0.5]))
 };
 
 /// Heun's third-order method.
@@ -100,12 +129,6 @@ pub static MIDPOINT: Tableau = Tableau {
 ///     | 1/4  0  3/4
 /// ```
 pub static HEUN3: Tableau = Tableau {
-    stages: 3,
-    order: 3,
-    a: rows([row([1.0 / 3.0]), row([0.0, 2.0 / 3.0])]),
-    b: row([0.25, 0.0, 0.75]),
-    c: row([0.0, 1.0 / 3.0, 2.0 / 3.0]),
-    error: None,
     // Slip: z^4 / 24 by 2 z^3 / 9.
     contrast: Some(Contrast {
         three: true,
@@ -114,6 +137,12 @@ pub static HEUN3: Tableau = Tableau {
         change: [1.0, -1.0],
         slip: (3.0 / 16.0, 1),
     }),
+    ..Tableau::new(
+        3,
+        [row([1.0 / 3.0]), row([0.0, 2.0 / 3.0])],
+        row([0.25, 0.0, 0.75]),
+        row([0.0, 1.0 / 3.0, 2.0 / 3.0]),
+    )
 };
 
 /// The classical fourth-order method, which the paper uses.
@@ -126,30 +155,18 @@ pub static HEUN3: Tableau = Tableau {
 ///     | 1/6 1/3 1/3 1/6
 /// ```
 pub static RK4: Tableau = Tableau {
-    stages: 4,
-    order: 4,
-    a: rows([row([0.5]), row([0.0, 0.5]), row([0.0, 0.0, 1.0])]),
-    b: row([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]),
-    c: row([0.0, 0.5, 0.5, 1.0]),
-    error: None,
     // Slip: z^5 / 120 by z^3 / 4.
     contrast: Some(Contrast { three: true, place: 0.25, speed: 0.5, change: [1.0, 0.0], slip: (1.0 / 30.0, 2) }),
+    ..Tableau::new(
+        4,
+        [row([0.5]), row([0.0, 0.5]), row([0.0, 0.0, 1.0])],
+        row([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]),
+        row([0.0, 0.5, 0.5, 1.0]),
+    )
 };
 
 /// Dormand and Prince's pair of orders 5 and 4; goes on with order 5. `[DP80]`
 pub static DORMAND_PRINCE: Tableau = Tableau {
-    stages: 7,
-    order: 5,
-    a: rows([
-        row([1.0 / 5.0]),
-        row([3.0 / 40.0, 9.0 / 40.0]),
-        row([44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0]),
-        row([19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0]),
-        row([9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0]),
-        DORMAND_PRINCE_END,
-    ]),
-    b: DORMAND_PRINCE_END,
-    c: row([0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0]),
     error: Some(row([
         71.0 / 57600.0,
         0.0,
@@ -160,6 +177,19 @@ pub static DORMAND_PRINCE: Tableau = Tableau {
         -1.0 / 40.0,
     ])),
     contrast: Some(Contrast { three: true, place: 0.09, speed: 0.45, change: [2.0, -1.0], slip: (0.0, 0) }),
+    ..Tableau::new(
+        5,
+        [
+            row([1.0 / 5.0]),
+            row([3.0 / 40.0, 9.0 / 40.0]),
+            row([44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0]),
+            row([19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0]),
+            row([9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0]),
+            DORMAND_PRINCE_END,
+        ],
+        DORMAND_PRINCE_END,
+        row([0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0]),
+    )
 };
 const DORMAND_PRINCE_END: [f64; STAGES] =
     row([35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0]);

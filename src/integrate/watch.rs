@@ -51,7 +51,11 @@ impl<L: Lane> Watch<L> {
         let Some(Contrast { slip: (factor, power), .. }) = tableau.contrast else { return L::zero() };
         let [_, speeds, changes] = self.contrast;
         let square = (changes / (speeds + L::c(rounding(L::Real::EPSILON).powi(2)))).min(L::c(FASTEST * FASTEST));
-        let rate = if power == 2 { square } else { square.sqrt() };
+        let rate = match power {
+            1 => square.sqrt(),
+            2 => square,
+            _ => square * square.sqrt(),
+        };
         contrast[2].sqrt() * rate * L::c(factor)
     }
 

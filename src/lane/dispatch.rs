@@ -114,6 +114,7 @@ macro_rules! real {
                 self as f64
             }
 
+            // Each in a function of its own, by whose name its machine code is found.
             #[cfg(target_arch = "x86_64")]
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 #[target_feature(enable = "avx512f,avx2,fma")]
@@ -128,12 +129,16 @@ macro_rules! real {
                 fn fma<K: Kernel<$real>>(kernel: &mut K) {
                     kernel.run::<$real>();
                 }
+                #[inline(never)]
+                fn plain<K: Kernel<$real>>(kernel: &mut K) {
+                    kernel.run::<Unfused<$real>>();
+                }
                 // SAFETY: each branch is taken only where its features have been detected.
                 match isa {
                     Isa::Avx512 if isa.detected() => unsafe { avx512(kernel) },
                     Isa::Avx2 if isa.detected() => unsafe { avx2(kernel) },
                     Isa::Fma if isa.detected() => unsafe { fma(kernel) },
-                    _ => kernel.run::<Unfused<$real>>(),
+                    _ => plain(kernel),
                 }
             }
 

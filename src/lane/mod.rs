@@ -18,7 +18,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
 pub use dual::Dual;
-pub use elementary::{atan2, horner, ln, ln_1p, sin_cos};
+pub use elementary::{atan2, horner, ln, ln_1p, sin_cos, tanh};
 pub use rows::Rows;
 pub use transpose::transpose;
 
@@ -138,6 +138,15 @@ pub fn get_all<L: Lane, P: Param<L>, const K: usize>(parameters: &[P; K]) -> [L;
         out[i] = parameters[i].get();
     }
     out
+}
+
+/// A parameter in lanes, where there is one.
+#[inline(always)]
+pub fn get_option<L: Lane, P: Param<L>>(parameter: Option<P>) -> Option<L> {
+    match parameter {
+        Some(parameter) => Some(parameter.get()),
+        None => None,
+    }
 }
 
 /// Implements the assigning operators by the plain ones.

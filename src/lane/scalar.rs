@@ -152,9 +152,14 @@ macro_rules! unfused_lane {
             fn abs(self) -> Self {
                 Self(self.0.abs())
             }
+            // By what the machine does anyway: without SSE4.1 the library would have to be called.
             #[inline(always)]
             fn round(self) -> Self {
-                Self(self.0.round_ties_even())
+                // From here on all numbers are whole.
+                const WHOLE: $real = 1.0 / <$real>::EPSILON;
+                let size = self.0.abs();
+                let whole = if size < WHOLE { (size + WHOLE) - WHOLE } else { size };
+                Self(whole.copysign(self.0))
             }
             #[inline(always)]
             fn lt(self, other: Self) -> bool {

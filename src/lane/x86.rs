@@ -12,7 +12,7 @@ macro_rules! simd_lane {
     (
         $(#[$doc:meta])* $name:ident, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
         $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:ident,
-        $min:ident, $max:ident, $sqrt:ident, $abs:expr, $round:expr, $lt:expr, $select:expr, $and:expr, $bits:expr, $split:expr,
+        $sqrt:ident, $min:ident, $max:ident, $abs:expr, $round:expr, $lt:expr, $select:expr, $and:expr, $bits:expr, $split:expr,
         $load_single:expr, $store_single:expr, $store_double:expr
     ) => {
         $(#[$doc])*
@@ -88,15 +88,7 @@ macro_rules! simd_lane {
             fn sqrt(self) -> Self {
                 Self(unsafe { $sqrt(self.0) })
             }
-            #[inline(always)]
-            fn abs(self) -> Self {
-                Self(unsafe { $abs(self.0) })
-            }
-            #[inline(always)]
-            fn round(self) -> Self {
-                Self(unsafe { $round(self.0) })
-            }
-            // The instructions hand on the second operand too, where either is NaN or both are zero.
+            // Both give the second operand where either is NaN.
             #[inline(always)]
             fn min(self, other: Self) -> Self {
                 Self(unsafe { $min(self.0, other.0) })
@@ -104,6 +96,14 @@ macro_rules! simd_lane {
             #[inline(always)]
             fn max(self, other: Self) -> Self {
                 Self(unsafe { $max(self.0, other.0) })
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self(unsafe { $abs(self.0) })
+            }
+            #[inline(always)]
+            fn round(self) -> Self {
+                Self(unsafe { $round(self.0) })
             }
             #[inline(always)]
             fn lt(self, other: Self) -> $mask {
@@ -159,7 +159,7 @@ simd_lane! {
     /// Eight instances in double precision (AVX-512F).
     F64x8, f64, __m512d, __mmask8, 8,
     _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
-    _mm512_fmadd_pd, _mm512_min_pd, _mm512_max_pd, _mm512_sqrt_pd, _mm512_abs_pd,
+    _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd, _mm512_abs_pd,
     _mm512_roundscale_pd::<NEAREST>, _mm512_cmp_pd_mask::<_CMP_LT_OQ>,
     |mask, yes, no| _mm512_mask_blend_pd(mask, no, yes),
     |a, b| a & b,
@@ -174,7 +174,7 @@ simd_lane! {
     /// Sixteen instances in single precision (AVX-512F).
     F32x16, f32, __m512, __mmask16, 16,
     _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,
-    _mm512_fmadd_ps, _mm512_min_ps, _mm512_max_ps, _mm512_sqrt_ps, _mm512_abs_ps,
+    _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps, _mm512_abs_ps,
     _mm512_roundscale_ps::<NEAREST>, _mm512_cmp_ps_mask::<_CMP_LT_OQ>,
     |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
     |a, b| a & b,
@@ -189,7 +189,7 @@ simd_lane! {
     /// Four instances in double precision (AVX2 and FMA).
     F64x4, f64, __m256d, __m256d, 4,
     _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
-    _mm256_fmadd_pd, _mm256_min_pd, _mm256_max_pd, _mm256_sqrt_pd,
+    _mm256_fmadd_pd, _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd,
     |x| _mm256_andnot_pd(_mm256_set1_pd(-0.0), x),
     _mm256_round_pd::<NEAREST>, _mm256_cmp_pd::<_CMP_LT_OQ>,
     |mask, yes, no| _mm256_blendv_pd(no, yes, mask),
@@ -205,7 +205,7 @@ simd_lane! {
     /// Eight instances in single precision (AVX2 and FMA).
     F32x8, f32, __m256, __m256, 8,
     _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
-    _mm256_fmadd_ps, _mm256_min_ps, _mm256_max_ps, _mm256_sqrt_ps,
+    _mm256_fmadd_ps, _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps,
     |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
     _mm256_round_ps::<NEAREST>, _mm256_cmp_ps::<_CMP_LT_OQ>,
     |mask, yes, no| _mm256_blendv_ps(no, yes, mask),

@@ -11,7 +11,7 @@
 //!          ad^4 coefficient                   = Q(z) / (4 C(z)),  Q = (4 C - 1 - S) / z^2
 //! ```
 //!
-//! Their Taylor polynomials below are good to rounding for `t <= pi`, so that there is no small-angle switch at all.
+//! Their Taylor polynomials below are good to rounding for `t <= pi`: small angles only need fewer terms of them.
 //! The ad^2 and ad^4 form of dexp^-1 on SE(3) is `[PC05]`'s.
 
 use super::{Pose, Vector3, Vector6, ad};
@@ -64,11 +64,25 @@ const SERIES: Series = {
     series
 };
 
-/// A polynomial of the series, as long as the number type needs it.
+/// Rotation angle, squared, up to which fewer terms do: that of most steps.
+const SMALL: f64 = 0.02;
+
+/// Polynomials of the series, as long as the number type and the angles need them. A lane's own angle chooses for it, so
+/// that its neighbours' have no influence.
 #[inline(always)]
-fn series<L: Lane>(z: L, coefficients: &[f64; TERMS]) -> L {
-    let terms = if L::Real::SINGLE { 9 } else { TERMS };
-    horner(z, &coefficients[..terms])
+fn series<L: Lane, const K: usize>(z: L, coefficients: [&[f64; TERMS]; K]) -> [L; K] {
+    let (few, many) = if L::Real::SINGLE { (4, 9) } else { (6, TERMS) };
+    let mut values = [L::zero(); K];
+    for k in 0..K {
+        values[k] = horner(z, &coefficients[k][..few]);
+    }
+    let great = L::c(SMALL).lt(z);
+    if L::any(great) {
+        for k in 0..K {
+            values[k] = L::select(great, horner(z, &coefficients[k][..many]), values[k]);
+        }
+    }
+    values
 }
 
 /// `exp [xi]` for rotation parts up to pi. `[MLS94 eq. 2.36]`
@@ -76,7 +90,7 @@ fn series<L: Lane>(z: L, coefficients: &[f64; TERMS]) -> L {
 pub fn exp_se3<L: Lane>(xi: Vector6<L>) -> Pose<L> {
     let w = xi.angular;
     let z = w.dot(w);
-    let (s, c, b) = (series(z, &SERIES.s), series(z, &SERIES.c), series(z, &SERIES.b));
+    let [s, c, b] = series(z, [&SERIES.s, &SERIES.c, &SERIES.b]);
     let [x, y, t] = w.0;
     let (cx, cy, ct) = (c * x, c * y, c * t);
     let (sx, sy, st) = (s * x, s * y, s * t);
@@ -94,8 +108,9 @@ pub fn exp_se3<L: Lane>(xi: Vector6<L>) -> Pose<L> {
 #[inline(always)]
 pub fn rotate_back<L: Lane>(w: Vector3<L>, x: Vector3<L>) -> Vector3<L> {
     let z = w.dot(w);
+    let [s, c] = series(z, [&SERIES.s, &SERIES.c]);
     let turn = w.cross(x);
-    w.cross(turn).scale_add(series(z, &SERIES.c), turn.scale_add(-series(z, &SERIES.s), x))
+    w.cross(turn).scale_add(c, turn.scale_add(-s, x))
 }
 
 /// How far the series of `dexp^-1` is taken.
@@ -118,10 +133,9 @@ pub fn dexp_inverse_negative<L: Lane>(form: DexpInverse, theta: Vector6<L>, v: V
         DexpInverse::Closed => {
             let ad4 = ad(theta, ad(theta, ad2));
             let z = theta.angular.dot(theta.angular);
-            let scale = L::c(0.25) / series(z, &SERIES.c);
-            let p = series(z, &SERIES.p) * scale;
-            let q = series(z, &SERIES.q) * scale;
-            ad4.scale_add(q, ad2.scale_add(p, half))
+            let [c, p, q] = series(z, [&SERIES.c, &SERIES.p, &SERIES.q]);
+            let scale = L::c(0.25) / c;
+            ad4.scale_add(q * scale, ad2.scale_add(p * scale, half))
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Poses, and the adjoint as an action.
 
-use std::ops::Add;
+use std::ops::{Add, Neg, Sub};
 
 use super::{Matrix3, Vector3};
 use crate::lane::{Lane, Param, get_all};
@@ -58,6 +58,22 @@ impl<L: Lane> Add for Vector6<L> {
     #[inline(always)]
     fn add(self, b: Self) -> Self {
         Self { linear: self.linear + b.linear, angular: self.angular + b.angular }
+    }
+}
+
+impl<L: Lane> Sub for Vector6<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        Self { linear: self.linear - b.linear, angular: self.angular - b.angular }
+    }
+}
+
+impl<L: Lane> Neg for Vector6<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { linear: -self.linear, angular: -self.angular }
     }
 }
 

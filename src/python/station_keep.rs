@@ -1,4 +1,4 @@
-//! `_core.StationKeep` and `_core.Pd`.
+//! `_core.StationKeep`.
 
 use numpy::ndarray::{Array1, Array2};
 use numpy::{
@@ -14,9 +14,7 @@ use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
 use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, StationKeepBatch};
-use crate::control;
-use crate::control::ActionKind;
-use crate::description::VehicleServo;
+use crate::control::{self, ActionKind};
 use crate::error::TaskError;
 use crate::scene::{INFO, Outcome, RewardWeights, StartOverride, StationKeepOptions};
 
@@ -25,8 +23,8 @@ const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float3
 const MODES: [(&str, Autoreset); 3] =
     [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
 
-type Rows<'py, T> = Bound<'py, PyArray2<T>>;
-type Row<'py, T> = Bound<'py, PyArray1<T>>;
+pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
+pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
 /// Instances, their last observations, their last measures (18, k).
 type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>);
 /// Observations, rewards, terminated, truncated, measures (18, N), ends of episodes.
@@ -41,7 +39,7 @@ type OneStep<'py> = (Row<'py, f32>, f64, bool, bool, Bound<'py, PyDict>);
 /// The environments in `uvms_gym.envs` wrap it and document its arguments.
 #[pyclass(module = "uvms_gym._core")]
 pub struct StationKeep {
-    batch: StationKeepBatch,
+    pub(super) batch: StationKeepBatch,
 }
 
 #[pymethods]
@@ -278,21 +276,6 @@ impl StationKeep {
         result.set_item("joint_reference_rate", rates)?;
         Ok(result)
     }
-
-    /// The paper's PD with these gains (6 each), or with the scene's.
-    #[pyo3(signature = (kp=None, kd=None))]
-    fn pd(&self, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Pd> {
-        let task = self.batch.task();
-        let gains = match (kp, kd) {
-            (Some(kp), Some(kd)) => VehicleServo { kp, kd },
-            (kp, kd) => {
-                let own = task.pd(None)?.gains().clone();
-                VehicleServo { kp: kp.unwrap_or(own.kp), kd: kd.unwrap_or(own.kd) }
-            }
-        };
-        let sizes = [task.observation_len(), task.action_len()];
-        Ok(Pd { pd: task.pd(Some(gains))?, sizes })
-    }
 }
 
 impl StationKeep {
@@ -345,44 +328,8 @@ impl StationKeep {
     }
 }
 
-/// PD on the vehicle, `F = -kp e - kd V`, from observations alone.
-#[pyclass(module = "uvms_gym._core", frozen)]
-pub struct Pd {
-    pd: control::Pd,
-    /// Entries of an observation and of an action.
-    sizes: [usize; 2],
-}
-
-#[pymethods]
-impl Pd {
-    /// Proportional gains, N/m and N m/rad.
-    #[getter]
-    fn kp(&self) -> [f64; 6] {
-        self.pd.gains().kp
-    }
-
-    /// Derivative gains, N s/m and N m s/rad.
-    #[getter]
-    fn kd(&self) -> [f64; 6] {
-        self.pd.gains().kd
-    }
-
-    /// Actions (n, a) for observations (n, d).
-    fn act<'py>(&self, py: Python<'py>, observations: PyReadonlyArray2<'py, f32>) -> PyResult<Rows<'py, f32>> {
-        let [d, a] = self.sizes;
-        let &[n, width] = observations.shape() else { unreachable!("the array has two dimensions") };
-        if width != d {
-            return Err(PyValueError::new_err(format!("observations have {width} entries, expected {d}")));
-        }
-        let observations: Vec<f32> = observations.as_array().iter().copied().collect();
-        let mut actions = vec![0.0; n * a];
-        py.detach(|| self.pd.act(&observations, &mut actions))?;
-        rows(py, actions, n)
-    }
-}
-
 /// An error of a call; those about the order of calls are Gymnasium's own.
-fn refused(error: TaskError) -> PyErr {
+pub(super) fn refused(error: TaskError) -> PyErr {
     if !matches!(error, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
         return error.into();
     }
@@ -396,7 +343,7 @@ fn refused(error: TaskError) -> PyErr {
 }
 
 /// The value of that name.
-fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
+pub(super) fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
     let known = choices.each_ref().map(|(name, _)| format!("'{name}'")).join(", ");
     let found = choices.into_iter().find(|(choice, _)| *choice == name);
     found
@@ -405,7 +352,7 @@ fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) ->
 }
 
 /// The name of that value.
-fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
+pub(super) fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
     choices.into_iter().find(|(_, choice)| *choice == value).map(|(name, _)| name)
 }
 
@@ -421,7 +368,7 @@ fn start_width(name: &str, joints: usize) -> Option<usize> {
 }
 
 /// A fresh (count, .) array.
-fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
+pub(super) fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
     let width = flat.len() / count.max(1);
     match Array2::from_shape_vec((count, width), flat) {
         Ok(array) => Ok(array.into_pyarray(py)),

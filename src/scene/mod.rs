@@ -9,6 +9,7 @@ mod layout;
 mod metrics;
 mod observation;
 mod options;
+mod policies;
 mod pose;
 mod random;
 mod reference;

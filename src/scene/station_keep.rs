@@ -110,6 +110,11 @@ impl StationKeep {
         &self.options
     }
 
+    /// Name of the scene.
+    pub fn scene_name(&self) -> &str {
+        &self.scene_name
+    }
+
     /// What each entry of an observation is.
     pub fn layout(&self) -> &Layout {
         &self.rig.layout

@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::ActionKind;
+use crate::control::{ActionKind, Policy};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
 use crate::system::{JOINTS, State, rotation_vector};
@@ -75,7 +75,7 @@ fn run(task: &StationKeep, key: EpisodeKey, controlled: bool) -> Outcome {
     for _ in 0..DEFAULT_HORIZON {
         task.observe(&episode, &state, &mut row);
         if controlled {
-            pd.act(&row, &mut action).unwrap();
+            pd.act(&row, &mut [], &mut action).unwrap();
         }
         let command = task.act(&mut episode, &action);
         drift(&mut state, &command, &episode.current(), task.options().control_period(), task.options().substeps);

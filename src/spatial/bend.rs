@@ -3,8 +3,8 @@
 
 use super::SpatialInertia;
 use super::inertia::PACKED;
-use crate::lane::{Lane, Param};
-use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::lane::{Lane, Param, get_option};
+use crate::lie::{Vector3, Vector6};
 
 /// Twist angle alpha of a link, with the two cases that most arms are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,11 +31,12 @@ impl<P: Copy> Bend<P> {
     }
 }
 
-/// A turn about an axis and a shift along it: `ALONG` is 0 for x, 2 for z. (A constant, so that every index below is one.)
+/// A turn about an axis and a shift along it, if there is one: `ALONG` is 0 for x, 2 for z. (A constant, so that every
+/// index below is one.)
 #[derive(Debug, Clone, Copy)]
 pub struct Screw<L, const ALONG: usize> {
     turn: Turn<L>,
-    shift: L,
+    shift: Option<L>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -60,19 +61,19 @@ impl<L: Lane> Turn<L> {
 
 /// `Rx(alpha) Tx(a)`.
 #[inline(always)]
-pub fn screw_x<L: Lane, P: Param<L>>(bend: Bend<P>, a: P) -> Screw<L, 0> {
-    Screw { turn: Turn::of(bend), shift: a.get() }
+pub fn screw_x<L: Lane, P: Param<L>>(bend: Bend<P>, a: Option<P>) -> Screw<L, 0> {
+    Screw { turn: Turn::of(bend), shift: get_option(a) }
 }
 
 /// `Rz(theta) Tz(d)` with a constant theta.
 #[inline(always)]
-pub fn constant_screw_z<L: Lane, P: Param<L>>(bend: Bend<P>, d: P) -> Screw<L, 2> {
-    Screw { turn: Turn::of(bend), shift: d.get() }
+pub fn constant_screw_z<L: Lane, P: Param<L>>(bend: Bend<P>, d: Option<P>) -> Screw<L, 2> {
+    Screw { turn: Turn::of(bend), shift: get_option(d) }
 }
 
 /// `Rz(theta) Tz(d)`, theta by its sine and cosine.
 #[inline(always)]
-pub fn screw_z<L: Lane>(sin: L, cos: L, d: L) -> Screw<L, 2> {
+pub fn screw_z<L: Lane>(sin: L, cos: L, d: Option<L>) -> Screw<L, 2> {
     Screw { turn: Turn::By(sin, cos), shift: d }
 }
 
@@ -108,7 +109,9 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
     /// A point of the child frame, in the parent frame.
     #[inline(always)]
     pub fn carry(&self, mut point: Vector3<L>) -> Vector3<L> {
-        point.0[ALONG] += self.shift;
+        if let Some(shift) = self.shift {
+            point.0[ALONG] += shift;
+        }
         self.rotate(point)
     }
 
@@ -142,9 +145,11 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
         let (i, k) = (Self::I, Self::K);
         let angular = self.rotate_back(twist.angular);
         let mut linear = self.rotate_back(twist.linear);
-        // v + omega x (shift along the axis)
-        linear.0[i] = angular.0[k].mul_add(self.shift, linear.0[i]);
-        linear.0[k] = angular.0[i].neg_mul_add(self.shift, linear.0[k]);
+        if let Some(shift) = self.shift {
+            // v + omega x (shift along the axis)
+            linear.0[i] = angular.0[k].mul_add(shift, linear.0[i]);
+            linear.0[k] = angular.0[i].neg_mul_add(shift, linear.0[k]);
+        }
         Vector6 { linear, angular }
     }
 
@@ -153,9 +158,11 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
     pub fn co_adjoint_apply_inverse(&self, wrench: Vector6<L>) -> Vector6<L> {
         let (i, k) = (Self::I, Self::K);
         let (f, mut m) = (wrench.linear, wrench.angular);
-        // m + (shift along the axis) x f
-        m.0[i] = f.0[k].neg_mul_add(self.shift, m.0[i]);
-        m.0[k] = f.0[i].mul_add(self.shift, m.0[k]);
+        if let Some(shift) = self.shift {
+            // m + (shift along the axis) x f
+            m.0[i] = f.0[k].neg_mul_add(shift, m.0[i]);
+            m.0[k] = f.0[i].mul_add(shift, m.0[k]);
+        }
         Vector6 { linear: self.rotate(f), angular: self.rotate(m) }
     }
 
@@ -176,21 +183,22 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
     #[inline(always)]
     fn move_inertia<const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L> {
         let (i, k, n) = (Self::I, Self::K, ALONG);
-        let d = self.shift;
         let (mut h, mut j) = (a.h, a.j);
-        let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
-        h[i][i] = a.m[ik].neg_mul_add(d, a.h[i][i]);
-        h[i][k] = a.m[ii].mul_add(d, a.h[i][k]);
-        h[k][i] = a.m[kk].neg_mul_add(d, a.h[k][i]);
-        h[k][k] = a.m[ik].mul_add(d, a.h[k][k]);
-        h[n][i] = a.m[kn].neg_mul_add(d, a.h[n][i]);
-        h[n][k] = a.m[inn].mul_add(d, a.h[n][k]);
-        j[ii] = (a.h[k][i] + h[k][i]).neg_mul_add(d, a.j[ii]);
-        j[ik] = (a.h[i][i] - h[k][k]).mul_add(d, a.j[ik]);
-        j[kk] = (a.h[i][k] + h[i][k]).mul_add(d, a.j[kk]);
-        if !TURNING {
-            j[inn] = h[k][n].neg_mul_add(d, a.j[inn]);
-            j[kn] = h[i][n].mul_add(d, a.j[kn]);
+        if let Some(d) = self.shift {
+            let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
+            h[i][i] = a.m[ik].neg_mul_add(d, a.h[i][i]);
+            h[i][k] = a.m[ii].mul_add(d, a.h[i][k]);
+            h[k][i] = a.m[kk].neg_mul_add(d, a.h[k][i]);
+            h[k][k] = a.m[ik].mul_add(d, a.h[k][k]);
+            h[n][i] = a.m[kn].neg_mul_add(d, a.h[n][i]);
+            h[n][k] = a.m[inn].mul_add(d, a.h[n][k]);
+            j[ii] = (a.h[k][i] + h[k][i]).neg_mul_add(d, a.j[ii]);
+            j[ik] = (a.h[i][i] - h[k][k]).mul_add(d, a.j[ik]);
+            j[kk] = (a.h[i][k] + h[i][k]).mul_add(d, a.j[kk]);
+            if !TURNING {
+                j[inn] = h[k][n].neg_mul_add(d, a.j[inn]);
+                j[kn] = h[i][n].mul_add(d, a.j[kn]);
+            }
         }
         SpatialInertia {
             m: self.turn_symmetric::<false>(&a.m),
@@ -237,13 +245,38 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
     /// `R H R^T` of a full matrix; `PLANAR` where its column along the axis is zero.
     #[inline(always)]
     fn turn_full<const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3] {
-        let rows = Matrix3([self.rotate(Vector3(h[0])).0, self.rotate(Vector3(h[1])).0, self.rotate(Vector3(h[2])).0]);
-        let mut columns = rows.transposed().0;
-        columns[Self::I] = self.rotate(Vector3(columns[Self::I])).0;
-        columns[Self::K] = self.rotate(Vector3(columns[Self::K])).0;
-        if !PLANAR {
-            columns[ALONG] = self.rotate(Vector3(columns[ALONG])).0;
+        let (i, k, n) = (Self::I, Self::K, ALONG);
+        let mut out = *h;
+        match self.turn {
+            Turn::None => {}
+            Turn::Quarter => {
+                (out[i][i], out[i][k], out[k][i], out[k][k]) = (h[k][k], -h[k][i], -h[i][k], h[i][i]);
+                (out[n][i], out[n][k]) = (-h[n][k], h[n][i]);
+                if !PLANAR {
+                    (out[i][n], out[k][n]) = (-h[k][n], h[i][n]);
+                }
+            }
+            Turn::Half => {
+                (out[n][i], out[n][k]) = (-h[n][i], -h[n][k]);
+                if !PLANAR {
+                    (out[i][n], out[k][n]) = (-h[i][n], -h[k][n]);
+                }
+            }
+            Turn::By(sin, cos) => {
+                // As a symmetric matrix; its skew part does not turn.
+                let t = sin.mul_add(h[i][i] - h[k][k], cos * (h[i][k] + h[k][i]));
+                out[i][i] = sin.neg_mul_add(t, h[i][i]);
+                out[k][k] = sin.mul_add(t, h[k][k]);
+                out[i][k] = cos.mul_add(t, -h[k][i]);
+                out[k][i] = cos.mul_add(t, -h[i][k]);
+                out[n][i] = cos.mul_add(h[n][i], -(sin * h[n][k]));
+                out[n][k] = sin.mul_add(h[n][i], cos * h[n][k]);
+                if !PLANAR {
+                    out[i][n] = cos.mul_add(h[i][n], -(sin * h[k][n]));
+                    out[k][n] = sin.mul_add(h[i][n], cos * h[k][n]);
+                }
+            }
         }
-        Matrix3(columns).transposed().0
+        out
     }
 }

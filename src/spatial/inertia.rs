@@ -102,6 +102,19 @@ impl<L: Lane> SpatialInertia<L> {
         }
     }
 
+    /// Column K.
+    #[inline(always)]
+    pub fn column<const K: usize>(&self) -> Vector6<L> {
+        Vector6::from_array([
+            self.entry(0, K),
+            self.entry(1, K),
+            self.entry(2, K),
+            self.entry(3, K),
+            self.entry(4, K),
+            self.entry(5, K),
+        ])
+    }
+
     /// Adds to entry (i, i).
     #[inline(always)]
     pub fn add_diagonal(&mut self, i: usize, x: L) {
@@ -187,13 +200,23 @@ impl<L: Lane> SpatialInertia<L> {
         self.eliminate::<3>(u, over_d)
     }
 
-    /// The same where the direction is the rotation about z: its row and column vanish.
+    /// What is left where the body is free to turn about z (that row and column vanish), `U / D` and `1 / D`.
     #[inline(always)]
-    pub fn turn_eliminated(&self, u: Vector6<L>, over_d: L) -> Self {
+    pub fn free_to_turn(&self) -> (Self, Vector6<L>, L) {
+        let u = self.column::<5>();
+        let (zero, over_d) = (L::zero(), L::c(1.0) / u.angular.0[2]);
         let mut rest = self.eliminate::<2>(u, over_d);
-        (rest.j[2], rest.j[4], rest.j[5]) = (L::zero(), L::zero(), L::zero());
-        (rest.h[0][2], rest.h[1][2], rest.h[2][2]) = (L::zero(), L::zero(), L::zero());
-        rest
+        (rest.j[2], rest.j[4], rest.j[5]) = (zero, zero, zero);
+        (rest.h[0][2], rest.h[1][2], rest.h[2][2]) = (zero, zero, zero);
+        (rest, u.scale(over_d), over_d)
+    }
+
+    /// What is left where the body is free to slide along z, `U / D` and `1 / D`.
+    #[inline(always)]
+    pub fn free_to_slide(&self) -> (Self, Vector6<L>, L) {
+        let u = self.column::<2>();
+        let over_d = L::c(1.0) / u.linear.0[2];
+        (self.eliminated(u, over_d), u.scale(over_d), over_d)
     }
 
     /// Works on the first `ANGULAR` (2 or 3) angular rows and columns. Unrolled by hand: the compiler would not.
@@ -228,31 +251,6 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m, h, j }
     }
 
-    /// `A c + p` for an inertia left by [`Self::turn_eliminated`] and a c without components along or about z.
-    #[inline(always)]
-    pub fn apply_across(&self, c: Vector6<L>, p: Vector6<L>) -> Vector6<L> {
-        let ([cx, cy, _], [dx, dy, _]) = (c.linear.0, c.angular.0);
-        let (m, h, j) = (&self.m, &self.h, &self.j);
-        let (f, t) = (p.linear.0, p.angular.0);
-        // sum + a x + b y
-        #[inline(always)]
-        fn plus<L: Lane>(sum: L, a: L, x: L, b: L, y: L) -> L {
-            a.mul_add(x, b.mul_add(y, sum))
-        }
-        Vector6 {
-            linear: Vector3([
-                plus(plus(f[0], m[0], cx, m[1], cy), h[0][0], dx, h[0][1], dy),
-                plus(plus(f[1], m[1], cx, m[3], cy), h[1][0], dx, h[1][1], dy),
-                plus(plus(f[2], m[2], cx, m[4], cy), h[2][0], dx, h[2][1], dy),
-            ]),
-            angular: Vector3([
-                plus(plus(t[0], h[0][0], cx, h[1][0], cy), j[0], dx, j[1], dy),
-                plus(plus(t[1], h[0][1], cx, h[1][1], cy), j[1], dx, j[3], dy),
-                t[2],
-            ]),
-        }
-    }
-
     /// `Ad_T^-T A Ad_T^-1`: the inertia of a child frame at `T`, seen from the parent frame.
     #[inline(always)]
     pub fn to_parent(&self, pose: &Pose<L>) -> Self {
@@ -275,62 +273,75 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m: self.m, h: h_new.0, j: packed(&j_new) }
     }
 
-    /// Solves `A x = b` by LDL^T, without pivoting: A is positive definite.
+    /// Solves `A x = b`.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
-        let mut a = [[L::zero(); 6]; 6];
-        for i in 0..6 {
-            for k in 0..=i {
-                a[i][k] = self.entry(i, k);
-            }
-        }
-        let mut system = Elimination { a, over_d: [L::zero(); 6], x: b.to_array() };
-        system.eliminate::<0>();
-        system.eliminate::<1>();
-        system.eliminate::<2>();
-        system.eliminate::<3>();
-        system.eliminate::<4>();
-        system.eliminate::<5>();
-        system.substitute::<5>();
-        system.substitute::<4>();
-        system.substitute::<3>();
-        system.substitute::<2>();
-        system.substitute::<1>();
-        system.substitute::<0>();
-        Vector6::from_array(system.x)
+        let mut factored = Factored::blank();
+        factored.factor(self);
+        factored.solve(b)
     }
 }
 
-/// A system of six equations on its way to the solution. (Steps are constants, so that every index below is one.)
-struct Elimination<L> {
-    /// Lower triangle of what is left of A; columns already eliminated hold L D.
-    a: [[L; 6]; 6],
+/// An inertia as `L D L^T`.
+#[derive(Debug, Clone, Copy)]
+pub struct Factored<L> {
+    /// L below its diagonal of ones.
+    l: [[L; 6]; 6],
     over_d: [L; 6],
-    x: [L; 6],
 }
 
-impl<L: Lane> Elimination<L> {
-    /// Eliminates unknown K from the equations after it.
+impl<L: Lane> Factored<L> {
+    /// Memory to factor into.
     #[inline(always)]
-    fn eliminate<const K: usize>(&mut self) {
-        let over_d = L::c(1.0) / self.a[K][K];
-        for i in K + 1..6 {
-            let factor = self.a[i][K] * over_d;
-            for k in K + 1..=i {
-                self.a[i][k] = factor.neg_mul_add(self.a[k][K], self.a[i][k]);
-            }
-            self.x[i] = factor.neg_mul_add(self.x[K], self.x[i]);
-        }
-        self.over_d[K] = over_d;
+    pub fn blank() -> Self {
+        Self { l: [[L::zero(); 6]; 6], over_d: [L::zero(); 6] }
     }
 
-    /// Works out unknown K from those after it.
+    /// Factors a positive definite A: no pivoting. Row by row, so that little is at hand at a time.
     #[inline(always)]
-    fn substitute<const K: usize>(&mut self) {
-        let mut sum = self.x[K];
-        for i in K + 1..6 {
-            sum = self.a[i][K].neg_mul_add(self.x[i], sum);
+    pub fn factor(&mut self, a: &SpatialInertia<L>) {
+        self.push::<0>(a);
+        self.push::<1>(a);
+        self.push::<2>(a);
+        self.push::<3>(a);
+        self.push::<4>(a);
+        self.push::<5>(a);
+    }
+
+    /// Works out row I from those before. (I is a constant, so that every index is one.)
+    #[inline(always)]
+    fn push<const I: usize>(&mut self, a: &SpatialInertia<L>) {
+        // Row I of L D.
+        let mut row = [L::zero(); 6];
+        for k in 0..I {
+            row[k] = a.entry(I, k);
+            for j in 0..k {
+                row[k] = row[j].neg_mul_add(self.l[k][j], row[k]);
+            }
+            self.l[I][k] = row[k] * self.over_d[k];
         }
-        self.x[K] = sum * self.over_d[K];
+        let mut pivot = a.entry(I, I);
+        for k in 0..I {
+            pivot = row[k].neg_mul_add(self.l[I][k], pivot);
+        }
+        self.over_d[I] = L::c(1.0) / pivot;
+    }
+
+    /// Solves `L D L^T x = b`.
+    #[inline(always)]
+    pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
+        let mut x = b.to_array();
+        for k in 0..6 {
+            for i in k + 1..6 {
+                x[i] = self.l[i][k].neg_mul_add(x[k], x[i]);
+            }
+        }
+        for k in (0..6).rev() {
+            x[k] = x[k] * self.over_d[k];
+            for i in k + 1..6 {
+                x[k] = self.l[i][k].neg_mul_add(x[i], x[k]);
+            }
+        }
+        Vector6::from_array(x)
     }
 }

@@ -4,4 +4,4 @@ mod bend;
 mod inertia;
 
 pub use bend::{Bend, Screw, constant_screw_z, screw_x, screw_z};
-pub use inertia::SpatialInertia;
+pub use inertia::{Factored, SpatialInertia};

@@ -36,6 +36,14 @@ const PARALLEL: f64 = 1e-14;
 /// Sine below which two axes that are not parallel are too nearly so for a common normal.
 const NEARLY_PARALLEL: f64 = 0.05;
 
+/// Shifts below this are rounding, m.
+const NO_SHIFT: f64 = 1e-15;
+
+/// A shift, if it is one.
+pub fn shift(length: f64) -> Option<f64> {
+    (length.abs() > NO_SHIFT).then_some(length)
+}
+
 /// A common normal: its feet on the two lines and its direction from the first.
 struct Normal {
     feet: [Vector3<f64>; 2],
@@ -64,7 +72,7 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
             None => first(*line, pose),
             Some(parent) => match &normals[i - 1] {
                 Some(normal) => {
-                    let stand = Stand::Bend(bend(normal.sin, normal.cos), normal.length());
+                    let stand = Stand::Bend(bend(normal.sin, normal.cos), shift(normal.length()));
                     by_normal(normal, *line, pose, stand)
                 }
                 None => by_pose(&inverse(&parent.pose).times(&pose), pose),
@@ -82,7 +90,8 @@ fn first(line: Line, pose: Pose<f64>) -> JointFrame {
     let [cos, sin, _] = normal.direction.0;
     // Rounding in a direction that is meant to be straight ahead.
     let turn = if sin.abs() < PARALLEL && cos > 0.0 { Bend::Flat } else { Bend::General(sin, cos) };
-    let stand = Stand::Crank(turn, normal.feet[0].0[2], bend(normal.sin, normal.cos), normal.length());
+    let (d, a) = (shift(normal.feet[0].0[2]), shift(normal.length()));
+    let stand = Stand::Crank(turn, d, bend(normal.sin, normal.cos), a);
     by_normal(&normal, line, pose, stand)
 }
 

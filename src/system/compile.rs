@@ -2,11 +2,11 @@
 
 use nalgebra as na;
 
-use super::chain::{Line, inverse, joint_frames};
-use super::model::{BodyTerms, Friction, JointTerms, Limits, Servo, System, VehicleServo};
+use super::chain::{Line, inverse, joint_frames, shift};
+use super::model::{BodyTerms, Constant, Friction, JointTerms, Limits, Servo, System, VehicleServo};
 use super::variation::Ingredients;
 use crate::description::{Body, Frame, Joint, JointKind, Scene, Vehicle, Water};
-use crate::hydro::{Coefficients, Drag, Placement, Restoring};
+use crate::hydro::{Coefficients, Drag, Placement, Principal, Restoring};
 use crate::lane::Shared;
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::SpatialInertia;
@@ -79,9 +79,8 @@ pub fn compile(scene: &Scene) -> Compiled {
             ingredients.push(of_body.map(Shared));
             JointTerms {
                 stand: frame.stand,
-                prismatic,
                 offset: if prismatic { frame.d } else { frame.theta },
-                constant: if prismatic { frame.theta.sin_cos().into() } else { [frame.d, 0.0] },
+                constant: if prismatic { turn(frame.theta) } else { Constant::Shift(shift(frame.d)) },
                 body,
                 friction: friction(joint),
                 limits: limits(joint),
@@ -228,8 +227,8 @@ fn relabelled(coefficients: &Coefficients<f64>, axes: &[(usize, f64); 3]) -> Coe
 /// they are made of.
 fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>) {
     let none = Restoring { net_mass: 0.0, moment: [0.0; 3] };
-    let mut sum =
-        Ingredients { rigid: SpatialInertia::zero(), added: SpatialInertia::zero(), weight: none, displaced: none };
+    let (rigid, added) = (SpatialInertia::zero(), SpatialInertia::zero());
+    let mut sum = Ingredients { rigid, added, principal: None, weight: none, displaced: none };
     let mut drag = Vec::new();
     for part in parts {
         let at = link.times(&part.at);
@@ -240,19 +239,71 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
             sum.net_mass += part.net_mass;
             sum.moment = (Vector3(sum.moment) + moment).0;
         }
-        drag.extend(part.drag.iter().map(|d| {
-            let within = match d.placement {
-                Placement::Here => identity(),
-                Placement::Shifted(p) => Pose { rotation: Matrix3::identity(), position: Vector3(p) },
-                Placement::At(r, p) => Pose { rotation: Matrix3(r), position: Vector3(p) },
-            };
-            placed(d.linear.clone(), d.quadratic.clone(), &at.times(&within))
-        }));
+        let at = |d: &Drag<f64>| at.times(&within(&d.placement));
+        drag.extend(part.drag.iter().map(|d| placed(d.linear.clone(), d.quadratic.clone(), &at(d))));
     }
     let moment = (Vector3(sum.weight.moment) - Vector3(sum.displaced.moment)).0;
     let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
     let restoring = (restoring != none).then_some(restoring);
-    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag }, sum)
+    let principal = drag.first().and_then(|drag| {
+        let (principal, parts) = principal(&sum, drag)?;
+        sum.principal = Some(parts);
+        Some(principal)
+    });
+    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag, principal }, sum)
+}
+
+/// Entries of an inertia off its diagonal that are rounding, by the diagonal entries that they couple.
+const OFF_DIAGONAL: f64 = 1e-14;
+
+/// A body in the frame of its drag, if everything is diagonal there; with the diagonals of rigid and added inertia.
+fn principal(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Principal<f64>, [[f64; 6]; 2])> {
+    let at = within(&drag.placement);
+    let back = inverse(&at);
+    let diagonal = |inertia: &SpatialInertia<f64>| {
+        // What is left of large terms that cancel on the way counts by the size of these.
+        let (here, there) = (inertia, inertia.to_parent(&back));
+        let size = |k: usize| here.entry(k, k).max(there.entry(k, k));
+        let off = |i: usize, k: usize| there.entry(i, k).abs() > OFF_DIAGONAL * (size(i) * size(k)).sqrt();
+        let clean = (0..6).all(|i| (0..i).all(|k| !off(i, k)));
+        clean.then(|| [0, 1, 2, 3, 4, 5].map(|k| there.entry(k, k)))
+    };
+    let parts = [diagonal(&of.rigid)?, diagonal(&of.added)?];
+    let centred = |mass: &Restoring<f64>| {
+        let arm = at.position.scale(mass.net_mass);
+        let size = arm.dot(arm).sqrt();
+        let off = Vector3(mass.moment) - arm;
+        off.dot(off).sqrt() <= OFF_DIAGONAL * size
+    };
+    if !(centred(&of.weight) && centred(&of.displaced)) {
+        return None;
+    }
+    let coefficients = |c: &Coefficients<f64>| match c {
+        Coefficients::None => Some([0.0; 6]),
+        Coefficients::Diagonal(d) => Some(*d),
+        Coefficients::Full(_) => None,
+    };
+    let principal = Principal {
+        position: at.position.0,
+        rotation: matches!(drag.placement, Placement::At(..)).then_some(at.rotation.0),
+        inertia: [0, 1, 2, 3, 4, 5].map(|k| parts[0][k] + parts[1][k]),
+        drag: [coefficients(&drag.linear)?, coefficients(&drag.quadratic)?],
+        net_mass: of.weight.net_mass - of.displaced.net_mass,
+    };
+    Some((principal, parts))
+}
+
+fn within(placement: &Placement<f64>) -> Pose<f64> {
+    match *placement {
+        Placement::Here => identity(),
+        Placement::Shifted(p) => Pose { rotation: Matrix3::identity(), position: Vector3(p) },
+        Placement::At(r, p) => Pose { rotation: Matrix3(r), position: Vector3(p) },
+    }
+}
+
+fn turn(theta: f64) -> Constant<f64> {
+    let (sin, cos) = theta.sin_cos();
+    Constant::Turn(sin, cos)
 }
 
 fn friction(joint: &Joint) -> Option<Friction<f64>> {

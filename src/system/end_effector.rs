@@ -3,10 +3,10 @@
 use nalgebra as na;
 
 use super::compile::compile;
-use super::model::{JointTerms, Stand};
+use super::model::{Constant, JointTerms, Stand};
 use super::state::{JOINTS, Joints};
 use crate::description::{Frame, Scene};
-use crate::lane::{Lane, Param, Shared, sin_cos};
+use crate::lane::{Lane, Param, Shared, get_option, sin_cos};
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::{Screw, constant_screw_z, screw_x, screw_z};
 
@@ -22,9 +22,8 @@ pub struct EndEffector<P = Shared<f64>> {
 #[derive(Debug, Clone, PartialEq)]
 struct Link<P> {
     stand: Stand<P>,
-    prismatic: bool,
     offset: P,
-    constant: [P; 2],
+    constant: Constant<P>,
 }
 
 impl EndEffector {
@@ -38,7 +37,6 @@ impl EndEffector {
         };
         let link = |joint: &JointTerms<Shared<f64>>| Link {
             stand: joint.stand,
-            prismatic: joint.prismatic,
             offset: joint.offset,
             constant: joint.constant,
         };
@@ -57,12 +55,8 @@ impl<P: Copy> EndEffector<P> {
     /// The same with its numbers changed.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> EndEffector<Q> {
         let c = &change;
-        let link = |link: &Link<P>| Link {
-            stand: link.stand.map(c),
-            prismatic: link.prismatic,
-            offset: c(link.offset),
-            constant: link.constant.map(c),
-        };
+        let link =
+            |link: &Link<P>| Link { stand: link.stand.map(c), offset: c(link.offset), constant: link.constant.map(c) };
         let (rotation, position) = self.tip;
         EndEffector {
             joints: self.joints.iter().map(link).collect(),
@@ -83,13 +77,15 @@ impl<P: Copy> EndEffector<P> {
         while i > 0 {
             i -= 1;
             let joint = &self.joints[i];
-            let (sin, cos, d) = if joint.prismatic {
-                (joint.constant[0].get(), joint.constant[1].get(), q[i] + joint.offset.get())
-            } else {
-                let (sin, cos) = sin_cos(q[i] + joint.offset.get());
-                (sin, cos, joint.constant[0].get())
+            let coordinate = q[i] + joint.offset.get();
+            let screw = match joint.constant {
+                Constant::Shift(d) => {
+                    let (sin, cos) = sin_cos(coordinate);
+                    screw_z(sin, cos, get_option(d))
+                }
+                Constant::Turn(sin, cos) => screw_z(sin.get(), cos.get(), Some(coordinate)),
             };
-            carry(&screw_z(sin, cos, d), &mut pose);
+            carry(&screw, &mut pose);
             match joint.stand {
                 Stand::Bend(bend, a) => carry(&screw_x(bend, a), &mut pose),
                 Stand::Crank(turn, d, bend, a) => {

@@ -11,6 +11,6 @@ mod variation;
 pub use attitude::{quaternion, roll_pitch_yaw, rotation, rotation_vector};
 pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;
-pub use model::{BodyTerms, Friction, JointTerms, Limits, Servo, Stand, System, VehicleServo};
+pub use model::{BodyTerms, Constant, Friction, JointTerms, Limits, Servo, Stand, System, VehicleServo};
 pub use state::{Flow, JOINTS, Joints, State};
 pub use variation::{Factors, Ingredients};

@@ -1,6 +1,6 @@
 //! What the kernel reads: constants of a scene, in the frames that compute fastest.
 
-use crate::hydro::{Drag, Restoring};
+use crate::hydro::{Drag, Principal, Restoring};
 use crate::spatial::{Bend, SpatialInertia};
 
 /// A scene compiled for computation; a term that the scene does not have is absent. Shared by all instances.
@@ -30,6 +30,8 @@ pub struct BodyTerms<P> {
     pub restoring: Option<Restoring<P>>,
     /// Drag, one entry per body of the scene that is fixed to this one.
     pub drag: Vec<Drag<P>>,
+    /// `inertia`, `restoring` and the first of `drag` once more, where they are diagonal in one frame.
+    pub principal: Option<Principal<P>>,
 }
 
 /// One joint and the link that it moves.
@@ -37,12 +39,10 @@ pub struct BodyTerms<P> {
 pub struct JointTerms<P> {
     /// Where the joint stands on its parent.
     pub stand: Stand<P>,
-    /// Slides instead of turning.
-    pub prismatic: bool,
     /// theta (revolute) or d (prismatic) at q = 0.
     pub offset: P,
-    /// d (revolute); sine and cosine of theta (prismatic).
-    pub constant: [P; 2],
+    /// What does not move of the screw about z.
+    pub constant: Constant<P>,
     /// The link.
     pub body: BodyTerms<P>,
     /// Friction.
@@ -55,13 +55,22 @@ pub struct JointTerms<P> {
     pub effort: Option<P>,
 }
 
+/// The constant part of a joint's `Rz(theta) Tz(d)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Constant<P> {
+    /// Of a joint that turns: d, absent where it is 0.
+    Shift(Option<P>),
+    /// Of a joint that slides: sine and cosine of theta.
+    Turn(P, P),
+}
+
 /// Constant move from the parent frame to the joint's, before the screw about z.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stand<P> {
-    /// `Rx(alpha) Tx(a)`.
-    Bend(Bend<P>, P),
+    /// `Rx(alpha) Tx(a)`; a is absent where it is 0.
+    Bend(Bend<P>, Option<P>),
     /// `Rz(theta) Tz(d) Rx(alpha) Tx(a)` with constant theta and d, by theta, d, alpha, a.
-    Crank(Bend<P>, P, Bend<P>, P),
+    Crank(Bend<P>, Option<P>, Bend<P>, Option<P>),
     /// Any pose: rotation by rows, position.
     Pose([[P; 3]; 3], [P; 3]),
 }
@@ -122,6 +131,16 @@ impl<P: Copy> BodyTerms<P> {
             inertia: self.inertia.map(c),
             restoring: self.restoring.map(|r| r.map(c)),
             drag: self.drag.iter().map(|d| d.map(c)).collect(),
+            principal: self.principal.map(|p| p.map(c)),
+        }
+    }
+}
+
+impl<P: Copy> Constant<P> {
+    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Constant<Q> {
+        match *self {
+            Constant::Shift(d) => Constant::Shift(d.map(c)),
+            Constant::Turn(sin, cos) => Constant::Turn(c(sin), c(cos)),
         }
     }
 }
@@ -129,18 +148,23 @@ impl<P: Copy> BodyTerms<P> {
 impl<P: Copy> Stand<P> {
     pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Stand<Q> {
         match *self {
-            Stand::Bend(bend, a) => Stand::Bend(bend.map(c), c(a)),
-            Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), c(d), bend.map(c), c(a)),
+            Stand::Bend(bend, a) => Stand::Bend(bend.map(c), a.map(c)),
+            Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), d.map(c), bend.map(c), a.map(c)),
             Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
         }
     }
 }
 
 impl<P: Copy> JointTerms<P> {
+    /// Whether the joint slides instead of turning.
+    #[inline(always)]
+    pub fn slides(&self) -> bool {
+        matches!(self.constant, Constant::Turn(..))
+    }
+
     fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointTerms<Q> {
         JointTerms {
             stand: self.stand.map(c),
-            prismatic: self.prismatic,
             offset: c(self.offset),
             constant: self.constant.map(c),
             body: self.body.map(c),

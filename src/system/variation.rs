@@ -50,6 +50,8 @@ pub struct Ingredients<P> {
     pub rigid: SpatialInertia<P>,
     /// Added inertia.
     pub added: SpatialInertia<P>,
+    /// Diagonals of both in the body's principal frame, if it has one.
+    pub principal: Option<[[P; 6]; 2]>,
     /// Mass and its moment.
     pub weight: Restoring<P>,
     /// Displaced mass and its moment.
@@ -62,6 +64,7 @@ impl<P: Copy> Ingredients<P> {
         Ingredients {
             rigid: self.rigid.map(&change),
             added: self.added.map(&change),
+            principal: self.principal.map(|parts| parts.map(|d| d.map(&change))),
             weight: self.weight.map(&change),
             displaced: self.displaced.map(&change),
         }
@@ -118,6 +121,17 @@ fn vary_body<L: Lane, P: Param<L>>(
         restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass);
         for k in 0..3 {
             restoring.moment[k] = net(parts.weight.moment[k], parts.displaced.moment[k]);
+        }
+    }
+    if let (Some(principal), Some(of), Some([rigid, added])) = (&mut body.principal, &of.principal, &parts.principal) {
+        let displaced = parts.displaced.net_mass.get();
+        principal.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
+        let [linear, quadratic] = &mut principal.drag;
+        for k in 0..6 {
+            let added = added[k].get() * factors.added_mass;
+            principal.inertia[k] = rigid[k].get().mul_add(factors.mass, added);
+            linear[k] = of.drag[0][k].get() * factors.linear_drag;
+            quadratic[k] = of.drag[1][k].get() * factors.quadratic_drag;
         }
     }
     for (drag, of) in body.drag.iter_mut().zip(&of.drag) {

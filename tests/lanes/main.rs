@@ -5,6 +5,7 @@ mod random_scene;
 
 mod dual;
 mod elementary;
+mod steps;
 
 use random_scene::{Options, Random, random_scene};
 use uvms_gym::balance::articulated::{Instant, Loads, Scratch, accelerations};

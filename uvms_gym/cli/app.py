@@ -10,6 +10,7 @@ import typer
 from uvms_gym import __version__
 from uvms_gym.cli import scenes
 from uvms_gym.cli.accuracy import accuracy
+from uvms_gym.cli.bench import bench
 from uvms_gym.cli.compare import compare
 from uvms_gym.cli.explain import explain
 from uvms_gym.cli.reproduce import reproduce
@@ -24,6 +25,7 @@ app = typer.Typer(
 app.command()(reproduce)
 app.command()(compare)
 app.command()(accuracy)
+app.command()(bench)
 scenes.app.command()(explain)
 app.add_typer(scenes.app, name="scenes")
 

@@ -59,6 +59,9 @@ impl<T: Real> Chunk<'_, '_, T> {
         let mut any = false;
         for k in 0..self.slots.len() {
             let slot = &mut self.slots[k];
+            if slot.over && autoreset == Autoreset::Disabled {
+                continue;
+            }
             if slot.over {
                 (out.rewards[k], out.terminated[k], out.truncated[k]) = (0.0, false, false);
                 begun[k] = true;
@@ -91,7 +94,7 @@ impl<T: Real> Chunk<'_, '_, T> {
     }
 
     /// Observations and measures of the chosen instances where they stand.
-    fn look(&mut self, chosen: &[bool], out: &mut Outputs<'_>) {
+    pub fn look(&mut self, chosen: &[bool], out: &mut Outputs<'_>) {
         let isa = self.part.isa;
         T::dispatch(isa, &mut Look { blocks: self.blocks(), chosen, out });
     }

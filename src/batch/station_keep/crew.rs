@@ -6,13 +6,19 @@ use super::Final;
 use super::chunk::{Chunk, Duty, Rules, column, set_column};
 use super::kernels;
 use super::outputs::Outputs;
+use super::rollout::{Lap, Rollout, take_before};
 use super::slot::Slot;
 use crate::batch::blocks::Blocks;
 use crate::batch::simulator::Simulator;
 use crate::batch::step::Switches;
+use crate::control::Policy;
+use crate::error::ControlError;
 use crate::lane::Real;
 use crate::scene::{Keeper, StationKeep};
 use crate::system::State;
+
+/// The joints' servos are all that is on.
+const SERVO: Switches = Switches { servo: true, on_links: false, station: false };
 
 /// The numbers of all episodes, whatever the precision.
 pub(super) trait Crew: Send + Sync {
@@ -24,6 +30,14 @@ pub(super) trait Crew: Send + Sync {
         orders: &Orders<'_>,
         out: Outputs<'_>,
     ) -> Vec<Final>;
+    /// So many control periods of all instances under a policy; episodes that are over stay so.
+    fn run(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [Slot],
+        course: &Course<'_>,
+        rollout: &mut Rollout,
+    ) -> Result<(), ControlError>;
     /// Observations and measures of all instances where they stand.
     fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>);
     /// Numbers of the episode of instance `i`.
@@ -41,6 +55,14 @@ pub(super) struct Orders<'a> {
     pub task: &'a StationKeep,
     pub rules: Rules,
     pub actions: &'a [f32],
+}
+
+/// What a run is to do.
+pub(super) struct Course<'a> {
+    pub task: &'a StationKeep,
+    pub rules: Rules,
+    pub policy: &'a dyn Policy,
+    pub steps: u32,
 }
 
 /// The numbers of all episodes.
@@ -78,8 +100,7 @@ impl<T: Real> Crew for Company<T> {
             .zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows))
             .zip(actions.chunks(chunk * task.action_len()))
             .zip(out.chunks(chunk));
-        let servo = Switches { servo: true, ..Switches::default() };
-        simulator.visit::<T, _>(substeps, servo, items, |part, (((slots, episodes), actions), mut out)| {
+        simulator.visit::<T, _>(substeps, SERVO, items, |part, (((slots, episodes), actions), mut out)| {
             let mut ended = Vec::new();
             Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
             if !ended.is_empty() {
@@ -89,6 +110,39 @@ impl<T: Real> Crew for Company<T> {
         let mut finals = finals.into_inner().unwrap_or_else(PoisonError::into_inner);
         finals.sort_by_key(|end| end.instance);
         finals
+    }
+
+    fn run(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [Slot],
+        course: &Course<'_>,
+        rollout: &mut Rollout,
+    ) -> Result<(), ControlError> {
+        let &Course { task, rules, policy, steps } = course;
+        let home = State { q: simulator.scene().home(), ..State::default() };
+        let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
+        let chunk = Blocks::<T>::CHUNK;
+        let mut traces = &mut rollout.traces[..];
+        let mut memory = &mut rollout.memory[..];
+        let mut laps = Vec::new();
+        for (k, tallies) in rollout.tallies.chunks_mut(chunk).enumerate() {
+            let remembered = tallies.len() * policy.widths().memory;
+            let (memory_of_lap, rest) = std::mem::take(&mut memory).split_at_mut(remembered);
+            memory = rest;
+            let traces = take_before(&mut traces, (k + 1) * chunk);
+            laps.push(Lap { policy, steps, memory: memory_of_lap, tallies, traces });
+        }
+        let failure = Mutex::new(Ok(()));
+        let substeps = task.options().substeps as usize;
+        let items =
+            slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows)).zip(&mut laps);
+        simulator.visit::<T, _>(substeps, SERVO, items, |part, ((slots, episodes), lap)| {
+            if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
+                *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
+            }
+        });
+        failure.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>) {

@@ -4,18 +4,21 @@ mod chunk;
 mod crew;
 mod kernels;
 mod outputs;
+mod rollout;
 mod slot;
 
 use super::monitor::Stray;
 use super::rates::Unstable;
 use super::simulator::{Precision, Simulator, SimulatorOptions};
 use crate::balance::Servos;
+use crate::control::{Policy, Widths};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
 use crate::scene::{Episode, EpisodeKey, INFO, StartOverride, StationKeep, StationKeepOptions};
 use chunk::Rules;
-use crew::{Company, Crew, Orders};
+use crew::{Company, Course, Crew, Orders};
 pub use outputs::{Outputs, Transition, Verdict};
+pub use rollout::{Rollout, Tally, Trace};
 use slot::Slot;
 
 /// What happens to an instance whose episode is over.
@@ -239,6 +242,34 @@ impl StationKeepBatch {
         }
         let orders = Orders { task: &self.task, rules: self.rules, actions };
         Ok(self.crew.step(&mut self.simulator, &mut self.slots, &orders, out))
+    }
+
+    /// `steps` control periods of all instances under a policy, from where they stand: the same numbers, bit for bit, as
+    /// so many calls of [`Self::step`] with the policy's actions. Whatever the autoreset, an instance whose episode is
+    /// over waits, until it is reset or stepped.
+    ///
+    /// # Errors
+    /// `TaskError` for a policy or a rollout of other sizes, and before the first reset; nothing has changed then.
+    pub fn run(&mut self, policy: &dyn Policy, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
+        let (expected, takes) = (self.task.observation_len(), self.task.action_len());
+        let Widths { observation: got, memory, action: gives } = policy.widths();
+        if (got, gives) != (expected, takes) {
+            return Err(ControlError::Widths { got, gives, expected, takes }.into());
+        }
+        let n = self.instances();
+        for (what, got, expected) in
+            [("tallies", rollout.tallies.len(), n), ("memory", rollout.memory.len(), n * memory)]
+        {
+            if got != expected {
+                return Err(ControlError::Shape { what, got, expected }.into());
+            }
+        }
+        if let Some(instance) = self.slots.iter().position(|slot| !slot.begun) {
+            return Err(TaskError::NotBegun { instance });
+        }
+        let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
+        let course = Course { task: &self.task, rules, policy, steps };
+        Ok(self.crew.run(&mut self.simulator, &mut self.slots, &course, rollout)?)
     }
 
     /// Everything there is to save.

@@ -1,0 +1,309 @@
+//! The articulated-body form: accelerations in O(n), the form that steps. `[RF08 ch. 7]`, `[McM95]`
+//!
+//! It solves the same balance as the closed form. Written in the frame that moves with the water: there rigid and
+//! added inertia obey one law, with the twist V relative to the water (a uniform steady current changes nothing but
+//! the reader's point of view). If the current accelerates by a_c, that frame accelerates with it: `g - a_c` takes the
+//! place of g, in weight as in buoyancy.
+//!
+//! ```text
+//! configure   inward    U = A E,  D = E^T U,   A_p += Ad^-T (A - U U^T / D) Ad^-1
+//! respond     outward   V_i = Ad^-1 V_p + E q',   g_i = Ad^-1 g_p + ad_V_i E q',   p_i = A_i g_i + B V_i - F_i
+//!             inward    u = tau - E^T p,   p_p += Ad^-T (p + U u / D)
+//!             base      A_0 V_0' = -p_0
+//!             outward   q'' = (u - U^T Ad^-1 a_p) / D,   a_i = Ad^-1 a_p + E q'',   V_i' = a_i + g_i
+//! ```
+//!
+//! with `g_0 = 0`, `a_0 = V_0'`. What products of velocities make of the acceleration, g, meets each body's own inertia
+//! A_i in the outward pass, so that articulated inertia need not be kept. What depends on the configuration alone is a
+//! pass of its own: it can serve several velocities.
+
+mod link;
+
+use link::Base;
+pub(crate) use link::Link;
+pub use link::Scratch;
+
+use super::joint_torque::joint_torque;
+use crate::lane::{Lane, Param, sin_cos};
+use crate::lie::{Vector3, Vector6};
+use crate::spatial::SpatialInertia;
+use crate::system::{BodyTerms, Constant, JOINTS, JointTerms, System};
+
+/// Forces at the joints and on the links besides those of the system itself; held over a control period.
+#[derive(Debug, Clone, Copy)]
+pub struct Loads<L> {
+    /// Actuator torques.
+    pub torque: [L; JOINTS],
+    /// Whether the joint servos are on.
+    pub servo: bool,
+    /// Servo targets, as cubic polynomials in the time, constant term first, and the rates of these, in time to the powers 1
+    /// and 2.
+    pub target: [[L; 6]; JOINTS],
+    /// Whether `links` holds anything.
+    pub on_links: bool,
+    /// External wrenches on the links, each in its joint's frame.
+    pub links: [Vector6<L>; JOINTS],
+}
+
+impl<L: Lane> Loads<L> {
+    /// None.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self {
+            torque: [L::zero(); JOINTS],
+            servo: false,
+            target: [[L::zero(); 6]; JOINTS],
+            on_links: false,
+            links: [Vector6::zero(); JOINTS],
+        }
+    }
+
+    /// Sets the servo target of joint `i`.
+    #[inline(always)]
+    pub fn set_target(&mut self, i: usize, [a, b, c, d]: [L; 4]) {
+        self.target[i] = [a, b, c, d, c + c, L::c(3.0) * d];
+    }
+
+    /// Servo target of joint `i`: value and rate at `time`.
+    #[inline(always)]
+    pub(super) fn target(&self, i: usize, time: L) -> Option<(L, L)> {
+        if !self.servo {
+            return None;
+        }
+        let [a, b, c, d, c2, d3] = self.target[i];
+        let value = d.mul_add(time, c).mul_add(time, b).mul_add(time, a);
+        let rate = d3.mul_add(time, c2).mul_add(time, b);
+        Some((value, rate))
+    }
+}
+
+/// One instance (per lane) at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Instant<'a, L> {
+    /// Gravity in vehicle axes.
+    pub gravity: Vector3<L>,
+    /// Vehicle twist relative to the water.
+    pub twist: Vector6<L>,
+    /// Joint coordinates.
+    pub q: &'a [L; JOINTS],
+    /// Joint rates.
+    pub qd: &'a [L; JOINTS],
+    /// Wrench on the vehicle, body frame at its origin.
+    pub wrench: Vector6<L>,
+    /// Linear rate of `twist` of a held vehicle: what water that accelerates runs away from it. Counts for no other.
+    pub held_rate: Vector3<L>,
+    /// Time on the clock of the servo targets.
+    pub time: L,
+}
+
+/// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
+#[inline(always)]
+pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
+    let (v, w) = (twist.linear.0, twist.angular.0);
+    let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
+    if slides {
+        Vector6 { linear: across, angular: Vector3::zero() }
+    } else {
+        Vector6 { linear: Vector3([v[1] * qd, -(v[0] * qd), L::zero()]), angular: across }
+    }
+}
+
+/// `V + E q'`
+#[inline(always)]
+pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vector6<L>, qd: L) -> Vector6<L> {
+    match joint.constant {
+        Constant::Shift(_) => twist.angular.0[2] += qd,
+        Constant::Turn(..) => twist.linear.0[2] += qd,
+    }
+    twist
+}
+
+/// `A g + B V - restoring - drag`, or without g: what a body's motion and the water ask for. (Written where it belongs at
+/// once: values that meet after a branch would go through memory besides.)
+#[inline(always)]
+pub(super) fn body_bias<const G: bool, L: Lane, P: Param<L>>(
+    body: &BodyTerms<P>,
+    twist: Vector6<L>,
+    gained: Vector6<L>,
+    gravity: Vector3<L>,
+    bias: &mut Vector6<L>,
+) {
+    let mut drag = &body.drag[..];
+    if let (Some(principal), [_, rest @ ..]) = (&body.principal, drag) {
+        principal.bias::<G, L>(twist, gained, gravity, bias);
+        drag = rest;
+    } else {
+        let inertia: SpatialInertia<L> = body.inertia.get();
+        *bias = inertia.bias_wrench(twist);
+        if G {
+            *bias = *bias + inertia.apply(gained);
+        }
+        if let Some(restoring) = &body.restoring {
+            *bias = restoring.subtract(gravity, *bias);
+        }
+    }
+    for drag in drag {
+        *bias = *bias - drag.wrench(twist);
+    }
+}
+
+/// Places the links: their screws and gravity.
+#[inline(always)]
+pub(super) fn place<L: Lane, P: Param<L>>(
+    joints: &[JointTerms<P>],
+    gravity: Vector3<L>,
+    q: &[L; JOINTS],
+    links: &mut [Link<L>],
+) {
+    let mut gravity = gravity;
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        let coordinate = joint.offset.get() + q[i];
+        link.screw = match joint.constant {
+            Constant::Shift(_) => sin_cos(coordinate).into(),
+            Constant::Turn(..) => [coordinate; 2],
+        };
+        gravity = link.screw(joint).rotate_back(Base::of(&joint.stand).rotate_back(gravity));
+        link.gravity = gravity;
+    }
+}
+
+impl<L: Lane> Scratch<L> {
+    /// Works out what a system has once and for all; before anything else is done with it.
+    #[inline(always)]
+    pub fn prepare<P: Param<L>>(&mut self, system: &System<P>) {
+        let joints = system.joints.as_slice();
+        if let (Some(joint), Some(link)) = (joints.last(), self.links[..joints.len()].last_mut()) {
+            self.tip = link.free(joint, &joint.body.inertia.get());
+        }
+    }
+}
+
+/// The part that depends on the configuration alone.
+#[inline(always)]
+pub fn configure<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    gravity: Vector3<L>,
+    q: &[L; JOINTS],
+    scratch: &mut Scratch<L>,
+) {
+    let joints = system.joints.as_slice();
+    let links = &mut scratch.links[..joints.len()];
+    place(joints, gravity, q, links);
+    let own: SpatialInertia<L> = system.vehicle.inertia.get();
+    let (Some((tip, others)), Some((last, links))) = (joints.split_last(), links.split_last_mut()) else {
+        scratch.base.factor(&own);
+        return;
+    };
+    // Inertia of the links already done, as the body at hand feels it.
+    let mut carried = last.inertia_to_parent(tip, &scratch.tip);
+    for (joint, link) in others.iter().zip(links).rev() {
+        let own: SpatialInertia<L> = joint.body.inertia.get();
+        let rest = link.free(joint, &own.plus(&carried));
+        carried = link.inertia_to_parent(joint, &rest);
+    }
+    if !system.fixed {
+        scratch.base.factor(&own.plus(&carried));
+    }
+}
+
+/// Accelerations in the configuration that was last handed to [`configure`]: `V'`, V relative to the water, and `q''`;
+/// entries of `qdd` past the joint count are untouched.
+#[inline(always)]
+pub fn respond<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    at: &Instant<L>,
+    loads: &Loads<L>,
+    scratch: &mut Scratch<L>,
+    twist_rate: &mut Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
+    let joints = system.joints.as_slice();
+    let links = &mut scratch.links[..joints.len()];
+
+    let (mut moving, mut gained) = (twist, Vector6::zero());
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        moving = link.twist_from_parent(joint, moving);
+        let across = velocity_product(joint.slides(), moving, qd[i]);
+        gained = if i == 0 { across } else { link.twist_from_parent(joint, gained) + across };
+        moving = along(joint, moving, qd[i]);
+        body_bias::<true, L, P>(&joint.body, moving, gained, link.gravity, &mut link.bias);
+        if loads.on_links {
+            link.bias = link.bias - loads.links[i];
+        }
+        link.torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
+    }
+
+    // What the links already done ask of the body at hand.
+    let mut carried = Vector6::zero();
+    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
+        let bias = link.bias + carried;
+        let slides = joint.slides();
+        let u = link.torque - if slides { bias.linear.0[2] } else { bias.angular.0[2] };
+        let mut wrench = link.share.scale_add(u, bias);
+        // Nothing but its torque passes a joint along its axis.
+        *(if slides { &mut wrench.linear.0[2] } else { &mut wrench.angular.0[2] }) = link.torque;
+        link.torque = u * link.over_d;
+        carried = link.wrench_to_parent(joint, wrench);
+    }
+
+    *twist_rate = if system.fixed {
+        Vector6 { linear: held_rate, angular: Vector3::zero() }
+    } else {
+        let mut bias = Vector6::zero();
+        body_bias::<false, L, P>(&system.vehicle, twist, Vector6::zero(), gravity, &mut bias);
+        scratch.base.solve(wrench - (bias + carried))
+    };
+
+    let mut rate = *twist_rate;
+    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
+        rate = link.twist_from_parent(joint, rate);
+        let (v, w) = (&mut rate.linear.0, &mut rate.angular.0);
+        let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
+        // In two sums, as the joints wait for each other here. What a link does along its joint is `(u - U^T a) / D`,
+        // whatever its parent does there.
+        let rest = sy.neg_mul_add(v[1], sx.neg_mul_add(v[0], link.torque)) - ty.mul_add(w[1], tx * w[0]);
+        let (moved, does) = if joint.slides() {
+            (&mut v[2], tz.neg_mul_add(w[2], rest))
+        } else {
+            (&mut w[2], sz.neg_mul_add(v[2], rest))
+        };
+        *qdd = does - *moved;
+        *moved = does;
+    }
+}
+
+/// Works out `V'` and `q''`: [`configure`], then [`respond`].
+#[inline(always)]
+pub fn accelerations<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    at: &Instant<L>,
+    loads: &Loads<L>,
+    scratch: &mut Scratch<L>,
+    twist_rate: &mut Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
+    scratch.prepare(system);
+    configure(system, at.gravity, at.q, scratch);
+    respond(system, at, loads, scratch, twist_rate, qdd);
+}
+
+/// Twist of each link in its joint's frame, relative to what `twist` of the vehicle is relative to.
+#[inline(always)]
+pub fn link_twists<L: Lane, P: Param<L>>(
+    system: &System<P>,
+    twist: Vector6<L>,
+    q: &[L; JOINTS],
+    qd: &[L; JOINTS],
+    scratch: &mut Scratch<L>,
+    twists: &mut [Vector6<L>],
+) {
+    let joints = system.joints.as_slice();
+    let links = &mut scratch.links[..joints.len()];
+    place(joints, Vector3::zero(), q, links);
+    let mut twist = twist;
+    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+        twist = along(joint, link.twist_from_parent(joint, twist), qd[i]);
+        twists[i] = twist;
+    }
+}

@@ -1,0 +1,154 @@
+"""Threads of the pool: forks, many callers at once, idleness."""
+
+import copy
+import multiprocessing
+import os
+import pickle
+import signal
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import assert_same, moving, state_of
+
+from uvms_gym import Simulator
+
+# Some of the many starts are violent.
+pytestmark = pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
+
+MANY = 1000
+
+
+def simulator(seed: int = 0, threads: int = 2) -> Simulator:
+    return moving("petasus-pum", MANY, seed, threads=threads)
+
+
+def stepped(s: Simulator, substeps: int = 2) -> dict[str, np.ndarray]:
+    s.step(thrust=np.ones((MANY, s.num_thrusters)), substeps=substeps)
+    return state_of(s)
+
+
+def child(work: Callable[[], Any], patience: float = 20.0) -> Any:
+    """What a forked child makes of `work`, given time to; None if it does not come to an end."""
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    with warnings.catch_warnings():
+        # Python warns of threads, whosesoever they are.
+        warnings.simplefilter("ignore", DeprecationWarning)
+        process = os.fork()
+    if process == 0:
+        try:
+            sender.send(work())
+        finally:
+            os._exit(0)
+    try:
+        return receiver.recv() if receiver.poll(patience) else None
+    finally:
+        os.kill(process, signal.SIGKILL)
+        os.waitpid(process, 0)
+
+
+def test_a_forked_child_and_its_parent_step_on() -> None:
+    s = simulator()
+    stepped(s)
+    expected = stepped(copy.copy(s))
+    for _ in range(3):
+        got = child(lambda: stepped(copy.copy(s)))
+        assert got is not None, "the child hangs"
+        assert_same(got, expected)
+        assert_same(stepped(copy.copy(s)), expected)
+
+
+def test_children_of_children_step_on() -> None:
+    s = simulator()
+    stepped(s)
+    expected = stepped(copy.copy(s))
+
+    def generation(k: int) -> list[dict[str, np.ndarray]]:
+        before = stepped(copy.copy(s))
+        younger = child(lambda: generation(k - 1)) if k else []
+        return [before, *younger, stepped(copy.copy(s))]
+
+    results = child(lambda: generation(3))
+    assert results is not None, "a child hangs"
+    assert len(results) == 8
+    for result in results:
+        assert_same(result, expected)
+
+
+def test_a_fork_while_others_step_hangs_nobody() -> None:
+    s = simulator()
+    expected = stepped(copy.copy(s))
+    stop = threading.Event()
+
+    def busy() -> None:
+        other = simulator(1)
+        while not stop.is_set():
+            stepped(other)
+
+    others = [threading.Thread(target=busy) for _ in range(3)]
+    for other in others:
+        other.start()
+    try:
+        for _ in range(10):
+            got = child(lambda: stepped(copy.copy(s)))
+            assert got is not None, "the child hangs"
+            assert_same(got, expected)
+            assert_same(stepped(copy.copy(s)), expected)
+    finally:
+        stop.set()
+        for other in others:
+            other.join()
+
+
+def in_process(seed: int) -> dict[str, np.ndarray]:
+    return stepped(simulator(seed))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_processes_of_multiprocessing_step_on() -> None:
+    expected = [in_process(seed) for seed in range(4)]
+    with multiprocessing.get_context("fork").Pool(2) as pool:
+        first = pool.map_async(in_process, range(4)).get(timeout=30)
+        assert_same(in_process(0), expected[0])
+        second = pool.map_async(in_process, range(4)).get(timeout=30)
+    for got in (first, second):
+        for a, b in zip(got, expected, strict=True):
+            assert_same(a, b)
+
+
+def test_many_python_threads_step_at_once() -> None:
+    expected = [stepped(simulator(seed, threads=1), substeps=5) for seed in range(8)]
+    simulators = [simulator(seed) for seed in range(8)]
+
+    def steps(s: Simulator) -> dict[str, np.ndarray]:
+        for _ in range(4):
+            stepped(s, substeps=1)
+        return stepped(s, substeps=1)
+
+    with ThreadPoolExecutor(8) as executor:
+        for got, want in zip(executor.map(steps, simulators), expected, strict=True):
+            for part in set(got) - {"time"}:
+                assert got[part].tobytes() == want[part].tobytes(), part
+
+
+def test_copies_step_on_in_the_pool() -> None:
+    s = simulator()
+    stepped(s)
+    others = [copy.copy(s), copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
+    expected = stepped(s)
+    for other in others:
+        assert other.threads == 2
+        assert_same(stepped(other), expected)
+
+
+def test_idle_threads_take_no_time_of_the_processor() -> None:
+    stepped(simulator())
+    time.sleep(0.05)
+    before = time.process_time()
+    time.sleep(0.5)
+    assert time.process_time() - before < 0.1

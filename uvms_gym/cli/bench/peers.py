@@ -1,0 +1,175 @@
+"""MuJoCo and Pinocchio beside us: the same joints and masses, in one process, interleaved."""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from uvms_gym import Simulator
+from uvms_gym.cli.bench.chain import Floats, chain, dry
+from uvms_gym.cli.bench.environment import SUBSTEPS, VectorEnv
+from uvms_gym.cli.bench.physics import Setting, Stepping
+from uvms_gym.cli.bench.timing import Tick, interleave, rounds, summary
+from uvms_gym.cli.common import fail
+
+#: Ours that peers are set against.
+OURS = {"float64": "ours, f64", "float32": "ours, f32"}
+#: Greatest relative difference of dry accelerations, and states that are tried.
+BAR, TRIED = 1e-10, 20
+NAMES = {"mujoco": "mujoco", "pinocchio": "pin"}
+
+#: Models of MuJoCo: title, integrator and options.
+MODELS: dict[str, tuple[str, dict[str, Any]]] = {
+    "MuJoCo RK4": ("RK4", {}),
+    "MuJoCo RK4 with buoyancy": ("RK4", {"weight": "buoyant"}),
+    "MuJoCo RK4, no thrusters, no servos": ("RK4", {"actuators": False}),
+    "MuJoCo Euler": ("Euler", {}),
+    "MuJoCo implicitfast": ("implicitfast", {}),
+}
+ABA = "Pinocchio, 4 x aba"
+
+#: What nobody should have to find out.
+WORDS = """\
+What the peers do not compute. MuJoCo's ellipsoid fluid model: its added mass is a force that follows from velocities \
+alone (Munk moment and the like) and adds nothing to the inertia that accelerates, so there is no full 6x6 added mass; \
+its drag comes from the sizes of the ellipsoids and five coefficients, not from linear and quadratic 6x6 matrices of \
+every body; buoyancy is no part of it (the row with buoyancy has it as gravcomp, at the centre of mass and so without \
+righting moment; the other rows have no gravity instead); there is one current for a whole model. End stops, Coulomb \
+friction and limits of effort are left out of its models, and there is no estimate of a step's error. Joints, masses, \
+inertias, viscous friction, thrusters and joint servos are the same as ours. Pinocchio's aba gives accelerations of \
+rigid bodies: no water, no thruster, no servo, no friction, and no integrator between the four.
+What is done in the peers' favour. MuJoCo: native rollout of 32 instances (1024 take as long each) without checks, \
+into arrays allocated once; fixed parts merged; constraints, contacts, limits, sensors, warm start and energy off; \
+Jacobians as MuJoCo chooses them (dense or sparse by force is slower). Pinocchio: the loop over states is in C++ \
+(abaInParallel on one thread), so there is no Python call to subtract, and every joint is about z, its fastest kind. \
+Ours are timed as whole Python calls, inputs handed over."""
+
+
+def require() -> None:
+    """Refuse where a peer cannot be imported."""
+    for module, package in NAMES.items():
+        try:
+            import_module(module)
+        except ImportError as error:
+            raise fail(f"--peers needs {package} ({error}); run: pip install 'uvms-gym[peers]'") from None
+
+
+def check_scene(scene: dict[str, Any]) -> None:
+    """Refuse a scene that the peers' models do not cover."""
+    if scene["vehicle"].get("fixed"):
+        raise fail(f"--peers: {scene['name']} holds its vehicle, but the peers' models float")
+
+
+def versions() -> dict[str, str]:
+    """What ran."""
+    from uvms_gym.cli.bench import mujoco_peer, pinocchio_peer
+
+    return {"mujoco": mujoco_peer.VERSION, "pinocchio": pinocchio_peer.VERSION}
+
+
+def dry_difference(scene: dict[str, Any], seed: int = 0) -> dict[str, float]:
+    """Greatest relative difference of each peer's accelerations from ours, without water, over random states.
+
+    Raises
+    ------
+    TyperException
+        It is above `BAR`: the peer has another model.
+    """
+    from uvms_gym.cli.bench import mujoco_peer, pinocchio_peer
+
+    vacuum = dry(scene)
+    models = {
+        "mujoco": (mujoco_peer.acceleration, mujoco_peer.build(vacuum, water=False, weight="full", actuators=False)),
+        "pinocchio": (pinocchio_peer.acceleration, pinocchio_peer.build(vacuum)),
+    }
+    simulator = Simulator(vacuum)
+    viscous = np.array([link.joint["friction"]["viscous"] for link in chain(vacuum)[1:] if link.joint])
+    rng = np.random.default_rng(seed)
+    worst = dict.fromkeys(models, 0.0)
+    for _ in range(TRIED):
+        state, wrench, torque = _random(rng, simulator)
+        simulator.set_state(**state)
+        ours = simulator.forward_dynamics(wrench=wrench, joint_torque=torque)[0]
+        for name, (acceleration, model) in models.items():
+            # Pinocchio knows no friction.
+            applied = torque - viscous * state["qd"] if name == "pinocchio" else torque
+            off = np.abs(acceleration(model, state, wrench, applied) - ours).max() / np.abs(ours).max()
+            worst[name] = max(worst[name], float(off))
+    for name, off in worst.items():
+        if not off <= BAR:
+            raise fail(f"{scene['name']}: dry accelerations of {name} differ by {off:.1e}: it has another model")
+    return worst
+
+
+def _random(rng: np.random.Generator, simulator: Simulator) -> tuple[dict[str, Floats], Floats, Floats]:
+    n = simulator.num_joints
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    state = {
+        "position": rng.normal(size=3),
+        "rotation": turn,
+        "twist": 0.5 * rng.normal(size=6),
+        "q": rng.uniform(-2.0, 2.0, n),
+        "qd": 0.7 * rng.normal(size=n),
+    }
+    return state, 20.0 * rng.normal(size=6), rng.normal(size=n)
+
+
+def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed: int, tick: Tick) -> dict[str, Any]:
+    """Time a step of MK4 and what the peers set against it, on one thread.
+
+    Returns
+    -------
+    dict
+        `seconds` of CPU time per step (a summary) by name, and `ratios` to ours by dtype and name, round by round.
+    """
+    from uvms_gym.cli.bench import mujoco_peer, pinocchio_peer
+
+    cases: dict[str, Any] = {
+        name: Stepping(Setting(scene, n, dtype=dtype, substeps=substeps, seed=seed)) for dtype, name in OURS.items()
+    }
+    for name, (integrator, options) in MODELS.items():
+        model = mujoco_peer.build(scene, integrator, **options)
+        cases[name] = mujoco_peer.Rolling(model, scene, steps=substeps, seed=seed)
+    cases[ABA] = pinocchio_peer.Dynamics(scene, seed)
+    samples = interleave(cases, repeats, tick)
+    return {
+        "n": n,
+        "substeps": substeps,
+        "lanes": cases[OURS["float64"]].simulator.lanes,
+        "seconds": {name: summary(times.cpu) for name, times in samples.items()},
+        "ratios": {
+            dtype: {
+                name: summary(times.cpu / samples[ours].cpu)
+                for name, times in samples.items()
+                if name not in OURS.values()
+            }
+            for dtype, ours in OURS.items()
+        },
+    }
+
+
+def step_rounds(repeats: int) -> int:
+    """How often `step_study` ticks."""
+    return rounds(len(OURS) + len(MODELS) + 1, repeats)
+
+
+def vector_study(
+    scene: dict[str, Any], n: int, threads: list[int], repeats: int, seed: int, tick: Tick
+) -> list[dict[str, Any]]:
+    """Set the vector environment, f64, against MuJoCo's RK4 at as many instances, substeps and threads."""
+    from uvms_gym.cli.bench import mujoco_peer
+
+    cases: dict[Any, Any] = {}
+    for count in threads:
+        model = mujoco_peer.build(scene)
+        cases[count, "ours"] = VectorEnv(scene, n, count, "float64", seed)
+        cases[count, "theirs"] = mujoco_peer.Rolling(model, scene, n=n, steps=SUBSTEPS, threads=count, seed=seed)
+    samples = interleave(cases, repeats, tick)
+    rows = []
+    for count in threads:
+        ours = samples[count, "ours"].fair(count)
+        theirs = SUBSTEPS * samples[count, "theirs"].fair(count)
+        row: dict[str, Any] = {"scene": scene["name"], "n": n, "threads": count, "substeps": SUBSTEPS}
+        rows.append(row | {"ours": summary(ours), "mujoco": summary(theirs), "ratio": summary(theirs / ours)})
+    return rows
