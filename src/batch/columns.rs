@@ -8,7 +8,6 @@ use crate::balance::articulated::Loads;
 use crate::integrate::{Attitude, Motion, Watch};
 use crate::lane::{Lane, Real};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::scene::Stance;
 use crate::system::{FACTORS, Factors, JOINTS};
 
 /// One column group of a block: rows by number, `LANES` instances wide.
@@ -79,14 +78,6 @@ impl<T: Real> Columns<'_, T> {
                 motion.attitude[k] = self.get(layout.attitude + k);
             }
         }
-    }
-
-    /// The same as tasks look at it.
-    #[inline(always)]
-    pub fn stance<L: Lane<Real = T>>(&self, layout: &Layout) -> Stance<L> {
-        let mut motion = Motion::blank();
-        self.motion(layout, &mut motion);
-        Stance { pose: motion.pose, twist: motion.twist, q: motion.q, qd: motion.qd }
     }
 
     /// Sets the motion.

@@ -17,6 +17,8 @@ pub struct Actuation<T> {
     /// Entries of an action.
     len: usize,
     thrusters: Vec<Drive<T>>,
+    /// Whether a thruster hardly pushes one way, so that rounding alone may exceed its limit there.
+    lopsided: bool,
     /// 1 / number of thrusters.
     share: T,
 }
@@ -36,6 +38,18 @@ struct Drive<T> {
     full: [T; 2],
     /// Wrench per thrust: column of T_tcm.
     wrench: [T; 6],
+}
+
+/// Share of its greatest thrust that a thruster must reach on either side for rounding not to matter.
+const LOPSIDED: f64 = 1e-3;
+
+impl<T: Real> Drive<T> {
+    /// A thrust over its limit.
+    #[inline(always)]
+    fn ratio<L: Lane<Real = T>>(&self, thrust: L) -> L {
+        let [lower, upper] = self.inverse;
+        (thrust * L::splat(upper)).max(thrust * L::splat(lower))
+    }
 }
 
 /// What an action comes to.
@@ -78,6 +92,8 @@ impl<T: Real> Actuation<T> {
             kind: map.kind(),
             len: map.len(),
             thrusters: (0..count).map(drive).collect(),
+            lopsided: (0..count)
+                .any(|i| allocation.limits(i).into_iter().any(|x| x.abs() < LOPSIDED * allocation.range(i))),
             share: number(1.0 / count.max(1) as f64),
         }
     }
@@ -88,6 +104,30 @@ impl<T: Real> Actuation<T> {
         self.len
     }
 
+    /// Greatest ratio of a thrust to its limit, or 1 if that is more.
+    #[inline(always)]
+    fn excess<L: Lane<Real = T>>(&self, thrusts: &[L; THRUSTERS]) -> L {
+        let (zero, one) = (L::zero(), L::c(1.0));
+        let mut excess = one;
+        if self.lopsided {
+            let mut greatest = zero;
+            for (i, drive) in self.thrusters.iter().enumerate() {
+                greatest = greatest.max((thrusts[i] * L::splat(drive.relative)).abs());
+            }
+            // What is rounding limits nothing.
+            let noise = greatest * L::c(ROUNDING.max(4.0 * T::EPSILON));
+            for (i, drive) in self.thrusters.iter().enumerate() {
+                let counts = noise.lt((thrusts[i] * L::splat(drive.relative)).abs());
+                excess = L::select(counts, drive.ratio(thrusts[i]), one).max(excess);
+            }
+        } else {
+            for (i, drive) in self.thrusters.iter().enumerate() {
+                excess = drive.ratio(thrusts[i]).max(excess);
+            }
+        }
+        excess
+    }
+
     /// What an action comes to, its entries in [-1, 1]: as [`super::Allocation::allocate`] has it, to rounding.
     #[inline(always)]
     pub fn act<L: Lane<Real = T>>(&self, action: &[L; ACTIONS]) -> Actuated<L> {
@@ -96,7 +136,6 @@ impl<T: Real> Actuation<T> {
         let count = self.thrusters.len();
         match self.kind {
             ActionKind::Wrench => {
-                let mut greatest = zero;
                 for i in 0..count {
                     let drive = &self.thrusters[i];
                     let mut thrust = action[0] * L::splat(drive.demand[0]);
@@ -104,19 +143,9 @@ impl<T: Real> Actuation<T> {
                         thrust = action[k].mul_add(L::splat(drive.demand[k]), thrust);
                     }
                     thrusts[i] = thrust;
-                    greatest = greatest.max((thrust * L::splat(drive.relative)).abs());
                 }
-                // All are scaled down together where one would exceed its limit; what is rounding limits nothing.
-                let noise = greatest * L::c(ROUNDING.max(4.0 * T::EPSILON));
-                let mut excess = one;
-                for i in 0..count {
-                    let (drive, thrust) = (&self.thrusters[i], thrusts[i]);
-                    let [lower, upper] = drive.inverse;
-                    let over = thrust * L::select(zero.lt(thrust), L::splat(upper), L::splat(lower));
-                    let counts = noise.lt((thrust * L::splat(drive.relative)).abs());
-                    excess = L::select(counts, over, one).max(excess);
-                }
-                let factor = one / excess;
+                // All are scaled down together where one would exceed its limit.
+                let factor = one / self.excess(&thrusts);
                 for i in 0..count {
                     let [lower, upper] = self.thrusters[i].limits;
                     thrusts[i] = (thrusts[i] * factor).min(L::splat(upper)).max(L::splat(lower));
@@ -142,7 +171,7 @@ impl<T: Real> Actuation<T> {
             square = u.mul_add(u, square);
             power = u.mul_add(u.sqrt(), power);
             let full = L::select(zero.lt(thrust), L::splat(upper), L::splat(lower));
-            saturation += L::select(size.lt(full), zero, one);
+            saturation = L::select(size.lt(full), saturation, saturation + one);
         }
         let share = L::splat(self.share);
         Actuated {

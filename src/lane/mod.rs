@@ -9,6 +9,7 @@ mod dual;
 mod elementary;
 mod rows;
 mod scalar;
+mod transpose;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
@@ -19,6 +20,7 @@ pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
 pub use dual::Dual;
 pub use elementary::{atan2, horner, ln, ln_1p, sin_cos, tanh};
 pub use rows::Rows;
+pub use transpose::transpose;
 
 /// One number of each instance in a group of `LANES` instances.
 pub trait Lane:

@@ -36,12 +36,13 @@ impl<'a, T: Real> Rows<'a, T> {
         x.store(&mut self.numbers[row * self.width + self.first..]);
     }
 
-    /// Rows one after the other.
+    /// Rows one after the other. (Cut out at once, so that each is known to lie within.)
     #[inline(always)]
     pub fn get_all<L: Lane<Real = T>, const K: usize>(&self, row: usize) -> [L; K] {
+        let from = &self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];
         let mut out = [L::zero(); K];
         for k in 0..K {
-            out[k] = self.get(row + k);
+            out[k] = L::load(&from[k * self.width..]);
         }
         out
     }
@@ -49,8 +50,9 @@ impl<'a, T: Real> Rows<'a, T> {
     /// Sets rows one after the other.
     #[inline(always)]
     pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K]) {
+        let to = &mut self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];
         for k in 0..K {
-            self.set(row + k, x[k]);
+            x[k].store(&mut to[k * self.width..]);
         }
     }
 }

@@ -9,12 +9,19 @@ use crate::lane::{Lane, atan2};
 /// skew part lose their digits.
 #[inline(always)]
 pub fn rotation_vector<L: Lane>(rotation: &Matrix3<L>) -> Vector3<L> {
+    rotation_vector_and_angle(rotation).0
+}
+
+/// [`rotation_vector`] and its length.
+#[inline(always)]
+pub fn rotation_vector_and_angle<L: Lane>(rotation: &Matrix3<L>) -> (Vector3<L>, L) {
     let (w, v) = quaternion_ray(rotation);
     let length = v.dot(v).sqrt();
     let least = if <L::Real as crate::lane::Real>::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
-    let factor = atan2(length, w.abs()) / length.max(L::c(least));
-    let factor = L::select(w.lt(L::zero()), -factor, factor);
-    v.scale(factor + factor)
+    let half = atan2(length, w.abs());
+    let angle = half + half;
+    let factor = angle / length.max(L::c(least));
+    (v.scale(L::select(w.lt(L::zero()), -factor, factor)), angle)
 }
 
 /// Length of [`rotation_vector`].

@@ -8,6 +8,6 @@ mod se3;
 mod so3;
 
 pub use exponential::{DexpInverse, dexp_inverse_negative, exp_se3, rotate_back};
-pub use logarithm::{rotation_angle, rotation_vector};
+pub use logarithm::{rotation_angle, rotation_vector, rotation_vector_and_angle};
 pub use se3::{Pose, Vector6, ad};
 pub use so3::{Matrix3, Vector3};

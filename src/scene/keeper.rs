@@ -250,16 +250,15 @@ impl<T: Real> Keeper<T> {
         for i in 0..rows.joints {
             wanted_q[i] = memory.get(rows.now + 2 * i);
         }
-        let target = rows.target(memory);
-        let reached = stance.pose.times(&self.end_effector.at(&stance.q));
-        let wanted = target.times(&self.end_effector.at(&wanted_q));
-        let apart = reached.position - wanted.position;
-        let turned = rotation_angle(&wanted.rotation.transposed().times(&reached.rotation));
+        // Both end effectors in the target's frame.
+        let (reached, wanted) = (self.end_effector.at(&stance.q), self.end_effector.at(&wanted_q));
+        let apart = error.turn.apply(reached.position + error.position) - wanted.position;
+        let turned = wanted.rotation.transposed().times(&error.turn.times(&reached.rotation));
         let mut info = [L::zero(); INFO];
         info[0] = length(error.position, POSITION_BOUND);
-        info[1] = length(error.rotation, PI);
+        info[1] = error.angle.min(L::c(PI));
         info[2] = length(apart, POSITION_BOUND);
-        info[3] = turned.min(L::c(PI));
+        info[3] = rotation_angle(&turned).min(L::c(PI));
         info[4] = memory.get(rows.effort + 1);
         info[5] = memory.get(rows.effort + 2);
         for k in 0..3 {

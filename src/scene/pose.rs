@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use crate::lane::Lane;
-use crate::lie::{self, Matrix3, Vector3, rotation_vector};
+use crate::lie::{self, Matrix3, Vector3, rotation_vector_and_angle};
 use crate::system::State;
 
 /// A frame in the world.
@@ -41,16 +41,19 @@ pub struct PoseError<L> {
     pub position: Vector3<L>,
     /// `log(R_d^T R)`, the same in body and in target axes, rad, at most pi long.
     pub rotation: Vector3<L>,
+    /// Its length.
+    pub angle: L,
+    /// `R_d^T R`.
+    pub turn: Matrix3<L>,
 }
 
 impl<L: Lane> PoseError<L> {
     /// Of `pose` from `target`.
     #[inline(always)]
     pub fn of(pose: &lie::Pose<L>, target: &lie::Pose<L>) -> Self {
-        Self {
-            position: pose.rotation.apply_transposed(pose.position - target.position),
-            rotation: rotation_vector(&target.rotation.transposed().times(&pose.rotation)),
-        }
+        let turn = target.rotation.transposed().times(&pose.rotation);
+        let (rotation, angle) = rotation_vector_and_angle(&turn);
+        Self { position: pose.rotation.apply_transposed(pose.position - target.position), rotation, angle, turn }
     }
 }
 

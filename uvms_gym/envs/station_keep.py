@@ -339,7 +339,8 @@ class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, A
         """Measures (18, N) of the instances in `mask`, by name, each with a mask of its own."""
         if not mask.all():
             info[:, ~mask] = 0.0
-        masks = np.repeat(mask[None], len(INFO), axis=0)
+        masks = np.empty((len(INFO), self.num_envs), dtype=np.bool_)
+        masks[:] = mask
         return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True))
 
     def _check_mask(self, mask: Any) -> None:

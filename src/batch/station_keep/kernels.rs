@@ -1,16 +1,17 @@
 //! What the task does to blocks of instances, in lanes.
 
 use super::outputs::Outputs;
-use crate::batch::columns::Columns;
 use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
-use crate::lane::{Kernel, Lane, Real, Rows};
-use crate::scene::{Judgement, Keeper};
+use crate::lane::{Kernel, Lane, Real, Rows, transpose};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::scene::{Judgement, Keeper, Stance};
+use crate::system::{Factors, JOINTS};
 
 /// Greatest number of lanes.
 const WIDEST: usize = 16;
 /// Greatest number of entries of an observation.
-const LONGEST: usize = 18 + 4 * crate::system::JOINTS + ACTIONS;
+const LONGEST: usize = 18 + 4 * JOINTS + ACTIONS;
 
 /// Blocks of instances, and their episodes' numbers.
 pub(super) struct Blocks<'a, T> {
@@ -22,15 +23,33 @@ pub(super) struct Blocks<'a, T> {
 }
 
 impl<T: Real> Blocks<'_, T> {
-    /// Columns of the group that starts with instance `first`.
+    /// Physics and episodes of the group that starts with instance `first`.
     #[inline(always)]
-    fn group(&mut self, first: usize) -> (Columns<'_, T>, Rows<'_, T>) {
+    fn group(&mut self, first: usize) -> (Rows<'_, T>, Rows<'_, T>) {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
         let width = self.layout.rows * T::BLOCK;
         let physics = &mut self.physics[block * width..][..width];
         let width = self.keeper.rows().rows * T::BLOCK;
         let episodes = &mut self.episodes[block * width..][..width];
-        (Columns { rows: physics, first: lane }, Rows::of_block(episodes, lane))
+        (Rows::of_block(physics, lane), Rows::of_block(episodes, lane))
+    }
+}
+
+/// The state as the task looks at it.
+#[inline(always)]
+fn stance<T: Real, L: Lane<Real = T>>(layout: &Layout, physics: &Rows<'_, T>) -> Stance<L> {
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = physics.get_all(layout.rotation);
+    let rotation = Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]);
+    let (mut q, mut qd) = ([L::zero(); JOINTS], [L::zero(); JOINTS]);
+    for k in 0..layout.joints {
+        q[k] = physics.get(layout.q + k);
+        qd[k] = physics.get(layout.qd + k);
+    }
+    Stance {
+        pose: Pose { rotation, position: Vector3(physics.get_all(layout.position)) },
+        twist: Vector6::from_array(physics.get_all(layout.twist)),
+        q,
+        qd,
     }
 }
 
@@ -50,25 +69,24 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
         let mut page = [0.0; ACTIONS * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
-            if lanes < L::LANES {
-                page.fill(0.0);
-            }
             let rows = &self.actions[first * width..];
-            for lane in 0..lanes {
-                for k in 0..width {
-                    page[k * L::LANES + lane] = rows[lane * width + k];
-                }
+            if lanes == L::LANES {
+                transpose(rows, L::LANES, width, &mut page);
+            } else {
+                let mut some = [0.0; ACTIONS * WIDEST];
+                some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
+                transpose(&some, L::LANES, width, &mut page);
             }
             let mut action = [L::zero(); ACTIONS];
             for k in 0..width {
                 action[k] = L::load_single(&page[k * L::LANES..]);
             }
-            let (mut columns, mut memory) = self.blocks.group(first);
+            let (mut physics, mut memory) = self.blocks.group(first);
             let command = keeper.act(&mut memory, &action);
-            let thrust = columns.factors::<L>(layout).thrust;
-            columns.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array(), 6);
+            let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
+            physics.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array());
             for k in 0..layout.joints {
-                columns.set_all(layout.target + 4 * k, &command.joints[k], 4);
+                physics.set_all(layout.target + 4 * k, &command.joints[k]);
             }
         }
     }
@@ -91,14 +109,21 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
         let (count, width) = (self.out.len(), keeper.observation_len());
         let mut page = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
-            let (columns, mut memory) = self.blocks.group(first);
-            let stance = columns.stance::<L>(layout);
+            let (physics, mut memory) = self.blocks.group(first);
+            let stance = stance::<T, L>(layout, &physics);
             let error = keeper.error(&memory, &stance);
             let share = L::c(1.0) / L::load(&self.counts[first..]);
             let judgement = keeper.advance(&mut memory, &stance, &error, share);
             keeper.observe(&memory, &stance, &error, &mut page);
             let lanes = L::LANES.min(count - first);
-            turn::<L>(&page, lanes, width, &mut self.out.observations[first * width..]);
+            let rows = &mut self.out.observations[first * width..];
+            if lanes == L::LANES {
+                transpose(&page, width, L::LANES, rows);
+            } else {
+                let mut all = [0.0; LONGEST * WIDEST];
+                transpose(&page, width, L::LANES, &mut all);
+                rows[..lanes * width].copy_from_slice(&all[..lanes * width]);
+            }
             note(&judgement, first, lanes, self.out);
         }
     }
@@ -108,33 +133,19 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
 #[inline(always)]
 fn note<L: Lane>(judgement: &Judgement<L>, first: usize, lanes: usize, out: &mut Outputs<'_>) {
     let sound = L::bits(judgement.sound);
-    for lane in 0..lanes {
-        out.terminated[first + lane] = sound >> lane & 1 == 0;
+    for (lane, terminated) in out.terminated[first..first + lanes].iter_mut().enumerate() {
+        *terminated = sound >> lane & 1 == 0;
     }
-    put(judgement.reward, lanes, &mut out.rewards[first..]);
-    for (row, x) in out.info.iter_mut().zip(judgement.info) {
-        put(x, lanes, &mut row[first..]);
-    }
-}
-
-/// Writes the first `lanes` lanes.
-#[inline(always)]
-fn put<L: Lane>(x: L, lanes: usize, to: &mut [f64]) {
+    let rows = out.info.iter_mut().zip(judgement.info).chain([(&mut out.rewards, judgement.reward)]);
     if lanes == L::LANES {
-        return x.store_double(to);
-    }
-    let mut all = [0.0; WIDEST];
-    x.store_double(&mut all);
-    to[..lanes].copy_from_slice(&all[..lanes]);
-}
-
-/// Entries by lanes into rows by entry: one row of `width` entries for each of the first `lanes` lanes.
-#[inline(always)]
-fn turn<L: Lane>(page: &[f32], lanes: usize, width: usize, to: &mut [f32]) {
-    for lane in 0..lanes {
-        let row = &mut to[lane * width..(lane + 1) * width];
-        for k in 0..width {
-            row[k] = page[k * L::LANES + lane];
+        for (row, x) in rows {
+            x.store_double(&mut row[first..]);
+        }
+    } else {
+        let mut all = [0.0; WIDEST];
+        for (row, x) in rows {
+            x.store_double(&mut all);
+            row[first..first + lanes].copy_from_slice(&all[..lanes]);
         }
     }
 }
@@ -162,8 +173,8 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
             if !chosen.contains(&true) {
                 continue;
             }
-            let (columns, memory) = self.blocks.group(first);
-            let stance = columns.stance::<L>(layout);
+            let (physics, memory) = self.blocks.group(first);
+            let stance = stance::<T, L>(layout, &physics);
             let error = keeper.error(&memory, &stance);
             keeper.observe(&memory, &stance, &error, &mut page);
             let judgement = keeper.survey(&memory, &stance, &error);
