@@ -418,6 +418,14 @@ pub enum ControlError {
     /// Arrays that do not fit together.
     #[error("{what}: {got} numbers, expected {expected}")]
     Shape { what: &'static str, got: usize, expected: usize },
+    /// An instance that there is not.
+    #[error("instance {instance}: there are {instances}, counted from 0")]
+    Instance { instance: usize, instances: usize },
+    /// A policy for other rows.
+    #[error(
+        "the policy reads {got} entries of an observation and gives {gives} of an action; here they are {expected} and {takes}"
+    )]
+    Widths { got: usize, gives: usize, expected: usize, takes: usize },
 }
 
 /// A task that cannot be set up, or started, as asked.
@@ -450,4 +458,33 @@ pub enum TaskError {
     /// Numbers that are not a saved episode.
     #[error("saved episode: {0}")]
     Saved(String),
+}
+
+/// A policy that is none, or that does not fit where it is to be used.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PolicyError {
+    /// Not a safetensors file, cut off, or not one of a policy.
+    #[error("no policy of uvms_gym: {0}")]
+    File(String),
+    /// A network without layers.
+    #[error("a policy needs at least one layer")]
+    NoLayers,
+    /// Layers that do not follow each other.
+    #[error("layer {layer} has {got} weights, but must have {outputs} x {inputs}, and at least one")]
+    Layer { layer: usize, outputs: usize, inputs: usize, got: usize },
+    /// Too many or too few numbers.
+    #[error("{tensor} has {got} numbers, but must have {expected}")]
+    Length { tensor: String, got: usize, expected: usize },
+    /// NaN or infinite.
+    #[error("{tensor}: number {index} is {value}, but must be finite")]
+    NotFinite { tensor: String, index: usize, value: f32 },
+    /// Out of its range.
+    #[error("{name} is {value}, but must be {rule}")]
+    Number { name: &'static str, value: f32, rule: &'static str },
+    /// Made for something else.
+    #[error("the policy does not fit: its {what} is {policy}, the environment's {environment}")]
+    Mismatch { what: &'static str, policy: String, environment: String },
+    /// The instruction set asked for is not there.
+    #[error(transparent)]
+    Lanes(#[from] crate::lane::UnknownIsa),
 }

@@ -11,9 +11,9 @@
 //! system        compile(description), state
 //! balance       the principle of dynamical balance: closed form, articulated bodies, ledger
 //! integrate     Munthe-Kaas methods, a linearly implicit one, rivals
-//! control       thruster allocation, PD
+//! control       thruster allocation; policies: PD, PID, neural networks
 //! scene         tasks: sampling, observation, reward
-//! batch         blocks of lanes, threads
+//! batch         blocks of lanes, threads, closed loops
 //! python        the Python module
 //! ```
 //!

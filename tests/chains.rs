@@ -11,7 +11,7 @@ use uvms_gym::description::{Frame, JointKind, Scene};
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};
 use uvms_gym::spatial::Bend;
-use uvms_gym::system::{Stand, State, compile};
+use uvms_gym::system::{Constant, Stand, State, compile};
 
 type Dense = na::Isometry3<f64>;
 
@@ -41,16 +41,20 @@ fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
     let compiled = compile(scene);
     let mut here = na::Matrix4::<f64>::identity();
     let mut links = Vec::new();
+    let length = |shift: Option<Shared<f64>>| shift.map_or(0.0, |Shared(x)| x);
     for (i, (joint, link)) in compiled.system.joints.iter().zip(&compiled.links).enumerate() {
         here *= match joint.stand {
             Stand::Pose(r, p) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
-            Stand::Bend(bend, Shared(a)) => screw(na::Vector3::x(), angle(bend), a),
-            Stand::Crank(turn, Shared(d), bend, Shared(a)) => {
-                screw(na::Vector3::z(), angle(turn), d) * screw(na::Vector3::x(), angle(bend), a)
+            Stand::Bend(bend, a) => screw(na::Vector3::x(), angle(bend), length(a)),
+            Stand::Crank(turn, d, bend, a) => {
+                screw(na::Vector3::z(), angle(turn), length(d)) * screw(na::Vector3::x(), angle(bend), length(a))
             }
         };
-        let (Shared(offset), [Shared(k0), Shared(k1)]) = (joint.offset, joint.constant);
-        let (theta, d) = if joint.prismatic { (k0.atan2(k1), offset + q[i]) } else { (offset + q[i], k0) };
+        let coordinate = joint.offset.0 + q[i];
+        let (theta, d) = match joint.constant {
+            Constant::Shift(d) => (coordinate, length(d)),
+            Constant::Turn(Shared(sin), Shared(cos)) => (sin.atan2(cos), coordinate),
+        };
         here *= screw(na::Vector3::z(), theta, d);
         let Pose { rotation: Matrix3(rotation), position: Vector3(position) } = link;
         links.push(here * homogeneous(rotation, position));

@@ -5,10 +5,11 @@ mod common;
 use common::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
 use uvms_gym::balance::Balance;
-use uvms_gym::batch::{Autoreset, Precision, SimulatorOptions, StationKeepBatch, Transition};
-use uvms_gym::control::ActionKind;
+use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, StationKeepBatch, Tally, Transition};
+use uvms_gym::control::{ActionKind, Policy};
 use uvms_gym::description::Scene;
-use uvms_gym::error::TaskError;
+use uvms_gym::error::{ControlError, TaskError};
+use uvms_gym::lane::Isa;
 use uvms_gym::scene::{StartOverride, StationKeepOptions};
 use uvms_gym::system::EndEffector;
 
@@ -63,7 +64,7 @@ fn idle(batch: &StationKeepBatch) -> Vec<f32> {
 /// Rows of instance `i`, as bits.
 fn row(batch: &StationKeepBatch, step: &Transition, i: usize) -> (Vec<u32>, Vec<u64>, bool, bool) {
     let d = batch.task().observation_len();
-    let verdict = &step.verdicts[i];
+    let verdict = step.verdict(i);
     let numbers = verdict.info.iter().chain([&verdict.reward]).map(|x| x.to_bits()).collect();
     let observation = step.observations[i * d..(i + 1) * d].iter().map(|x| x.to_bits()).collect();
     (observation, numbers, verdict.terminated, verdict.truncated)
@@ -109,13 +110,107 @@ fn an_instance_does_not_know_how_many_there_are_nor_on_which_thread_it_is() {
     }
 }
 
+/// Starts from which episodes end at different times: one by one, the instances leave.
+fn leaving(n: usize) -> Vec<StartOverride> {
+    let start = |i: usize| StartOverride {
+        position: Some([9.95 - 0.07 * (i % 7) as f64, 0.0, 0.0]),
+        attitude: Some([1.0, 0.0, 0.0, 0.0]),
+        twist: Some([5.0, 0.0, 0.0, 0.0, 0.0, 0.1 * i as f64]),
+        ..Default::default()
+    };
+    (0..n).map(start).collect()
+}
+
+#[test]
+fn each_of_many_is_as_it_would_be_alone() {
+    for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
+        for precision in [Precision::Double, Precision::Single] {
+            let made =
+                |instances| Made { instances, autoreset, precision, max_steps: Some(9), ..Made::default() }.batch();
+            let n = 19;
+            let mut many = made(n);
+            many.reset(&seeds(n), None, &leaving(n)).unwrap();
+            let all: Vec<_> =
+                (0..14).map(|step| (actions(&many, step), many.step(&actions(&many, step)).unwrap())).collect();
+            let ended = |i: usize| all.iter().position(|(_, result)| result.terminated[i]);
+            assert!(ended(0) < ended(6) && ended(6).is_some(), "they should leave one after the other");
+            for i in [0, 3, 7, 8, 18] {
+                let mut alone = made(1);
+                alone.reset(&seeds(n)[i..=i], None, &leaving(n)[i..=i]).unwrap();
+                for (step, (actions, expected)) in all.iter().enumerate() {
+                    let width = alone.task().action_len();
+                    let got = alone.step(&actions[i * width..(i + 1) * width]).unwrap();
+                    assert_eq!(row(&alone, &got, 0), row(&many, expected, i), "step {step}, instance {i}");
+                    let end = expected.finals.iter().find(|end| end.instance == i);
+                    assert_eq!(got.finals.first().map(|end| &end.observation), end.map(|end| &end.observation));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn lanes_do_what_the_task_does_to_one_instance() {
+    // Where lanes fuse multiply and add, as the scalar functions do.
+    if Isa::best().unwrap() == Isa::Plain {
+        return;
+    }
+    for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
+        let options = StationKeepOptions {
+            substeps: 2,
+            action: kind,
+            target_distance: 1.0,
+            target_turn: 2.0,
+            ..Default::default()
+        };
+        let simulator = SimulatorOptions { instances: 11, ..Default::default() };
+        let mut batch = StationKeepBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
+        batch.reset(&seeds(11), None, &[]).unwrap();
+        let (d, a) = (batch.task().observation_len(), batch.task().action_len());
+        let mut twins: Vec<_> = (0..11).map(|i| batch.episode(i).unwrap()).collect();
+        for step in 0..5 {
+            let actions: Vec<f32> = actions(&batch, step).iter().map(|x| 1.2 * x).collect();
+            let result = batch.step(&actions).unwrap();
+            for (i, twin) in twins.iter_mut().enumerate() {
+                let (task, state) = (batch.task(), batch.simulator().state(i));
+                task.act(twin, &actions[i * a..(i + 1) * a]);
+                let outcome = task.advance(twin, &state);
+                let verdict = result.verdict(i);
+                assert_eq!(
+                    (outcome.reward, outcome.info()),
+                    (verdict.reward, verdict.info),
+                    "step {step}, instance {i}"
+                );
+                assert_eq!(batch.episode(i).as_ref(), Some(&*twin));
+                let mut seen = vec![0.0; d];
+                task.observe(twin, &state, &mut seen);
+                assert_eq!(seen, result.observations[i * d..(i + 1) * d]);
+            }
+        }
+    }
+}
+
+#[test]
+fn an_instance_takes_less_than_three_kilobytes() {
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"] {
+        for (precision, most) in [(Precision::Double, 3000), (Precision::Single, 1500)] {
+            let simulator = SimulatorOptions { instances: 64, precision, ..Default::default() };
+            let scene = Scene::shipped(name).unwrap();
+            let options = StationKeepOptions::default();
+            let batch = StationKeepBatch::new(scene, options, simulator, Autoreset::NextStep, None).unwrap();
+            let bytes = batch.bytes_per_instance();
+            assert!(bytes < most && bytes > batch.simulator().bytes_per_instance(), "{name}: {bytes}");
+        }
+    }
+}
+
 #[test]
 fn next_step_autoreset_spends_a_step_on_the_reset() {
     let mut batch = Made::default().batch();
     batch.reset(&seeds(3), None, &[]).unwrap();
     for step in 1..=10 {
         let result = batch.step(&actions(&batch, step)).unwrap();
-        for (i, verdict) in result.verdicts.iter().enumerate() {
+        for (i, verdict) in result.verdicts().enumerate() {
             assert_eq!(verdict.truncated, step % 5 == 4);
             assert_eq!(verdict.reward == 0.0, step % 5 == 0);
             let episode = batch.episode(i).unwrap();
@@ -139,14 +234,14 @@ fn same_step_autoreset_hands_over_the_last_observation() {
         for (i, end) in got.finals.iter().enumerate() {
             let d = batch.task().observation_len();
             assert_eq!(end.observation, expected.observations[i * d..(i + 1) * d]);
-            assert_eq!((end.instance, end.info), (i, expected.verdicts[i].info));
-            assert_eq!(got.verdicts[i].reward, expected.verdicts[i].reward);
-            assert!(got.verdicts[i].truncated);
+            assert_eq!((end.instance, end.info), (i, expected.verdict(i).info));
+            assert_eq!(got.rewards[i], expected.rewards[i]);
+            assert!(got.truncated[i]);
         }
         if ends {
             let next = plain.reset(&[None; 3], None, &[]).unwrap();
             assert_eq!(got.observations, next.observations);
-            assert_eq!(got.verdicts.iter().map(|v| v.info).collect::<Vec<_>>(), next.info);
+            assert_eq!(got.info, next.info);
         }
     }
 }
@@ -189,9 +284,9 @@ fn an_instance_that_diverges_leaves_its_neighbours_alone() {
     for step in 0..6 {
         let actions = actions(&one, step);
         let (a, b) = (one.step(&actions).unwrap(), other.step(&actions).unwrap());
-        ended |= a.verdicts[1].terminated;
-        assert!(!a.verdicts[1].truncated);
-        assert!([0, 2].into_iter().all(|i| row(&one, &a, i) == row(&other, &b, i) && !a.verdicts[i].terminated));
+        ended |= a.terminated[1];
+        assert!(!a.truncated[1]);
+        assert!([0, 2].into_iter().all(|i| row(&one, &a, i) == row(&other, &b, i) && !a.terminated[i]));
         assert!(a.observations.iter().all(|x| x.is_finite()));
     }
     assert!(ended);
@@ -286,11 +381,11 @@ fn the_pd_holds_station_and_no_action_does_not() {
             let mut last = Vec::new();
             for _ in 0..200 {
                 if controlled {
-                    pd.act(&observations, &mut actions).unwrap();
+                    pd.act(&observations, &mut [], &mut actions).unwrap();
                 }
                 let result = batch.step(&actions).unwrap();
+                last = result.verdicts().collect();
                 observations = result.observations;
-                last = result.verdicts;
             }
             last
         };
@@ -300,4 +395,79 @@ fn the_pd_holds_station_and_no_action_does_not() {
             assert!(held.info[6] < 0.5 * adrift.info[6], "{held:?} {adrift:?}");
         }
     }
+}
+
+/// What stepping with a policy's actions brings in so many periods.
+fn stepped(batch: &mut StationKeepBatch, policy: &dyn Policy, steps: u32) -> Vec<Tally> {
+    let (n, widths) = (batch.instances(), policy.widths());
+    let mut observations = batch.reset(&seeds(n), None, &[]).unwrap().observations;
+    let mut memory = vec![0.0; n * widths.memory];
+    let mut actions = vec![0.0; n * widths.action];
+    let mut tallies = vec![Tally::default(); n];
+    for _ in 0..steps {
+        policy.act(&observations, &mut memory, &mut actions).unwrap();
+        let done = batch.step(&actions).unwrap();
+        let running =
+            tallies.iter_mut().zip(done.verdicts()).filter(|(tally, _)| !tally.terminated && !tally.truncated);
+        for (tally, verdict) in running {
+            tally.steps += 1;
+            tally.reward += verdict.reward;
+            (tally.terminated, tally.truncated) = (verdict.terminated, verdict.truncated);
+            for (k, x) in verdict.info.into_iter().enumerate() {
+                tally.sums[k] += x;
+                tally.squares[k] += x * x;
+            }
+        }
+        observations = done.observations;
+    }
+    tallies
+}
+
+#[test]
+fn a_rollout_gives_what_stepping_gives_bit_for_bit() {
+    for precision in [Precision::Double, Precision::Single] {
+        for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
+            let made = Made { instances: 131, max_steps: Some(9), autoreset, precision, ..Made::default() };
+            let mut batch = made.batch();
+            let pid = batch.task().pid(None, None).unwrap();
+            let expected = stepped(&mut batch, &pid, 11);
+            for (threads, parts) in [(1, &[11][..]), (2, &[4, 0, 7])] {
+                let mut batch = Made { threads, ..made }.batch();
+                let mut rollout = Rollout::new(&pid, 131, &[130]).unwrap();
+                batch.reset(&seeds(131), None, &[]).unwrap();
+                for steps in parts {
+                    batch.run(&pid, &mut rollout, *steps).unwrap();
+                }
+                assert_eq!(rollout.tallies(), expected);
+                assert_eq!(rollout.traces()[0].rewards.iter().sum::<f64>(), expected[130].reward);
+            }
+            assert!(expected.iter().all(|tally| tally.steps == 9 && tally.truncated));
+        }
+    }
+}
+
+#[test]
+fn rollouts_that_do_not_fit_are_refused() {
+    let mut batch = Made::default().batch();
+    let pid = batch.task().pid(None, None).unwrap();
+    let mut rollout = Rollout::new(&pid, 3, &[]).unwrap();
+    assert_eq!(batch.run(&pid, &mut rollout, 1), Err(TaskError::NotBegun { instance: 0 }));
+    batch.reset(&seeds(3), None, &[]).unwrap();
+    let mut other = Rollout::new(&pid, 4, &[]).unwrap();
+    assert!(matches!(batch.run(&pid, &mut other, 1), Err(TaskError::Control(ControlError::Shape { .. }))));
+    let mut rest = Rollout::new(&batch.task().rest(), 3, &[]).unwrap();
+    let refused = batch.run(&pid, &mut rest, 1);
+    assert!(matches!(refused, Err(TaskError::Control(ControlError::Shape { what: "memory", got: 0, expected: 18 }))));
+    let small = StationKeepBatch::new(
+        Scene::shipped("bluerov2-heavy").unwrap(),
+        StationKeepOptions::default(),
+        SimulatorOptions::default(),
+        Autoreset::Disabled,
+        None,
+    );
+    let narrow = small.unwrap().task().pid(None, None).unwrap();
+    let refused = batch.run(&narrow, &mut rollout, 1);
+    assert!(matches!(refused, Err(TaskError::Control(ControlError::Widths { got: 24, .. }))));
+    assert_eq!(rollout.tallies(), [Tally::default(); 3]);
+    assert!(matches!(Rollout::new(&pid, 3, &[3]), Err(ControlError::Instance { instance: 3, instances: 3 })));
 }

@@ -4,9 +4,22 @@ Importing it registers the environments with Gymnasium.
 """
 
 from uvms_gym._core import SceneError, Simulator, StepWarning, __version__, integrators, load_scene, scenes
-from uvms_gym.controllers import PD
+from uvms_gym.controllers import MLP, PD, PID
 from uvms_gym.envs import register_envs
+from uvms_gym.rollouts import Rollout
 
-__all__ = ["PD", "SceneError", "Simulator", "StepWarning", "__version__", "integrators", "load_scene", "scenes"]
+__all__ = [
+    "MLP",
+    "PD",
+    "PID",
+    "Rollout",
+    "SceneError",
+    "Simulator",
+    "StepWarning",
+    "__version__",
+    "integrators",
+    "load_scene",
+    "scenes",
+]
 
 register_envs()

@@ -7,7 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "Mlp",
     "Pd",
+    "Pid",
+    "Policy",
+    "Rollout",
     "SceneError",
     "Simulator",
     "StationKeep",
@@ -403,6 +407,12 @@ class StationKeep:
         replaced the instances, last observations and last measures.
         """
 
+    def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
+        """One control period of the one instance that there is, under `action` (a,).
+
+        Gives observation (d,), reward, terminated, truncated and measures by name.
+        """
+
     def episodes(self) -> dict[str, NDArray[Any]]:
         """What the episodes drew, and how far they are.
 
@@ -410,16 +420,81 @@ class StationKeep:
         joint_reference and joint_reference_rate (N, n).
         """
 
+    def rest(self) -> Policy:
+        """No control: every action is 0."""
+
     def pd(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
         """The paper's PD with these gains (6 each), or with the scene's."""
+
+    def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
+        """The PD with an integral; its gains follow from the others where they are not given."""
+
+    def rollout(self, policy: Policy, trace: list[int] = []) -> Rollout:
+        """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
+
+    def run(self, rollout: Rollout, steps: int) -> None:
+        """So many control periods of all instances under the rollout's policy, from where they stand.
+
+        Instances whose episode is over wait.
+        """
 
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
 
 @final
-class Pd:
-    """PD on the vehicle, `F = -kp e - kd V`, from observations alone."""
+class Rollout:
+    """What a policy remembers of a batch's instances, and what came of it so far."""
+
+    @property
+    def steps(self) -> NDArray[np.uint32]:
+        """Control periods that count, (N,)."""
+
+    @property
+    def returns(self) -> NDArray[np.float64]:
+        """Sum of the rewards, (N,)."""
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """Episodes that ended for a reason within the task, (N,)."""
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """Episodes that ended because their time did, (N,)."""
+
+    @property
+    def sums(self) -> NDArray[np.float64]:
+        """Sums of the measures, (18, N)."""
+
+    @property
+    def squares(self) -> NDArray[np.float64]:
+        """Sums of their squares, (18, N)."""
+
+    @property
+    def traces(self) -> list[dict[str, Any]]:
+        """Records of the chosen instances, in ascending order.
+
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 18).
+        """
+
+    def count_anew(self) -> None:
+        """Count anew from here on; the policy forgets nothing."""
+
+class Policy:
+    """A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`."""
+
+    @property
+    def widths(self) -> list[int]:
+        """Lengths of a row of observations, memory and actions."""
+
+    def act(
+        self, observations: NDArray[np.float32], memory: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Actions (n, a) for observations (n, d) and memory (n, m), and the memory after them."""
+
+@final
+class Pd(Policy):
+    """PD on the vehicle, `F = -kp e - kd V`."""
 
     @property
     def kp(self) -> list[float]:
@@ -429,5 +504,59 @@ class Pd:
     def kd(self) -> list[float]:
         """Derivative gains, N s/m and N m s/rad."""
 
-    def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions (n, a) for observations (n, d)."""
+@final
+class Pid(Policy):
+    """PD with an integral of the pose error."""
+
+    @property
+    def kp(self) -> list[float]:
+        """Proportional gains, N/m and N m/rad."""
+
+    @property
+    def kd(self) -> list[float]:
+        """Derivative gains, N s/m and N m s/rad."""
+
+    @property
+    def ki(self) -> list[float]:
+        """Integral gains, N/(m s) and N m/(rad s)."""
+
+@final
+class Mlp(Policy):
+    """A multilayer perceptron in single precision."""
+
+    def __new__(
+        cls,
+        weights: list[NDArray[np.float32]],
+        biases: list[NDArray[np.float32]],
+        *,
+        activation: str,
+        output: str,
+        normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
+        task: StationKeep | None,
+        notes: dict[str, str],
+    ) -> Mlp: ...
+    @staticmethod
+    def from_bytes(bytes: bytes) -> Mlp:
+        """The policy that a safetensors file holds."""
+
+    def to_bytes(self) -> bytes:
+        """The policy as a safetensors file."""
+
+    def check(self, task: StationKeep) -> None:
+        """Refuse a task that the policy is not for."""
+
+    @property
+    def sizes(self) -> list[int]:
+        """Entries of the observation and of all layers' results."""
+
+    @property
+    def activation(self) -> str:
+        """Function between layers."""
+
+    @property
+    def purpose(self) -> dict[str, Any] | None:
+        """What the policy is for: task, scene, action, actions, control_period and observation."""
+
+    @property
+    def notes(self) -> dict[str, str]:
+        """What else is to be known of it."""

@@ -13,7 +13,7 @@
 //! `h (d + h k)` added to each joint's. (h D_i meets the whole `V_i'`, products of velocities included, for that is how
 //! much the body's twist changes.) No pivot is ever less than the explicit form's.
 
-use super::articulated::{Instant, Loads, Scratch, body_bias, along, place, velocity_product};
+use super::articulated::{Instant, Loads, Scratch, along, body_bias, place, velocity_product};
 use super::joint_torque::implicit_joint_torque;
 use crate::lane::{Lane, Param};
 use crate::lie::{Matrix3, Vector3, Vector6};

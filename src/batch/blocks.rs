@@ -1,5 +1,6 @@
 //! Storage of all instances in one precision, and access to single ones.
 
+use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
 use super::lagged::Lagged;
@@ -48,37 +49,14 @@ pub trait Storage: Send + Sync {
     fn column_len(&self) -> usize;
     /// Steps all instances; the first one that the steps do not follow, if it is asked for.
     fn step(&mut self, run: &Run) -> Option<Sighting>;
-    /// Instances that [`Self::step_with`] hands to one rider.
-    fn ride(&self) -> usize;
-    /// Steps all instances; each rider works on its own [`Self::ride`] of them (the last may have fewer), before and
-    /// after, on the thread that steps them. Returns as [`Self::step`].
-    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) -> Option<Sighting>;
     /// `[V'; q'']` of all instances under their loads, instance by instance.
     fn accelerations(&mut self, switches: Switches) -> Vec<f64>;
     /// Bytes per instance.
     fn bytes_per_instance(&self) -> usize;
     /// An independent copy.
     fn boxed_clone(&self) -> Box<dyn Storage>;
-}
-
-/// Single instances of a few blocks, numbered from 0.
-pub trait Instances {
-    /// State of instance `i`.
-    fn state(&self, i: usize) -> State;
-    /// Sets the state of instance `i`.
-    fn set_state(&mut self, i: usize, state: &State);
-    /// Sets the flow of the water at instance `i`.
-    fn set_flow(&mut self, i: usize, flow: &Flow);
-    /// Sets the loads of instance `i`, as far as they are on.
-    fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
-}
-
-/// What is done to a few instances around their steps.
-pub trait Rider: Send {
-    /// Before the steps.
-    fn before(&mut self, instances: &mut dyn Instances);
-    /// After the steps.
-    fn after(&mut self, instances: &mut dyn Instances);
+    /// For those who know the precision.
+    fn as_any(&mut self) -> &mut dyn Any;
 }
 
 /// How to step.
@@ -158,9 +136,35 @@ impl<T: Real> Blocks<T> {
         Ok(blocks)
     }
 
-    /// Rows that a thread takes at a time.
-    fn portion(&self) -> usize {
-        CHUNK * T::BLOCK * self.table.layout.rows
+    /// Instances that a thread takes at a time: those of a few whole blocks.
+    pub const CHUNK: usize = CHUNK * T::BLOCK;
+
+    /// Hands chunks of instances to `work`, each with its item, on as many threads as the run allows; the first instance
+    /// that its steps did not follow.
+    pub fn visit<I: Send>(
+        &mut self,
+        run: &Run,
+        items: impl ExactSizeIterator<Item = I> + Send,
+        work: impl Fn(&mut Part<'_, T>, I) + Sync,
+    ) -> Option<Sighting> {
+        let (scene, varied, table, isa, instances) =
+            (&self.scene, self.varied > 0, &self.table, self.isa, self.instances);
+        let threads = run.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
+        let least = First::default();
+        let chunks = self.rows.chunks_mut(Self::CHUNK * table.layout.rows);
+        for_each(chunks.zip(items).enumerate(), threads, |(k, (rows, item))| {
+            let first = k * Self::CHUNK;
+            let count = Self::CHUNK.min(instances - first);
+            let mut part = Part { scene, varied, run, count, first, table, isa, rows, sighting: None };
+            work(&mut part, item);
+            least.note(first, part.sighting);
+        });
+        least.take()
+    }
+
+    /// Rows of a block, instruction set, and the blocks.
+    pub fn parts(&mut self) -> (&Layout, Isa, &mut [T]) {
+        (&self.table.layout, self.isa, &mut self.rows)
     }
 
     /// What a change of an instance's factors does to the count of varied ones.
@@ -168,16 +172,25 @@ impl<T: Real> Blocks<T> {
         self.varied += usize::from(*after != Factors::ONE);
         self.varied -= usize::from(*before != Factors::ONE);
     }
-
-    fn threads(&self, run: &Run) -> usize {
-        run.threads.min(self.instances.div_ceil(INSTANCES_PER_THREAD))
-    }
 }
 
-/// Some blocks of rows.
-struct Part<'a, T> {
-    table: &'a Table,
-    rows: &'a mut [T],
+/// A chunk of blocks that one thread works on.
+pub struct Part<'a, T> {
+    scene: &'a Parameters<T>,
+    varied: bool,
+    run: &'a Run,
+    /// Instances in it; those past them are there to fill the last block.
+    pub count: usize,
+    /// Number of the first instance among all.
+    pub first: usize,
+    /// Access to single instances, numbered from 0.
+    pub table: &'a Table,
+    /// Instruction set to work with.
+    pub isa: Isa,
+    /// The blocks.
+    pub rows: &'a mut [T],
+    /// The first instance that the steps did not follow, if that was asked for.
+    sighting: Option<Sighting>,
 }
 
 /// The first sighting of several parts.
@@ -201,10 +214,12 @@ impl First {
 }
 
 impl<T: Real> Part<'_, T> {
-    fn step(&mut self, scene: &Parameters<T>, varied: bool, isa: Isa, run: &Run) {
+    /// Steps all instances.
+    pub fn step(&mut self) {
+        let (scene, run) = (self.scene, self.run);
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
-            ingredients: varied.then_some(&scene.ingredients[..]),
+            ingredients: self.varied.then_some(&scene.ingredients[..]),
             lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
             layout: &self.table.layout,
             integrator: run.integrator,
@@ -214,30 +229,10 @@ impl<T: Real> Part<'_, T> {
             switches: run.switches,
             blocks: self.rows,
         };
-        T::dispatch(isa, &mut step);
-    }
-
-    /// The first of `count` instances that the steps did not follow.
-    fn sight(&self, run: &Run, count: usize) -> Option<Sighting> {
-        self.table.sight(self.rows, count, run.bounds?, run.h)
-    }
-}
-
-impl<T: Real> Instances for Part<'_, T> {
-    fn state(&self, i: usize) -> State {
-        self.table.state(self.rows, i)
-    }
-
-    fn set_state(&mut self, i: usize, state: &State) {
-        self.table.set_state(self.rows, i, state);
-    }
-
-    fn set_flow(&mut self, i: usize, flow: &Flow) {
-        self.table.set_flow(self.rows, i, flow);
-    }
-
-    fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
-        self.table.set_loads(self.rows, i, loads, switches);
+        T::dispatch(self.isa, &mut step);
+        if let (Some(bounds), None) = (run.bounds, &self.sighting) {
+            self.sighting = self.table.sight(self.isa, self.rows, self.count, bounds, run.h);
+        }
     }
 }
 
@@ -299,34 +294,8 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn step(&mut self, run: &Run) -> Option<Sighting> {
-        let (portion, threads, ride, instances) = (self.portion(), self.threads(run), self.ride(), self.instances);
-        let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
-        let first = First::default();
-        for_each(self.rows.chunks_mut(portion).enumerate(), threads, |(k, rows)| {
-            let mut part = Part { table, rows };
-            part.step(scene, varied, isa, run);
-            first.note(k * ride, part.sight(run, instances - k * ride));
-        });
-        first.take()
-    }
-
-    fn ride(&self) -> usize {
-        CHUNK * T::BLOCK
-    }
-
-    fn step_with(&mut self, run: &Run, riders: &mut [Box<dyn Rider + '_>]) -> Option<Sighting> {
-        let (portion, threads, ride, instances) = (self.portion(), self.threads(run), self.ride(), self.instances);
-        let (scene, varied, table, isa) = (&self.scene, self.varied > 0, &self.table, self.isa);
-        let first = First::default();
-        for_each(self.rows.chunks_mut(portion).zip(riders).enumerate(), threads, |(k, (rows, rider))| {
-            let mut part = Part { table, rows };
-            rider.before(&mut part);
-            part.step(scene, varied, isa, run);
-            // Before the task puts what diverged back to a start.
-            first.note(k * ride, part.sight(run, instances - k * ride));
-            rider.after(&mut part);
-        });
-        first.take()
+        let parts = self.instances.div_ceil(Self::CHUNK);
+        self.visit(run, 0..parts, |part, _| part.step())
     }
 
     fn accelerations(&mut self, switches: Switches) -> Vec<f64> {
@@ -352,5 +321,9 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn boxed_clone(&self) -> Box<dyn Storage> {
         Box::new(self.clone())
+    }
+
+    fn as_any(&mut self) -> &mut dyn Any {
+        self
     }
 }

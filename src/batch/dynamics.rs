@@ -85,10 +85,10 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
         &self,
         system: &System<P>,
         at: &impl StagePose<L>,
-        gravity: Vector3<L>,
         elapsed: L,
         (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
     ) -> Instant<'b, L> {
+        let gravity = at.to_body(self.gravity);
         let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
         let mut wrench = self.wrench;
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
@@ -108,7 +108,6 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     fn rates(
         &mut self,
         at: &impl StagePose<L>,
-        fresh: bool,
         elapsed: L,
         twist: Vector6<L>,
         q: &[L; JOINTS],
@@ -116,10 +115,8 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.system_afresh();
-        if fresh {
-            configure(system, at.to_body(self.gravity), q, self.scratch);
-        }
-        let instant = self.instant(system, at, self.scratch.gravity, elapsed, (twist, q, qd));
+        let instant = self.instant(system, at, elapsed, (twist, q, qd));
+        configure(system, instant.gravity, q, self.scratch);
         respond(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }
@@ -136,7 +133,7 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for Dynamics<'_, L, P> {
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.system_afresh();
-        let instant = self.instant(system, at, at.to_body(self.gravity), elapsed + h, (twist, q, qd));
+        let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
         let ahead = Ahead { h, station: self.station.is_some() };
         let Rates { twist, qd } = rates;
         implicit_accelerations(system, &instant, ahead, self.loads, self.scratch, twist, qd);

@@ -1,6 +1,7 @@
 //! Many instances at a time: blocks of lanes, threads.
 
 mod blocks;
+mod columns;
 mod dynamics;
 mod inputs;
 mod lagged;
@@ -21,4 +22,6 @@ pub use monitor::{Sighting, Stray, WRONG, Watched};
 pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;
-pub use station_keep::{Autoreset, Beginning, Final, INFO, Saved, StationKeepBatch, Transition, Verdict};
+pub use station_keep::{
+    Autoreset, Beginning, Final, Outputs, Rollout, Saved, StationKeepBatch, Tally, Trace, Transition, Verdict,
+};

@@ -2,11 +2,14 @@
 
 use std::fmt;
 
+use super::columns::Columns;
+use super::layout::Layout;
 use super::rates::{Others, digits};
 use super::simulator::{Simulator, SimulatorOptions};
 use super::table::Table;
 use crate::balance::Servos;
-use crate::lane::Real;
+use crate::integrate::{Watch as Seen, step_error, stiffness};
+use crate::lane::{Isa, Kernel, Lane, Real};
 
 /// Share of its speed that the last steps of a motion may get wrong.
 pub const WRONG: f64 = 0.05;
@@ -44,26 +47,75 @@ pub struct Sighting {
 
 impl Table {
     /// The first of `count` instances that is not finite or whose motion is beyond the bounds.
-    pub(super) fn sight<T: Real>(&self, rows: &[T], count: usize, bounds: Bounds, h: f64) -> Option<Sighting> {
+    pub(super) fn sight<T: Real>(
+        &self,
+        isa: Isa,
+        rows: &mut [T],
+        count: usize,
+        bounds: Bounds,
+        h: f64,
+    ) -> Option<Sighting> {
         let width = self.layout.rows * T::BLOCK;
-        for (k, block) in rows.chunks_exact(width).enumerate() {
-            // The state is what comes before the time; no branches, so that it takes next to no time.
-            let state = &block[..self.layout.time * T::BLOCK];
-            let finite = state.iter().fold(true, |finite, x| finite & x.to_f64().is_finite());
-            let first = k * T::BLOCK;
-            for i in first..count.min(first + T::BLOCK) {
-                let watched = self.watched(rows, i, h);
-                let follows = watched.stiffness <= bounds.stiffness && watched.error <= bounds.error;
-                if finite && follows {
-                    continue;
+        let mut first = 0;
+        loop {
+            // Block by block in lanes; then one by one within the block where something may be.
+            let blocks = &mut rows[first * self.layout.rows..];
+            let mut look = Look { layout: &self.layout, bounds, h, blocks, astray: None };
+            T::dispatch(isa, &mut look);
+            first += look.astray? * T::BLOCK;
+            let block = &rows[first * self.layout.rows..][..width];
+            let found = (first..count.min(first + T::BLOCK)).find_map(|i| self.astray(block, i - first, bounds, h));
+            if let Some(sighting) = found {
+                return Some(Sighting { instance: first + sighting.instance, ..sighting });
+            }
+            first += T::BLOCK;
+        }
+    }
+
+    /// What is to be said of instance `i` if it is not finite or its motion is beyond the bounds.
+    fn astray<T: Real>(&self, rows: &[T], i: usize, bounds: Bounds, h: f64) -> Option<Sighting> {
+        let watched = self.watched(rows, i, h);
+        let follows = watched.stiffness <= bounds.stiffness && watched.error <= bounds.error;
+        // The state is what comes before the time.
+        let finite = (0..self.layout.time).all(|row| self.get(rows, i, row).is_finite());
+        (!finite || !follows).then(|| Sighting { instance: i, time: self.state(rows, i).time, watched, finite })
+    }
+}
+
+/// Looks for the first block in which an instance may not be finite or may be beyond the bounds.
+struct Look<'a, T> {
+    layout: &'a Layout,
+    bounds: Bounds,
+    h: f64,
+    blocks: &'a mut [T],
+    astray: Option<usize>,
+}
+
+impl<T: Real> Kernel<T> for Look<'_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut(self.layout.rows * T::BLOCK);
+        for (k, rows) in blocks.enumerate() {
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                let columns = Columns { rows: &mut *rows, first };
+                // Zero times each number of the state, which is what comes before the time: NaN for one that is not
+                // finite. In four sums, which need not wait for each other.
+                let mut sums = [L::zero(); 4];
+                for row in 0..self.layout.time {
+                    sums[row % 4] = columns.get::<L>(row).mul_add(L::zero(), sums[row % 4]);
                 }
-                let finite = finite || (0..self.layout.time).all(|row| self.get(rows, i, row).is_finite());
-                if !finite || !follows {
-                    return Some(Sighting { instance: i, time: self.state(rows, i).time, watched, finite });
+                let sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+                let Seen::<L> { contrast, slip, spin, .. } = columns.watch(self.layout);
+                let stiffness = stiffness(contrast, T::EPSILON);
+                let error = step_error([slip[0], slip[1], spin], self.h);
+                let follows = L::and(stiffness.lt(L::c(self.bounds.stiffness)), error.lt(L::c(self.bounds.error)));
+                let sound = L::and(sum.lt(L::c(1.0)), follows);
+                if L::bits(sound).count_ones() as usize != L::LANES {
+                    self.astray = Some(k);
+                    return;
                 }
             }
         }
-        None
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::blocks::{Blocks, Rider, Run, Storage};
+use super::blocks::{Blocks, Part, Run, Storage};
 use super::inputs::{Applied, Inputs, check};
 use super::monitor::{Bounds, WRONG, Watch};
 use super::step::Switches;
@@ -13,7 +13,7 @@ use crate::control::Allocation;
 use crate::description::Scene;
 use crate::error::SimulatorError;
 use crate::integrate::{Attitude, Gains, Integrator};
-use crate::lane::Isa;
+use crate::lane::{Isa, Real};
 use crate::lie::Vector6;
 use crate::system::{Compiled, Factors, Flow, State, compile};
 
@@ -354,17 +354,23 @@ impl Simulator {
         Ok(())
     }
 
-    /// Steps all instances under loads that riders set, each on its share of [`Self::ride`] instances.
-    pub(super) fn step_with(&mut self, substeps: usize, switches: Switches, riders: &mut [Box<dyn Rider + '_>]) {
+    /// Hands chunks of instances to `work`, each with its item; [`Part::step`] makes `substeps` steps of one.
+    pub(super) fn visit<T: Real, I: Send>(
+        &mut self,
+        substeps: usize,
+        switches: Switches,
+        items: impl ExactSizeIterator<Item = I> + Send,
+        work: impl Fn(&mut Part<'_, T>, I) + Sync,
+    ) {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let run = Run { integrator, h, substeps, before: 0, switches, threads, bounds: self.bounds() };
-        let sighting = self.storage.step_with(&run, riders);
+        let sighting = self.blocks().visit(&run, items, work);
         self.watch.sighted(sighting);
     }
 
-    /// Instances per rider.
-    pub(super) fn ride(&self) -> usize {
-        self.storage.ride()
+    /// All instances, for those who know the precision.
+    pub(super) fn blocks<T: Real>(&mut self) -> &mut Blocks<T> {
+        self.storage.as_any().downcast_mut().expect("the precision of the options")
     }
 
     /// `[V'; q'']` of all instances, (N, 6 + n), by the articulated-body form.

@@ -1,13 +1,14 @@
 //! The kernels that visit blocks: steps and accelerations.
 
-use super::dynamics::{Dynamics, Station};
+use super::columns::Columns;
+use super::dynamics::Dynamics;
 use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::integrate::{Attitude, Integrator, Motion, Stages, Watch, implicit_interval, interval};
+use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::system::{Factors, Ingredients, JOINTS, System};
+use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::system::{Ingredients, JOINTS, System};
 
 /// Which loads are on, the same for all instances.
 #[derive(Debug, Clone, Copy, Default)]
@@ -18,159 +19,6 @@ pub struct Switches {
     pub on_links: bool,
     /// Station keeping within the stages.
     pub station: bool,
-}
-
-/// One column group of a block: rows by number, `LANES` instances wide.
-struct Columns<'a, T> {
-    rows: &'a mut [T],
-    first: usize,
-}
-
-impl<T: Real> Columns<'_, T> {
-    #[inline(always)]
-    fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
-        L::load(&self.rows[row * T::BLOCK + self.first..])
-    }
-
-    #[inline(always)]
-    fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
-        x.store(&mut self.rows[row * T::BLOCK + self.first..]);
-    }
-
-    #[inline(always)]
-    fn vector<L: Lane<Real = T>>(&self, row: usize) -> Vector3<L> {
-        Vector3([self.get(row), self.get(row + 1), self.get(row + 2)])
-    }
-
-    #[inline(always)]
-    fn six<L: Lane<Real = T>>(&self, row: usize) -> Vector6<L> {
-        Vector6 { linear: self.vector(row), angular: self.vector(row + 3) }
-    }
-
-    #[inline(always)]
-    fn matrix<L: Lane<Real = T>>(&self, row: usize) -> Matrix3<L> {
-        Matrix3([self.vector(row).0, self.vector(row + 3).0, self.vector(row + 6).0])
-    }
-
-    #[inline(always)]
-    fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {
-        for k in 0..count {
-            self.set(row + k, x[k]);
-        }
-    }
-
-    #[inline(always)]
-    fn joints<L: Lane<Real = T>>(&self, row: usize, count: usize, to: &mut [L; JOINTS]) {
-        for k in 0..count {
-            to[k] = self.get(row + k);
-        }
-    }
-
-    #[inline(always)]
-    fn motion<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
-        motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
-        motion.rest = self.vector(layout.position + 3);
-        motion.twist = self.six(layout.twist);
-        self.joints(layout.q, layout.joints, &mut motion.q);
-        self.joints(layout.qd, layout.joints, &mut motion.qd);
-        if layout.keeps != Attitude::Matrix {
-            for k in 0..4 {
-                motion.attitude[k] = self.get(layout.attitude + k);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn set_motion<L: Lane<Real = T>>(&mut self, layout: &Layout, motion: &Motion<L, JOINTS>) {
-        for k in 0..3 {
-            self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
-        }
-        self.set_all(layout.position, &motion.pose.position.0, 3);
-        self.set_all(layout.position + 3, &motion.rest.0, 3);
-        self.set_all(layout.twist, &motion.twist.to_array(), 6);
-        self.set_all(layout.q, &motion.q, layout.joints);
-        self.set_all(layout.qd, &motion.qd, layout.joints);
-        if layout.keeps != Attitude::Matrix {
-            self.set_all(layout.attitude, &motion.attitude, 4);
-        }
-    }
-
-    #[inline(always)]
-    fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
-        let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
-        let seen = layout.contrast;
-        let mut watch = Watch { plan, ..Watch::blank() };
-        for k in 0..3 {
-            watch.contrast[k] = self.get(seen + k);
-        }
-        (watch.slip, watch.spin) = ([self.get(seen + 3), self.get(seen + 4)], self.get(seen + 5));
-        watch
-    }
-
-    #[inline(always)]
-    fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
-        self.set_all(layout.contrast, &watch.contrast, 3);
-        self.set_all(layout.contrast + 3, &watch.slip, 2);
-        self.set(layout.contrast + 5, watch.spin);
-        if layout.adaptive {
-            self.set(layout.plan, watch.plan);
-        }
-    }
-
-    #[inline(always)]
-    fn lag<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, lag: &mut Lag<L>) {
-        lag.factor = self.factors(layout).added_mass;
-        lag.wrench = self.six(layout.wrench);
-        for k in 0..layout.joints {
-            lag.links[k] = if switches.on_links { self.six(layout.links + 6 * k) } else { Vector6::zero() };
-        }
-        lag.begun = self.get(layout.lag);
-        for i in 0..=layout.joints {
-            let row = layout.lag + 1 + 12 * i;
-            lag.last[i] = [self.six(row), self.six(row + 6)];
-        }
-    }
-
-    #[inline(always)]
-    fn set_lag<L: Lane<Real = T>>(&mut self, layout: &Layout, lag: &Lag<L>) {
-        self.set(layout.lag, lag.begun);
-        for i in 0..=layout.joints {
-            let row = layout.lag + 1 + 12 * i;
-            self.set_all(row, &lag.last[i][0].to_array(), 6);
-            self.set_all(row + 6, &lag.last[i][1].to_array(), 6);
-        }
-    }
-
-    #[inline(always)]
-    fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
-        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
-        Station { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
-    }
-
-    #[inline(always)]
-    fn factors<L: Lane<Real = T>>(&self, layout: &Layout) -> Factors<L> {
-        let mut factors = [L::zero(); 5];
-        for k in 0..5 {
-            factors[k] = self.get(layout.factors + k);
-        }
-        Factors::from_array(factors)
-    }
-
-    #[inline(always)]
-    fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
-        loads.servo = switches.servo;
-        loads.on_links = switches.on_links;
-        for k in 0..layout.joints {
-            loads.torque[k] = self.get(layout.torque + k);
-            if switches.servo {
-                let row = layout.target + 4 * k;
-                loads.set_target(k, [self.get(row), self.get(row + 1), self.get(row + 2), self.get(row + 3)]);
-            }
-            if switches.on_links {
-                loads.links[k] = self.six(layout.links + 6 * k);
-            }
-        }
-    }
 }
 
 /// `V_r = V - [R^T v_c; 0]`, or back with `sign` +1. `[HC eq. 23]`

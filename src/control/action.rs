@@ -3,7 +3,7 @@
 use nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
 
-use super::allocation::{AXES, Allocation, Thrusts};
+use super::allocation::{AXES, Allocation};
 
 /// What the entries of an action stand for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -14,6 +14,16 @@ pub enum ActionKind {
     Wrench,
     /// Each thrust over the thruster's limit on that side: m entries.
     Thrusters,
+}
+
+impl ActionKind {
+    /// Name for people and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            ActionKind::Wrench => "wrench",
+            ActionKind::Thrusters => "thrusters",
+        }
+    }
 }
 
 /// Physical meaning of one entry of an action.
@@ -38,6 +48,11 @@ impl ActionMap {
     /// Actions of this kind for this vehicle.
     pub fn new(kind: ActionKind, allocation: Allocation) -> Self {
         Self { kind, allocation }
+    }
+
+    /// What the entries of an action stand for.
+    pub fn kind(&self) -> ActionKind {
+        self.kind
     }
 
     /// Entries of an action.
@@ -71,23 +86,6 @@ impl ActionMap {
             ActionKind::Thrusters => (names.into_iter().take(self.len()).enumerate())
                 .map(|(i, name)| ActionRange { name: name.to_owned(), limits: self.allocation.limits(i), unit: "N" })
                 .collect(),
-        }
-    }
-
-    /// Thrusts within their limits for an action with entries in [-1, 1].
-    pub fn thrusts(&self, action: &[f32]) -> Thrusts {
-        match self.kind {
-            ActionKind::Wrench => {
-                let limits = self.allocation.wrench_limits();
-                self.allocation.allocate(&Vector6::from_fn(|k, _| f64::from(action[k]) * limits[k]))
-            }
-            ActionKind::Thrusters => {
-                let mut thrusts = Thrusts::default();
-                for (i, (thrust, &a)) in thrusts.iter_mut().zip(action).enumerate() {
-                    *thrust = f64::from(a).abs() * self.allocation.limits(i)[usize::from(a > 0.0)];
-                }
-                thrusts
-            }
         }
     }
 

@@ -21,7 +21,7 @@ const RANK_TOLERANCE: f64 = 1e-6;
 const HUGE: f64 = 1e100;
 
 /// Relative thrusts below this share of the greatest are rounding: they are left out, or saturate nothing.
-const ROUNDING: f64 = 1e-12;
+pub(super) const ROUNDING: f64 = 1e-12;
 
 /// Weighted least-squares allocation of a body wrench to the thrusters of one vehicle.
 ///
@@ -104,6 +104,16 @@ impl Allocation {
     /// Thruster configuration matrix T_tcm, 6 x m: thrusts to the body wrench at the vehicle origin. `[HC eq. 25]`
     pub fn configuration(&self) -> Matrix6xX<f64> {
         Matrix6xX::from_fn(self.count, |r, i| self.configuration[i][r])
+    }
+
+    /// Wrench per thrust of thruster i: its column of T_tcm.
+    pub(super) fn column(&self, i: usize) -> Vector6<f64> {
+        self.configuration[i]
+    }
+
+    /// Unsaturated thrust of thruster i per wrench, N per N or N m.
+    pub(super) fn pseudo_inverse(&self, i: usize) -> Vector6<f64> {
+        self.pseudo_inverse[i]
     }
 
     /// Least and greatest thrust of thruster i, N.

@@ -1,12 +1,21 @@
-//! Control of one vehicle: thruster allocation, what an action means, the paper's PD.
+//! Control of one vehicle: thruster allocation, what an action means, and policies that choose one from observations
+//! alone: the paper's PD, PID, neural networks.
 
 mod action;
+mod actuation;
 mod allocation;
+mod mlp;
 mod pd;
+mod pid;
+mod policy;
 
 #[cfg(test)]
 mod tests;
 
 pub use action::{ActionKind, ActionMap, ActionRange};
+pub use actuation::{ACTIONS, Actuated, Actuation};
 pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
+pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, Purpose};
 pub use pd::{Pd, Reading};
+pub use pid::Pid;
+pub use policy::{Policy, Rest, Widths};

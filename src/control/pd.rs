@@ -3,6 +3,7 @@
 use nalgebra::Vector6;
 
 use super::ActionMap;
+use super::policy::{Policy, Widths};
 use crate::description::VehicleServo;
 use crate::error::ControlError;
 
@@ -33,11 +34,8 @@ impl Pd {
     /// # Errors
     /// `ControlError::Gain` for a gain that is not finite or is negative.
     pub fn new(reading: Reading, gains: VehicleServo, actions: ActionMap) -> Result<Self, ControlError> {
-        for (name, values) in [("kp", &gains.kp), ("kd", &gains.kd)] {
-            if let Some((index, &value)) = values.iter().enumerate().find(|(_, k)| !(k.is_finite() && **k >= 0.0)) {
-                return Err(ControlError::Gain { name, index, value });
-            }
-        }
+        check_gains("kp", &gains.kp)?;
+        check_gains("kd", &gains.kd)?;
         Ok(Self { reading, gains, actions })
     }
 
@@ -46,31 +44,52 @@ impl Pd {
         &self.gains
     }
 
-    /// Body wrench (N, N m) that the PD asks for at one row of observations.
-    pub fn wrench(&self, observation: &[f32]) -> Vector6<f64> {
-        let read = |(offset, scale): (usize, f64)| f64::from(observation[offset]) * scale;
-        Vector6::from_fn(|k, _| {
-            -self.gains.kp[k] * read(self.reading.error[k]) - self.gains.kd[k] * read(self.reading.twist[k])
-        })
+    /// What it reads.
+    pub fn reading(&self) -> &Reading {
+        &self.reading
     }
 
-    /// Actions (n x action length) for observations (n x observation length), both row by row. Rows are independent.
-    ///
-    /// # Errors
-    /// `ControlError::Shape` if the lengths are no whole rows, or not equally many.
-    pub fn act(&self, observations: &[f32], actions: &mut [f32]) -> Result<(), ControlError> {
-        let rows = observations.len() / self.reading.width;
-        for (what, got, width) in
-            [("observations", observations.len(), self.reading.width), ("actions", actions.len(), self.actions.len())]
-        {
-            if got != rows * width {
-                return Err(ControlError::Shape { what, got, expected: rows * width });
-            }
-        }
-        let inputs = observations.chunks_exact(self.reading.width);
-        for (observation, action) in inputs.zip(actions.chunks_exact_mut(self.actions.len().max(1))) {
+    /// What its actions mean.
+    pub(super) fn actions(&self) -> &ActionMap {
+        &self.actions
+    }
+
+    /// Pose error (m, rad) at one row of observations.
+    pub(super) fn error(&self, observation: &[f32]) -> Vector6<f64> {
+        Vector6::from_fn(|k, _| read(observation, self.reading.error[k]))
+    }
+
+    /// Body wrench (N, N m) that the PD asks for at one row of observations.
+    pub fn wrench(&self, observation: &[f32]) -> Vector6<f64> {
+        let (kp, kd) = (&self.gains.kp, &self.gains.kd);
+        let error = self.error(observation);
+        Vector6::from_fn(|k, _| -kp[k] * error[k] - kd[k] * read(observation, self.reading.twist[k]))
+    }
+}
+
+impl Policy for Pd {
+    fn widths(&self) -> Widths {
+        Widths { observation: self.reading.width, memory: 0, action: self.actions.len() }
+    }
+
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        self.widths().rows(observations, memory, actions)?;
+        let rows = observations.chunks_exact(self.reading.width);
+        for (observation, action) in rows.zip(actions.chunks_exact_mut(self.actions.len().max(1))) {
             self.actions.normalise(&self.wrench(observation), action);
         }
         Ok(())
     }
+}
+
+/// Refuses gains that are not finite, or that push the wrong way.
+pub(super) fn check_gains(name: &'static str, gains: &[f64; 6]) -> Result<(), ControlError> {
+    match gains.iter().enumerate().find(|(_, k)| !(k.is_finite() && **k >= 0.0)) {
+        None => Ok(()),
+        Some((index, &value)) => Err(ControlError::Gain { name, index, value }),
+    }
+}
+
+fn read(observation: &[f32], (offset, scale): (usize, f64)) -> f64 {
+    f64::from(observation[offset]) * scale
 }

@@ -32,6 +32,17 @@ fn allocation() -> Allocation {
     Allocation::new(&heavy()).unwrap()
 }
 
+/// What an action comes to.
+fn actuated(map: &ActionMap, action: &[f32]) -> Actuated<f64> {
+    let mut entries = [0.0; ACTIONS];
+    entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
+    Actuation::new(map).act(&entries)
+}
+
+fn thrusts(map: &ActionMap, action: &[f32]) -> Thrusts {
+    actuated(map, action).thrusts
+}
+
 proptest! {
     #[test]
     fn reachable_wrenches_are_reconstructed(wrench in wrench()) {
@@ -101,7 +112,7 @@ proptest! {
             map.normalise(&reached, &mut action);
             prop_assert!(action.iter().all(|x| x.abs() <= 1.0));
             // Within what f32 actions resolve.
-            prop_assert!((a.wrench(&map.thrusts(&action)) - reached).norm() < 1e-4);
+            prop_assert!((a.wrench(&thrusts(&map, &action)) - reached).norm() < 1e-4);
         }
     }
 }
@@ -201,8 +212,8 @@ fn pd_pushes_back_along_every_axis() {
         for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
             let map = ActionMap::new(kind, allocation());
             let mut action = vec![0.0; map.len()];
-            pd(kind).act(&observation, &mut action).unwrap();
-            assert!((allocation().wrench(&map.thrusts(&action)) - asked).norm() < 1e-4);
+            pd(kind).act(&observation, &mut [], &mut action).unwrap();
+            assert!((allocation().wrench(&thrusts(&map, &action)) - asked).norm() < 1e-4);
         }
     }
 }
@@ -214,15 +225,19 @@ fn pd_rows_are_independent_clipped_and_checked() {
     rows[12..24].fill(50.0);
     rows[24] = -0.3;
     let mut actions = [9.0f32; 18];
-    pd.act(&rows, &mut actions).unwrap();
+    pd.act(&rows, &mut [], &mut actions).unwrap();
     assert_eq!(actions[..6], [0.0; 6]);
     assert_eq!(actions[6..12], [-1.0; 6]);
     let mut alone = [0.0f32; 6];
-    pd.act(&rows[24..], &mut alone).unwrap();
+    pd.act(&rows[24..], &mut [], &mut alone).unwrap();
     assert_eq!(actions[12..], alone);
     assert!(alone[0] > 0.0);
-    assert!(matches!(pd.act(&rows[1..], &mut actions), Err(ControlError::Shape { what: "observations", .. })));
-    assert!(matches!(pd.act(&rows, &mut actions[1..]), Err(ControlError::Shape { got: 17, expected: 18, .. })));
+    assert!(matches!(pd.act(&rows[1..], &mut [], &mut actions), Err(ControlError::Shape { what: "observations", .. })));
+    assert!(matches!(pd.act(&rows, &mut [0.0], &mut actions), Err(ControlError::Shape { what: "memory", .. })));
+    assert!(matches!(
+        pd.act(&rows, &mut [], &mut actions[1..]),
+        Err(ControlError::Shape { got: 17, expected: 18, .. })
+    ));
 }
 
 #[test]
@@ -232,4 +247,102 @@ fn gains_that_push_away_are_refused() {
     gains.kd[2] = -1.0;
     let refused = Pd::new(reading, gains, ActionMap::new(ActionKind::Wrench, allocation()));
     assert_eq!(refused, Err(ControlError::Gain { name: "kd", index: 2, value: -1.0 }));
+}
+
+fn pid(kind: ActionKind, ki: f64) -> Pid {
+    Pid::new(pd(kind), Some([ki; 6]), 0.1).unwrap()
+}
+
+/// An observation of this error on one axis; its scale is 0.1.
+fn error_on(axis: usize, error: f64) -> [f32; 12] {
+    std::array::from_fn(|k| if k == axis { (error / 0.1) as f32 } else { 0.0 })
+}
+
+/// Action and integral after so many periods with one observation.
+fn held(pid: &Pid, observation: &[f32; 12], periods: usize, integral: &mut [f64; 6]) -> Vec<f32> {
+    let mut action = vec![0.0; pid.widths().action];
+    for _ in 0..periods {
+        pid.act(observation, integral, &mut action).unwrap();
+    }
+    action
+}
+
+#[test]
+fn pid_without_integral_gains_is_the_pd() {
+    let observation: [f32; 12] = std::array::from_fn(|k| (k as f32 - 5.0) * 0.03);
+    for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
+        let mut action = vec![0.0; ActionMap::new(kind, allocation()).len()];
+        pd(kind).act(&observation, &mut [], &mut action).unwrap();
+        assert_eq!(held(&pid(kind, 0.0), &observation, 30, &mut [0.0; 6]), action);
+    }
+}
+
+#[test]
+fn integral_grows_with_the_error_and_pushes_against_it() {
+    for axis in 0..6 {
+        let mut integral = [0.0; 6];
+        let action = held(&pid(ActionKind::Wrench, 50.0), &error_on(axis, 0.01), 11, &mut integral);
+        for (k, z) in integral.into_iter().enumerate() {
+            assert!((z - if k == axis { 11.0 * 0.1 * 0.01 } else { 0.0 }).abs() < 1e-9);
+        }
+        // The first action knows no integral, the eleventh ten periods of it.
+        let expected = -(100.0 * 0.01 + 50.0 * 0.01) / allocation().wrench_limits()[axis];
+        assert!((f64::from(action[axis]) - expected).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn integral_waits_while_its_axis_falls_short_and_turns_at_once() {
+    for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
+        let pid = pid(kind, 50.0);
+        let mut integral = [0.0; 6];
+        // 100 N/m times 1 m is more than the thrusters reach upward, and the yaw error waits with it: all thrusts are
+        // scaled down together.
+        let mut observation = error_on(2, 3.0);
+        observation[5] = 2.0;
+        held(&pid, &observation, 1000, &mut integral);
+        assert_eq!(integral[2], 0.0);
+        // Out of saturation it grows until it saturates by itself, and no further.
+        held(&pid, &error_on(2, 0.2), 10_000, &mut integral);
+        let (full, limit) = (integral[2], allocation().wrench_limits()[2]);
+        assert!((50.0 * full + 100.0 * 0.2 - limit).abs() < 50.0 * 0.2 * 0.1 + 1e-2 * limit, "{kind:?}: {full}");
+        // An error of the other sign is taken at once, even while the axis still falls short.
+        integral[2] = 2.0 * limit / 50.0;
+        held(&pid, &error_on(2, -0.1), 1, &mut integral);
+        assert!((integral[2] - (2.0 * limit / 50.0 - 0.01)).abs() < 1e-8);
+    }
+}
+
+#[test]
+fn integral_does_not_wind_up_on_an_axis_without_thrust() {
+    let sides = [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
+    let map = ActionMap::new(ActionKind::Wrench, Allocation::new(&with_thrusters(&sides)).unwrap());
+    let gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
+    let pd = Pd::new(pd(ActionKind::Wrench).reading().clone(), gains, map).unwrap();
+    let pid = Pid::new(pd, Some([1.0; 6]), 0.1).unwrap();
+    let mut integral = [0.0; 6];
+    held(&pid, &error_on(1, 0.3), 100, &mut integral);
+    assert_eq!(integral, [0.0; 6]);
+    held(&pid, &error_on(0, 0.3), 100, &mut integral);
+    assert!(integral[0] > 2.9);
+}
+
+#[test]
+fn integral_gains_follow_from_the_others() {
+    let rule = *Pid::new(pd(ActionKind::Wrench), None, 0.1).unwrap().ki();
+    for ki in rule {
+        let (integral_time, derivative_time): (f64, f64) = (100.0 / ki, 30.0 / 100.0);
+        assert!((integral_time - 2.0 * derivative_time).abs() < 1e-12);
+    }
+    let refused = Pid::new(pd(ActionKind::Wrench), Some([f64::NAN; 6]), 0.1);
+    assert!(matches!(refused, Err(ControlError::Gain { name: "ki", index: 0, .. })));
+}
+
+#[test]
+fn rest_is_no_action() {
+    let widths = Widths { observation: 12, memory: 0, action: 8 };
+    let mut actions = [1.0; 24];
+    Rest::new(widths).act(&[0.5; 36], &mut [], &mut actions).unwrap();
+    assert_eq!(actions, [0.0; 24]);
+    assert!(Rest::new(widths).act(&[0.5; 35], &mut [], &mut actions).is_err());
 }

@@ -1,7 +1,7 @@
 //! The integrators by name.
 
 use super::chart::{Attitude, Chart, Correction};
-use super::tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, NYSTROM, RK4, Tableau};
+use super::tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, Tableau};
 use crate::lie::DexpInverse;
 
 /// How a step is taken.
@@ -90,7 +90,7 @@ const LAGGED: Integrator = Integrator::Explicit(Explicit {
 
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 15] = [
+    pub const NAMES: [Entry; 14] = [
         production("mk4", "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)", explicit(&RK4, CLOSED)),
         production(
             "mk4-truncated",
@@ -101,11 +101,6 @@ impl Integrator {
             "mk4-reduced",
             "Munthe-Kaas, order 4, two commutators in place of dexp's inverse",
             explicit(&RK4, Chart::Commutators),
-        ),
-        production(
-            "mkn4",
-            "Munthe-Kaas on Nystrom's tableau, order 4: three configurations to a step, and one commutator",
-            explicit(&NYSTROM, Chart::Nystrom),
         ),
         production(
             "mk54",

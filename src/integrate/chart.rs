@@ -11,11 +11,6 @@ pub enum Chart {
     Exponential(DexpInverse),
     /// The same with `Theta' = V` and two commutators that make up for it: for the classical tableau alone. `[MO99]`
     Commutators,
-    /// The same on Nystrom's tableau: Theta by the accelerations of the stages, `Theta_i = c_i h V + h^2 sum place_ij V_j'`,
-    /// and one commutator. With `V(t) = V + t V' + ...` Theta holds `t^3 [V, V'] / 12 + t^4 [V, V''] / 24` of it `[MO99]`:
-    /// `h^2 [V, V_4] / 12` at the end has both; and `h^2 [V, V_4] / 8` at the last stage, whose weight is 1/6, makes the
-    /// sum over the stages, none of which has it at half the step, what the integral of `t^3 [V, V'] / 12` is.
-    Nystrom,
     /// The same, for Euler's rule alone, the pose and the joints moving with the velocities of the step's end.
     VelocityFirst,
     /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21]`
@@ -52,7 +47,7 @@ impl Chart {
     #[inline(always)]
     pub fn attitude(&self) -> Attitude {
         match self {
-            Chart::Exponential(_) | Chart::Commutators | Chart::Nystrom | Chart::VelocityFirst => Attitude::Matrix,
+            Chart::Exponential(_) | Chart::Commutators | Chart::VelocityFirst => Attitude::Matrix,
             Chart::EulerAngles => Attitude::Angles,
             Chart::Quaternion(_) => Attitude::Quaternion,
         }

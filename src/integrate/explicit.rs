@@ -53,13 +53,13 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     let Explicit { tableau, chart, .. } = *method;
     let n = derivative.joints();
     let keeps = chart.attitude() != Attitude::Matrix;
-    let (mut turn, mut bracket) = (L::zero(), Vector6::zero());
+    let mut turn = L::zero();
     for i in usize::from(begun)..tableau.stages {
         let mut point = if i == 0 {
             stages.start(n, from)
         } else {
             let weights = Weights { time: tableau.c[i], speed: &tableau.a[i], place: &tableau.place[i] };
-            stages.weigh(&weights, i, n, h, chart, from)
+            stages.weigh(&weights, i, n, h, keeps, from)
         };
         let (whole, rate);
         let at = if keeps {
@@ -73,11 +73,6 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
                 // [MO99]: K_2 / 2 - [K_1, K_2] / 8 where the exponential stands on the left.
                 point.pose = ad(stages.pose[0], stages.pose[1]).scale_add(h * h * L::c(0.125), point.pose);
             }
-            if i == 3 && chart == Chart::Nystrom {
-                // What two stages without brackets lack, this one has for them: see the chart.
-                bracket = ad(from.twist, point.twist).scale(h * h);
-                point.pose = bracket.scale_add(L::c(1.0 / 8.0), point.pose);
-            }
             turn = turn.max(point.pose.angular.dot(point.pose.angular));
             rate = match chart {
                 Chart::Exponential(form) if i > 0 => dexp_inverse_negative(form, point.pose, point.twist),
@@ -86,11 +81,8 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
             Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
         let time = elapsed + h * L::c(tableau.c[i]);
-        let fresh = !tableau.stays[i];
-        derivative.rates(&at, fresh, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
-        if chart != Chart::Nystrom {
-            stages.pose[i] = rate;
-        }
+        derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
+        stages.pose[i] = rate;
     }
     let contrast = match &tableau.contrast {
         Some(contrast) => stages.contrast(contrast, n, h, from),
@@ -101,13 +93,12 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         None => L::zero(),
     };
     let weights = Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end };
-    let mut end = stages.weigh(&weights, tableau.stages, n, h, chart, from);
+    let mut end = stages.weigh(&weights, tableau.stages, n, h, keeps, from);
     match chart {
         Chart::Commutators => {
             // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.
             end.pose = ad(stages.pose[0], stages.pose[3]).scale_add(h * h * L::c(1.0 / 12.0), end.pose);
         }
-        Chart::Nystrom => end.pose = bracket.scale_add(L::c(1.0 / 12.0), end.pose),
         Chart::VelocityFirst => {
             end.pose = end.twist.scale(h);
             for k in 0..n {

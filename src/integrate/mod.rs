@@ -20,7 +20,7 @@ pub use pieces::interval;
 pub use rosenbrock::{LinearlyImplicit, implicit_interval};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
-pub use tableau::{Contrast, DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, NYSTROM, RK4, STAGES, Tableau};
+pub use tableau::{Contrast, DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
 pub use watch::{Watch, step_error, stiffness};
 
 use crate::lane::Lane;
@@ -47,13 +47,10 @@ pub trait StagePose<L: Lane> {
 pub trait Derivative<L: Lane, const N: usize> {
     /// Number of joints in use, at most N.
     fn joints(&self) -> usize;
-    /// Rates at a stage, `elapsed` after the start of the interval. Unless it is `fresh`, its pose, q and time are those of
-    /// the call before.
-    #[expect(clippy::too_many_arguments, reason = "a struct of them would be copied for each stage")]
+    /// Rates at a stage, `elapsed` after the start of the interval.
     fn rates(
         &mut self,
         at: &impl StagePose<L>,
-        fresh: bool,
         elapsed: L,
         twist: Vector6<L>,
         q: &[L; N],

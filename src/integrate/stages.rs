@@ -2,7 +2,6 @@
 
 use super::Rates;
 use super::motion::Motion;
-use super::chart::{Attitude, Chart};
 use super::tableau::{Contrast, STAGES, Tableau, times};
 use crate::lane::Lane;
 use crate::lie::Vector6;
@@ -67,32 +66,30 @@ impl<L: Lane, const N: usize> Stages<L, N> {
 
     /// The start plus `h sum w_j k_j` over the first `count` stages; leaves q and q' in `q_at`, `qd_at`.
     #[inline(always)]
-    pub(super) fn weigh(&mut self, weights: &Weights, count: usize, n: usize, h: L, chart: Chart, from: &Motion<L, N>) -> Point<L> {
+    pub(super) fn weigh(
+        &mut self,
+        weights: &Weights,
+        count: usize,
+        n: usize,
+        h: L,
+        keeps: bool,
+        from: &Motion<L, N>,
+    ) -> Point<L> {
         let Weights { time, speed, place } = *weights;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
         let (way, h2) = (h * L::c(time), h * h);
-        let nystrom = chart == Chart::Nystrom;
-        if nystrom {
-            sum.pose = from.twist.scale(way);
-        }
         for j in 0..count {
             if speed[j] != 0.0 {
                 let weight = h * L::c(speed[j]);
                 self.weights[j][0] = weight;
                 sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
-                if !nystrom {
-                    sum.pose = self.pose[j].scale_add(weight, sum.pose);
-                }
-                if chart.attitude() != Attitude::Matrix {
+                sum.pose = self.pose[j].scale_add(weight, sum.pose);
+                if keeps {
                     sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
                 }
             }
             if place[j] != 0.0 {
-                let weight = h2 * L::c(place[j]);
-                self.weights[j][1] = weight;
-                if nystrom {
-                    sum.pose = self.rates[j].twist.scale_add(weight, sum.pose);
-                }
+                self.weights[j][1] = h2 * L::c(place[j]);
             }
         }
         for k in 0..n {

@@ -17,12 +17,10 @@ pub struct Tableau {
     /// Stage times.
     pub c: [f64; STAGES],
     /// What the accelerations weigh in the coordinates of the stages, by `h^2`: `y_i = y + c_i h y' + h^2 sum_j place_ij k_j`;
-    /// and in those of the step's end. `a a` and `b a`, but for Nystrom's method.
+    /// and in those of the step's end: `a a` and `b a`.
     pub place: [[f64; STAGES]; STAGES],
     /// See `place`.
     pub place_end: [f64; STAGES],
-    /// Stages that have the time and the coordinates of the one before.
-    pub stays: [bool; STAGES],
     /// What the step weights differ by from those of a method of lower order, if one is embedded: its last stage is the
     /// step's end.
     pub error: Option<[f64; STAGES]>,
@@ -101,8 +99,8 @@ impl Tableau {
             place[i] = times(&a[i], &a);
             i += 1;
         }
-        let (place_end, stays) = (times(&b, &a), [false; STAGES]);
-        Self { stages: K + 1, order, a, b, c, place, place_end, stays, error: None, contrast: None }
+        let place_end = times(&b, &a);
+        Self { stages: K + 1, order, a, b, c, place, place_end, error: None, contrast: None }
     }
 }
 
@@ -159,33 +157,12 @@ pub static HEUN3: Tableau = Tableau {
 pub static RK4: Tableau = Tableau {
     // Slip: z^5 / 120 by z^3 / 4.
     contrast: Some(Contrast { three: true, place: 0.25, speed: 0.5, change: [1.0, 0.0], slip: (1.0 / 30.0, 2) }),
-    ..CLASSICAL
-};
-const CLASSICAL: Tableau = Tableau::new(
-    4,
-    [row([0.5]), row([0.0, 0.5]), row([0.0, 0.0, 1.0])],
-    row([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]),
-    row([0.0, 0.5, 0.5, 1.0]),
-);
-
-/// Nystrom's fourth-order method for `y'' = f(t, y, y')`: velocities as the classical one has them, but its two stages at
-/// half the step have the same coordinates. `[HNW93 tab. 14.2]`
-///
-/// ```text
-///      coordinates         velocities
-///  0  |
-/// 1/2 | 1/8               | 1/2
-/// 1/2 | 1/8   0           |  0  1/2
-///  1  |  0    0  1/2      |  0   0   1
-///     | 1/6  1/6 1/6  0   | 1/6 1/3 1/3 1/6
-/// ```
-pub static NYSTROM: Tableau = Tableau {
-    place: rows([row([0.125]), row([0.125]), row([0.0, 0.0, 0.5])]),
-    place_end: row([1.0 / 6.0, 1.0 / 6.0, 1.0 / 6.0]),
-    stays: [false, false, true, false, false, false, false],
-    // Slip: z^5 / 120 by z^2 / 2.
-    contrast: Some(Contrast { three: false, place: 0.5, speed: 0.5, change: [1.0, 0.0], slip: (1.0 / 60.0, 3) }),
-    ..CLASSICAL
+    ..Tableau::new(
+        4,
+        [row([0.5]), row([0.0, 0.5]), row([0.0, 0.0, 1.0])],
+        row([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]),
+        row([0.0, 0.5, 0.5, 1.0]),
+    )
 };
 
 /// Dormand and Prince's pair of orders 5 and 4; goes on with order 5. `[DP80]`

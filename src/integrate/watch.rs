@@ -107,14 +107,16 @@ fn changed<L: Lane>(from: Vector3<L>, to: Vector3<L>) -> L {
 /// `h |lambda|` of the fastest rate that a motion excites, by its [`Watch::contrast`]: a single mode, real or oscillating,
 /// makes `h` times the right-hand side's change so many times the states' own difference (on average over a period).
 /// Noise of rounding, which passes for a very fast rate where nothing moves, does not count.
-pub fn stiffness([places, speeds, changes]: [f64; 3], epsilon: f64) -> f64 {
-    ((speeds + changes) / (places + speeds + rounding(epsilon).powi(2) / (1.0 - KEPT))).sqrt()
+#[inline(always)]
+pub fn stiffness<L: Lane>([places, speeds, changes]: [L; 3], epsilon: f64) -> L {
+    ((speeds + changes) / (places + speeds + L::c(rounding(epsilon).powi(2) / (1.0 - KEPT)))).sqrt()
 }
 
 /// Share of its velocities that the steps of a motion got wrong of late, by [`Watch::slip`] and [`Watch::spin`]; a motion
 /// slower than [`REST`] counts as one of that speed.
-pub fn step_error([error, way, spin]: [f64; 3], h: f64) -> f64 {
-    (error / way.max(REST * h)).max(spin)
+#[inline(always)]
+pub fn step_error<L: Lane>([error, way, spin]: [L; 3], h: f64) -> L {
+    (error / way.max(L::c(REST * h))).max(spin)
 }
 
 fn rounding(epsilon: f64) -> f64 {

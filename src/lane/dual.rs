@@ -86,7 +86,23 @@ impl Lane for Dual {
     fn select(mask: bool, yes: Self, no: Self) -> Self {
         if mask { yes } else { no }
     }
-    fn any(mask: bool) -> bool {
-        mask
+    fn and(a: bool, b: bool) -> bool {
+        a && b
+    }
+    fn bits(mask: bool) -> u32 {
+        u32::from(mask)
+    }
+    fn split(self) -> (Self, Self) {
+        let (mantissa, exponent) = self.value.split();
+        (Self::new(mantissa, self.slope * (mantissa / self.value)), Self::splat(exponent))
+    }
+    fn load_single(from: &[f32]) -> Self {
+        Self::splat(f64::from(from[0]))
+    }
+    fn store_single(self, to: &mut [f32]) {
+        to[0] = self.value as f32;
+    }
+    fn store_double(self, to: &mut [f64]) {
+        to[0] = self.value;
     }
 }

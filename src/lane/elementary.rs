@@ -58,3 +58,137 @@ pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
     let (s, c) = (L::select(odd, cos, sin), L::select(odd, sin, cos));
     (L::select(negative_sin, -s, s), L::select(negative_cos, -c, c))
 }
+
+/// tanh x / x as a ratio of polynomials in x^2: minimax on |x| <= 9.01, where the relative error is 2.1e-8.
+const TANH: [[f64; 5]; 2] = [
+    [0.999_999_979, 0.133_803_749, 3.494_814_94e-3, 2.059_633_42e-5, 1.333_692_44e-8],
+    [1.0, 0.467_136_904, 2.587_404_18e-2, 3.284_369_43e-4, 7.769_315_76e-7],
+];
+
+/// Hyperbolic tangent in single precision, to 6 units in the last place; never beyond -1 and 1.
+#[inline(always)]
+pub fn tanh<L: Lane<Real = f32>>(x: L) -> L {
+    let x = x.min(L::c(9.01)).max(L::c(-9.01));
+    let z = x * x;
+    let y = x * horner(z, &TANH[0]) / horner(z, &TANH[1]);
+    y.min(L::c(1.0)).max(L::c(-1.0))
+}
+
+/// ln 2 in two parts: the first has few enough digits that its multiples by exponents are exact.
+const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
+const LN_2_SINGLE: [f64; 2] = [6.931_381_225_585_937_5e-1, 9.058_000_614_453_107e-6];
+/// Minimax coefficients of (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2, for s up to 0.1716 (those of fdlibm).
+const LN: [f64; 7] = [
+    6.666_666_666_666_735e-1,
+    3.999_999_999_940_942e-1,
+    2.857_142_874_366_239e-1,
+    2.222_219_843_214_978_4e-1,
+    1.818_357_216_161_805e-1,
+    1.531_383_769_920_937_3e-1,
+    1.479_819_860_511_658_6e-1,
+];
+const LN_SINGLE: [f64; 4] =
+    [6.666_666_269_302_368e-1, 4.000_097_215_175_629e-1, 2.849_878_668_785_095e-1, 2.427_907_884_120_941_2e-1];
+
+/// `ln(2^k (1 + f)) + c` for `1 + f` in [sqrt(2)/2, sqrt(2)] and a small correction c.
+#[inline(always)]
+fn ln_of_parts<L: Lane>(k: L, f: L, c: L) -> L {
+    let (ln_2, coefficients): (_, &[f64]) = if L::Real::SINGLE { (LN_2_SINGLE, &LN_SINGLE) } else { (LN_2, &LN) };
+    let s = f / (L::c(2.0) + f);
+    let z = s * s;
+    let half_square = (f * f) * L::c(0.5);
+    // ln(1 + f) = f - (f^2 / 2 - s (f^2 / 2 + R))
+    let bracket = half_square + z * horner(z, coefficients);
+    let low = k.mul_add(L::c(ln_2[1]), c);
+    k.mul_add(L::c(ln_2[0]), f - (half_square - s.mul_add(bracket, low)))
+}
+
+/// Exponent, and what is above 1 of the mantissa, which is brought to [sqrt(2)/2, sqrt(2)].
+#[inline(always)]
+fn balanced<L: Lane>(x: L) -> (L, L) {
+    let (mantissa, exponent) = x.split();
+    let great = L::c(std::f64::consts::SQRT_2).lt(mantissa);
+    let k = L::select(great, exponent + L::c(1.0), exponent);
+    (k, L::select(great, mantissa * L::c(0.5), mantissa) - L::c(1.0))
+}
+
+/// Natural logarithm of normal numbers; -infinity for 0 and subnormal numbers, NaN for negative ones.
+#[inline(always)]
+pub fn ln<L: Lane>(x: L) -> L {
+    let (k, f) = balanced(x);
+    beyond_finite(x, x, ln_of_parts(k, f, L::zero()))
+}
+
+/// `ln(1 + x)` without loss where x is small; -infinity for -1, NaN below.
+#[inline(always)]
+pub fn ln_1p<L: Lane>(x: L) -> L {
+    let one = L::c(1.0);
+    let u = one + x;
+    let (k, f) = balanced(u);
+    // What rounding has taken from 1 + x.
+    let lost = L::select(x.lt(one), x - (u - one), one - (u - x));
+    let near = k.abs().lt(L::c(0.5));
+    let y = ln_of_parts(k, L::select(near, x, f), L::select(near, L::zero(), lost / u));
+    beyond_finite(x, u, y)
+}
+
+/// `y = ln(u)`, or what stands in its place where u is not a positive normal number; `x` tells NaN.
+#[inline(always)]
+fn beyond_finite<L: Lane>(x: L, u: L, y: L) -> L {
+    let infinity = L::c(f64::INFINITY);
+    let least = if L::Real::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+    // x + infinity is NaN for NaN, else infinity where x is not -infinity.
+    let y = L::select(u.lt(infinity), y, x + infinity);
+    let y = L::select(u.lt(L::c(least)), -infinity, y);
+    L::select(u.lt(L::zero()), L::c(f64::NAN), y)
+}
+
+/// Minimax coefficients on [0, 7/16] of (1 - atan x / x) / x^2 in x^2 (those of fdlibm).
+const ATAN: [f64; 11] = [
+    3.333_333_333_333_293e-1,
+    -1.999_999_999_987_648_3e-1,
+    1.428_571_427_250_346_6e-1,
+    -1.111_111_040_546_235_6e-1,
+    9.090_887_133_436_507e-2,
+    -7.691_876_205_044_83e-2,
+    6.661_073_137_387_531e-2,
+    -5.833_570_133_790_573e-2,
+    4.976_877_994_615_932_4e-2,
+    -3.653_157_274_421_691_6e-2,
+    1.628_582_011_536_578_2e-2,
+];
+const ATAN_SINGLE: [f64; 5] = [
+    3.333_332_836_627_96e-1,
+    -1.999_915_838_241_577e-1,
+    1.425_363_570_451_736_5e-1,
+    -1.064_801_737_666_13e-1,
+    6.168_760_731_816_291_8e-2,
+];
+/// pi/4 in two parts; multiples of them by powers of two are those of pi.
+const QUARTER_PI: [f64; 2] = [std::f64::consts::FRAC_PI_4, 3.061_616_997_868_383e-17];
+const QUARTER_PI_SINGLE: [f64; 2] = [7.853_981_852_531_433e-1, -2.185_569_414_336_896e-8];
+/// tan(pi/8)
+const TAN_EIGHTH_PI: f64 = 0.414_213_562_373_095_05;
+
+/// Angle of the point (x, y) from the x axis, in [-pi, pi], for finite x and y; 0 at the origin. Zeros have no sign.
+#[inline(always)]
+pub fn atan2<L: Lane>(y: L, x: L) -> L {
+    let (quarter, coefficients): (_, &[f64]) =
+        if L::Real::SINGLE { (QUARTER_PI_SINGLE, &ATAN_SINGLE) } else { (QUARTER_PI, &ATAN) };
+    let (zero, one) = (L::zero(), L::c(1.0));
+    let (rise, run) = (y.abs(), x.abs());
+    // The angle less 0, one or two eighths of a turn, so that its tangent is at most tan(pi/8).
+    let diagonal = (run * L::c(TAN_EIGHTH_PI)).lt(rise);
+    let steep = run.lt(rise * L::c(TAN_EIGHTH_PI));
+    let (over, under) = (L::select(diagonal, rise - run, rise), L::select(diagonal, rise + run, run));
+    let (over, under) = (L::select(steep, -run, over), L::select(steep, rise, under));
+    let eighths = L::select(steep, L::c(2.0), L::select(diagonal, one, zero));
+    // At the origin 0 / 1; NaN stays NaN.
+    let t = over / L::select(zero.lt(under), under, under + one);
+    let z = t * t;
+    let bend = t * (z * horner(z, coefficients));
+    let angle = eighths.mul_add(L::c(quarter[0]), eighths.mul_add(L::c(quarter[1]), -bend) + t);
+    let half_turn = |part: usize| L::c(4.0 * quarter[part]);
+    let angle = L::select(x.lt(zero), half_turn(0) - (angle - half_turn(1)), angle);
+    L::select(y.lt(zero), -angle, angle)
+}

@@ -9,6 +9,7 @@ mod dual;
 mod elementary;
 #[cfg(target_arch = "aarch64")]
 mod neon;
+mod rows;
 mod scalar;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod simd;
@@ -20,7 +21,8 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
 pub use dual::Dual;
-pub use elementary::{horner, sin_cos};
+pub use elementary::{atan2, horner, ln, ln_1p, sin_cos, tanh};
+pub use rows::Rows;
 
 /// One number of each instance in a group of `LANES` instances.
 pub trait Lane:
@@ -59,8 +61,24 @@ pub trait Lane:
     fn lt(self, other: Self) -> Self::Mask;
     /// `yes` where the mask holds, else `no`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// Where both masks hold.
+    fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// Bit k says whether the mask holds in lane k.
+    fn bits(mask: Self::Mask) -> u32;
+    /// Mantissa in [1, 2) and binary exponent of a positive normal number; anything for others.
+    fn split(self) -> (Self, Self);
+    /// Reads `LANES` f32 from the front of `from`; exact.
+    fn load_single(from: &[f32]) -> Self;
+    /// Writes the nearest f32 to the front of `to`.
+    fn store_single(self, to: &mut [f32]);
+    /// Writes f64 to the front of `to`; exact.
+    fn store_double(self, to: &mut [f64]);
+
     /// Whether the mask holds anywhere.
-    fn any(mask: Self::Mask) -> bool;
+    #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        Self::bits(mask) != 0
+    }
 
     /// A constant.
     #[inline(always)]

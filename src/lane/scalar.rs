@@ -5,7 +5,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use super::{Lane, assigning_ops};
 
 macro_rules! scalar_lane {
-    ($real:ty) => {
+    ($real:ty, $fraction:expr, $exponent:expr) => {
         impl Lane for $real {
             type Real = $real;
             type Mask = bool;
@@ -48,14 +48,37 @@ macro_rules! scalar_lane {
                 if mask { yes } else { no }
             }
             #[inline(always)]
-            fn any(mask: bool) -> bool {
-                mask
+            fn and(a: bool, b: bool) -> bool {
+                a & b
+            }
+            #[inline(always)]
+            fn bits(mask: bool) -> u32 {
+                u32::from(mask)
+            }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                let bits = self.to_bits();
+                let mantissa = <$real>::from_bits(bits & $fraction | (1.0 as $real).to_bits());
+                let exponent = bits >> (<$real>::MANTISSA_DIGITS - 1) & $exponent;
+                (mantissa, exponent as $real - ($exponent >> 1) as $real)
+            }
+            #[inline(always)]
+            fn load_single(from: &[f32]) -> Self {
+                from[0] as $real
+            }
+            #[inline(always)]
+            fn store_single(self, to: &mut [f32]) {
+                to[0] = self as f32;
+            }
+            #[inline(always)]
+            fn store_double(self, to: &mut [f64]) {
+                to[0] = self as f64;
             }
         }
     };
 }
-scalar_lane!(f64);
-scalar_lane!(f32);
+scalar_lane!(f64, (1 << 52) - 1, 0x7ff);
+scalar_lane!(f32, (1 << 23) - 1, 0xff);
 
 /// A scalar whose multiply-add rounds twice: for machines that cannot fuse, where `f64::mul_add` is a slow call.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -147,8 +170,29 @@ macro_rules! unfused_lane {
                 if mask { yes } else { no }
             }
             #[inline(always)]
-            fn any(mask: bool) -> bool {
-                mask
+            fn and(a: bool, b: bool) -> bool {
+                a & b
+            }
+            #[inline(always)]
+            fn bits(mask: bool) -> u32 {
+                u32::from(mask)
+            }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                let (mantissa, exponent) = self.0.split();
+                (Self(mantissa), Self(exponent))
+            }
+            #[inline(always)]
+            fn load_single(from: &[f32]) -> Self {
+                Self(from[0] as $real)
+            }
+            #[inline(always)]
+            fn store_single(self, to: &mut [f32]) {
+                to[0] = self.0 as f32;
+            }
+            #[inline(always)]
+            fn store_double(self, to: &mut [f64]) {
+                to[0] = self.0 as f64;
             }
         }
     };

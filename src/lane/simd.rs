@@ -8,7 +8,8 @@ macro_rules! simd_lane {
     (
         $(#[$doc:meta])* $name:ident, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
         $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:expr,
-        $sqrt:ident, $min:expr, $max:expr, $abs:expr, $round:expr, $lt:expr, $select:expr, $any:expr
+        $sqrt:ident, $min:expr, $max:expr, $abs:expr, $round:expr, $lt:expr, $select:expr, $and:expr, $bits:expr, $split:expr,
+        $load_single:expr, $store_single:expr, $store_double:expr
     ) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy)]
@@ -109,8 +110,32 @@ macro_rules! simd_lane {
                 Self(unsafe { $select(mask, yes.0, no.0) })
             }
             #[inline(always)]
-            fn any(mask: $mask) -> bool {
-                $any(mask)
+            fn and(a: $mask, b: $mask) -> $mask {
+                $and(a, b)
+            }
+            #[inline(always)]
+            fn bits(mask: $mask) -> u32 {
+                $bits(mask)
+            }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                let (mantissa, exponent) = unsafe { $split(self.0) };
+                (Self(mantissa), Self(exponent))
+            }
+            #[inline(always)]
+            fn load_single(from: &[f32]) -> Self {
+                let from = &from[..$lanes];
+                Self(unsafe { $load_single(from.as_ptr()) })
+            }
+            #[inline(always)]
+            fn store_single(self, to: &mut [f32]) {
+                let to = &mut to[..$lanes];
+                unsafe { $store_single(to.as_mut_ptr(), self.0) }
+            }
+            #[inline(always)]
+            fn store_double(self, to: &mut [f64]) {
+                let to = &mut to[..$lanes];
+                unsafe { $store_double(to.as_mut_ptr(), self.0) }
             }
         }
     };

@@ -8,6 +8,14 @@ use super::{Lane, assigning_ops};
 
 const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
 
+/// Fields of a number's bits.
+const FRACTION: i64 = (1 << 52) - 1;
+const EXPONENT: i64 = 0x7ff;
+const FRACTION_SINGLE: i32 = (1 << 23) - 1;
+const EXPONENT_SINGLE: i32 = 0xff;
+/// Where numbers are one apart: the last bits of the sum with a small integer are that integer.
+const ULP_ONE: f64 = 4_503_599_627_370_496.0;
+
 simd_lane! {
     /// Eight instances in double precision (AVX-512F).
     F64x8, f64, __m512d, __mmask8, 8,
@@ -15,7 +23,12 @@ simd_lane! {
     _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd, _mm512_abs_pd,
     _mm512_roundscale_pd::<NEAREST>, _mm512_cmp_pd_mask::<_CMP_LT_OQ>,
     |mask, yes, no| _mm512_mask_blend_pd(mask, no, yes),
-    |mask| mask != 0
+    |a, b| a & b,
+    u32::from,
+    split_f64x8,
+    |from| _mm512_cvtps_pd(_mm256_loadu_ps(from)),
+    |to, x| _mm256_storeu_ps(to, _mm512_cvtpd_ps(x)),
+    _mm512_storeu_pd
 }
 
 simd_lane! {
@@ -25,7 +38,12 @@ simd_lane! {
     _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps, _mm512_abs_ps,
     _mm512_roundscale_ps::<NEAREST>, _mm512_cmp_ps_mask::<_CMP_LT_OQ>,
     |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
-    |mask| mask != 0
+    |a, b| a & b,
+    u32::from,
+    split_f32x16,
+    _mm512_loadu_ps,
+    _mm512_storeu_ps,
+    widen_f32x16
 }
 
 simd_lane! {
@@ -36,7 +54,12 @@ simd_lane! {
     |x| _mm256_andnot_pd(_mm256_set1_pd(-0.0), x),
     _mm256_round_pd::<NEAREST>, _mm256_cmp_pd::<_CMP_LT_OQ>,
     |mask, yes, no| _mm256_blendv_pd(no, yes, mask),
-    |mask| unsafe { _mm256_movemask_pd(mask) } != 0
+    |a, b| unsafe { _mm256_and_pd(a, b) },
+    |mask| unsafe { _mm256_movemask_pd(mask) as u32 },
+    split_f64x4,
+    |from| _mm256_cvtps_pd(_mm_loadu_ps(from)),
+    |to, x| _mm_storeu_ps(to, _mm256_cvtpd_ps(x)),
+    _mm256_storeu_pd
 }
 
 simd_lane! {
@@ -47,5 +70,82 @@ simd_lane! {
     |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
     _mm256_round_ps::<NEAREST>, _mm256_cmp_ps::<_CMP_LT_OQ>,
     |mask, yes, no| _mm256_blendv_ps(no, yes, mask),
-    |mask| unsafe { _mm256_movemask_ps(mask) } != 0
+    |a, b| unsafe { _mm256_and_ps(a, b) },
+    |mask| unsafe { _mm256_movemask_ps(mask) as u32 },
+    split_f32x8,
+    _mm256_loadu_ps,
+    _mm256_storeu_ps,
+    widen_f32x8
+}
+
+// SAFETY (all below): as of the expansions above, which alone call these.
+
+/// Mantissas and exponents of positive normal numbers, by the bits.
+#[inline(always)]
+unsafe fn split_f64x8(x: __m512d) -> (__m512d, __m512d) {
+    unsafe {
+        let bits = _mm512_castpd_si512(x);
+        let fraction = _mm512_and_si512(bits, _mm512_set1_epi64(FRACTION));
+        let mantissa = _mm512_or_si512(fraction, _mm512_castpd_si512(_mm512_set1_pd(1.0)));
+        let exponent = _mm512_and_si512(_mm512_srli_epi64::<52>(bits), _mm512_set1_epi64(EXPONENT));
+        let shifted = _mm512_or_si512(exponent, _mm512_castpd_si512(_mm512_set1_pd(ULP_ONE)));
+        (_mm512_castsi512_pd(mantissa), _mm512_sub_pd(_mm512_castsi512_pd(shifted), _mm512_set1_pd(ULP_ONE + 1023.0)))
+    }
+}
+
+/// Mantissas and exponents of positive normal numbers, by the bits.
+#[inline(always)]
+unsafe fn split_f32x16(x: __m512) -> (__m512, __m512) {
+    unsafe {
+        let bits = _mm512_castps_si512(x);
+        let fraction = _mm512_and_si512(bits, _mm512_set1_epi32(FRACTION_SINGLE));
+        let mantissa = _mm512_or_si512(fraction, _mm512_castps_si512(_mm512_set1_ps(1.0)));
+        let exponent = _mm512_and_si512(_mm512_srli_epi32::<23>(bits), _mm512_set1_epi32(EXPONENT_SINGLE));
+        let exponent = _mm512_cvtepi32_ps(exponent);
+        (_mm512_castsi512_ps(mantissa), _mm512_sub_ps(exponent, _mm512_set1_ps(127.0)))
+    }
+}
+
+/// Mantissas and exponents of positive normal numbers, by the bits.
+#[inline(always)]
+unsafe fn split_f64x4(x: __m256d) -> (__m256d, __m256d) {
+    unsafe {
+        let bits = _mm256_castpd_si256(x);
+        let fraction = _mm256_and_si256(bits, _mm256_set1_epi64x(FRACTION));
+        let mantissa = _mm256_or_si256(fraction, _mm256_castpd_si256(_mm256_set1_pd(1.0)));
+        let exponent = _mm256_and_si256(_mm256_srli_epi64::<52>(bits), _mm256_set1_epi64x(EXPONENT));
+        let shifted = _mm256_or_si256(exponent, _mm256_castpd_si256(_mm256_set1_pd(ULP_ONE)));
+        (_mm256_castsi256_pd(mantissa), _mm256_sub_pd(_mm256_castsi256_pd(shifted), _mm256_set1_pd(ULP_ONE + 1023.0)))
+    }
+}
+
+/// Mantissas and exponents of positive normal numbers, by the bits.
+#[inline(always)]
+unsafe fn split_f32x8(x: __m256) -> (__m256, __m256) {
+    unsafe {
+        let bits = _mm256_castps_si256(x);
+        let fraction = _mm256_and_si256(bits, _mm256_set1_epi32(FRACTION_SINGLE));
+        let mantissa = _mm256_or_si256(fraction, _mm256_castps_si256(_mm256_set1_ps(1.0)));
+        let exponent = _mm256_and_si256(_mm256_srli_epi32::<23>(bits), _mm256_set1_epi32(EXPONENT_SINGLE));
+        (_mm256_castsi256_ps(mantissa), _mm256_sub_ps(_mm256_cvtepi32_ps(exponent), _mm256_set1_ps(127.0)))
+    }
+}
+
+/// Stores as f64.
+#[inline(always)]
+unsafe fn widen_f32x16(to: *mut f64, x: __m512) {
+    unsafe {
+        let high = _mm512_extractf64x4_pd::<1>(_mm512_castps_pd(x));
+        _mm512_storeu_pd(to, _mm512_cvtps_pd(_mm512_castps512_ps256(x)));
+        _mm512_storeu_pd(to.add(8), _mm512_cvtps_pd(_mm256_castpd_ps(high)));
+    }
+}
+
+/// Stores as f64.
+#[inline(always)]
+unsafe fn widen_f32x8(to: *mut f64, x: __m256) {
+    unsafe {
+        _mm256_storeu_pd(to, _mm256_cvtps_pd(_mm256_castps256_ps128(x)));
+        _mm256_storeu_pd(to.add(4), _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x)));
+    }
 }

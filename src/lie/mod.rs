@@ -3,9 +3,11 @@
 //! Twists and the like are pairs of 3-vectors; adjoints act through R and r and are never built as 6x6 matrices.
 
 mod exponential;
+mod logarithm;
 mod se3;
 mod so3;
 
 pub use exponential::{DexpInverse, dexp_inverse_negative, exp_se3, rotate_back};
+pub use logarithm::{rotation_angle, rotation_vector};
 pub use se3::{Pose, Vector6, ad};
 pub use so3::{Matrix3, Vector3};

@@ -8,6 +8,8 @@ mod linearize;
 mod model;
 mod motion;
 mod parameters;
+mod policies;
+mod rollout;
 mod scene;
 mod simulator;
 mod stability;
@@ -24,11 +26,15 @@ mod core {
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]
+    use super::policies::{Mlp, Pd, Pid, Policy};
+    #[pymodule_export]
+    use super::rollout::Rollout;
+    #[pymodule_export]
     use super::scene::{load_scene, scenes};
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]
-    use super::station_keep::{Pd, StationKeep};
+    use super::station_keep::StationKeep;
     use pyo3::prelude::*;
 
     #[pymodule_init]

@@ -1,41 +1,45 @@
-//! `_core.StationKeep` and `_core.Pd`.
+//! `_core.StationKeep`.
 
 use numpy::ndarray::{Array1, Array2};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyTuple};
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
-use crate::batch::{Autoreset, INFO, Precision, Saved, SimulatorOptions, StationKeepBatch};
-use crate::control;
-use crate::control::ActionKind;
-use crate::description::VehicleServo;
+use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, StationKeepBatch};
+use crate::control::{self, ActionKind};
 use crate::error::TaskError;
-use crate::scene::{Outcome, RewardWeights, StartOverride, StationKeepOptions};
+use crate::scene::{INFO, Outcome, RewardWeights, StartOverride, StationKeepOptions};
 
 const ACTIONS: [(&str, ActionKind); 2] = [("wrench", ActionKind::Wrench), ("thrusters", ActionKind::Thrusters)];
 const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
     [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
 
-type Rows<'py, T> = Bound<'py, PyArray2<T>>;
-type Row<'py, T> = Bound<'py, PyArray1<T>>;
+pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
+pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
 /// Instances, their last observations, their last measures (18, k).
 type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>);
 /// Observations, rewards, terminated, truncated, measures (18, N), ends of episodes.
 type StepResult<'py> =
     (Rows<'py, f32>, Row<'py, f64>, Row<'py, bool>, Row<'py, bool>, Rows<'py, f64>, Option<Finals<'py>>);
 
+/// Observation, reward, terminated, truncated, measures.
+type OneStep<'py> = (Row<'py, f32>, f64, bool, bool, Bound<'py, PyDict>);
+
 /// A batch of station-keeping episodes: physics, observations, rewards and resets in one call.
 ///
 /// The environments in `uvms_gym.envs` wrap it and document its arguments.
 #[pyclass(module = "uvms_gym._core")]
 pub struct StationKeep {
-    batch: StationKeepBatch,
+    pub(super) batch: StationKeepBatch,
 }
 
 #[pymethods]
@@ -158,7 +162,7 @@ impl StationKeep {
         let mask = mask.map(|mask| mask.as_array().to_vec());
         let starts = self.starts(given)?;
         let begun = self.batch.reset(&seeds, mask.as_deref(), &starts).map_err(refused)?;
-        Ok((self.observations(py, begun.observations)?, measures(py, &begun.info)))
+        Ok((self.observations(py, begun.observations)?, rows(py, begun.info, INFO)?))
     }
 
     /// One control period of all instances under `actions` (N, a).
@@ -169,36 +173,48 @@ impl StationKeep {
             return Err(PyValueError::new_err(message));
         }
         // A copy: the caller's array may change while other Python threads run.
-        let actions: Vec<f32> = actions.as_array().iter().copied().collect();
-        let batch = &mut self.batch;
-        if let Some(unstable) = batch.warn_of_step() {
-            warn(py, &unstable.to_string())?;
-        }
-        let done = py.detach(|| batch.step(&actions)).map_err(refused)?;
-        if let Some(stray) = batch.warn_of_motion() {
-            warn(py, &stray.to_string())?;
-        }
-        let verdicts = &done.verdicts;
-        let rewards: Array1<f64> = verdicts.iter().map(|v| v.reward).collect();
-        let terminated: Array1<bool> = verdicts.iter().map(|v| v.terminated).collect();
-        let truncated: Array1<bool> = verdicts.iter().map(|v| v.truncated).collect();
-        let info: Vec<[f64; INFO]> = verdicts.iter().map(|v| v.info).collect();
-        let finals = if done.finals.is_empty() {
+        let actions = actions.as_slice().map_or_else(|_| actions.as_array().iter().copied().collect(), <[f32]>::to_vec);
+        let (n, width) = (self.batch.instances(), self.batch.task().observation_len());
+        let observations = PyArray2::zeros(py, [n, width], false);
+        let (rewards, info) = (PyArray1::zeros(py, n, false), PyArray2::zeros(py, [INFO, n], false));
+        let (terminated, truncated) = (PyArray1::zeros(py, n, false), PyArray1::zeros(py, n, false));
+        let finals = {
+            let (mut observations, mut rewards, mut info) =
+                (observations.readwrite(), rewards.readwrite(), info.readwrite());
+            let (mut terminated, mut truncated) = (terminated.readwrite(), truncated.readwrite());
+            let flags = [terminated.as_slice_mut()?, truncated.as_slice_mut()?];
+            let (observations, rewards, info) =
+                (observations.as_slice_mut()?, rewards.as_slice_mut()?, info.as_slice_mut()?);
+            self.step_into(py, &actions, Outputs::new(observations, rewards, flags, info))?
+        };
+        let finals = if finals.is_empty() {
             None
         } else {
-            let instances: Array1<i64> = done.finals.iter().map(|end| end.instance as i64).collect();
-            let last: Vec<f32> = done.finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
-            let info: Vec<[f64; INFO]> = done.finals.iter().map(|end| end.info).collect();
-            Some((instances.into_pyarray(py), self.observations(py, last)?, measures(py, &info)))
+            let instances: Array1<i64> = finals.iter().map(|end| end.instance as i64).collect();
+            let last: Vec<f32> = finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
+            let info = Array2::from_shape_fn((INFO, finals.len()), |(k, i)| finals[i].info[k]);
+            Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py)))
         };
-        Ok((
-            self.observations(py, done.observations)?,
-            rewards.into_pyarray(py),
-            terminated.into_pyarray(py),
-            truncated.into_pyarray(py),
-            measures(py, &info),
-            finals,
-        ))
+        Ok((observations, rewards, terminated, truncated, info, finals))
+    }
+
+    /// One control period of the one instance that there is, under `action` (a,).
+    fn step_one<'py>(&mut self, py: Python<'py>, action: PyReadonlyArray1<'py, f32>) -> PyResult<OneStep<'py>> {
+        let mut entries = [0.0; control::ACTIONS];
+        let len = action.len();
+        let Some(actions) = entries.get_mut(..len) else {
+            return Err(PyValueError::new_err(format!("an action of {len} entries")));
+        };
+        actions.iter_mut().zip(action.as_array()).for_each(|(entry, a)| *entry = *a);
+        let observation = PyArray1::zeros(py, self.batch.task().observation_len(), false);
+        let (mut reward, mut flags, mut info) = ([0.0], [[false]; 2], [0.0; INFO]);
+        {
+            let mut observation = observation.readwrite();
+            let flags = flags.each_mut().map(|flag| &mut flag[..]);
+            self.step_into(py, actions, Outputs::new(observation.as_slice_mut()?, &mut reward, flags, &mut info))?;
+        }
+        let [[terminated], [truncated]] = flags;
+        Ok((observation, reward[0], terminated, truncated, named(py, &info)?))
     }
 
     /// Everything that makes the batch go on as if it had not been interrupted: two arrays (N, .).
@@ -247,7 +263,6 @@ impl StationKeep {
         let gather = |of: &dyn Fn(&crate::scene::Episode) -> Vec<f64>| {
             rows(py, all.iter().flat_map(|episode| of(episode)).collect(), n)
         };
-        let joints = self.batch.task().joint_count();
         let result = PyDict::new(py);
         result.set_item("seed", PyArray1::from_iter(py, all.iter().map(|e| e.key().seed)))?;
         result.set_item("episode", PyArray1::from_iter(py, all.iter().map(|e| e.key().episode)))?;
@@ -256,29 +271,27 @@ impl StationKeep {
         let rotation = gather(&|e| e.target().rotation.transpose().iter().copied().collect())?;
         result.set_item("target_rotation", rotation.call_method1("reshape", (n, 3, 3))?)?;
         result.set_item("current", gather(&|e| e.current().iter().copied().collect())?)?;
-        result.set_item("joint_reference", gather(&|e| e.reference()[..joints].iter().map(|r| r.value).collect())?)?;
-        let rates = gather(&|e| e.reference()[..joints].iter().map(|r| r.rate).collect())?;
+        result.set_item("joint_reference", gather(&|e| e.reference().iter().map(|r| r.value).collect())?)?;
+        let rates = gather(&|e| e.reference().iter().map(|r| r.rate).collect())?;
         result.set_item("joint_reference_rate", rates)?;
         Ok(result)
-    }
-
-    /// The paper's PD with these gains (6 each), or with the scene's.
-    #[pyo3(signature = (kp=None, kd=None))]
-    fn pd(&self, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Pd> {
-        let task = self.batch.task();
-        let gains = match (kp, kd) {
-            (Some(kp), Some(kd)) => VehicleServo { kp, kd },
-            (kp, kd) => {
-                let own = task.pd(None)?.gains().clone();
-                VehicleServo { kp: kp.unwrap_or(own.kp), kd: kd.unwrap_or(own.kd) }
-            }
-        };
-        let sizes = [task.observation_len(), task.action_len()];
-        Ok(Pd { pd: task.pd(Some(gains))?, sizes })
     }
 }
 
 impl StationKeep {
+    /// A step, without the GIL, and the warnings that go with it.
+    fn step_into(&mut self, py: Python<'_>, actions: &[f32], out: Outputs<'_>) -> PyResult<Vec<Final>> {
+        let batch = &mut self.batch;
+        if let Some(unstable) = batch.warn_of_step() {
+            warn(py, &unstable.to_string())?;
+        }
+        let finals = py.detach(|| batch.step_into(actions, out)).map_err(refused)?;
+        if let Some(stray) = batch.warn_of_motion() {
+            warn(py, &stray.to_string())?;
+        }
+        Ok(finals)
+    }
+
     fn observations<'py>(&self, py: Python<'py>, flat: Vec<f32>) -> PyResult<Rows<'py, f32>> {
         let width = self.batch.task().observation_len();
         let count = flat.len() / width;
@@ -315,44 +328,8 @@ impl StationKeep {
     }
 }
 
-/// PD on the vehicle, `F = -kp e - kd V`, from observations alone.
-#[pyclass(module = "uvms_gym._core", frozen)]
-pub struct Pd {
-    pd: control::Pd,
-    /// Entries of an observation and of an action.
-    sizes: [usize; 2],
-}
-
-#[pymethods]
-impl Pd {
-    /// Proportional gains, N/m and N m/rad.
-    #[getter]
-    fn kp(&self) -> [f64; 6] {
-        self.pd.gains().kp
-    }
-
-    /// Derivative gains, N s/m and N m s/rad.
-    #[getter]
-    fn kd(&self) -> [f64; 6] {
-        self.pd.gains().kd
-    }
-
-    /// Actions (n, a) for observations (n, d).
-    fn act<'py>(&self, py: Python<'py>, observations: PyReadonlyArray2<'py, f32>) -> PyResult<Rows<'py, f32>> {
-        let [d, a] = self.sizes;
-        let &[n, width] = observations.shape() else { unreachable!("the array has two dimensions") };
-        if width != d {
-            return Err(PyValueError::new_err(format!("observations have {width} entries, expected {d}")));
-        }
-        let observations: Vec<f32> = observations.as_array().iter().copied().collect();
-        let mut actions = vec![0.0; n * a];
-        py.detach(|| self.pd.act(&observations, &mut actions))?;
-        rows(py, actions, n)
-    }
-}
-
 /// An error of a call; those about the order of calls are Gymnasium's own.
-fn refused(error: TaskError) -> PyErr {
+pub(super) fn refused(error: TaskError) -> PyErr {
     if !matches!(error, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
         return error.into();
     }
@@ -366,7 +343,7 @@ fn refused(error: TaskError) -> PyErr {
 }
 
 /// The value of that name.
-fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
+pub(super) fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
     let known = choices.each_ref().map(|(name, _)| format!("'{name}'")).join(", ");
     let found = choices.into_iter().find(|(choice, _)| *choice == name);
     found
@@ -375,7 +352,7 @@ fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) ->
 }
 
 /// The name of that value.
-fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
+pub(super) fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
     choices.into_iter().find(|(_, choice)| *choice == value).map(|(name, _)| name)
 }
 
@@ -391,7 +368,7 @@ fn start_width(name: &str, joints: usize) -> Option<usize> {
 }
 
 /// A fresh (count, .) array.
-fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
+pub(super) fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
     let width = flat.len() / count.max(1);
     match Array2::from_shape_vec((count, width), flat) {
         Ok(array) => Ok(array.into_pyarray(py)),
@@ -399,7 +376,13 @@ fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> 
     }
 }
 
-/// Measures by name: (18, N).
-fn measures<'py>(py: Python<'py>, info: &[[f64; INFO]]) -> Rows<'py, f64> {
-    Array2::from_shape_fn((INFO, info.len()), |(k, i)| info[i][k]).into_pyarray(py)
+/// Measures of one instance, by name.
+fn named<'py>(py: Python<'py>, info: &[f64; INFO]) -> PyResult<Bound<'py, PyDict>> {
+    static NAMES: PyOnceLock<[Py<PyString>; INFO]> = PyOnceLock::new();
+    let names = NAMES.get_or_init(py, || Outcome::INFO.map(|name| PyString::intern(py, name).unbind()));
+    let named = PyDict::new(py);
+    for (name, value) in names.iter().zip(info) {
+        named.set_item(name, value)?;
+    }
+    Ok(named)
 }

@@ -1,56 +1,133 @@
-//! One episode of one instance, between its control instants.
+//! What an episode has drawn, and what it remembers between its control instants. The physical state is not in here.
 
-use nalgebra::{Vector3, Vector6};
+use nalgebra::{Matrix3, Vector3};
 
 use super::pose::Pose;
 use super::random::EpisodeKey;
 use super::reference::{JointReference, ReferencePoint};
-use crate::control::{THRUSTERS, Thrusts};
 use crate::error::TaskError;
-use crate::system::JOINTS;
+use crate::lane::{Lane, Real, Rows};
+use crate::lie;
 
-/// Greatest number of entries of an action.
-pub const ACTIONS: usize = THRUSTERS;
+/// Where the numbers of an episode lie in a table that has a column per instance: first row of each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct EpisodeRows {
+    /// Number of joints.
+    pub joints: usize,
+    /// Entries of an action.
+    pub actions: usize,
+    /// Pose to hold: rotation by rows (9), position (3).
+    pub target: usize,
+    /// Current in world axes, 3.
+    pub current: usize,
+    /// Joint references, [`JointReference::LEN`] per joint.
+    pub reference: usize,
+    /// Value and rate of each joint's reference at the current control instant,
+    pub now: usize,
+    /// and at the next one.
+    pub next: usize,
+    /// The last action, as clipped.
+    pub action: usize,
+    /// Square of its change, 1.
+    pub change: usize,
+    /// Means over the thrusters, 3: square and power 3/2 of relative thrust, share at full thrust.
+    pub effort: usize,
+    /// Leaky integral of the pose error, 6.
+    pub integral: usize,
+    /// Running means of the measures (of the squares of the first four), 6.
+    pub means: usize,
+    /// Rows in all.
+    pub rows: usize,
+}
 
-/// What an episode has drawn, and what it remembers. The physical state is not in here.
+impl EpisodeRows {
+    /// For this number of joints and of entries of an action.
+    pub fn new(joints: usize, actions: usize) -> Self {
+        let mut rows = 0;
+        let mut take = |count: usize| {
+            rows += count;
+            rows - count
+        };
+        Self {
+            joints,
+            actions,
+            target: take(12),
+            current: take(3),
+            reference: take(JointReference::<f64>::LEN * joints),
+            now: take(2 * joints),
+            next: take(2 * joints),
+            action: take(actions),
+            change: take(1),
+            effort: take(3),
+            integral: take(6),
+            means: take(6),
+            rows: take(0),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn target<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> lie::Pose<L> {
+        let rotation: [L; 9] = memory.get_all(self.target);
+        let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = rotation;
+        lie::Pose {
+            rotation: lie::Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]),
+            position: lie::Vector3(memory.get_all(self.target + 9)),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn reference<T: Real, L: Lane<Real = T>>(
+        &self,
+        memory: &Rows<'_, T>,
+        joint: usize,
+    ) -> JointReference<L> {
+        JointReference::from_array(memory.get_all(self.reference + JointReference::<L>::LEN * joint))
+    }
+
+    #[inline(always)]
+    pub(super) fn point<T: Real, L: Lane<Real = T>>(
+        &self,
+        memory: &Rows<'_, T>,
+        row: usize,
+        joint: usize,
+    ) -> ReferencePoint<L> {
+        let [value, rate] = memory.get_all(row + 2 * joint);
+        ReferencePoint { value, rate }
+    }
+
+    #[inline(always)]
+    pub(super) fn set_point<T: Real, L: Lane<Real = T>>(
+        &self,
+        memory: &mut Rows<'_, T>,
+        row: usize,
+        joint: usize,
+        point: &ReferencePoint<L>,
+    ) {
+        memory.set_all(row + 2 * joint, &[point.value, point.rate]);
+    }
+}
+
+/// One episode of one instance, outside of any batch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Episode {
     pub(super) key: EpisodeKey,
     pub(super) step: u32,
-    pub(super) target: Pose,
-    pub(super) current: Vector3<f64>,
-    pub(super) references: [JointReference; JOINTS],
-    /// Reference at the current control instant and at the next one.
-    pub(super) now: [ReferencePoint; JOINTS],
-    pub(super) next: [ReferencePoint; JOINTS],
-    pub(super) action: [f32; ACTIONS],
-    pub(super) previous_action: [f32; ACTIONS],
-    pub(super) thrusts: Thrusts,
-    pub(super) integral: Vector6<f64>,
-    pub(super) sums: [f64; 6],
+    pub(super) rows: EpisodeRows,
+    pub(super) numbers: Vec<f64>,
 }
 
 impl Episode {
-    pub(super) fn new(key: EpisodeKey, target: Pose, current: Vector3<f64>) -> Self {
-        Self {
-            key,
-            step: 0,
-            target,
-            current,
-            references: [JointReference::default(); JOINTS],
-            now: [ReferencePoint::default(); JOINTS],
-            next: [ReferencePoint::default(); JOINTS],
-            action: [0.0; ACTIONS],
-            previous_action: [0.0; ACTIONS],
-            thrusts: [0.0; THRUSTERS],
-            integral: Vector6::zeros(),
-            sums: [0.0; 6],
-        }
+    /// An episode at its start, in which nothing was drawn.
+    pub fn blank(key: EpisodeKey, rows: EpisodeRows) -> Self {
+        let mut this = Self { key, step: 0, rows, numbers: vec![0.0; rows.rows] };
+        this.set_target(&Pose::default());
+        this
     }
 
-    /// An episode in which nothing was drawn.
-    pub fn blank(key: EpisodeKey) -> Self {
-        Self::new(key, Pose::default(), Vector3::zeros())
+    /// From its parts, as a batch has them; `numbers` by the rows.
+    pub fn from_parts(key: EpisodeKey, step: u32, rows: EpisodeRows, numbers: Vec<f64>) -> Self {
+        assert_eq!(numbers.len(), rows.rows, "numbers of an episode");
+        Self { key, step, rows, numbers }
     }
 
     /// Seed and number.
@@ -63,19 +140,37 @@ impl Episode {
         self.step
     }
 
+    /// All it remembers, by the rows.
+    pub fn numbers(&self) -> &[f64] {
+        &self.numbers
+    }
+
     /// Pose to hold.
-    pub fn target(&self) -> &Pose {
-        &self.target
+    pub fn target(&self) -> Pose {
+        let numbers = &self.numbers[self.rows.target..];
+        Pose { position: Vector3::from_column_slice(&numbers[9..12]), rotation: Matrix3::from_row_slice(&numbers[..9]) }
     }
 
     /// Current in world axes, m/s.
-    pub fn current(&self) -> &Vector3<f64> {
-        &self.current
+    pub fn current(&self) -> Vector3<f64> {
+        Vector3::from_column_slice(&self.numbers[self.rows.current..][..3])
     }
 
-    /// Joint reference at the current control instant.
-    pub fn reference(&self) -> &[ReferencePoint; JOINTS] {
-        &self.now
+    /// Joint reference at the current control instant, one point per joint.
+    pub fn reference(&self) -> Vec<ReferencePoint> {
+        let points = self.numbers[self.rows.now..self.rows.next].chunks_exact(2);
+        points.map(|point| ReferencePoint { value: point[0], rate: point[1] }).collect()
+    }
+
+    pub(super) fn set_target(&mut self, target: &Pose) {
+        let numbers = target.rotation.transpose();
+        let numbers = numbers.iter().chain(&target.position);
+        self.numbers[self.rows.target..].iter_mut().zip(numbers).for_each(|(row, x)| *row = *x);
+    }
+
+    /// The numbers as a table of one column.
+    pub(super) fn memory(&mut self) -> Rows<'_, f64> {
+        Rows::of_one(&mut self.numbers)
     }
 
     /// The episode as plain numbers, for saving: [`Episode::from_numbers`] gives it back bit for bit. Integers are cut
@@ -83,61 +178,30 @@ impl Episode {
     pub fn to_numbers(&self) -> Vec<f64> {
         let EpisodeKey { seed, episode } = self.key;
         let halves = |x: u64| [f64::from(x as u32), f64::from((x >> 32) as u32)];
-        let mut numbers = [halves(seed), halves(episode)].concat();
-        numbers.push(f64::from(self.step));
-        numbers.extend(self.action.iter().chain(&self.previous_action).map(|a| f64::from(*a)));
-        self.clone().visit(&mut |x| numbers.push(*x));
-        numbers
+        let head = [halves(seed), halves(episode)].concat();
+        head.into_iter().chain([f64::from(self.step)]).chain(self.numbers.iter().copied()).collect()
     }
 
     /// The episode that [`Episode::to_numbers`] wrote.
     ///
     /// # Errors
     /// `TaskError::Saved` if there are too many or too few numbers, or one is not of the kind that stands there.
-    pub fn from_numbers(numbers: &[f64]) -> Result<Self, TaskError> {
-        let mut this = Self::blank(EpisodeKey::default());
-        let expected = this.to_numbers().len();
+    pub fn from_numbers(rows: EpisodeRows, numbers: &[f64]) -> Result<Self, TaskError> {
+        const HEAD: usize = 5;
+        let expected = HEAD + rows.rows;
         if numbers.len() != expected {
             return Err(TaskError::Saved(format!("{} numbers, expected {expected}", numbers.len())));
         }
         if let Some((i, x)) = numbers.iter().enumerate().find(|(_, x)| !x.is_finite()) {
             return Err(TaskError::Saved(format!("number {i} is {x}")));
         }
-        let (head, rest) = numbers.split_at(5);
+        let (head, rest) = numbers.split_at(HEAD);
         let whole = |x: f64| {
             let n = x as u32;
             if f64::from(n) == x { Ok(n) } else { Err(TaskError::Saved(format!("{x} is no count"))) }
         };
         let join = |k: usize| Ok::<u64, TaskError>(u64::from(whole(head[k])?) | u64::from(whole(head[k + 1])?) << 32);
-        this.key = EpisodeKey { seed: join(0)?, episode: join(2)? };
-        this.step = whole(head[4])?;
-        let mut rest = rest.iter().copied();
-        for (a, x) in this.action.iter_mut().chain(&mut this.previous_action).zip(&mut rest) {
-            *a = x as f32;
-        }
-        this.visit(&mut |slot| {
-            if let Some(x) = rest.next() {
-                *slot = x;
-            }
-        });
-        Ok(this)
-    }
-
-    /// Visits every f64, in a fixed order.
-    fn visit(&mut self, visit: &mut dyn FnMut(&mut f64)) {
-        self.target.position.iter_mut().for_each(&mut *visit);
-        self.target.rotation.iter_mut().for_each(&mut *visit);
-        self.current.iter_mut().for_each(&mut *visit);
-        for r in &mut self.references {
-            [&mut r.start, &mut r.shift, &mut r.pace].into_iter().for_each(&mut *visit);
-            let pairs = r.amplitude.iter_mut().chain(&mut r.frequency).chain(&mut r.phase);
-            pairs.for_each(&mut *visit);
-        }
-        for point in self.now.iter_mut().chain(&mut self.next) {
-            [&mut point.value, &mut point.rate, &mut point.acceleration].into_iter().for_each(&mut *visit);
-        }
-        self.thrusts.iter_mut().for_each(&mut *visit);
-        self.integral.iter_mut().for_each(&mut *visit);
-        self.sums.iter_mut().for_each(&mut *visit);
+        let key = EpisodeKey { seed: join(0)?, episode: join(2)? };
+        Ok(Self { key, step: whole(head[4])?, rows, numbers: rest.to_vec() })
     }
 }

@@ -84,14 +84,9 @@ impl Layout {
         &self.bound
     }
 
-    /// Writes the scaled and clipped row for physical values. Infinite values become their bound and NaN the upper
-    /// bound, so that a broken state never looks like one on target.
-    pub(super) fn write(&self, values: impl IntoIterator<Item = f64>, row: &mut [f32]) {
-        let entries = self.scale.iter().zip(&self.bound);
-        for ((out, value), (scale, &bound)) in row.iter_mut().zip(values).zip(entries) {
-            let scaled = (value / scale) as f32;
-            *out = if scaled.is_nan() { bound } else { scaled.clamp(-bound, bound) };
-        }
+    /// One over the scale, and the bound, of each entry.
+    pub(super) fn scaling(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.scale.iter().zip(&self.bound).map(|(scale, bound)| [1.0 / scale, f64::from(*bound)])
     }
 }
 
@@ -100,15 +95,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rows_are_scaled_clipped_and_never_broken() {
+    fn blocks_follow_each_other_without_gaps() {
         let mut layout = Layout::default();
         layout.push("a", "m", "", &[(0.5, 10.0), (2.0, 10.0)]);
         layout.push("nothing", "m", "", &[]);
         layout.push("b", "m", "", &[(1.0, 3.0); 3]);
         assert_eq!((layout.len(), layout.blocks().len()), (5, 2));
         assert_eq!(layout.block("b").unwrap().offset, 2);
-        let mut row = [0.0; 5];
-        layout.write([1.0, -100.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY], &mut row);
-        assert_eq!(row, [2.0, -5.0, 3.0, 3.0, -3.0]);
+        assert_eq!(layout.bound(), [20.0, 5.0, 3.0, 3.0, 3.0]);
+        assert_eq!(layout.scaling().next(), Some([2.0, 20.0]));
     }
 }

@@ -2,6 +2,8 @@
 
 use nalgebra::Vector3;
 
+use crate::lane::Lane;
+
 /// Terms of the reward, each with its weight; the reward is their sum.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RewardTerms {
@@ -73,10 +75,18 @@ impl Outcome {
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
-    pub fn info(&self) -> [f64; 18] {
+    pub fn info(&self) -> [f64; INFO] {
         let (m, t) = (&self.metrics, &self.terms);
-        let mut info = [0.0; 18];
-        info[..6].copy_from_slice(&m.instant());
+        let instant = [
+            m.position_error,
+            m.attitude_error,
+            m.end_effector_position_error,
+            m.end_effector_attitude_error,
+            m.effort,
+            m.saturation,
+        ];
+        let mut info = [0.0; INFO];
+        info[..6].copy_from_slice(&instant);
         info[6..12].copy_from_slice(&m.running);
         info[12..15].copy_from_slice(m.current.as_slice());
         info[15..].copy_from_slice(&[t.pose, t.effort, t.rate]);
@@ -84,25 +94,35 @@ impl Outcome {
     }
 }
 
-impl Metrics {
-    fn instant(&self) -> [f64; 6] {
-        [
-            self.position_error,
-            self.attitude_error,
-            self.end_effector_position_error,
-            self.end_effector_attitude_error,
-            self.effort,
-            self.saturation,
-        ]
+impl From<&Judgement<f64>> for Outcome {
+    fn from(judgement: &Judgement<f64>) -> Self {
+        let info = &judgement.info;
+        let metrics = Metrics {
+            position_error: info[0],
+            attitude_error: info[1],
+            end_effector_position_error: info[2],
+            end_effector_attitude_error: info[3],
+            effort: info[4],
+            saturation: info[5],
+            running: std::array::from_fn(|k| info[6 + k]),
+            current: Vector3::new(info[12], info[13], info[14]),
+        };
+        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
+        let diverged = !judgement.sound;
+        Self { reward: judgement.reward, terms, terminated: diverged, diverged, metrics }
     }
+}
 
-    /// Adds this instant to `sums` and fills in the running means over `count` instants.
-    pub(super) fn accumulate(&mut self, sums: &mut [f64; 6], count: u32) {
-        for (k, value) in self.instant().into_iter().enumerate() {
-            let square = k < 4;
-            sums[k] += if square { value * value } else { value };
-            let mean = sums[k] / f64::from(count);
-            self.running[k] = if square { mean.sqrt() } else { mean };
-        }
-    }
+/// Number of measures and reward terms.
+pub const INFO: usize = Outcome::INFO.len();
+
+/// [`Outcome`] of a group of instances.
+#[derive(Debug, Clone, Copy)]
+pub struct Judgement<L: Lane> {
+    /// Sum of the reward's terms.
+    pub reward: L,
+    /// Measures and terms, in the order of [`Outcome::INFO`].
+    pub info: [L; INFO],
+    /// Where the state is within its bounds.
+    pub sound: L::Mask,
 }

@@ -1,26 +1,32 @@
 //! Tasks: sampling, references, observation, reward.
 //!
-//! Everything is per instance, in f64, and depends on the task, the seed and the number of the episode alone.
+//! Everything is per instance and depends on the task, the seed and the number of the episode alone. What happens at every
+//! control instant is written in lanes; episodes are drawn one by one, in f64.
 
 mod episode;
+mod keeper;
 mod layout;
 mod metrics;
 mod observation;
 mod options;
+mod policies;
 mod pose;
 mod random;
 mod reference;
+mod stance;
 mod start;
 mod station_keep;
 
 #[cfg(test)]
 mod tests;
 
-pub use episode::{ACTIONS, Episode};
+pub use episode::{Episode, EpisodeRows};
+pub use keeper::{Command, Keeper};
 pub use layout::{Block, Layout};
-pub use metrics::{Metrics, Outcome, RewardTerms};
+pub use metrics::{INFO, Judgement, Metrics, Outcome, RewardTerms};
 pub use options::{RewardWeights, StartOverride, StationKeepOptions};
-pub use pose::{Pose, PoseError, rotation_vector};
+pub use pose::{Pose, PoseError};
 pub use random::{EpisodeKey, Purpose, Stream};
 pub use reference::{JointReference, METRES_PER_RADIAN, ReferencePoint, hermite};
-pub use station_keep::{Command, DEFAULT_HORIZON, StationKeep};
+pub use stance::Stance;
+pub use station_keep::{DEFAULT_HORIZON, StationKeep};

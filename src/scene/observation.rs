@@ -1,19 +1,18 @@
 //! What station keeping shows of an episode, and the bounds beyond which it has diverged.
 
-use super::episode::{ACTIONS, Episode};
 use super::layout::Layout;
 use super::pose::Pose;
 use super::reference::METRES_PER_RADIAN;
 use super::station_keep::StationKeep;
 use crate::description::{Joint, JointKind};
-use crate::system::{JOINTS, State};
+use crate::system::State;
 
 /// Distance from the target beyond which an episode has diverged, m.
 pub(super) const POSITION_BOUND: f64 = 10.0;
 /// Likewise linear speed (m/s), angular speed (rad/s) and joint rate (rad/s or m/s).
-const SPEED_BOUND: f64 = 10.0;
-const TURN_BOUND: f64 = 20.0;
-const RATE_BOUND: f64 = 20.0;
+pub(super) const SPEED_BOUND: f64 = 10.0;
+pub(super) const TURN_BOUND: f64 = 20.0;
+pub(super) const RATE_BOUND: f64 = 20.0;
 
 /// Physical values of 1 in an observation, in metres, radians and seconds.
 const ERROR_SCALE: f64 = 0.1;
@@ -27,29 +26,7 @@ const JOINT_SHOWN: f64 = 10.0;
 pub(super) const LEAK: f64 = 0.1;
 
 impl StationKeep {
-    /// Writes the observation at the current control instant: always finite and within [`Layout::bound`].
-    pub fn observe(&self, episode: &Episode, state: &State, row: &mut [f32]) {
-        const LONGEST: usize = 12 + 4 * JOINTS + ACTIONS + 6;
-        let n = self.joints.len();
-        let mut values = [0.0; LONGEST];
-        let mut slots = values.iter_mut();
-        let mut put = |value: f64| {
-            if let Some(slot) = slots.next() {
-                *slot = value;
-            }
-        };
-        let error = Pose::of_vehicle(state).error_from(&episode.target);
-        error.position.iter().chain(&error.rotation).chain(&state.twist).for_each(|x| put(*x));
-        (0..n).for_each(|i| put(state.q[i] - self.home[i]));
-        (0..n).for_each(|i| put(state.qd[i]));
-        (0..n).for_each(|i| put(episode.next[i].value - self.home[i]));
-        (0..n).for_each(|i| put(episode.next[i].rate));
-        episode.action[..self.action_len()].iter().for_each(|a| put(f64::from(*a)));
-        episode.integral.iter().for_each(|x| put(*x));
-        self.layout().write(values, row);
-    }
-
-    /// The first bound that a state breaks, if any: name, value and bound.
+    /// The first bound that a state reaches, if any: name, value and bound.
     pub(super) fn violation(&self, target: &Pose, state: &State) -> Option<(&'static str, f64, f64)> {
         let n = self.joints.len();
         let twist = &state.twist;
@@ -58,11 +35,11 @@ impl StationKeep {
             ("linear speed", twist.fixed_rows::<3>(0).norm(), SPEED_BOUND),
             ("angular speed", twist.fixed_rows::<3>(3).norm(), TURN_BOUND),
         ];
-        let attitude = state.rotation.iter().map(|x| ("attitude", x.abs(), f64::MAX));
+        let attitude = state.rotation.iter().map(|x| ("attitude", x.abs(), f64::INFINITY));
         let rates = state.qd[..n].iter().map(|x| ("joint rate", x.abs(), RATE_BOUND));
-        let joints = state.q[..n].iter().map(|x| ("joint coordinate", x.abs(), f64::MAX));
+        let joints = state.q[..n].iter().map(|x| ("joint coordinate", x.abs(), f64::INFINITY));
         let mut all = bounded.into_iter().chain(attitude).chain(rates).chain(joints);
-        all.find(|(_, value, bound)| value.is_nan() || value > bound)
+        all.find(|(_, value, bound)| value.is_nan() || value >= bound)
     }
 }
 

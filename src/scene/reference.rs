@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use super::random::Stream;
 use crate::description::{Joint, JointKind};
+use crate::lane::{Lane, sin_cos};
 
 /// Time over which a reference leaves rest, s.
 const RAMP: f64 = 3.0;
@@ -21,36 +22,43 @@ pub const METRES_PER_RADIAN: f64 = 0.25;
 const DRAWS: u32 = 5;
 
 /// A point of a reference.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct ReferencePoint {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReferencePoint<L = f64> {
     /// rad or m.
-    pub value: f64,
+    pub value: L,
     /// rad/s or m/s.
-    pub rate: f64,
-    /// rad/s2 or m/s2.
-    pub acceleration: f64,
+    pub rate: L,
 }
 
-/// Reference of one joint: `q_d(t) = q_0 + s(p t) (c - q_0 + sum_k a_k sin(w_k p t + phi_k))`.
+/// Reference of one joint, told from the current control instant on:
+/// `q_d = q_0 + s(x) (c - q_0 + sum_k a_k sin(phi_k))`, where x and the phases grow steadily from period to period.
 ///
 /// The ramp s goes from 0 to 1 with zero slope and curvature at its ends, so the reference starts at rest; as s <= 1, it
-/// stays between `q_0` and `c -+ (a_1 + a_2)`. The pace p <= 1 slows it down where the joint's greatest speed asks
-/// for that.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct JointReference {
-    pub(super) start: f64,
-    pub(super) shift: f64,
-    pub(super) amplitude: [f64; 2],
-    pub(super) frequency: [f64; 2],
-    pub(super) phase: [f64; 2],
-    pub(super) pace: f64,
+/// stays between `q_0` and `c -+ (a_1 + a_2)`. All of it is slowed down where the joint's greatest speed asks for that.
+/// Phases are kept within a turn, so that no length of an episode blurs them, even in single precision.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointReference<L = f64> {
+    /// q_0.
+    start: L,
+    /// c - q_0.
+    shift: L,
+    /// a_k.
+    amplitude: [L; 2],
+    /// phi_k, rad.
+    phase: [L; 2],
+    /// What they grow by in a period, rad.
+    pace: [L; 2],
+    /// x, at most 1.
+    progress: L,
+    /// What it grows by in a period.
+    ramp: L,
 }
 
 impl JointReference {
     /// Draws the reference of `joint` that starts at `start` and swings by at most `amplitude` (rad;
     /// [`METRES_PER_RADIAN`] of it for a prismatic joint) around home, or around the nearest place where the joint's
-    /// limits leave room. `index` tells the joints of one arm apart.
-    pub fn draw(joint: &Joint, start: f64, amplitude: f64, stream: &Stream, index: u32) -> Self {
+    /// limits leave room. `index` tells the joints of one arm apart; `period` is the control period, s.
+    pub fn draw(joint: &Joint, start: f64, amplitude: f64, period: f64, stream: &Stream, index: u32) -> Self {
         let draw = |k: u32, low, high| stream.uniform_in(DRAWS * index + k, low, high);
         let wished = amplitude
             * match joint.kind {
@@ -67,58 +75,87 @@ impl JointReference {
             None => (wished, joint.home),
         };
         let swing = swing * draw(0, 0.5, 1.0);
-        let mut this = Self {
+        let frequency = [0, 1].map(|k| TAU * draw(1 + k as u32, FREQUENCIES[k][0], FREQUENCIES[k][1]));
+        let (shift, amplitude) = (center - start, SHARES.map(|share| share * swing));
+        // A bound on the rate.
+        let greatest = RAMP_SLOPE / RAMP * (shift.abs() + amplitude[0] + amplitude[1])
+            + amplitude[0] * frequency[0]
+            + amplitude[1] * frequency[1];
+        let slowed = joint.speed.map_or(1.0, |speed| (speed / greatest).min(1.0)) * period;
+        Self {
             start,
-            shift: center - start,
-            amplitude: SHARES.map(|share| share * swing),
-            frequency: [0, 1].map(|k| TAU * draw(1 + k as u32, FREQUENCIES[k][0], FREQUENCIES[k][1])),
+            shift,
+            amplitude,
             phase: [0, 1].map(|k| draw(3 + k, 0.0, TAU)),
-            pace: 1.0,
-        };
-        if let Some(speed) = joint.speed {
-            this.pace = (speed / this.greatest_rate()).min(1.0);
+            pace: frequency.map(|w| w * slowed),
+            progress: 0.0,
+            ramp: slowed / RAMP,
         }
-        this
-    }
-
-    /// Value, rate and acceleration at `time` s after the start, in closed form.
-    pub fn at(&self, time: f64) -> ReferencePoint {
-        let t = self.pace * time;
-        let x = (t / RAMP).clamp(0.0, 1.0);
-        let s = x * x * x * (10.0 + x * (6.0 * x - 15.0));
-        let s1 = 30.0 * x * x * (1.0 - x) * (1.0 - x) / RAMP;
-        let s2 = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / (RAMP * RAMP);
-        let (mut swing, mut swing1, mut swing2) = (self.shift, 0.0, 0.0);
-        for k in 0..2 {
-            let (a, w) = (self.amplitude[k], self.frequency[k]);
-            let (sine, cosine) = (w * t + self.phase[k]).sin_cos();
-            swing += a * sine;
-            swing1 += a * w * cosine;
-            swing2 -= a * w * w * sine;
-        }
-        ReferencePoint {
-            value: self.start + s * swing,
-            rate: self.pace * (s1 * swing + s * swing1),
-            acceleration: self.pace * self.pace * (s2 * swing + 2.0 * s1 * swing1 + s * swing2),
-        }
-    }
-
-    /// A bound on the rate at pace 1.
-    fn greatest_rate(&self) -> f64 {
-        let [a, b] = self.amplitude;
-        RAMP_SLOPE / RAMP * (self.shift.abs() + a + b) + a * self.frequency[0] + b * self.frequency[1]
     }
 }
 
-/// The cubic `c0 + c1 s + c2 s^2 + c3 s^3` over `[0, period]` that meets both points in value and rate.
-pub fn hermite(from: &ReferencePoint, to: &ReferencePoint, period: f64) -> [f64; 4] {
-    let slope = (to.value - from.value) / period;
-    [
-        from.value,
-        from.rate,
-        (3.0 * slope - 2.0 * from.rate - to.rate) / period,
-        (from.rate + to.rate - 2.0 * slope) / (period * period),
-    ]
+impl<L: Lane> JointReference<L> {
+    /// Numbers of a reference.
+    pub const LEN: usize = 10;
+
+    /// From its numbers.
+    #[inline(always)]
+    pub fn from_array(x: [L; JointReference::<f64>::LEN]) -> Self {
+        Self {
+            start: x[0],
+            shift: x[1],
+            amplitude: [x[2], x[3]],
+            phase: [x[4], x[5]],
+            pace: [x[6], x[7]],
+            progress: x[8],
+            ramp: x[9],
+        }
+    }
+
+    /// Its numbers.
+    #[inline(always)]
+    pub fn to_array(&self) -> [L; JointReference::<f64>::LEN] {
+        let ([a, b], [p, r], [v, w]) = (self.amplitude, self.phase, self.pace);
+        [self.start, self.shift, a, b, p, r, v, w, self.progress, self.ramp]
+    }
+
+    /// Where it is `ahead` periods from now, of which `frequency` make a second.
+    #[inline(always)]
+    pub fn point(&self, ahead: L, frequency: L) -> ReferencePoint<L> {
+        let one = L::c(1.0);
+        let x = ahead.mul_add(self.ramp, self.progress).min(one);
+        // s = 10 x^3 - 15 x^4 + 6 x^5
+        let (square, rest) = (x * x, one - x);
+        let s = square * x * x.mul_add(x.mul_add(L::c(6.0), L::c(-15.0)), L::c(10.0));
+        let slope = square * (rest * rest) * (self.ramp * L::c(30.0));
+        let (mut swing, mut swinging) = (self.shift, L::zero());
+        for k in 0..2 {
+            let (sine, cosine) = sin_cos(ahead.mul_add(self.pace[k], self.phase[k]));
+            swing = self.amplitude[k].mul_add(sine, swing);
+            swinging = (self.amplitude[k] * self.pace[k]).mul_add(cosine, swinging);
+        }
+        let rate = slope.mul_add(swing, s * swinging);
+        ReferencePoint { value: s.mul_add(swing, self.start), rate: rate * frequency }
+    }
+
+    /// A period passes.
+    #[inline(always)]
+    pub fn advance(&mut self) {
+        self.progress = (self.progress + self.ramp).min(L::c(1.0));
+        for k in 0..2 {
+            let phase = self.phase[k] + self.pace[k];
+            self.phase[k] = (phase * L::c(1.0 / TAU)).round().neg_mul_add(L::c(TAU), phase);
+        }
+    }
+}
+
+/// The cubic `c0 + c1 t + c2 t^2 + c3 t^3` in the time t that meets both points, a period apart, in value and rate;
+/// `frequency` is 1 over the period.
+#[inline(always)]
+pub fn hermite<L: Lane>(from: &ReferencePoint<L>, to: &ReferencePoint<L>, frequency: L) -> [L; 4] {
+    let slope = (to.value - from.value) * frequency;
+    let (off, over) = (slope - from.rate, to.rate - slope);
+    [from.value, from.rate, (off + off - over) * frequency, (over - off) * (frequency * frequency)]
 }
 
 #[cfg(test)]
@@ -148,6 +185,11 @@ mod tests {
         Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::Reference)
     }
 
+    /// A reference in seconds.
+    fn drawn(joint: &Joint, start: f64, amplitude: f64, stream: &Stream, index: u32) -> JointReference {
+        JointReference::draw(joint, start, amplitude, 1.0, stream, index)
+    }
+
     proptest! {
         #[test]
         fn reference_stays_inside_limits_and_speed(
@@ -157,29 +199,28 @@ mod tests {
             let upper = lower + travel;
             let home = lower + share * travel;
             let joint = joint(Some([lower, upper]), home, Some(speed));
-            let reference = JointReference::draw(&joint, home, amplitude, &stream(seed), index);
+            let reference = drawn(&joint, home, amplitude, &stream(seed), index);
             for k in 0..400 {
-                let point = reference.at(0.1 * f64::from(k));
+                let point = reference.point(0.1 * f64::from(k), 1.0);
                 prop_assert!((lower..=upper).contains(&point.value));
                 prop_assert!(point.rate.abs() <= speed * (1.0 + 1e-12));
             }
         }
 
         #[test]
-        fn rate_and_acceleration_are_the_derivatives(seed: u64, time in 0.01..20.0f64, speed in 0.05..1.0f64) {
-            let reference = JointReference::draw(&joint(None, 0.3, Some(speed)), 0.1, 0.5, &stream(seed), 0);
+        fn rate_is_the_derivative(seed: u64, time in 0.01..20.0f64, speed in 0.05..1.0f64) {
+            let reference = drawn(&joint(None, 0.3, Some(speed)), 0.1, 0.5, &stream(seed), 0);
             let h = 1e-4;
-            let (before, at, after) = (reference.at(time - h), reference.at(time), reference.at(time + h));
+            let [before, at, after] = [time - h, time, time + h].map(|t| reference.point(t, 1.0));
             prop_assert!(((after.value - before.value) / (2.0 * h) - at.rate).abs() < 1e-7);
-            prop_assert!(((after.rate - before.rate) / (2.0 * h) - at.acceleration).abs() < 1e-7);
         }
 
         #[test]
         fn hermite_cubic_meets_both_ends(
             q0 in -2.0..2.0f64, v0 in -1.0..1.0f64, q1 in -2.0..2.0f64, v1 in -1.0..1.0f64, period in 0.005..0.5f64,
         ) {
-            let point = |value, rate| ReferencePoint { value, rate, acceleration: 0.0 };
-            let [c0, c1, c2, c3] = hermite(&point(q0, v0), &point(q1, v1), period);
+            let point = |value, rate| ReferencePoint { value, rate };
+            let [c0, c1, c2, c3] = hermite(&point(q0, v0), &point(q1, v1), 1.0 / period);
             prop_assert_eq!([c0, c1], [q0, v0]);
             let value = c0 + period * (c1 + period * (c2 + period * c3));
             let rate = c1 + period * (2.0 * c2 + 3.0 * period * c3);
@@ -190,22 +231,38 @@ mod tests {
 
     #[test]
     fn reference_starts_at_rest_and_then_moves() {
-        let reference = JointReference::draw(&joint(None, 0.3, None), -0.2, 0.5, &stream(1), 0);
-        assert_eq!(reference.at(0.0), ReferencePoint { value: -0.2, rate: 0.0, acceleration: 0.0 });
-        assert!((0..200).any(|k| reference.at(0.1 * f64::from(k)).rate.abs() > 0.1));
+        let reference = drawn(&joint(None, 0.3, None), -0.2, 0.5, &stream(1), 0);
+        assert_eq!(reference.point(0.0, 1.0), ReferencePoint { value: -0.2, rate: 0.0 });
+        assert!((0..200).any(|k| reference.point(0.1 * f64::from(k), 1.0).rate.abs() > 0.1));
+    }
+
+    #[test]
+    fn period_by_period_the_reference_is_the_same_as_from_afar() {
+        let period = 0.05;
+        let from_afar = JointReference::draw(&joint(None, 0.3, Some(0.3)), 0.1, 0.5, period, &stream(3), 1);
+        let mut reference = from_afar;
+        for k in 0..4000 {
+            let (near, far) = (reference.point(1.0, 1.0 / period), from_afar.point(f64::from(k + 1), 1.0 / period));
+            assert!((near.value - far.value).abs() < 1e-12 && (near.rate - far.rate).abs() < 1e-12, "{k}");
+            reference.advance();
+        }
+        let numbers = reference.to_array();
+        assert_eq!(JointReference::from_array(numbers), reference);
+        assert!(numbers[4..6].iter().all(|phase| phase.abs() <= 3.1416));
     }
 
     #[test]
     fn hermite_follows_the_reference_between_control_instants() {
-        let reference = JointReference::draw(&joint(None, 0.0, None), 0.0, 0.4, &stream(5), 2);
+        let reference = drawn(&joint(None, 0.0, None), 0.0, 0.4, &stream(5), 2);
         let period = 0.05;
         for k in 0..400 {
             let start = f64::from(k) * period;
-            let [c0, c1, c2, c3] = hermite(&reference.at(start), &reference.at(start + period), period);
+            let [from, half, to] = [0.0, 0.5, 1.0].map(|share| reference.point(start + share * period, 1.0));
+            let [c0, c1, c2, c3] = hermite(&from, &to, 1.0 / period);
             let s = 0.5 * period;
             let value = c0 + s * (c1 + s * (c2 + s * c3));
             // h^4 / 384 of the fourth derivative.
-            assert!((value - reference.at(start + s).value).abs() < 1e-7);
+            assert!((value - half.value).abs() < 1e-7);
         }
     }
 }

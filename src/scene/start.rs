@@ -49,7 +49,7 @@ impl StationKeep {
                 return Err(TaskError::Start { name, value: *value, allowed: "finite".into() });
             }
         }
-        for ((q, home), bound) in given.q.iter().flatten().zip(&self.home).zip(self.joint_bounds()) {
+        for ((q, home), bound) in given.q.iter().flatten().zip(self.home()).zip(self.joint_bounds()) {
             if (q - home).abs() > bound {
                 let allowed = format!("within {bound} of home ({home}), beyond which it is not observed");
                 return Err(TaskError::Start { name: "q", value: *q, allowed });
@@ -62,12 +62,10 @@ impl StationKeep {
             }
         }
         let (episode, state) = self.start(key, given);
-        match self.violation(&episode.target, &state) {
-            Some((name, value, bound)) => Err(TaskError::Start {
-                name,
-                value,
-                allowed: format!("at most {bound}, beyond which a run has diverged"),
-            }),
+        match self.violation(&episode.target(), &state) {
+            Some((name, value, bound)) => {
+                Err(TaskError::Start { name, value, allowed: format!("below {bound}, where a run has diverged") })
+            }
             None => Ok((episode, state)),
         }
     }
@@ -112,18 +110,21 @@ impl StationKeep {
             rotation,
         );
         let twist = given.twist.map_or_else(Vector6::zeros, Vector6::from);
-        let mut state = State { position, rotation: attitude, twist, q: self.home, ..State::default() };
+        let mut state = State { position, rotation: attitude, twist, q: *self.home(), ..State::default() };
         state.q.iter_mut().zip(given.q.iter().flatten()).for_each(|(q, x)| *q = *x);
         state.qd.iter_mut().zip(given.qd.iter().flatten()).for_each(|(qd, x)| *qd = *x);
 
         let draw = Stream::new(key, Purpose::Reference);
-        let mut episode = Episode::new(key, target, current);
+        let mut episode = Episode::blank(key, *self.keeper().rows());
+        episode.set_target(&target);
+        let (rows, period) = (episode.rows, options.control_period());
+        let mut memory = episode.memory();
+        memory.set_all::<f64, 3>(rows.current, &current.into());
         for (i, joint) in self.joints.iter().enumerate() {
-            let reference = JointReference::draw(joint, state.q[i], options.arm_amplitude, &draw, i as u32);
-            episode.references[i] = reference;
-            episode.now[i] = reference.at(0.0);
-            episode.next[i] = reference.at(options.control_period());
+            let reference = JointReference::draw(joint, state.q[i], options.arm_amplitude, period, &draw, i as u32);
+            memory.set_all(rows.reference + JointReference::<f64>::LEN * i, &reference.to_array());
         }
+        self.keeper().aim::<f64>(&mut memory);
         (episode, state)
     }
 }

@@ -4,10 +4,10 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::ActionKind;
+use crate::control::{ActionKind, Policy};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
-use crate::system::{JOINTS, Joints, State};
+use crate::system::{JOINTS, State, rotation_vector};
 
 fn scene() -> Scene {
     Scene::shipped("bluerov2-heavy-alpha5").unwrap()
@@ -25,18 +25,24 @@ fn key(seed: u64, episode: u64) -> EpisodeKey {
     EpisodeKey { seed, episode }
 }
 
-/// Stands for the arm's kinematics: half a metre ahead, turned by the first joint.
-fn end_effector(pose: &Pose, q: &Joints) -> Pose {
-    let turn = Rotation3::from_scaled_axis(Vector3::z() * q[0]);
-    Pose {
-        position: pose.position + pose.rotation * (turn * Vector3::new(0.5, 0.0, 0.0)),
-        rotation: pose.rotation * turn.matrix(),
-    }
+fn wrench(command: &Command<f64>) -> Vector6<f64> {
+    command.actuated.wrench.to_array().into()
+}
+
+fn norm(v: crate::lie::Vector3<f64>) -> f64 {
+    v.dot(v).sqrt()
+}
+
+/// Drawn references of an episode at its start.
+fn references(task: &StationKeep, episode: &Episode) -> Vec<JointReference> {
+    let rows = task.episode_rows();
+    let numbers = episode.numbers()[rows.reference..rows.now].as_chunks().0;
+    numbers.iter().map(|numbers| JointReference::from_array(*numbers)).collect()
 }
 
 /// A vehicle of six uncoupled degrees of freedom in a current, joints on their references: crude, but with the right
 /// signs, masses and drag.
-fn drift(state: &mut State, command: &Command, current: &Vector3<f64>, period: f64, substeps: u32) {
+fn drift(state: &mut State, command: &Command<f64>, current: &Vector3<f64>, period: f64, substeps: u32) {
     let mass = Vector6::new(20.0, 27.0, 29.0, 0.4, 0.4, 0.5);
     let (linear, quadratic) =
         (Vector6::new(4.0, 6.0, 5.0, 0.1, 0.1, 0.1), Vector6::new(18.0, 22.0, 37.0, 1.6, 1.6, 1.6));
@@ -48,7 +54,7 @@ fn drift(state: &mut State, command: &Command, current: &Vector3<f64>, period: f
             relative[k] -= water[k];
         }
         let drag = linear.component_mul(&relative) + quadratic.component_mul(&relative.component_mul(&relative.abs()));
-        state.twist += (command.wrench - drag).component_div(&mass) * h;
+        state.twist += (wrench(command) - drag).component_div(&mass) * h;
         let (v, omega) = (state.twist.fixed_rows::<3>(0).into_owned(), state.twist.fixed_rows::<3>(3).into_owned());
         state.position += state.rotation * v * h;
         state.rotation *= Rotation3::from_scaled_axis(omega * h).matrix();
@@ -69,11 +75,11 @@ fn run(task: &StationKeep, key: EpisodeKey, controlled: bool) -> Outcome {
     for _ in 0..DEFAULT_HORIZON {
         task.observe(&episode, &state, &mut row);
         if controlled {
-            pd.act(&row, &mut action).unwrap();
+            pd.act(&row, &mut [], &mut action).unwrap();
         }
         let command = task.act(&mut episode, &action);
-        drift(&mut state, &command, episode.current(), task.options().control_period(), task.options().substeps);
-        outcome = Some(task.advance(&mut episode, &state, end_effector));
+        drift(&mut state, &command, &episode.current(), task.options().control_period(), task.options().substeps);
+        outcome = Some(task.advance(&mut episode, &state));
     }
     outcome.unwrap()
 }
@@ -115,7 +121,7 @@ fn an_episode_is_a_function_of_its_key() {
             assert_ne!(state.position, other_state.position);
             assert_ne!(state.rotation, other_state.rotation);
             assert_ne!(episode.current(), other.current());
-            assert_ne!(episode.references, other.references);
+            assert_ne!(references(&task, episode), references(&task, other));
         }
     }
 }
@@ -126,9 +132,9 @@ proptest! {
         let options = StationKeepOptions { target_distance: 2.0, target_turn: 3.0, ..Default::default() };
         let (task, options) = (task_with(options.clone()), options);
         let (episode, state) = task.begin(key(seed, episode));
-        let error = Pose::of_vehicle(&state).error_from(episode.target());
-        prop_assert!(error.position.norm() <= options.start_distance + 1e-12);
-        prop_assert!(error.rotation.norm() <= options.start_angle + 1e-12);
+        let error = PoseError::of(&Stance::from(&state).pose, &episode.target().in_lanes());
+        prop_assert!(norm(error.position) <= options.start_distance + 1e-12);
+        prop_assert!(norm(error.rotation) <= options.start_angle + 1e-12);
         prop_assert!(episode.target().position.norm() <= 2.0);
         prop_assert!(rotation_vector(&episode.target().rotation).xy().norm() < 1e-12);
         prop_assert_eq!(state.twist, Vector6::zeros());
@@ -151,13 +157,13 @@ proptest! {
         let task = task_with(StationKeepOptions { action: kind, ..Default::default() });
         let (mut episode, mut state) = task.begin(key(1, 1));
         let command = task.act(&mut episode, &action[..task.action_len()]);
-        prop_assert!(command.wrench.iter().chain(&command.thrusts).chain(command.joints.iter().flatten()).all(|x| x.is_finite()));
+        prop_assert!(wrench(&command).iter().chain(&command.actuated.thrusts).chain(command.joints.iter().flatten()).all(|x| x.is_finite()));
         let mut numbers = numbers.into_iter();
         state.position.iter_mut().for_each(|x| *x = numbers.next().unwrap());
         state.rotation.iter_mut().for_each(|x| *x = numbers.next().unwrap());
         state.twist.iter_mut().for_each(|x| *x = numbers.next().unwrap());
         state.q.iter_mut().chain(&mut state.qd).for_each(|x| *x = numbers.next().unwrap());
-        let outcome = task.advance(&mut episode, &state, end_effector);
+        let outcome = task.advance(&mut episode, &state);
         prop_assert!(outcome.reward.is_finite() && outcome.info().iter().all(|x| x.is_finite()), "{outcome:?}");
         prop_assert!(outcome.diverged || state.position.norm() <= 10.0);
         let mut row = vec![f32::NAN; task.observation_len()];
@@ -174,26 +180,27 @@ proptest! {
         for k in 0..steps {
             let command = task.act(&mut episode, &[0.1 * k as f32; 6]);
             drift(&mut state, &command, &Vector3::x(), 0.05, 5);
-            task.advance(&mut episode, &state, end_effector);
+            task.advance(&mut episode, &state);
         }
-        let mut back = Episode::from_numbers(&episode.to_numbers()).unwrap();
+        let mut back = Episode::from_numbers(task.episode_rows(), &episode.to_numbers()).unwrap();
         prop_assert_eq!(&back, &episode);
         let bits = |e: &Episode| e.to_numbers().into_iter().map(f64::to_bits).collect::<Vec<_>>();
         prop_assert_eq!(bits(&back), bits(&episode));
-        let go_on = |e: &mut Episode| (task.act(e, &[0.7; 6]), task.advance(e, &state, end_effector));
+        let go_on = |e: &mut Episode| (task.act(e, &[0.7; 6]), task.advance(e, &state));
         prop_assert_eq!(go_on(&mut back), go_on(&mut episode));
     }
 }
 
 #[test]
 fn numbers_that_are_no_episode_are_refused() {
-    let (episode, _) = task().begin(key(1, 1));
+    let task = task();
+    let (episode, _) = task.begin(key(1, 1));
     let numbers = episode.to_numbers();
-    assert!(matches!(Episode::from_numbers(&numbers[1..]), Err(TaskError::Saved(_))));
+    assert!(matches!(Episode::from_numbers(task.episode_rows(), &numbers[1..]), Err(TaskError::Saved(_))));
     for (at, value) in [(0, 0.5), (4, -1.0), (20, f64::NAN)] {
         let mut wrong = numbers.clone();
         wrong[at] = value;
-        assert!(matches!(Episode::from_numbers(&wrong), Err(TaskError::Saved(_))), "{at}");
+        assert!(matches!(Episode::from_numbers(task.episode_rows(), &wrong), Err(TaskError::Saved(_))), "{at}");
     }
 }
 
@@ -208,6 +215,7 @@ fn observation_holds_what_the_layout_says() {
         ..Default::default()
     };
     let (mut episode, state) = task.begin_with(key(2, 0), &given).unwrap();
+    let drawn = references(&task, &episode);
     let period = task.options().control_period();
     let mut row = vec![0.0; task.observation_len()];
     let read = |row: &[f32], name: &str| -> Vec<f64> {
@@ -230,7 +238,7 @@ fn observation_holds_what_the_layout_says() {
     let action = [0.5, -2.0, 0.0, 0.25, 0.0, f32::NAN];
     for step in 1..=40 {
         task.act(&mut episode, &action);
-        task.advance(&mut episode, &state, end_effector);
+        task.advance(&mut episode, &state);
         assert_eq!(episode.step(), step);
     }
     task.observe(&episode, &state, &mut row);
@@ -238,7 +246,7 @@ fn observation_holds_what_the_layout_says() {
     // I' = e - I / 10 for 2 s.
     let grown = 10.0 * (1.0 - (-0.2f64).exp());
     near(read(&row, "error_integral"), &[grown, 0.0, 0.0, 0.0, 0.0, grown * std::f64::consts::FRAC_PI_2]);
-    let ahead: Vec<_> = (0..task.joint_count()).map(|i| episode.references[i].at(41.0 * period)).collect();
+    let ahead: Vec<_> = drawn.iter().map(|reference| reference.point(41.0, 1.0 / period)).collect();
     let home = scene().home();
     near(read(&row, "joint_reference"), &ahead.iter().enumerate().map(|(i, p)| p.value - home[i]).collect::<Vec<_>>());
     near(read(&row, "joint_reference_rate"), &ahead.iter().map(|p| p.rate).collect::<Vec<_>>());
@@ -270,46 +278,45 @@ fn reward_is_the_documented_sum() {
         StartOverride { position: Some([0.06, 0.0, 0.08]), attitude: Some([1.0, 0.0, 0.0, 0.0]), ..Default::default() };
     let (mut episode, state) = task.begin_with(key(0, 0), &given).unwrap();
     let command = task.act(&mut episode, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let outcome = task.advance(&mut episode, &state, end_effector);
+    let outcome = task.advance(&mut episode, &state);
     assert!((outcome.terms.pose + 0.1 * (26.0f64.ln() + 0.1 / 0.3)).abs() < 1e-12);
     assert!((outcome.terms.rate + 0.1 * 0.25 / 6.0).abs() < 1e-12);
-    let squares: f64 = command.thrusts.iter().map(|t| (t / 60.0).powi(2)).sum();
+    let squares: f64 = command.actuated.thrusts.iter().map(|t| (t / 60.0).powi(2)).sum();
     assert!(squares > 0.0);
     assert!((outcome.terms.effort + 0.02 * squares / 8.0).abs() < 1e-12);
     assert!((outcome.reward - outcome.terms.pose - outcome.terms.effort - outcome.terms.rate).abs() < 1e-15);
-    let powers: f64 = command.thrusts.iter().map(|t| (t / 60.0).abs().powf(1.5)).sum();
+    let powers: f64 = command.actuated.thrusts.iter().map(|t| (t / 60.0).abs().powf(1.5)).sum();
     assert!((outcome.metrics.effort - powers / 8.0).abs() < 1e-12);
     // The same action again: no change, and nothing at its limit.
     task.act(&mut episode, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    let again = task.advance(&mut episode, &state, end_effector);
+    let again = task.advance(&mut episode, &state);
     assert_eq!((again.terms.rate, again.metrics.saturation), (0.0, 0.0));
     assert!((again.metrics.running[0] - 0.1).abs() < 1e-12 && (again.metrics.running[4] - powers / 8.0).abs() < 1e-12);
     // Down, the four vertical thrusters stand at -40 N.
     task.act(&mut episode, &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]);
-    assert!((task.advance(&mut episode, &state, end_effector).metrics.saturation - 0.5).abs() < 1e-12);
+    assert!((task.advance(&mut episode, &state).metrics.saturation - 0.5).abs() < 1e-12);
 }
 
 #[test]
 fn command_follows_the_reference_and_pushes_as_asked() {
     let task = task();
     let (mut episode, state) = task.begin(key(5, 0));
+    let drawn = references(&task, &episode);
     let limits = task.allocation().wrench_limits();
     for step in 0..60 {
         let command = task.act(&mut episode, &[0.2, 0.0, -0.1, 0.0, 0.0, 0.0]);
         let asked = Vector6::new(0.2 * limits[0], 0.0, -0.1 * limits[2], 0.0, 0.0, 0.0);
-        assert!((command.wrench - asked).norm() < 1e-5);
-        assert_eq!(command.wrench, task.allocation().wrench(&command.thrusts));
+        assert!((wrench(&command) - asked).norm() < 1e-5);
+        assert!((wrench(&command) - task.allocation().wrench(&command.actuated.thrusts)).norm() < 1e-12);
         let period = task.options().control_period();
         for i in 0..JOINTS {
-            let (from, to) = (f64::from(step) * period, f64::from(step + 1) * period);
-            let expected = if i < task.joint_count() {
-                hermite(&episode.references[i].at(from), &episode.references[i].at(to), period)
-            } else {
-                [0.0; 4]
-            };
-            assert_eq!(command.joints[i], expected);
+            let expected = drawn.get(i).map_or([0.0; 4], |reference| {
+                let [from, to] = [step, step + 1].map(|step| reference.point(f64::from(step), 1.0 / period));
+                hermite(&from, &to, 1.0 / period)
+            });
+            assert!(command.joints[i].iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{i} at {step}");
         }
-        task.advance(&mut episode, &state, end_effector);
+        task.advance(&mut episode, &state);
     }
 }
 
@@ -320,7 +327,7 @@ fn only_divergence_terminates() {
     let ends = |change: &dyn Fn(&mut State)| {
         let (mut episode, mut state) = (episode.clone(), start.clone());
         change(&mut state);
-        let outcome = task.advance(&mut episode, &state, end_effector);
+        let outcome = task.advance(&mut episode, &state);
         assert_eq!(outcome.terminated, outcome.diverged);
         outcome.terminated
     };
@@ -349,8 +356,10 @@ fn a_given_part_of_the_start_leaves_the_rest_as_drawn() {
     };
     let (episode, state) = task.begin_with(key(8, 2), &given).unwrap();
     assert_eq!((state.position, state.rotation), (drawn_state.position, drawn_state.rotation));
-    assert_eq!(*episode.current(), Vector3::new(0.0, 0.1, 0.0));
-    assert_eq!(episode.references[0].frequency, drawn.references[0].frequency);
+    assert_eq!(episode.current(), Vector3::new(0.0, 0.1, 0.0));
+    // Amplitudes and phases.
+    let [numbers, others] = [&episode, &drawn].map(|e| references(&task, e)[0].to_array());
+    assert_eq!(numbers[2..6], others[2..6]);
     assert_eq!((state.q[n - 1], state.qd[n - 1], state.q[n]), (0.5, 0.1, 0.0));
     assert_eq!((episode.reference()[0].value, episode.reference()[0].rate), (0.5, 0.0));
 }

@@ -106,6 +106,15 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
         out
     }
 
+    /// A point of the child frame, in the parent frame.
+    #[inline(always)]
+    pub fn carry(&self, mut point: Vector3<L>) -> Vector3<L> {
+        if let Some(shift) = self.shift {
+            point.0[ALONG] += shift;
+        }
+        self.rotate(point)
+    }
+
     /// A vector of the parent, in child axes.
     #[inline(always)]
     pub fn rotate_back(&self, v: Vector3<L>) -> Vector3<L> {

@@ -1,77 +1,124 @@
 //! Where the end effector is: forward kinematics and nothing else.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra as na;
 
-use super::state::Joints;
-use crate::description::{Frame, Joint, JointKind, Scene};
+use super::compile::compile;
+use super::model::{Constant, JointTerms, Stand};
+use super::state::{JOINTS, Joints};
+use crate::description::{Frame, Scene};
+use crate::lane::{Lane, Param, Shared, get_option, sin_cos};
+use crate::lie::{Matrix3, Pose, Vector3};
+use crate::spatial::{Screw, constant_screw_z, screw_x, screw_z};
 
-/// The chain from the vehicle frame to the end effector.
+/// The chain from the vehicle frame to the end effector, in the kernel's joint frames.
 #[derive(Debug, Clone, PartialEq)]
-pub struct EndEffector {
-    joints: Vec<Screw>,
-    /// Pose in the frame of the last joint (of the vehicle, if there is none).
-    tip: Placed,
+pub struct EndEffector<P = Shared<f64>> {
+    joints: Vec<Link<P>>,
+    /// Rotation and position in the frame of the last joint (of the vehicle, if there is none).
+    tip: ([[P; 3]; 3], [P; 3]),
 }
 
-/// A constant pose in a parent frame.
-type Placed = (Matrix3<f64>, Vector3<f64>);
-
-/// A joint: where it stands on its parent at q = 0, and how it moves.
+/// A joint: [`JointTerms`] without its body.
 #[derive(Debug, Clone, PartialEq)]
-struct Screw {
-    stand: Placed,
-    kind: JointKind,
-    axis: Vector3<f64>,
-    /// `[axis]` and its square.
-    cross: [Matrix3<f64>; 2],
+struct Link<P> {
+    stand: Stand<P>,
+    offset: P,
+    constant: Constant<P>,
 }
 
 impl EndEffector {
     /// The end effector of a checked scene: the vehicle frame if it has no arm.
     pub fn new(scene: &Scene) -> Self {
-        let mut stand = (Matrix3::identity(), Vector3::zeros());
-        let mut joints = Vec::new();
-        if let Some(arm) = &scene.arm {
-            stand = placed(&arm.mount.frame);
-            for joint in scene.joints() {
-                joints.push(Screw::new(joint, times(&stand, &placed(&joint.frame))));
-                stand = (Matrix3::identity(), Vector3::zeros());
-            }
-            stand = times(&stand, &placed(&arm.end_effector));
-        }
-        Self { joints, tip: stand }
+        let compiled = compile(scene);
+        let tip = match (&scene.arm, compiled.links.last()) {
+            (Some(arm), Some(link)) => link.times(&placed(&arm.end_effector)),
+            (Some(arm), None) => placed(&arm.mount.frame).times(&placed(&arm.end_effector)),
+            (None, _) => Pose::identity(),
+        };
+        let link = |joint: &JointTerms<Shared<f64>>| Link {
+            stand: joint.stand,
+            offset: joint.offset,
+            constant: joint.constant,
+        };
+        let tip = (tip.rotation.0.map(|row| row.map(Shared)), tip.position.0.map(Shared));
+        Self { joints: compiled.system.joints.iter().map(link).collect(), tip }
     }
 
     /// Rotation to the vehicle frame and position in it, m, at joint coordinates `q`. `[MLS94 sec. 3.2]`
-    pub fn pose(&self, q: &Joints) -> (Matrix3<f64>, Vector3<f64>) {
-        let mut at = (Matrix3::identity(), Vector3::zeros());
-        for (joint, &q) in self.joints.iter().zip(q) {
-            at = times(&at, &joint.stand);
-            match joint.kind {
-                JointKind::Revolute => {
-                    let (sine, cosine) = q.sin_cos();
-                    let [cross, square] = &joint.cross;
-                    at.0 *= Matrix3::identity() + cross * sine + square * (1.0 - cosine);
+    pub fn pose(&self, q: &Joints) -> (na::Matrix3<f64>, na::Vector3<f64>) {
+        let Pose { rotation, position } = self.at(q);
+        (na::Matrix3::from_fn(|i, k| rotation.0[i][k]), position.0.into())
+    }
+}
+
+impl<P: Copy> EndEffector<P> {
+    /// The same with its numbers changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> EndEffector<Q> {
+        let c = &change;
+        let link =
+            |link: &Link<P>| Link { stand: link.stand.map(c), offset: c(link.offset), constant: link.constant.map(c) };
+        let (rotation, position) = self.tip;
+        EndEffector {
+            joints: self.joints.iter().map(link).collect(),
+            tip: (rotation.map(|row| row.map(c)), position.map(c)),
+        }
+    }
+
+    /// Pose in the vehicle frame at joint coordinates `q`: the tip, carried from joint to joint towards the vehicle.
+    #[inline(always)]
+    pub fn at<L: Lane>(&self, q: &[L; JOINTS]) -> Pose<L>
+    where
+        P: Param<L>,
+    {
+        let mut pose = Pose::of(&self.tip.0, &self.tip.1);
+        // Columns of the rotation: vectors like the position.
+        pose.rotation = pose.rotation.transposed();
+        let mut i = self.joints.len();
+        while i > 0 {
+            i -= 1;
+            let joint = &self.joints[i];
+            let coordinate = q[i] + joint.offset.get();
+            let screw = match joint.constant {
+                Constant::Shift(d) => {
+                    let (sin, cos) = sin_cos(coordinate);
+                    screw_z(sin, cos, get_option(d))
                 }
-                JointKind::Prismatic => at.1 += at.0 * (joint.axis * q),
+                Constant::Turn(sin, cos) => screw_z(sin.get(), cos.get(), Some(coordinate)),
+            };
+            carry(&screw, &mut pose);
+            match joint.stand {
+                Stand::Bend(bend, a) => carry(&screw_x(bend, a), &mut pose),
+                Stand::Crank(turn, d, bend, a) => {
+                    carry(&screw_x(bend, a), &mut pose);
+                    carry(&constant_screw_z(turn, d), &mut pose);
+                }
+                Stand::Pose(rotation, position) => {
+                    let stand = Pose::of(&rotation, &position);
+                    for k in 0..3 {
+                        pose.rotation.0[k] = stand.rotation.apply(Vector3(pose.rotation.0[k])).0;
+                    }
+                    pose.position = stand.rotation.apply(pose.position) + stand.position;
+                }
             }
         }
-        times(&at, &self.tip)
+        pose.rotation = pose.rotation.transposed();
+        pose
     }
 }
 
-impl Screw {
-    fn new(joint: &Joint, stand: Placed) -> Self {
-        let axis = joint.axis.normalize();
-        let cross = axis.cross_matrix();
-        Self { stand, kind: joint.kind, axis, cross: [cross, cross * cross] }
+/// A pose of the child frame, its rotation by columns, in the parent frame.
+#[inline(always)]
+fn carry<L: Lane, const ALONG: usize>(screw: &Screw<L, ALONG>, pose: &mut Pose<L>) {
+    for k in 0..3 {
+        pose.rotation.0[k] = screw.rotate(Vector3(pose.rotation.0[k])).0;
     }
+    pose.position = screw.carry(pose.position);
 }
 
-fn placed(frame: &Frame) -> Placed {
-    (frame.rotation(), frame.position)
-}
-
-fn times(a: &Placed, b: &Placed) -> Placed {
-    (a.0 * b.0, a.0 * b.1 + a.1)
+fn placed(frame: &Frame) -> Pose<f64> {
+    let r = frame.rotation();
+    Pose {
+        rotation: Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)]))),
+        position: Vector3(frame.position.into()),
+    }
 }

@@ -136,6 +136,25 @@ impl<P: Copy> BodyTerms<P> {
     }
 }
 
+impl<P: Copy> Constant<P> {
+    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Constant<Q> {
+        match *self {
+            Constant::Shift(d) => Constant::Shift(d.map(c)),
+            Constant::Turn(sin, cos) => Constant::Turn(c(sin), c(cos)),
+        }
+    }
+}
+
+impl<P: Copy> Stand<P> {
+    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Stand<Q> {
+        match *self {
+            Stand::Bend(bend, a) => Stand::Bend(bend.map(c), a.map(c)),
+            Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), d.map(c), bend.map(c), a.map(c)),
+            Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
+        }
+    }
+}
+
 impl<P: Copy> JointTerms<P> {
     /// Whether the joint slides instead of turning.
     #[inline(always)]
@@ -145,16 +164,9 @@ impl<P: Copy> JointTerms<P> {
 
     fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointTerms<Q> {
         JointTerms {
-            stand: match self.stand {
-                Stand::Bend(bend, a) => Stand::Bend(bend.map(c), a.map(c)),
-                Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), d.map(c), bend.map(c), a.map(c)),
-                Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
-            },
+            stand: self.stand.map(c),
             offset: c(self.offset),
-            constant: match self.constant {
-                Constant::Shift(d) => Constant::Shift(d.map(c)),
-                Constant::Turn(sin, cos) => Constant::Turn(c(sin), c(cos)),
-            },
+            constant: self.constant.map(c),
             body: self.body.map(c),
             friction: self.friction.map(|f| Friction { viscous: c(f.viscous), coulomb: f.coulomb.map(|k| k.map(c)) }),
             limits: self.limits.map(|l| Limits { range: l.range.map(c), stop: l.stop.map(c) }),

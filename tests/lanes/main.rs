@@ -4,12 +4,13 @@
 mod random_scene;
 
 mod dual;
+mod elementary;
 mod steps;
 
 use random_scene::{Options, Random, random_scene};
 use uvms_gym::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use uvms_gym::description::Scene;
-use uvms_gym::lane::{Isa, Kernel, Lane, Real, Shared, horner, sin_cos};
+use uvms_gym::lane::{Isa, Kernel, Lane, Real, Shared, atan2, horner, ln, ln_1p, sin_cos};
 use uvms_gym::lie::{Vector3, Vector6};
 use uvms_gym::system::{JOINTS, System, compile};
 
@@ -22,7 +23,7 @@ struct Operations<'a, T> {
     out: Vec<Vec<T>>,
 }
 
-const OPERATIONS: [&str; 17] = [
+const OPERATIONS: [&str; 24] = [
     "add",
     "sub",
     "mul",
@@ -40,6 +41,13 @@ const OPERATIONS: [&str; 17] = [
     "cos",
     "horner",
     "assign",
+    "mantissa",
+    "exponent",
+    "ln",
+    "ln_1p",
+    "atan2",
+    "single",
+    "both",
 ];
 
 impl<T: Real> Kernel<T> for Operations<'_, T> {
@@ -52,6 +60,9 @@ impl<T: Real> Kernel<T> for Operations<'_, T> {
             let mut assigned = a;
             assigned += b;
             assigned -= c;
+            let (mantissa, exponent) = a.split();
+            let mut single = [0.0_f32; 16];
+            a.store_single(&mut single);
             let results = [
                 a + b,
                 a - b,
@@ -70,9 +81,19 @@ impl<T: Real> Kernel<T> for Operations<'_, T> {
                 cos,
                 horner(a, &[0.3, -1.2, 0.7]),
                 assigned,
+                mantissa,
+                exponent,
+                ln(a),
+                ln_1p(a),
+                atan2(a, b),
+                L::load_single(&single),
+                L::select(L::and(a.lt(b), c.lt(b)), c, a),
             ];
             for (row, x) in self.out.iter_mut().zip(results) {
                 x.store(&mut row[at..]);
+                let mut double = [0.0; 16];
+                x.store_double(&mut double);
+                assert!((0..L::LANES).all(|k| same(T::from_f64(double[k]), row[at + k])));
             }
         }
     }
@@ -151,6 +172,9 @@ fn unfused_is_near<T: Real>() {
                 "mul_add" | "neg_mul_add" => (a * b).abs() + c.abs(),
                 "sin" | "cos" if a.abs() > T::EPSILON.powf(-0.55) => f64::INFINITY,
                 "sin" | "cos" => 1.0,
+                "ln" => a.abs().ln().abs(),
+                "ln_1p" => (1.0 + a).abs().ln().abs().max(a.abs().min(1.0)) * 4.0,
+                "atan2" => 4.0,
                 "horner" => 1.0 + 1.2 * a.abs() + 0.7 * a * a,
                 _ => 0.0,
             };
@@ -228,7 +252,7 @@ fn min_and_max_hand_on_the_second_where_either_is_nan() {
 }
 
 #[test]
-fn any_sees_each_lane() {
+fn any_and_bits_see_each_lane() {
     struct Alone(usize);
     impl Kernel<f32> for Alone {
         #[inline(always)]

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra as na;
-use uvms_gym::lie::exp_se3;
+use uvms_gym::lie::{self, Matrix3, exp_se3};
 use uvms_gym::system::{quaternion, rotation, rotation_vector};
 
 use crate::random_scene::Random;
@@ -11,6 +11,17 @@ use crate::{angles, dense, lanes};
 
 fn turned(w: &na::Vector3<f64>) -> na::Matrix3<f64> {
     dense(&exp_se3(lanes(&na::Vector6::new(0.0, 0.0, 0.0, w.x, w.y, w.z))).rotation)
+}
+
+/// The logarithms: the scalar one, and that of the lanes.
+const LOGARITHMS: [fn(&na::Matrix3<f64>) -> na::Vector3<f64>; 2] = [rotation_vector, logarithm];
+
+fn logarithm(r: &na::Matrix3<f64>) -> na::Vector3<f64> {
+    let r = Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)])));
+    let vector = lie::rotation_vector(&r);
+    let length = na::Vector3::from(vector.0).norm();
+    assert!((lie::rotation_angle(&r) - length).abs() <= 1e-15 * length);
+    vector.0.into()
 }
 
 /// Directions in general position and along axes, planes and diagonals, where the largest component changes.
@@ -35,23 +46,27 @@ fn rotation_vector_is_the_logarithm() {
         // Its series ends where the sine of half the angle is 1e-4; a finer grid there.
         for angle in angles(1e-12, PI - 1e-6, 400).chain(angles(1.99e-4, 2.01e-4, 200)) {
             let w = direction * angle;
-            let error = (rotation_vector(&turned(&w)) - w).norm();
-            // A rotation matrix holds a small angle to rounding of the angle itself.
-            assert!(error < 2e-15 * angle, "{angle}: {error:e}");
-            worst = worst.max(error / angle);
+            for log in LOGARITHMS {
+                let error = (log(&turned(&w)) - w).norm();
+                // A rotation matrix holds a small angle to rounding of the angle itself.
+                assert!(error < 2e-15 * angle, "{angle}: {error:e}");
+                worst = worst.max(error / angle);
+            }
         }
     }
     println!("rotation vector: greatest relative error {worst:e}");
-    assert_eq!(rotation_vector(&na::Matrix3::identity()), na::Vector3::zeros());
+    assert!(LOGARITHMS.iter().all(|log| log(&na::Matrix3::identity()) == na::Vector3::zeros()));
 }
 
 #[test]
 fn half_turn_has_a_rotation_vector_of_either_sign() {
     for direction in directions() {
-        let w = rotation_vector(&turned(&(direction * PI)));
-        assert!((w.norm() - PI).abs() < 1e-14, "{w}");
-        assert!((turned(&w) - turned(&(direction * PI))).amax() < 4e-15);
-        assert!(w.cross(&direction).norm() < 1e-14);
+        for log in LOGARITHMS {
+            let w = log(&turned(&(direction * PI)));
+            assert!((w.norm() - PI).abs() < 1e-14, "{w}");
+            assert!((turned(&w) - turned(&(direction * PI))).amax() < 4e-15);
+            assert!(w.cross(&direction).norm() < 1e-14);
+        }
     }
 }
 

@@ -1,12 +1,14 @@
 """Shared by the tests."""
 
 import copy
+import itertools
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from uvms_gym import Simulator, load_scene
+from uvms_gym import MLP, PD, PID, Simulator, load_scene
+from uvms_gym.controllers import Rest
 
 PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration")
 
@@ -108,3 +110,33 @@ def fixed_base() -> dict[str, Any]:
     scene = copy.deepcopy(load_scene("petasus-pum"))
     scene["vehicle"]["fixed"] = True
     return scene
+
+
+#: A scene without arm, and the layers of a network for it.
+SMALL = "bluerov2-heavy"
+SIZES = (24, 16, 8, 6)
+
+
+def layers(sizes: tuple[int, ...] = SIZES, seed: int = 0) -> dict[str, Any]:
+    """Weights and biases that look random."""
+    rng = np.random.default_rng(seed)
+    pairs = list(itertools.pairwise(sizes))
+    return {
+        "weights": [rng.normal(size=(b, a)) / np.sqrt(a) for a, b in pairs],
+        "biases": [0.3 * rng.normal(size=b) for _, b in pairs],
+    }
+
+
+def observations(n: int, seed: int = 1, width: int = SIZES[0]) -> np.ndarray:
+    """Rows that look random."""
+    return np.random.default_rng(seed).normal(size=(n, width)).astype(np.float32)
+
+
+def policy(**arguments: Any) -> MLP:
+    """A network for the small scene."""
+    return MLP(scene=SMALL, **(layers() | arguments))
+
+
+def policies() -> list[Any]:
+    """One controller of each kind, for the small scene."""
+    return [Rest(scene=SMALL), PD(scene=SMALL), PID(scene=SMALL), policy(mean=np.ones(24), variance=np.ones(24))]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers import SMALL, policy
 
 import uvms_gym
 from uvms_gym.cli import arm_motion, compare, main, momentum
@@ -167,6 +168,38 @@ def test_a_comparison_measures_what_the_environment_reports() -> None:
         over = terminated or truncated
     assert run["position_error"]["whole"][1] == pytest.approx(info["rms_position_error"], rel=1e-12)
     assert run["attitude_error"]["whole"][1] == pytest.approx(info["rms_attitude_error"], rel=1e-12)
+
+
+def test_a_comparison_takes_every_kind_of_controller(tmp_path: Path) -> None:
+    file = tmp_path / "policies/own.safetensors"
+    file.parent.mkdir()
+    policy().save(file)
+    names = ["none", "pid", f"mlp:{file}"]
+    arguments = ["--scene", SMALL, "--episodes", "4", "--controllers", ",".join(names), "--out", str(tmp_path)]
+    assert main(["compare", *arguments]) == 0
+    result = json.loads((tmp_path / "compare.json").read_text())["results"][SMALL]
+    assert list(result["estimates"]) == names
+    errors = [result["estimates"][name]["position_error"]["settled"]["value"] for name in names]
+    assert errors[1] < min(errors[0], errors[2])
+
+
+def test_a_policy_that_does_not_fit_is_refused_before_computing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file, out = tmp_path / "own.safetensors", tmp_path / "out"
+
+    def message(*scenes: str) -> str:
+        given = [word for scene in scenes for word in ("--scene", scene)]
+        assert main(["compare", *given, "--controllers", f"none,mlp:{file}", "--out", str(out)]) == 2
+        assert not out.exists()
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    assert f"cannot read {file}: No such file" in message(SMALL)
+    policy().save(file)
+    assert "its scene is bluerov2-heavy, the environment's rexrov" in message(SMALL, "rexrov")
+    file.write_bytes(file.read_bytes()[:-5])
+    assert "own.safetensors: no policy of uvms_gym" in message(SMALL)
 
 
 BAD_INPUT = {

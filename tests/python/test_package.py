@@ -37,8 +37,9 @@ def test_the_check_for_heavy_modules_can_fail() -> None:
 def test_everything_public_is_exported_and_typed() -> None:
     package = Path(uvms_gym.__file__).parent
     assert (package / "py.typed").is_file()
-    # The environments and `uvms_gym.PD` wrap these two.
-    assert set(_core.__all__) - {"Pd", "StationKeep"} <= set(uvms_gym.__all__)
+    # The environments and controllers wrap these.
+    wrapped = {"Mlp", "Pd", "Pid", "Policy", "Rollout", "StationKeep"}
+    assert set(_core.__all__) - wrapped <= set(uvms_gym.__all__)
     assert re.fullmatch(r"\d+\.\d+\.\d+", uvms_gym.__version__)
 
 

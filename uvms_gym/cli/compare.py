@@ -12,7 +12,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from uvms_gym import PD
+from uvms_gym import Rollout
 from uvms_gym.cli import plots
 from uvms_gym.cli.common import (
     Json,
@@ -29,6 +29,8 @@ from uvms_gym.cli.common import (
 )
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.cli.statistics import Estimate, bootstrap, improvement_probability
+from uvms_gym.controllers import MLP, PD, PID, Controller, Rest
+from uvms_gym.envs import EPISODE_STEPS
 
 Floats = NDArray[np.float64]
 
@@ -69,20 +71,11 @@ METRICS = (
 )
 
 
-class Rest:
-    """No control: every action is zero."""
-
-    def __init__(self, env: Any) -> None:
-        self.shape = env.action_space.shape
-
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = True
-    ) -> tuple[NDArray[np.float32], None]:
-        """Say zero, whatever is given."""
-        return np.zeros(self.shape, dtype=np.float32), None
-
-
-CONTROLLERS: dict[str, Callable[[Any], Any]] = {"none": Rest, "pd": PD}
+#: Controllers by name; `mlp:FILE` besides.
+CONTROLLERS: dict[str, type[PD] | type[PID] | type[Rest]] = {"none": Rest, "pd": PD, "pid": PID}
+#: What stands before the file of a neural policy.
+MLP_PREFIX = "mlp:"
+KNOWN = f"{', '.join(CONTROLLERS)}, {MLP_PREFIX}FILE"
 
 
 def compare(
@@ -96,7 +89,7 @@ def compare(
     ] = 256,
     seed: Annotated[int, typer.Option(help="Episode i has the seed SEED + i.")] = 0,
     controllers: Annotated[
-        str, typer.Option(help=f"Any of {', '.join(CONTROLLERS)}; the others are set against the first.")
+        str, typer.Option(help=f"Any of {KNOWN}; the others are set against the first.")
     ] = "none,pd",
     current: Annotated[
         float, typer.Option(help=f"Greatest speed of the drawn current, 0 to {MOST_CURRENT:g} m/s.")
@@ -119,6 +112,10 @@ def compare(
             raise fail(f"scene {name!r} is given twice")
     loaded = {name: read_scene(name) for name in chosen}
     steps = _length(env)
+    settings = {name: {"scene": scene, "action": action, "max_current": current} for name, scene in loaded.items()}
+    for options in settings.values():
+        for controller in names:
+            _controller(env, controller, options)
     prepare(out, json_file, ("compare.json", "compare.png"))
     results: dict[str, Any] = {}
     with progress() as bar:
@@ -126,8 +123,7 @@ def compare(
             runs = {}
             for controller in names:
                 task = bar.add_task(f"{description['name']}, {controller}", total=steps)
-                options = {"scene": description, "action": action, "max_current": current}
-                runs[controller] = run(env, options, controller, episodes, seed, partial(bar.advance, task))
+                runs[controller] = run(env, settings[name], controller, episodes, seed, partial(bar.advance, task))
             results[name] = summarise(runs, seed)
         task = bar.add_task("picture", total=None)
         plots.comparison(out / "compare.png", results, METRICS[:-1])
@@ -160,9 +156,9 @@ def run(
     controller: str,
     episodes: int,
     seed: int,
-    tick: Callable[[], None] = lambda: None,
+    tick: Callable[[int], object] | None = None,
 ) -> dict[str, Any]:
-    """Run one episode of every seed from `seed` on.
+    """Run one episode of every seed from `seed` on; `tick` is told of every part how many steps it had.
 
     Returns
     -------
@@ -170,40 +166,34 @@ def run(
         per metric's entry: whole and settled (episodes,); diverged, the number of episodes that ended early; seconds.
     """
     started = time.perf_counter()
+    control = _controller(env, controller, options)
     try:
         batch = gymnasium.make_vec(env, num_envs=episodes, **options)
-        control = CONTROLLERS[controller](batch)
     except (gymnasium.error.Error, ValueError, TypeError) as error:
         raise fail(f"{env}: {error}") from None
-    observations, infos = batch.reset(seed=seed)
-    if missing := [metric.entry for metric in METRICS if metric.entry not in infos]:
-        raise fail(f"{env} measures no {missing[0]}")
+    batch.reset(seed=seed)
     period = 1.0 / batch.metadata["render_fps"]
-    begin = round(SETTLED / period)
-    running = np.ones(episodes, dtype=np.bool_)
-    diverged = 0
-    sums = np.zeros((2, len(METRICS), episodes))
-    counts = np.zeros((2, episodes))
-    step = 0
-    while running.any():
-        actions, _ = control.predict(observations)
-        observations, _, terminated, truncated, infos = batch.step(actions)
-        values = np.stack([infos[metric.entry] ** 2 if metric.square else infos[metric.entry] for metric in METRICS])
-        for part in range(2 if step >= begin else 1):
-            sums[part] += np.where(running, values, 0.0)
-            counts[part] += running
-        diverged += int((running & terminated).sum())
-        running &= ~(terminated | truncated)
-        step += 1
-        tick()
+    begin, length = round(SETTLED / period), _length(env)
+    rollout = Rollout(batch, control)
+    tallies = []
+    for steps in (min(begin, length), max(0, length - begin)):
+        rollout.run(steps, tick)
+        tallies.append(rollout.take())
     batch.close()
+    early, late = tallies
     # An episode that ended before anything was settled has nothing but its whole to show.
-    short = counts[1] == 0
-    sums[1][:, short], counts[1][short] = sums[0][:, short], counts[0][short]
-    result: dict[str, Any] = {"diverged": diverged, "control_period": period, "seconds": time.perf_counter() - started}
-    for i, metric in enumerate(METRICS):
-        whole, settled = (np.sqrt(mean) if metric.square else mean for mean in sums[:, i] / counts)
-        result[metric.entry] = {"whole": whole, "settled": settled}
+    settled = late.steps > 0
+    result: dict[str, Any] = {
+        "diverged": int((early.terminated | late.terminated).sum()),
+        "control_period": period,
+        "seconds": time.perf_counter() - started,
+    }
+    for metric in METRICS:
+        first, last = ((t.squares if metric.square else t.sums)[metric.entry] for t in tallies)
+        whole = (first + last) / (early.steps + late.steps)
+        after = np.where(settled, last / np.maximum(late.steps, 1), whole)
+        parts = {"whole": whole, "settled": after}
+        result[metric.entry] = {part: np.sqrt(mean) if metric.square else mean for part, mean in parts.items()}
     return result
 
 
@@ -261,16 +251,29 @@ def _text(estimate: Estimate, scale: float = 1.0) -> str:
 def _controllers(given: str) -> list[str]:
     names = [name.strip() for name in given.split(",") if name.strip()]
     if not names:
-        raise fail(f"no controllers given; known: {', '.join(CONTROLLERS)}")
+        raise fail(f"no controllers given; known: {KNOWN}")
     for name in names:
-        if name not in CONTROLLERS:
-            raise fail(f"unknown controller {name!r}; known: {', '.join(CONTROLLERS)}")
+        if name not in CONTROLLERS and not name.startswith(MLP_PREFIX):
+            raise fail(f"unknown controller {name!r}; known: {KNOWN}")
         if names.count(name) > 1:
             raise fail(f"controller {name!r} is given twice")
     return names
 
 
-def _length(env: str) -> int | None:
+def _controller(env: str, name: str, options: dict[str, Any]) -> Controller:
+    """Make a controller by its name, for the environment with these options."""
+    chosen = {key: value for key, value in options.items() if key in ("scene", "action")}
+    try:
+        if name in CONTROLLERS:
+            return CONTROLLERS[name](**chosen)
+        return MLP.load(name.removeprefix(MLP_PREFIX), **chosen)
+    except OSError as error:
+        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
+    except (ValueError, TypeError) as error:
+        raise fail(f"{env}: {error}") from None
+
+
+def _length(env: str) -> int:
     """Look up the number of steps of an episode, and whether it is station keeping."""
     try:
         spec = gymnasium.spec(env)
@@ -278,4 +281,4 @@ def _length(env: str) -> int | None:
         raise fail(str(error)) from None
     if spec.name != "UVMS-StationKeep":
         raise fail(f"--env is {env!r}, but only versions of UVMS-StationKeep, such as UVMS-StationKeep-v0, work")
-    return spec.max_episode_steps
+    return spec.max_episode_steps or EPISODE_STEPS

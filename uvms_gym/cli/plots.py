@@ -208,7 +208,8 @@ def _compare(axes: Axes, metric: Any, result: Mapping[str, Any]) -> None:
         title=f"RMS {metric.title} error, {metric.unit}" if metric.square else metric.label,
         xlim=(-0.6, len(result["estimates"]) - 0.4),
     )
-    axes.set_xticks(range(len(result["estimates"])), list(result["estimates"]))
+    # Of a policy's file its name is enough.
+    axes.set_xticks(range(len(result["estimates"])), [name.rsplit("/", 1)[-1] for name in result["estimates"]])
     axes.grid(axis="x", visible=False)
     if metric.square:
         axes.set_yscale("log")

@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 RESAMPLES = 2000
 CONFIDENCE = 0.95
 # Numbers that a chunk of resamples may hold, so that memory stays small whatever the number of episodes.
-_CHUNK = 4_000_000
+_CHUNK = 1_000_000
 
 
 class Estimate(NamedTuple):
@@ -92,18 +92,23 @@ def improvement_probability(
     for given_x, given_y in pairs:
         x = np.asarray(given_x, dtype=np.float64)
         y = np.sort(np.asarray(given_y, dtype=np.float64))
-        # A resample of the sorted y is a number of copies of each; their running sum counts those up to a place.
+        # A resample is a number of copies of each score; their running sum counts the copies of y up to a place.
         below, upto = np.searchsorted(y, x, "left"), np.searchsorted(y, x, "right")
         value += (1.0 - 0.5 * (below + upto).mean() / len(y)) / len(pairs)
         start = 0
         for k in _chunks(resamples, len(x) + len(y)):
-            copies = rng.multinomial(len(y), np.full(len(y), 1.0 / len(y)), size=k)
-            counts = np.concatenate([np.zeros((k, 1), dtype=np.int64), np.cumsum(copies, axis=1)], axis=1)
-            drawn = rng.integers(len(x), size=(k, len(x)))
-            passed = np.take_along_axis(counts, below[drawn], axis=1) + np.take_along_axis(counts, upto[drawn], axis=1)
-            values[start : start + k] += (1.0 - 0.5 * passed.mean(axis=1) / len(y)) / len(pairs)
+            counts = np.zeros((k, len(y) + 1), dtype=np.int64)
+            np.cumsum(_copies(rng, len(y), k), axis=1, out=counts[:, 1:])
+            passed = (_copies(rng, len(x), k) * (counts[:, below] + counts[:, upto])).sum(axis=1) / len(x)
+            values[start : start + k] += (1.0 - 0.5 * passed / len(y)) / len(pairs)
             start += k
     return _estimate(value, values, confidence)
+
+
+def _copies(rng: np.random.Generator, n: int, resamples: int) -> NDArray[np.int64]:
+    """How often each of n scores is in each resample: (resamples, n)."""
+    drawn = rng.integers(n, size=(resamples, n)) + n * np.arange(resamples)[:, None]
+    return np.bincount(drawn.ravel(), minlength=n * resamples).reshape(resamples, n)
 
 
 def _chunks(resamples: int, width: int) -> Iterator[int]:

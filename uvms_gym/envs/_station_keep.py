@@ -191,8 +191,13 @@ class StationKeepBase:
         self._native.__setstate__((state["physics"], state["episodes"]))
 
 
+_FLOAT32 = np.dtype(np.float32)
+
+
 def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
     """Check shape and type, and clip what float32 may not hold; whether it is finite is checked further down."""
+    if type(given) is np.ndarray and given.dtype is _FLOAT32 and given.shape == shape:
+        return given
     try:
         array = np.asarray(given)
     except ValueError:

@@ -209,10 +209,7 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
         gymnasium.error.ResetNeeded
             There is no episode, or it has terminated.
         """
-        actions = as_actions(action, self._action_shape)
-        observations, rewards, terminated, truncated, info, _ = self._native.step(actions[None])
-        measures = dict(zip(INFO, info[:, 0].tolist(), strict=True))
-        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), measures
+        return self._native.step_one(as_actions(action, self._action_shape))
 
     def render(self) -> None:
         """Warn, as there is nothing to render with."""

@@ -27,8 +27,6 @@ pub struct Scratch<L> {
     pub(crate) links: [Link<L>; JOINTS],
     /// `A - U U^T / D` of the last link, which no configuration changes.
     pub(crate) tip: SpatialInertia<L>,
-    /// Gravity in vehicle axes.
-    pub(crate) gravity: Vector3<L>,
     /// `A_0`, ready to be solved with.
     pub(crate) base: Factored<L>,
 }
@@ -37,15 +35,9 @@ impl<L: Lane> Scratch<L> {
     /// Fresh memory; its contents never matter.
     pub fn new() -> Self {
         let (zero, none) = (L::zero(), Vector6::zero());
-        let link = Link {
-            screw: [zero; 2],
-            gravity: Vector3::zero(),
-            share: none,
-            over_d: zero,
-            bias: none,
-            torque: zero,
-        };
-        Self { links: [link; JOINTS], tip: SpatialInertia::zero(), gravity: Vector3::zero(), base: Factored::blank() }
+        let link =
+            Link { screw: [zero; 2], gravity: Vector3::zero(), share: none, over_d: zero, bias: none, torque: zero };
+        Self { links: [link; JOINTS], tip: SpatialInertia::zero(), base: Factored::blank() }
     }
 }
 
@@ -94,7 +86,11 @@ impl<L: Lane> Link<L> {
 
     /// An inertia of this link, in the parent's frame.
     #[inline(always)]
-    pub fn whole_inertia_to_parent<P: Param<L>>(&self, joint: &JointTerms<P>, inertia: &SpatialInertia<L>) -> SpatialInertia<L> {
+    pub fn whole_inertia_to_parent<P: Param<L>>(
+        &self,
+        joint: &JointTerms<P>,
+        inertia: &SpatialInertia<L>,
+    ) -> SpatialInertia<L> {
         Base::of(&joint.stand).inertia(&self.screw(joint).inertia_to_parent(inertia))
     }
 

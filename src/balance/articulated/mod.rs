@@ -19,9 +19,9 @@
 
 mod link;
 
-pub use link::Scratch;
-pub(crate) use link::Link;
 use link::Base;
+pub(crate) use link::Link;
+pub use link::Scratch;
 
 use super::joint_torque::joint_torque;
 use crate::lane::{Lane, Param, sin_cos};
@@ -188,7 +188,6 @@ pub fn configure<L: Lane, P: Param<L>>(
 ) {
     let joints = system.joints.as_slice();
     let links = &mut scratch.links[..joints.len()];
-    scratch.gravity = gravity;
     place(joints, gravity, q, links);
     let own: SpatialInertia<L> = system.vehicle.inertia.get();
     let (Some((tip, others)), Some((last, links))) = (joints.split_last(), links.split_last_mut()) else {

@@ -1,106 +1,170 @@
-//! What the task does to a few instances around their physics.
+//! The task in one precision: what episodes remember, and steps.
 
-use super::{Autoreset, Final, Slot, Verdict};
-use crate::batch::blocks::{Instances, Rider};
+use std::sync::{Mutex, PoisonError};
+
+use super::Final;
+use super::chunk::{Chunk, Duty, Rules, column, set_column};
+use super::kernels;
+use super::outputs::Outputs;
+use super::rollout::{Lap, Rollout, take_before};
+use super::slot::Slot;
+use crate::batch::blocks::Blocks;
+use crate::batch::simulator::Simulator;
 use crate::batch::step::Switches;
-use crate::batch::table::InstanceLoads;
-use crate::scene::{Outcome, Pose, StationKeep};
-use crate::system::{EndEffector, Flow, Joints, State};
+use crate::control::Policy;
+use crate::error::ControlError;
+use crate::lane::Real;
+use crate::scene::{Keeper, StationKeep};
+use crate::system::State;
 
-/// How episodes end and follow each other.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Rules {
-    pub autoreset: Autoreset,
-    pub max_steps: Option<u32>,
+/// The joints' servos are all that is on.
+const SERVO: Switches = Switches { servo: true, on_links: false, station: false };
+
+/// The numbers of all episodes, whatever the precision.
+pub(super) trait Crew: Send + Sync {
+    /// One control period of all instances under `actions` (N, a); ends of episodes that were replaced, by instance.
+    fn step(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [Slot],
+        orders: &Orders<'_>,
+        out: Outputs<'_>,
+    ) -> Vec<Final>;
+    /// So many control periods of all instances under a policy; episodes that are over stay so.
+    fn run(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [Slot],
+        course: &Course<'_>,
+        rollout: &mut Rollout,
+    ) -> Result<(), ControlError>;
+    /// Observations and measures of all instances where they stand.
+    fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>);
+    /// Numbers of the episode of instance `i`.
+    fn column(&self, i: usize) -> Vec<f64>;
+    /// Sets them.
+    fn set_column(&mut self, i: usize, numbers: &[f64]);
+    /// Bytes per instance.
+    fn bytes_per_instance(&self, instances: usize) -> usize;
+    /// An independent copy.
+    fn boxed_clone(&self) -> Box<dyn Crew>;
 }
 
-/// The task at work on a few instances.
-pub(super) struct Crew<'a> {
+/// What a step is to do.
+pub(super) struct Orders<'a> {
     pub task: &'a StationKeep,
-    pub end_effector: &'a EndEffector,
     pub rules: Rules,
-    /// A state that steps harmlessly.
-    pub home: &'a State,
-    /// Number of the first instance.
-    pub first: usize,
-    pub slots: &'a mut [Slot],
     pub actions: &'a [f32],
-    pub observations: &'a mut [f32],
-    pub verdicts: &'a mut [Verdict],
-    pub finals: &'a mut Vec<Final>,
 }
 
-/// The end effector's pose for a vehicle pose and joint coordinates.
-pub(super) fn reach(end_effector: &EndEffector) -> impl Fn(&Pose, &Joints) -> Pose {
-    |vehicle, q| {
-        let (rotation, position) = end_effector.pose(q);
-        Pose { position: vehicle.position + vehicle.rotation * position, rotation: vehicle.rotation * rotation }
+/// What a run is to do.
+pub(super) struct Course<'a> {
+    pub task: &'a StationKeep,
+    pub rules: Rules,
+    pub policy: &'a dyn Policy,
+    pub steps: u32,
+}
+
+/// The numbers of all episodes.
+#[derive(Clone)]
+pub(super) struct Company<T> {
+    keeper: Keeper<T>,
+    /// Block by block.
+    episodes: Vec<T>,
+}
+
+impl<T: Real> Company<T> {
+    pub fn new(task: &StationKeep, instances: usize) -> Self {
+        let keeper = task.in_lanes();
+        let episodes = vec![T::default(); instances.next_multiple_of(T::BLOCK) * keeper.rows().rows];
+        Self { keeper, episodes }
     }
 }
 
-impl Crew<'_> {
-    /// Starts the next episode of instance `k`; its measures.
-    fn begin(&mut self, k: usize, instances: &mut dyn Instances) -> Outcome {
-        let slot = &mut self.slots[k];
-        let (episode, state) = self.task.begin(slot.next);
-        instances.set_state(k, &state);
-        instances.set_flow(k, &Flow::from(*episode.current()));
-        slot.next = slot.next.following();
-        slot.over = false;
-        let episode = slot.episode.insert(episode);
-        self.task.survey(episode, &instances.state(k), reach(self.end_effector))
-    }
-
-    /// Judges instance `k` after its physics.
-    fn judge(&mut self, k: usize, instances: &mut dyn Instances) -> Verdict {
-        let Rules { autoreset, max_steps } = self.rules;
-        if self.slots[k].over {
-            let info = self.begin(k, instances).info();
-            return Verdict { reward: 0.0, terminated: false, truncated: false, info };
-        }
-        let slot = &mut self.slots[k];
-        let Some(episode) = &mut slot.episode else { unreachable!("a step is refused before the first episode") };
-        let state = instances.state(k);
-        let outcome = self.task.advance(episode, &state, reach(self.end_effector));
-        let truncated = max_steps.is_some_and(|most| episode.step() >= most);
-        slot.over = outcome.terminated || truncated;
-        let mut info = outcome.info();
-        if slot.over && autoreset == Autoreset::SameStep {
-            let mut observation = vec![0.0; self.task.observation_len()];
-            self.task.observe(episode, &state, &mut observation);
-            self.finals.push(Final { instance: self.first + k, observation, info });
-            info = self.begin(k, instances).info();
-        }
-        Verdict { reward: outcome.reward, terminated: outcome.terminated, truncated, info }
-    }
-}
-
-impl Rider for Crew<'_> {
-    fn before(&mut self, instances: &mut dyn Instances) {
-        let mut loads = InstanceLoads::default();
-        let actions = self.actions.chunks_exact(self.task.action_len());
-        for (k, (slot, action)) in self.slots.iter_mut().zip(actions).enumerate() {
-            match &mut slot.episode {
-                Some(episode) if !slot.over => {
-                    let command = self.task.act(episode, action);
-                    loads.wrench = command.wrench.into();
-                    loads.target = command.joints;
-                    instances.set_loads(k, &loads, Switches { servo: true, ..Switches::default() });
-                }
-                // What it was left in may be a state that takes long to step.
-                _ => instances.set_state(k, self.home),
+impl<T: Real> Crew for Company<T> {
+    fn step(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [Slot],
+        orders: &Orders<'_>,
+        out: Outputs<'_>,
+    ) -> Vec<Final> {
+        let &Orders { task, rules, actions } = orders;
+        let home = State { q: simulator.scene().home(), ..State::default() };
+        let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
+        let chunk = Blocks::<T>::CHUNK;
+        let finals = Mutex::new(Vec::new());
+        let substeps = task.options().substeps as usize;
+        let items = slots
+            .chunks_mut(chunk)
+            .zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows))
+            .zip(actions.chunks(chunk * task.action_len()))
+            .zip(out.chunks(chunk));
+        simulator.visit::<T, _>(substeps, SERVO, items, |part, (((slots, episodes), actions), mut out)| {
+            let mut ended = Vec::new();
+            Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
+            if !ended.is_empty() {
+                finals.lock().unwrap_or_else(PoisonError::into_inner).append(&mut ended);
             }
-        }
+        });
+        let mut finals = finals.into_inner().unwrap_or_else(PoisonError::into_inner);
+        finals.sort_by_key(|end| end.instance);
+        finals
     }
 
-    fn after(&mut self, instances: &mut dyn Instances) {
-        let width = self.task.observation_len();
-        for k in 0..self.slots.len() {
-            self.verdicts[k] = self.judge(k, instances);
-            if let Some(episode) = &self.slots[k].episode {
-                let row = &mut self.observations[k * width..(k + 1) * width];
-                self.task.observe(episode, &instances.state(k), row);
-            }
+    fn run(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [Slot],
+        course: &Course<'_>,
+        rollout: &mut Rollout,
+    ) -> Result<(), ControlError> {
+        let &Course { task, rules, policy, steps } = course;
+        let home = State { q: simulator.scene().home(), ..State::default() };
+        let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
+        let chunk = Blocks::<T>::CHUNK;
+        let mut traces = &mut rollout.traces[..];
+        let mut memory = &mut rollout.memory[..];
+        let mut laps = Vec::new();
+        for (k, tallies) in rollout.tallies.chunks_mut(chunk).enumerate() {
+            let remembered = tallies.len() * policy.widths().memory;
+            let (memory_of_lap, rest) = std::mem::take(&mut memory).split_at_mut(remembered);
+            memory = rest;
+            let traces = take_before(&mut traces, (k + 1) * chunk);
+            laps.push(Lap { policy, steps, memory: memory_of_lap, tallies, traces });
         }
+        let failure = Mutex::new(Ok(()));
+        let substeps = task.options().substeps as usize;
+        let items =
+            slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows)).zip(&mut laps);
+        simulator.visit::<T, _>(substeps, SERVO, items, |part, ((slots, episodes), lap)| {
+            if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
+                *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
+            }
+        });
+        failure.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>) {
+        let all = vec![true; out.len()];
+        let (layout, isa, physics) = simulator.blocks::<T>().parts();
+        let blocks = kernels::Blocks { keeper: &self.keeper, layout, physics, episodes: &mut self.episodes };
+        T::dispatch(isa, &mut kernels::Look { blocks, chosen: &all, out });
+    }
+
+    fn column(&self, i: usize) -> Vec<f64> {
+        column(&self.episodes, self.keeper.rows().rows, i)
+    }
+
+    fn set_column(&mut self, i: usize, numbers: &[f64]) {
+        set_column(&mut self.episodes, i, numbers);
+    }
+
+    fn bytes_per_instance(&self, instances: usize) -> usize {
+        size_of_val(&self.episodes[..]) / instances + size_of::<Slot>()
+    }
+
+    fn boxed_clone(&self) -> Box<dyn Crew> {
+        Box::new(self.clone())
     }
 }

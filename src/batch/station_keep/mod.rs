@@ -1,17 +1,25 @@
 //! Episodes of station keeping, many at a time.
 
+mod chunk;
 mod crew;
+mod kernels;
+mod outputs;
+mod rollout;
+mod slot;
 
 use super::monitor::Stray;
 use super::rates::Unstable;
-use super::simulator::{Simulator, SimulatorOptions};
-use super::step::Switches;
+use super::simulator::{Precision, Simulator, SimulatorOptions};
 use crate::balance::Servos;
+use crate::control::{Policy, Widths};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
-use crate::scene::{Episode, EpisodeKey, Outcome, StartOverride, StationKeep, StationKeepOptions};
-use crate::system::{EndEffector, State};
-use crew::{Crew, Rules};
+use crate::scene::{Episode, EpisodeKey, INFO, StartOverride, StationKeep, StationKeepOptions};
+use chunk::Rules;
+use crew::{Company, Course, Crew, Orders};
+pub use outputs::{Outputs, Transition, Verdict};
+pub use rollout::{Rollout, Tally, Trace};
+use slot::Slot;
 
 /// What happens to an instance whose episode is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -25,22 +33,6 @@ pub enum Autoreset {
     Disabled,
 }
 
-/// Verdict on one instance after a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verdict {
-    /// Reward.
-    pub reward: f64,
-    /// The episode is over for a reason within the task.
-    pub terminated: bool,
-    /// The episode is over because its time is.
-    pub truncated: bool,
-    /// Measures, in the order of [`Outcome::INFO`].
-    pub info: [f64; INFO],
-}
-
-/// Number of measures.
-pub const INFO: usize = Outcome::INFO.len();
-
 /// The end of an episode whose successor began in the same step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Final {
@@ -52,15 +44,16 @@ pub struct Final {
     pub info: [f64; INFO],
 }
 
-/// What a step brought.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Transition {
-    /// Observations, (N, d).
-    pub observations: Vec<f32>,
-    /// One verdict per instance.
-    pub verdicts: Vec<Verdict>,
-    /// Ends of episodes that [`Autoreset::SameStep`] replaced, by instance.
-    pub finals: Vec<Final>,
+impl Final {
+    /// Of instance `k` of a chunk that begins with instance `first`.
+    fn of(first: usize, k: usize, out: &Outputs<'_>) -> Self {
+        let width = out.observations.len() / out.len();
+        Self {
+            instance: first + k,
+            observation: out.observations[k * width..(k + 1) * width].to_vec(),
+            info: out.info.each_ref().map(|row| row[k]),
+        }
+    }
 }
 
 /// What a reset brought.
@@ -68,8 +61,8 @@ pub struct Transition {
 pub struct Beginning {
     /// Observations of all instances, (N, d), whether reset or not.
     pub observations: Vec<f32>,
-    /// Measures of all instances, (N): of those that were not reset, at the instant where they stand.
-    pub info: Vec<[f64; INFO]>,
+    /// Measures of all instances, (18, N): of those that were not reset, at the instant where they stand.
+    pub info: Vec<f64>,
 }
 
 /// Everything that makes a batch go on as if it had not been interrupted.
@@ -81,23 +74,26 @@ pub struct Saved {
     pub episodes: Vec<f64>,
 }
 
-/// One instance's place: the episode that runs, and the address of the one after it.
-#[derive(Debug, Clone, PartialEq, Default)]
-struct Slot {
-    next: EpisodeKey,
-    episode: Option<Episode>,
-    over: bool,
-}
-
 /// Instances of station keeping, stepped together. Each instance's results follow from the scene, the options, its seed
 /// and its actions alone: not from the number of instances, of threads, or from what happens to its neighbours.
-#[derive(Clone)]
 pub struct StationKeepBatch {
     task: StationKeep,
-    end_effector: EndEffector,
     simulator: Simulator,
     rules: Rules,
     slots: Vec<Slot>,
+    crew: Box<dyn Crew>,
+}
+
+impl Clone for StationKeepBatch {
+    fn clone(&self) -> Self {
+        Self {
+            task: self.task.clone(),
+            simulator: self.simulator.clone(),
+            rules: self.rules,
+            slots: self.slots.clone(),
+            crew: self.crew.boxed_clone(),
+        }
+    }
 }
 
 impl StationKeepBatch {
@@ -113,12 +109,15 @@ impl StationKeepBatch {
         autoreset: Autoreset,
         max_steps: Option<u32>,
     ) -> Result<Self, TaskError> {
-        let end_effector = EndEffector::new(&scene);
         let task = StationKeep::new(&scene, options)?;
         let simulator = Simulator::new(scene, SimulatorOptions { dt: task.options().dt, ..simulator })?;
-        let slot = |i| Slot { next: EpisodeKey { seed: i, episode: 0 }, ..Slot::default() };
-        let slots = (0..simulator.instances() as u64).map(slot).collect();
-        Ok(Self { task, end_effector, simulator, rules: Rules { autoreset, max_steps }, slots })
+        let instances = simulator.instances();
+        let crew: Box<dyn Crew> = match simulator.options().precision {
+            Precision::Double => Box::new(Company::<f64>::new(&task, instances)),
+            Precision::Single => Box::new(Company::<f32>::new(&task, instances)),
+        };
+        let slots = (0..instances as u64).map(|seed| Slot::before(EpisodeKey { seed, episode: 0 })).collect();
+        Ok(Self { task, simulator, rules: Rules { autoreset, max_steps }, slots, crew })
     }
 
     /// The task.
@@ -157,8 +156,18 @@ impl StationKeepBatch {
     }
 
     /// The episode that instance `i` is in, once it was reset.
-    pub fn episode(&self, i: usize) -> Option<&Episode> {
-        self.slots[i].episode.as_ref()
+    pub fn episode(&self, i: usize) -> Option<Episode> {
+        self.slots[i].begun.then(|| self.episode_numbers(i))
+    }
+
+    fn episode_numbers(&self, i: usize) -> Episode {
+        let Slot { key, step, .. } = self.slots[i];
+        Episode::from_parts(key, step, self.task.episode_rows(), self.crew.column(i))
+    }
+
+    /// Bytes of memory per instance.
+    pub fn bytes_per_instance(&self) -> usize {
+        self.simulator.bytes_per_instance() + self.crew.bytes_per_instance(self.instances())
     }
 
     /// Starts the next episode of each instance that `mask` picks (of all without a mask).
@@ -187,7 +196,7 @@ impl StationKeepBatch {
         let mut begun = Vec::new();
         for (i, slot) in self.slots.iter().enumerate() {
             if mask.is_some_and(|mask| !mask[i]) {
-                if slot.episode.is_none() {
+                if !slot.begun {
                     return Err(TaskError::NotBegun { instance: i });
                 }
                 continue;
@@ -197,8 +206,9 @@ impl StationKeepBatch {
         }
         for (i, key, (episode, state)) in begun {
             self.simulator.set_state(i, &state);
-            self.simulator.set_flow(i, *episode.current());
-            self.slots[i] = Slot { next: key.following(), episode: Some(episode), over: false };
+            self.simulator.set_flow(i, episode.current());
+            self.slots[i] = Slot::of(key);
+            self.crew.set_column(i, episode.numbers());
         }
         Ok(self.look())
     }
@@ -209,47 +219,64 @@ impl StationKeepBatch {
     /// `TaskError` for actions that are misshaped or not finite, before the first reset, and without autoreset for an
     /// episode that is over; nothing has changed then.
     pub fn step(&mut self, actions: &[f32]) -> Result<Transition, TaskError> {
+        let mut transition = Transition::blank(self.instances(), self.task.observation_len());
+        transition.finals = self.step_into(actions, transition.outputs())?;
+        Ok(transition)
+    }
+
+    /// As [`Self::step`], into arrays of the caller; returns the ends of episodes that [`Autoreset::SameStep`] replaced,
+    /// by instance.
+    ///
+    /// # Errors
+    /// As [`Self::step`], and `ControlError::Shape` for arrays of the wrong length.
+    pub fn step_into(&mut self, actions: &[f32], out: Outputs<'_>) -> Result<Vec<Final>, TaskError> {
         self.task.check_actions(actions, self.instances())?;
+        out.check(self.instances(), self.task.observation_len())?;
         for (instance, slot) in self.slots.iter().enumerate() {
-            if slot.episode.is_none() {
+            if !slot.begun {
                 return Err(TaskError::NotBegun { instance });
             }
             if slot.over && self.rules.autoreset == Autoreset::Disabled {
                 return Err(TaskError::Over { instance });
             }
         }
-        let (ride, width) = (self.simulator.ride(), self.task.observation_len());
-        let blank = Verdict { reward: 0.0, terminated: false, truncated: false, info: [0.0; INFO] };
-        let mut observations = vec![0.0; self.instances() * width];
-        let mut verdicts = vec![blank; self.instances()];
-        let mut finals = vec![Vec::new(); self.instances().div_ceil(ride)];
-        let home = State { q: self.simulator.scene().home(), ..State::default() };
-        let mut crews: Vec<Box<dyn super::blocks::Rider + '_>> = Vec::with_capacity(finals.len());
-        let parts = self.slots.chunks_mut(ride).zip(actions.chunks(ride * self.task.action_len()));
-        let results = observations.chunks_mut(ride * width).zip(verdicts.chunks_mut(ride)).zip(&mut finals);
-        for (k, ((slots, actions), ((observations, verdicts), finals))) in parts.zip(results).enumerate() {
-            crews.push(Box::new(Crew {
-                task: &self.task,
-                end_effector: &self.end_effector,
-                rules: self.rules,
-                home: &home,
-                first: k * ride,
-                slots,
-                actions,
-                observations,
-                verdicts,
-                finals,
-            }));
+        let orders = Orders { task: &self.task, rules: self.rules, actions };
+        Ok(self.crew.step(&mut self.simulator, &mut self.slots, &orders, out))
+    }
+
+    /// `steps` control periods of all instances under a policy, from where they stand: the same numbers, bit for bit, as
+    /// so many calls of [`Self::step`] with the policy's actions. Whatever the autoreset, an instance whose episode is
+    /// over waits, until it is reset or stepped.
+    ///
+    /// # Errors
+    /// `TaskError` for a policy or a rollout of other sizes, and before the first reset; nothing has changed then.
+    pub fn run(&mut self, policy: &dyn Policy, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
+        let (expected, takes) = (self.task.observation_len(), self.task.action_len());
+        let Widths { observation: got, memory, action: gives } = policy.widths();
+        if (got, gives) != (expected, takes) {
+            return Err(ControlError::Widths { got, gives, expected, takes }.into());
         }
-        let substeps = self.task.options().substeps as usize;
-        self.simulator.step_with(substeps, Switches { servo: true, ..Switches::default() }, &mut crews);
-        drop(crews);
-        Ok(Transition { observations, verdicts, finals: finals.concat() })
+        let n = self.instances();
+        for (what, got, expected) in
+            [("tallies", rollout.tallies.len(), n), ("memory", rollout.memory.len(), n * memory)]
+        {
+            if got != expected {
+                return Err(ControlError::Shape { what, got, expected }.into());
+            }
+        }
+        if let Some(instance) = self.slots.iter().position(|slot| !slot.begun) {
+            return Err(TaskError::NotBegun { instance });
+        }
+        let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
+        let course = Course { task: &self.task, rules, policy, steps };
+        Ok(self.crew.run(&mut self.simulator, &mut self.slots, &course, rollout)?)
     }
 
     /// Everything there is to save.
     pub fn save(&self) -> Saved {
-        Saved { physics: self.simulator.save(), episodes: self.slots.iter().flat_map(Slot::to_numbers).collect() }
+        let episodes = self.slots.iter().enumerate();
+        let episodes = episodes.flat_map(|(i, slot)| slot.to_numbers(&self.episode_numbers(i))).collect();
+        Saved { physics: self.simulator.save(), episodes }
     }
 
     /// Continues from where a batch like this one was saved.
@@ -257,58 +284,26 @@ impl StationKeepBatch {
     /// # Errors
     /// `TaskError` if it was not a like one; nothing has changed then.
     pub fn load(&mut self, saved: &Saved) -> Result<(), TaskError> {
-        let width = Slot::default().to_numbers().len();
+        let rows = self.task.episode_rows();
+        let width = Slot::width(rows);
         if saved.episodes.len() != self.instances() * width {
             let (got, expected) = (saved.episodes.len(), self.instances() * width);
             return Err(TaskError::Saved(format!("{got} numbers of episodes, expected {expected}")));
         }
-        let slots = saved.episodes.chunks_exact(width).map(Slot::from_numbers).collect::<Result<_, _>>()?;
+        let slots = saved.episodes.chunks_exact(width).map(|numbers| Slot::from_numbers(rows, numbers));
+        let slots = slots.collect::<Result<Vec<_>, _>>()?;
         self.simulator.load(&saved.physics)?;
-        self.slots = slots;
+        for (i, (slot, episode)) in slots.into_iter().enumerate() {
+            self.slots[i] = slot;
+            self.crew.set_column(i, episode.numbers());
+        }
         Ok(())
     }
 
     /// Observations and measures where all instances stand.
-    fn look(&self) -> Beginning {
-        let width = self.task.observation_len();
-        let mut observations = vec![0.0; self.instances() * width];
-        let mut info = vec![[0.0; INFO]; self.instances()];
-        for (i, row) in observations.chunks_exact_mut(width).enumerate() {
-            if let Some(episode) = &self.slots[i].episode {
-                let state = self.simulator.state(i);
-                self.task.observe(episode, &state, row);
-                info[i] = self.task.survey(episode, &state, crew::reach(&self.end_effector)).info();
-            }
-        }
-        Beginning { observations, info }
-    }
-}
-
-impl Slot {
-    /// Numbers before those of the episode.
-    const HEAD: usize = 6;
-
-    fn to_numbers(&self) -> Vec<f64> {
-        let EpisodeKey { seed, episode } = self.next;
-        let halves = |x: u64| [f64::from(x as u32), f64::from((x >> 32) as u32)];
-        let flags = [f64::from(u8::from(self.over)), f64::from(u8::from(self.episode.is_some()))];
-        let blank = || Episode::blank(self.next);
-        let episode_numbers = self.episode.as_ref().map_or_else(|| blank().to_numbers(), Episode::to_numbers);
-        [halves(seed), halves(episode), flags].concat().into_iter().chain(episode_numbers).collect()
-    }
-
-    fn from_numbers(numbers: &[f64]) -> Result<Self, TaskError> {
-        let (head, episode) = numbers.split_at(Self::HEAD);
-        let whole = |k: usize| {
-            let n = head[k] as u32;
-            if f64::from(n) == head[k] { Ok(n) } else { Err(TaskError::Saved(format!("{} is no count", head[k]))) }
-        };
-        let join = |k: usize| Ok::<u64, TaskError>(u64::from(whole(k)?) | u64::from(whole(k + 1)?) << 32);
-        let episode = Episode::from_numbers(episode)?;
-        Ok(Self {
-            next: EpisodeKey { seed: join(0)?, episode: join(2)? },
-            over: whole(4)? != 0,
-            episode: (whole(5)? != 0).then_some(episode),
-        })
+    fn look(&mut self) -> Beginning {
+        let mut seen = Transition::blank(self.instances(), self.task.observation_len());
+        self.crew.look(&mut self.simulator, &mut seen.outputs());
+        Beginning { observations: seen.observations, info: seen.info }
     }
 }

@@ -1,0 +1,191 @@
+//! Groups of columns of a block, as the kernels read and write them.
+
+use super::dynamics::Station;
+use super::lagged::Lag;
+use super::layout::Layout;
+use super::step::Switches;
+use crate::balance::articulated::Loads;
+use crate::integrate::{Attitude, Motion, Watch};
+use crate::lane::{Lane, Real};
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::scene::Stance;
+use crate::system::{Factors, JOINTS};
+
+/// One column group of a block: rows by number, `LANES` instances wide.
+pub struct Columns<'a, T> {
+    /// Rows of a block.
+    pub rows: &'a mut [T],
+    /// First column of the group.
+    pub first: usize,
+}
+
+impl<T: Real> Columns<'_, T> {
+    /// A row.
+    #[inline(always)]
+    pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
+        L::load(&self.rows[row * T::BLOCK + self.first..])
+    }
+
+    /// Sets a row.
+    #[inline(always)]
+    pub fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
+        x.store(&mut self.rows[row * T::BLOCK + self.first..]);
+    }
+
+    /// Three rows.
+    #[inline(always)]
+    pub fn vector<L: Lane<Real = T>>(&self, row: usize) -> Vector3<L> {
+        Vector3([self.get(row), self.get(row + 1), self.get(row + 2)])
+    }
+
+    /// Six rows.
+    #[inline(always)]
+    pub fn six<L: Lane<Real = T>>(&self, row: usize) -> Vector6<L> {
+        Vector6 { linear: self.vector(row), angular: self.vector(row + 3) }
+    }
+
+    /// Nine rows: a matrix by rows.
+    #[inline(always)]
+    pub fn matrix<L: Lane<Real = T>>(&self, row: usize) -> Matrix3<L> {
+        Matrix3([self.vector(row).0, self.vector(row + 3).0, self.vector(row + 6).0])
+    }
+
+    /// Sets the first `count` of these rows.
+    #[inline(always)]
+    pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {
+        for k in 0..count {
+            self.set(row + k, x[k]);
+        }
+    }
+
+    /// One row per joint.
+    #[inline(always)]
+    pub fn joints<L: Lane<Real = T>>(&self, row: usize, count: usize, to: &mut [L; JOINTS]) {
+        for k in 0..count {
+            to[k] = self.get(row + k);
+        }
+    }
+
+    /// The motion that is stepped.
+    #[inline(always)]
+    pub fn motion<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
+        motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
+        motion.rest = self.vector(layout.position + 3);
+        motion.twist = self.six(layout.twist);
+        self.joints(layout.q, layout.joints, &mut motion.q);
+        self.joints(layout.qd, layout.joints, &mut motion.qd);
+        if layout.keeps != Attitude::Matrix {
+            for k in 0..4 {
+                motion.attitude[k] = self.get(layout.attitude + k);
+            }
+        }
+    }
+
+    /// The same as tasks look at it.
+    #[inline(always)]
+    pub fn stance<L: Lane<Real = T>>(&self, layout: &Layout) -> Stance<L> {
+        let mut motion = Motion::blank();
+        self.motion(layout, &mut motion);
+        Stance { pose: motion.pose, twist: motion.twist, q: motion.q, qd: motion.qd }
+    }
+
+    /// Sets the motion.
+    #[inline(always)]
+    pub fn set_motion<L: Lane<Real = T>>(&mut self, layout: &Layout, motion: &Motion<L, JOINTS>) {
+        for k in 0..3 {
+            self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
+        }
+        self.set_all(layout.position, &motion.pose.position.0, 3);
+        self.set_all(layout.position + 3, &motion.rest.0, 3);
+        self.set_all(layout.twist, &motion.twist.to_array(), 6);
+        self.set_all(layout.q, &motion.q, layout.joints);
+        self.set_all(layout.qd, &motion.qd, layout.joints);
+        if layout.keeps != Attitude::Matrix {
+            self.set_all(layout.attitude, &motion.attitude, 4);
+        }
+    }
+
+    /// What was seen of the motion.
+    #[inline(always)]
+    pub fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
+        let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
+        let seen = layout.contrast;
+        let mut watch = Watch { plan, ..Watch::blank() };
+        for k in 0..3 {
+            watch.contrast[k] = self.get(seen + k);
+        }
+        (watch.slip, watch.spin) = ([self.get(seen + 3), self.get(seen + 4)], self.get(seen + 5));
+        watch
+    }
+
+    /// Sets what was seen of it.
+    #[inline(always)]
+    pub fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
+        self.set_all(layout.contrast, &watch.contrast, 3);
+        self.set_all(layout.contrast + 3, &watch.slip, 2);
+        self.set(layout.contrast + 5, watch.spin);
+        if layout.adaptive {
+            self.set(layout.plan, watch.plan);
+        }
+    }
+
+    /// What is remembered of the steps before.
+    #[inline(always)]
+    pub fn lag<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, lag: &mut Lag<L>) {
+        lag.factor = self.factors(layout).added_mass;
+        lag.wrench = self.six(layout.wrench);
+        for k in 0..layout.joints {
+            lag.links[k] = if switches.on_links { self.six(layout.links + 6 * k) } else { Vector6::zero() };
+        }
+        lag.begun = self.get(layout.lag);
+        for i in 0..=layout.joints {
+            let row = layout.lag + 1 + 12 * i;
+            lag.last[i] = [self.six(row), self.six(row + 6)];
+        }
+    }
+
+    /// Sets what is remembered.
+    #[inline(always)]
+    pub fn set_lag<L: Lane<Real = T>>(&mut self, layout: &Layout, lag: &Lag<L>) {
+        self.set(layout.lag, lag.begun);
+        for i in 0..=layout.joints {
+            let row = layout.lag + 1 + 12 * i;
+            self.set_all(row, &lag.last[i][0].to_array(), 6);
+            self.set_all(row + 6, &lag.last[i][1].to_array(), 6);
+        }
+    }
+
+    /// Station that is kept.
+    #[inline(always)]
+    pub fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
+        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
+        Station { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
+    }
+
+    /// Factors on the parameters.
+    #[inline(always)]
+    pub fn factors<L: Lane<Real = T>>(&self, layout: &Layout) -> Factors<L> {
+        let mut factors = [L::zero(); 5];
+        for k in 0..5 {
+            factors[k] = self.get(layout.factors + k);
+        }
+        Factors::from_array(factors)
+    }
+
+    /// Loads, as far as they are on.
+    #[inline(always)]
+    pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
+        loads.servo = switches.servo;
+        loads.on_links = switches.on_links;
+        for k in 0..layout.joints {
+            loads.torque[k] = self.get(layout.torque + k);
+            if switches.servo {
+                let row = layout.target + 4 * k;
+                loads.set_target(k, [self.get(row), self.get(row + 1), self.get(row + 2), self.get(row + 3)]);
+            }
+            if switches.on_links {
+                loads.links[k] = self.six(layout.links + 6 * k);
+            }
+        }
+    }
+}

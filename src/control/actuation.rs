@@ -1,0 +1,156 @@
+//! From actions to thrusts and their wrench, in lanes.
+
+use nalgebra::Vector6 as Vector;
+
+use super::action::{ActionKind, ActionMap};
+use super::allocation::{ROUNDING, THRUSTERS};
+use crate::lane::{Lane, Real};
+use crate::lie::Vector6;
+
+/// Greatest number of entries of an action.
+pub const ACTIONS: usize = THRUSTERS;
+
+/// The numbers by which a group of instances acts: those of an [`ActionMap`], as far as the kernel reads them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Actuation<T> {
+    kind: ActionKind,
+    /// Entries of an action.
+    len: usize,
+    thrusters: Vec<Drive<T>>,
+    /// 1 / number of thrusters.
+    share: T,
+}
+
+/// One thruster.
+#[derive(Debug, Clone, PartialEq)]
+struct Drive<T> {
+    /// Unsaturated thrust per entry of an action that is a wrench, N.
+    demand: [T; 6],
+    /// Least and greatest thrust, N.
+    limits: [T; 2],
+    /// One over each: infinite where that is 0.
+    inverse: [T; 2],
+    /// One over the greatest thrust in either direction; 0 where that is 0.
+    relative: T,
+    /// Magnitude that counts as full thrust in either direction, N.
+    full: [T; 2],
+    /// Wrench per thrust: column of T_tcm.
+    wrench: [T; 6],
+}
+
+/// What an action comes to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Actuated<L> {
+    /// Thrusts within their limits, N; 0 past the vehicle's thrusters.
+    pub thrusts: [L; THRUSTERS],
+    /// Their body wrench `T_tcm T` at the vehicle origin, N and N m. `[HC eq. 25]`
+    pub wrench: Vector6<L>,
+    /// Means over the thrusters, of the square of the relative thrust `|T| / T_max`,
+    pub square: L,
+    /// of its power 3/2, as shaft power grows with thrust,
+    pub power: L,
+    /// and share of thrusters that push as hard as they can.
+    pub saturation: L,
+}
+
+impl<T: Real> Actuation<T> {
+    /// Of actions of this kind, for this vehicle.
+    pub fn new(map: &ActionMap) -> Self {
+        let allocation = map.allocation();
+        let number = T::from_f64;
+        let wrench_limits = Vector::from(allocation.wrench_limits());
+        // Rounding leaves a full thrust a little short of its limit.
+        let near = 1.0 - f64::max(1e-9, 4.0 * T::EPSILON);
+        let least = if T::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+        let drive = |i: usize| {
+            let ([lower, upper], range) = (allocation.limits(i), allocation.range(i));
+            Drive {
+                demand: allocation.pseudo_inverse(i).component_mul(&wrench_limits).map(number).into(),
+                limits: [lower, upper].map(number),
+                inverse: [-1.0 / lower.abs(), 1.0 / upper.abs()].map(number),
+                relative: number(if range > 0.0 { 1.0 / range } else { 0.0 }),
+                full: [-lower, upper].map(|limit| number((near * limit).max(least))),
+                wrench: allocation.column(i).map(number).into(),
+            }
+        };
+        let count = allocation.count();
+        Self {
+            kind: map.kind(),
+            len: map.len(),
+            thrusters: (0..count).map(drive).collect(),
+            share: number(1.0 / count.max(1) as f64),
+        }
+    }
+
+    /// Entries of an action.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// What an action comes to, its entries in [-1, 1]: as [`super::Allocation::allocate`] has it, to rounding.
+    #[inline(always)]
+    pub fn act<L: Lane<Real = T>>(&self, action: &[L; ACTIONS]) -> Actuated<L> {
+        let (zero, one) = (L::zero(), L::c(1.0));
+        let mut thrusts = [zero; THRUSTERS];
+        let count = self.thrusters.len();
+        match self.kind {
+            ActionKind::Wrench => {
+                let mut greatest = zero;
+                for i in 0..count {
+                    let drive = &self.thrusters[i];
+                    let mut thrust = action[0] * L::splat(drive.demand[0]);
+                    for k in 1..6 {
+                        thrust = action[k].mul_add(L::splat(drive.demand[k]), thrust);
+                    }
+                    thrusts[i] = thrust;
+                    greatest = greatest.max((thrust * L::splat(drive.relative)).abs());
+                }
+                // All are scaled down together where one would exceed its limit; what is rounding limits nothing.
+                let noise = greatest * L::c(ROUNDING.max(4.0 * T::EPSILON));
+                let mut excess = one;
+                for i in 0..count {
+                    let (drive, thrust) = (&self.thrusters[i], thrusts[i]);
+                    let [lower, upper] = drive.inverse;
+                    let over = thrust * L::select(zero.lt(thrust), L::splat(upper), L::splat(lower));
+                    let counts = noise.lt((thrust * L::splat(drive.relative)).abs());
+                    excess = L::select(counts, over, one).max(excess);
+                }
+                let factor = one / excess;
+                for i in 0..count {
+                    let [lower, upper] = self.thrusters[i].limits;
+                    thrusts[i] = (thrusts[i] * factor).min(L::splat(upper)).max(L::splat(lower));
+                }
+            }
+            ActionKind::Thrusters => {
+                for i in 0..count {
+                    let [lower, upper] = self.thrusters[i].limits;
+                    let limit = L::select(zero.lt(action[i]), L::splat(upper), L::splat(lower));
+                    thrusts[i] = action[i].abs() * limit;
+                }
+            }
+        }
+        let mut wrench = [zero; 6];
+        let (mut square, mut power, mut saturation) = (zero, zero, zero);
+        for i in 0..count {
+            let (drive, thrust) = (&self.thrusters[i], thrusts[i]);
+            for k in 0..6 {
+                wrench[k] = thrust.mul_add(L::splat(drive.wrench[k]), wrench[k]);
+            }
+            let (size, [lower, upper]) = (thrust.abs(), drive.full);
+            let u = size * L::splat(drive.relative);
+            square = u.mul_add(u, square);
+            power = u.mul_add(u.sqrt(), power);
+            let full = L::select(zero.lt(thrust), L::splat(upper), L::splat(lower));
+            saturation += L::select(size.lt(full), zero, one);
+        }
+        let share = L::splat(self.share);
+        Actuated {
+            thrusts,
+            wrench: Vector6::from_array(wrench),
+            square: square * share,
+            power: power * share,
+            saturation: saturation * share,
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! The forward pass: lanes over instances, weights broadcast.
+//!
+//! Each output is one chain of multiply-adds from its bias on, in the order of the inputs, so that its bits depend
+//! neither on the lanes' width nor on the number of instances.
+
+use super::network::{Activation, Network, Output};
+use crate::lane::{Kernel, Lane, tanh};
+
+/// Instances that go through the layers together: a multiple of twice the widest lane.
+const PANEL: usize = 32;
+/// Outputs computed side by side, so that every number read is used several times and the adders stay busy.
+const TILE: usize = 4;
+/// Lanes side by side.
+const PAIR: usize = 2;
+
+/// One number of each instance of a panel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(64))]
+struct Panel([f32; PANEL]);
+
+/// A layer with its weights in the order of their use; outputs are filled up with zeros to whole tiles.
+#[derive(Debug, Clone)]
+struct PackedLayer {
+    inputs: usize,
+    /// Biases by tile.
+    biases: Vec<[f32; TILE]>,
+    /// Weights by tile and input.
+    weights: Vec<[f32; TILE]>,
+}
+
+/// A network made ready for the forward pass.
+#[derive(Debug, Clone)]
+pub(super) struct Packed {
+    inputs: usize,
+    outputs: usize,
+    /// Per input: mean and factor; and the bound.
+    normalisation: Option<(Vec<[f32; 2]>, f32)>,
+    layers: Vec<PackedLayer>,
+    activation: Activation,
+    output: Output,
+}
+
+impl Packed {
+    /// A network that was checked.
+    pub fn new(network: &Network) -> Self {
+        let normalisation = network.normalisation.as_ref().map(|n| {
+            let factor = |v: f32| (1.0 / (f64::from(v) + f64::from(n.epsilon)).sqrt()) as f32;
+            (n.mean.iter().zip(&n.variance).map(|(&mean, &v)| [mean, factor(v)]).collect(), n.clip)
+        });
+        let pack = |layer: &super::Layer| {
+            let (inputs, outputs) = (layer.inputs(), layer.outputs());
+            let tiles = outputs.div_ceil(TILE);
+            let bias = |o: usize| layer.biases.get(o).copied().unwrap_or(0.0);
+            let weight = |o: usize, i: usize| if o < outputs { layer.weights[o * inputs + i] } else { 0.0 };
+            PackedLayer {
+                inputs,
+                biases: (0..tiles).map(|t| std::array::from_fn(|r| bias(t * TILE + r))).collect(),
+                weights: (0..tiles * inputs)
+                    .map(|at| std::array::from_fn(|r| weight(at / inputs * TILE + r, at % inputs)))
+                    .collect(),
+            }
+        };
+        Self {
+            inputs: network.inputs(),
+            outputs: network.outputs(),
+            normalisation,
+            layers: network.layers.iter().map(pack).collect(),
+            activation: network.activation,
+            output: network.output,
+        }
+    }
+
+    /// Panels that hold the input or result of any layer.
+    fn height(&self) -> usize {
+        self.layers.iter().map(|layer| layer.inputs.max(layer.biases.len() * TILE)).max().unwrap_or(0)
+    }
+}
+
+/// One forward pass over rows of observations.
+pub(super) struct Forward<'a> {
+    packed: &'a Packed,
+    observations: &'a [f32],
+    actions: &'a mut [f32],
+    input: Vec<Panel>,
+    result: Vec<Panel>,
+}
+
+impl<'a> Forward<'a> {
+    /// Actions (n x outputs) for observations (n x inputs).
+    pub fn new(packed: &'a Packed, observations: &'a [f32], actions: &'a mut [f32]) -> Self {
+        let panels = vec![Panel([0.0; PANEL]); packed.height()];
+        Self { packed, observations, actions, input: panels.clone(), result: panels }
+    }
+}
+
+impl Kernel<f32> for Forward<'_> {
+    #[inline(always)]
+    fn run<L: Lane<Real = f32>>(&mut self) {
+        let Packed { inputs, outputs, .. } = *self.packed;
+        let observations = self.observations.chunks(PANEL * inputs);
+        for (observations, actions) in observations.zip(self.actions.chunks_mut(PANEL * outputs)) {
+            let (input, result) = (&mut self.input, &mut self.result);
+            for (j, row) in observations.chunks_exact(inputs).enumerate() {
+                for (panel, x) in input.iter_mut().zip(row) {
+                    panel.0[j] = *x;
+                }
+            }
+            // Lanes that hold instances, to whole pairs; what stands in the others is of no concern.
+            let used = (observations.len() / inputs).next_multiple_of(PAIR * L::LANES);
+            if let Some((entries, clip)) = &self.packed.normalisation {
+                normalise::<L>(&mut input[..inputs], entries, *clip);
+            }
+            for (k, layer) in self.packed.layers.iter().enumerate() {
+                let last = k + 1 == self.packed.layers.len();
+                for at in (0..used).step_by(PAIR * L::LANES) {
+                    layer.multiply::<L>(&input[..layer.inputs], result, at);
+                }
+                let result_used = &mut result[..layer.biases.len() * TILE];
+                match (last, self.packed.activation, self.packed.output) {
+                    (false, Activation::Tanh, _) | (true, _, Output::Tanh) => each::<L, Tanh>(result_used, used),
+                    (false, Activation::Relu, _) => each::<L, Relu>(result_used, used),
+                    (false, Activation::Elu, _) => each::<L, Elu>(result_used, used),
+                    (true, _, Output::Clip) => each::<L, Clip>(result_used, used),
+                }
+                std::mem::swap(input, result);
+            }
+            for (j, row) in actions.chunks_exact_mut(outputs).enumerate() {
+                for (panel, a) in input.iter().zip(row) {
+                    *a = panel.0[j];
+                }
+            }
+        }
+    }
+}
+
+impl PackedLayer {
+    /// `W x + b` of two lanes of instances that begin at `at`.
+    #[inline(always)]
+    fn multiply<L: Lane<Real = f32>>(&self, input: &[Panel], result: &mut [Panel], at: usize) {
+        let tiles = self.weights.chunks_exact(self.inputs).zip(&self.biases);
+        for ((weights, biases), rows) in tiles.zip(result.chunks_exact_mut(TILE)) {
+            let mut sums = [[L::zero(); PAIR]; TILE];
+            for r in 0..TILE {
+                sums[r] = [L::splat(biases[r]); PAIR];
+            }
+            for (w, x) in weights.iter().zip(input) {
+                let x = [L::load(&x.0[at..]), L::load(&x.0[at + L::LANES..])];
+                for r in 0..TILE {
+                    let w = L::splat(w[r]);
+                    for g in 0..PAIR {
+                        sums[r][g] = x[g].mul_add(w, sums[r][g]);
+                    }
+                }
+            }
+            for r in 0..TILE {
+                for g in 0..PAIR {
+                    sums[r][g].store(&mut rows[r].0[at + g * L::LANES..]);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn normalise<L: Lane<Real = f32>>(panels: &mut [Panel], entries: &[[f32; 2]], clip: f32) {
+    let bound = L::splat(clip);
+    for (panel, [mean, factor]) in panels.iter_mut().zip(entries) {
+        for x in panel.0.chunks_exact_mut(L::LANES) {
+            let scaled = (L::load(x) - L::splat(*mean)) * L::splat(*factor);
+            scaled.min(bound).max(-bound).store(x);
+        }
+    }
+}
+
+/// A function of one number. (Not a closure: it would not inherit the caller's instruction set.)
+trait Function {
+    fn of<L: Lane<Real = f32>>(x: L) -> L;
+}
+
+struct Tanh;
+struct Relu;
+struct Elu;
+struct Clip;
+
+impl Function for Tanh {
+    #[inline(always)]
+    fn of<L: Lane<Real = f32>>(x: L) -> L {
+        tanh(x)
+    }
+}
+
+impl Function for Relu {
+    #[inline(always)]
+    fn of<L: Lane<Real = f32>>(x: L) -> L {
+        x.max(L::zero())
+    }
+}
+
+impl Function for Elu {
+    /// `exp(x) - 1 = 2 t / (1 - t)` with `t = tanh(x / 2)`.
+    #[inline(always)]
+    fn of<L: Lane<Real = f32>>(x: L) -> L {
+        let t = tanh(x.min(L::zero()) * L::c(0.5));
+        L::select(L::zero().lt(x), x, (t + t) / (L::c(1.0) - t))
+    }
+}
+
+impl Function for Clip {
+    #[inline(always)]
+    fn of<L: Lane<Real = f32>>(x: L) -> L {
+        x.min(L::c(1.0)).max(L::c(-1.0))
+    }
+}
+
+/// Applies a function to the first `used` numbers of each panel.
+#[inline(always)]
+fn each<L: Lane<Real = f32>, F: Function>(panels: &mut [Panel], used: usize) {
+    for panel in panels {
+        for x in panel.0[..used].chunks_exact_mut(L::LANES) {
+            F::of(L::load(x)).store(x);
+        }
+    }
+}

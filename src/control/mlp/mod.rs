@@ -1,0 +1,90 @@
+//! Neural policies: multilayer perceptrons, as Stable-Baselines3 trains them.
+
+mod file;
+mod forward;
+mod network;
+mod purpose;
+
+use std::collections::BTreeMap;
+
+pub use network::{Activation, Layer, Network, Normalisation, Output};
+pub use purpose::Purpose;
+
+use super::policy::{Policy, Widths};
+use crate::error::{ControlError, PolicyError};
+use crate::lane::{Isa, Real};
+use forward::{Forward, Packed};
+
+/// A multilayer perceptron as a policy, in single precision: one lane per instance.
+#[derive(Debug, Clone)]
+pub struct Mlp {
+    network: Network,
+    purpose: Option<Purpose>,
+    notes: BTreeMap<String, String>,
+    packed: Packed,
+    isa: Isa,
+}
+
+impl Mlp {
+    /// The policy of a network; `purpose` tells what it is for, `notes` are for people.
+    ///
+    /// # Errors
+    /// `PolicyError` where layers do not fit together or to the purpose, or a number is not finite.
+    pub fn new(
+        network: Network,
+        purpose: Option<Purpose>,
+        notes: BTreeMap<String, String>,
+    ) -> Result<Self, PolicyError> {
+        network.check()?;
+        if let Some(purpose) = &purpose {
+            purpose.check_widths(network.inputs(), network.outputs())?;
+        }
+        let packed = Packed::new(&network);
+        Ok(Self { network, purpose, notes, packed, isa: Isa::best()? })
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// What the policy is for, if it says so.
+    pub fn purpose(&self) -> Option<&Purpose> {
+        self.purpose.as_ref()
+    }
+
+    /// What else is to be known of it: seeds, steps, scores.
+    pub fn notes(&self) -> &BTreeMap<String, String> {
+        &self.notes
+    }
+
+    /// Refuses an environment that the policy is not for. One that does not say what it is for needs but the right
+    /// numbers of entries.
+    ///
+    /// # Errors
+    /// `PolicyError` names the first difference.
+    pub fn check(&self, environment: &Purpose) -> Result<(), PolicyError> {
+        if let Some(own) = &self.purpose {
+            own.check(environment)?;
+        }
+        environment.check_widths(self.network.inputs(), self.network.outputs())
+    }
+
+    /// The same policy on lanes of `isa`.
+    #[must_use]
+    pub fn on(self, isa: Isa) -> Self {
+        Self { isa, ..self }
+    }
+}
+
+impl Policy for Mlp {
+    fn widths(&self) -> Widths {
+        Widths { observation: self.network.inputs(), memory: 0, action: self.network.outputs() }
+    }
+
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        self.widths().rows(observations, memory, actions)?;
+        f32::dispatch(self.isa, &mut Forward::new(&self.packed, observations, actions));
+        Ok(())
+    }
+}

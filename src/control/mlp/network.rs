@@ -1,0 +1,139 @@
+//! A network as plain data.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::PolicyError;
+
+/// Function between layers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Activation {
+    /// Hyperbolic tangent, the default of Stable-Baselines3's on-policy algorithms.
+    #[default]
+    Tanh,
+    /// `max(x, 0)`.
+    Relu,
+    /// `x` where positive, else `exp(x) - 1`.
+    Elu,
+}
+
+/// What becomes of the last layer's numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Output {
+    /// Clipped to [-1, 1].
+    #[default]
+    Clip,
+    /// Their hyperbolic tangent, as SAC has it.
+    Tanh,
+}
+
+/// `y = W x + b`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layer {
+    /// W row by row: one row per output, as torch keeps it.
+    pub weights: Vec<f32>,
+    /// b, one per output.
+    pub biases: Vec<f32>,
+}
+
+impl Layer {
+    /// Entries of y.
+    pub fn outputs(&self) -> usize {
+        self.biases.len()
+    }
+
+    /// Entries of x.
+    pub fn inputs(&self) -> usize {
+        self.weights.len() / self.biases.len().max(1)
+    }
+}
+
+/// What is done to observations first, as Stable-Baselines3's VecNormalize does it:
+/// `clip((x - mean) / sqrt(variance + epsilon), -clip, clip)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Normalisation {
+    /// Mean of each entry.
+    pub mean: Vec<f32>,
+    /// Variance of each entry.
+    pub variance: Vec<f32>,
+    /// Added to the variance.
+    pub epsilon: f32,
+    /// Greatest magnitude that is passed on.
+    pub clip: f32,
+}
+
+/// Layers with an activation between them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Network {
+    /// First of all.
+    pub normalisation: Option<Normalisation>,
+    /// At least one.
+    pub layers: Vec<Layer>,
+    /// After every layer but the last.
+    pub activation: Activation,
+    /// After the last.
+    pub output: Output,
+}
+
+impl Network {
+    /// Entries of an observation.
+    pub fn inputs(&self) -> usize {
+        self.layers.first().map_or(0, Layer::inputs)
+    }
+
+    /// Entries of an action.
+    pub fn outputs(&self) -> usize {
+        self.layers.last().map_or(0, Layer::outputs)
+    }
+
+    /// Entries of all layers' results, the observation first.
+    pub fn sizes(&self) -> Vec<usize> {
+        std::iter::once(self.inputs()).chain(self.layers.iter().map(Layer::outputs)).collect()
+    }
+
+    /// Refuses what is no network.
+    pub(super) fn check(&self) -> Result<(), PolicyError> {
+        if self.layers.is_empty() {
+            return Err(PolicyError::NoLayers);
+        }
+        let mut inputs = self.inputs();
+        for (i, layer) in self.layers.iter().enumerate() {
+            let (got, expected) = (layer.weights.len(), layer.outputs() * inputs);
+            if got != expected || got == 0 {
+                return Err(PolicyError::Layer { layer: i, outputs: layer.outputs(), inputs, got });
+            }
+            finite(&format!("layers.{i}.weight"), &layer.weights)?;
+            finite(&format!("layers.{i}.bias"), &layer.biases)?;
+            inputs = layer.outputs();
+        }
+        if let Some(Normalisation { mean, variance, epsilon, clip }) = &self.normalisation {
+            for (tensor, values) in [("observation.mean", mean), ("observation.variance", variance)] {
+                if values.len() != self.inputs() {
+                    let (got, expected) = (values.len(), self.inputs());
+                    return Err(PolicyError::Length { tensor: tensor.into(), got, expected });
+                }
+                finite(tensor, values)?;
+            }
+            let least = variance.iter().copied().fold(f32::INFINITY, f32::min) + epsilon;
+            if !(least > 0.0 && least.is_finite()) {
+                return Err(PolicyError::Number {
+                    name: "variance + epsilon",
+                    value: least,
+                    rule: "positive and finite",
+                });
+            }
+            if !(*clip > 0.0 && clip.is_finite()) {
+                return Err(PolicyError::Number { name: "clip", value: *clip, rule: "positive and finite" });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn finite(tensor: &str, values: &[f32]) -> Result<(), PolicyError> {
+    match values.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(PolicyError::NotFinite { tensor: tensor.to_owned(), index, value: values[index] }),
+    }
+}

@@ -1,0 +1,73 @@
+//! What a policy was made for, and whether that is what it is used on.
+
+use serde::{Deserialize, Serialize};
+
+use crate::control::ActionKind;
+use crate::error::PolicyError;
+
+/// The environment that a policy is for, as far as it matters to the policy.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Purpose {
+    /// Name of the task.
+    pub task: String,
+    /// Name of the scene. A scene that is altered but keeps its name counts as the same.
+    pub scene: String,
+    /// What the entries of an action stand for.
+    pub action: ActionKind,
+    /// Entries of an action.
+    pub actions: usize,
+    /// Control period, s.
+    pub control_period: f64,
+    /// Name and number of entries of each block of an observation, in order.
+    pub observation: Vec<(String, usize)>,
+}
+
+impl Purpose {
+    /// Entries of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.observation.iter().map(|(_, entries)| entries).sum()
+    }
+
+    /// Refuses another environment.
+    pub(super) fn check(&self, environment: &Self) -> Result<(), PolicyError> {
+        let block = |purpose: &Self, i: usize| match purpose.observation.get(i) {
+            Some((name, entries)) => format!("{name} ({entries})"),
+            None => "nothing".to_owned(),
+        };
+        // Not to the last digit: a period is a product, and may have been to a file and back.
+        let period = |purpose: &Self| format!("{:.9} s", purpose.control_period);
+        let blocks = self.observation.len().max(environment.observation.len());
+        let apart = (0..blocks).find(|&i| self.observation.get(i) != environment.observation.get(i));
+        let pairs = [
+            ("task", self.task.clone(), environment.task.clone()),
+            ("scene", self.scene.clone(), environment.scene.clone()),
+            ("action", self.action.name().into(), environment.action.name().into()),
+            ("number of actions", self.actions.to_string(), environment.actions.to_string()),
+            ("control period", period(self), period(environment)),
+            (
+                "observation",
+                apart.map_or_else(String::new, |i| block(self, i)),
+                apart.map_or_else(String::new, |i| block(environment, i)),
+            ),
+        ];
+        match pairs.into_iter().find(|(_, own, other)| own != other) {
+            None => Ok(()),
+            Some((what, policy, environment)) => Err(PolicyError::Mismatch { what, policy, environment }),
+        }
+    }
+
+    /// Refuses a network of other widths.
+    pub(super) fn check_widths(&self, inputs: usize, outputs: usize) -> Result<(), PolicyError> {
+        for (what, policy, environment) in [
+            ("number of observation entries", inputs, self.observation_len()),
+            ("number of actions", outputs, self.actions),
+        ] {
+            if policy != environment {
+                let (policy, environment) = (policy.to_string(), environment.to_string());
+                return Err(PolicyError::Mismatch { what, policy, environment });
+            }
+        }
+        Ok(())
+    }
+}

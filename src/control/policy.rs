@@ -1,0 +1,75 @@
+//! What all controllers have in common.
+
+use crate::error::ControlError;
+
+/// Lengths of the rows that a policy reads, remembers and writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Widths {
+    /// Entries of an observation.
+    pub observation: usize,
+    /// Numbers remembered per instance.
+    pub memory: usize,
+    /// Entries of an action.
+    pub action: usize,
+}
+
+impl Widths {
+    /// Number of rows of these arrays.
+    ///
+    /// # Errors
+    /// `ControlError::Shape` if the lengths are no whole rows, or not equally many.
+    pub fn rows(&self, observations: &[f32], memory: &[f64], actions: &[f32]) -> Result<usize, ControlError> {
+        let rows = observations.len() / self.observation;
+        for (what, got, width) in [
+            ("observations", observations.len(), self.observation),
+            ("memory", memory.len(), self.memory),
+            ("actions", actions.len(), self.action),
+        ] {
+            if got != rows * width {
+                return Err(ControlError::Shape { what, got, expected: rows * width });
+            }
+        }
+        Ok(rows)
+    }
+}
+
+/// A controller that turns rows of observations into rows of actions in [-1, 1], without randomness.
+///
+/// Rows are independent: the action of an instance depends on its own row and memory alone, bit for bit, whatever the
+/// number of rows.
+pub trait Policy: Send + Sync {
+    /// Lengths of the rows.
+    fn widths(&self) -> Widths;
+
+    /// Writes actions (n x a) for finite observations (n x d), and brings the memory (n x m) up to date. The memory of
+    /// an instance is all 0 when its episode begins.
+    ///
+    /// # Errors
+    /// `ControlError::Shape` if the lengths are no whole rows, or not equally many; nothing has changed then.
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError>;
+}
+
+/// No control: every action is 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rest {
+    widths: Widths,
+}
+
+impl Rest {
+    /// Rest for rows of these lengths.
+    pub fn new(widths: Widths) -> Self {
+        Self { widths }
+    }
+}
+
+impl Policy for Rest {
+    fn widths(&self) -> Widths {
+        self.widths
+    }
+
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        self.widths.rows(observations, memory, actions)?;
+        actions.fill(0.0);
+        Ok(())
+    }
+}

@@ -1,0 +1,52 @@
+//! Logarithm of SO(3): rotation vectors.
+
+use super::{Matrix3, Vector3};
+use crate::lane::{Lane, atan2};
+
+/// Rotation vector `log R`, at most pi long; 0 where its entries' squares underflow. `[MLS94 eq. 2.17]`
+///
+/// By way of the quaternion, whose largest entry is found first: exact near 0 and near pi alike, where the trace and the
+/// skew part lose their digits.
+#[inline(always)]
+pub fn rotation_vector<L: Lane>(rotation: &Matrix3<L>) -> Vector3<L> {
+    let (w, v) = quaternion_ray(rotation);
+    let length = v.dot(v).sqrt();
+    let least = if <L::Real as crate::lane::Real>::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
+    let factor = atan2(length, w.abs()) / length.max(L::c(least));
+    let factor = L::select(w.lt(L::zero()), -factor, factor);
+    v.scale(factor + factor)
+}
+
+/// Length of [`rotation_vector`].
+#[inline(always)]
+pub fn rotation_angle<L: Lane>(rotation: &Matrix3<L>) -> L {
+    let (w, v) = quaternion_ray(rotation);
+    let half = atan2(v.dot(v).sqrt(), w.abs());
+    half + half
+}
+
+/// Quaternion of a rotation times four times its largest entry: the longest row of `4 q q^T`.
+#[inline(always)]
+fn quaternion_ray<L: Lane>(rotation: &Matrix3<L>) -> (L, Vector3<L>) {
+    let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = rotation.0;
+    let one = L::c(1.0);
+    let (turn_x, turn_y, turn_z) = (zy - yz, xz - zx, yx - xy);
+    let (sum_x, sum_y, sum_z) = (zy + yz, xz + zx, yx + xy);
+    let (above, below) = (one + xx, one - xx);
+    let (plus, minus) = (yy + zz, yy - zz);
+    let rows = [
+        [above + plus, turn_x, turn_y, turn_z],
+        [turn_x, above - plus, sum_z, sum_y],
+        [turn_y, sum_z, below + minus, sum_x],
+        [turn_z, sum_y, sum_x, below - minus],
+    ];
+    let (mut longest, mut row) = (rows[0][0], rows[0]);
+    for i in 1..4 {
+        let longer = longest.lt(rows[i][i]);
+        longest = L::select(longer, rows[i][i], longest);
+        for k in 0..4 {
+            row[k] = L::select(longer, rows[i][k], row[k]);
+        }
+    }
+    (row[0], Vector3([row[1], row[2], row[3]]))
+}

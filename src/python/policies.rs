@@ -1,0 +1,259 @@
+//! `_core.Policy` and its kinds.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use super::station_keep::{Rows, StationKeep, name_of, one_of, rows};
+use crate::control::{self, Activation, Layer, Network, Normalisation, Output};
+use crate::description::VehicleServo;
+use crate::error::PolicyError;
+
+const ACTIVATIONS: [(&str, Activation); 3] =
+    [("tanh", Activation::Tanh), ("relu", Activation::Relu), ("elu", Activation::Elu)];
+const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::Tanh)];
+
+/// A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`.
+#[pyclass(module = "uvms_gym._core", subclass, frozen)]
+pub struct Policy {
+    pub(super) inner: Arc<dyn control::Policy>,
+}
+
+impl Policy {
+    fn of(policy: impl control::Policy + 'static) -> PyClassInitializer<Self> {
+        PyClassInitializer::from(Self { inner: Arc::new(policy) })
+    }
+}
+
+#[pymethods]
+impl Policy {
+    /// Lengths of a row of observations, memory and actions.
+    #[getter]
+    fn widths(&self) -> [usize; 3] {
+        let control::Widths { observation, memory, action } = self.inner.widths();
+        [observation, memory, action]
+    }
+
+    /// Actions (n, a) for observations (n, d) and memory (n, m), and the memory after them.
+    fn act<'py>(
+        &self,
+        py: Python<'py>,
+        observations: PyReadonlyArray2<'py, f32>,
+        memory: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Rows<'py, f32>, Rows<'py, f64>)> {
+        let [d, m, a] = self.widths();
+        let n = observations.shape()[0];
+        for (name, shape, expected) in [("observations", observations.shape(), d), ("memory", memory.shape(), m)] {
+            let &[rows, width] = shape else { unreachable!("the array has two dimensions") };
+            if width != expected {
+                return Err(PyValueError::new_err(format!("{name} have {width} entries, expected {expected}")));
+            }
+            if rows != n {
+                return Err(PyValueError::new_err(format!("{name} have {rows} rows, expected {n}")));
+            }
+        }
+        // Copies: the caller's arrays may change while other Python threads run.
+        let observations: Vec<f32> = observations.as_array().iter().copied().collect();
+        let mut memory: Vec<f64> = memory.as_array().iter().copied().collect();
+        let mut actions = vec![0.0; n * a];
+        py.detach(|| self.inner.act(&observations, &mut memory, &mut actions))?;
+        Ok((rows(py, actions, n)?, rows(py, memory, n)?))
+    }
+}
+
+/// PD on the vehicle, `F = -kp e - kd V`.
+#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+pub struct Pd {
+    gains: VehicleServo,
+}
+
+#[pymethods]
+impl Pd {
+    /// Proportional gains, N/m and N m/rad.
+    #[getter]
+    fn kp(&self) -> [f64; 6] {
+        self.gains.kp
+    }
+
+    /// Derivative gains, N s/m and N m s/rad.
+    #[getter]
+    fn kd(&self) -> [f64; 6] {
+        self.gains.kd
+    }
+}
+
+/// PD with an integral of the pose error.
+#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+pub struct Pid {
+    gains: VehicleServo,
+    ki: [f64; 6],
+}
+
+#[pymethods]
+impl Pid {
+    /// Proportional gains, N/m and N m/rad.
+    #[getter]
+    fn kp(&self) -> [f64; 6] {
+        self.gains.kp
+    }
+
+    /// Derivative gains, N s/m and N m s/rad.
+    #[getter]
+    fn kd(&self) -> [f64; 6] {
+        self.gains.kd
+    }
+
+    /// Integral gains, N/(m s) and N m/(rad s).
+    #[getter]
+    fn ki(&self) -> [f64; 6] {
+        self.ki
+    }
+}
+
+/// A multilayer perceptron in single precision.
+#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+pub struct Mlp {
+    mlp: Arc<control::Mlp>,
+}
+
+impl Mlp {
+    fn of(mlp: control::Mlp) -> PyClassInitializer<Self> {
+        let mlp = Arc::new(mlp);
+        PyClassInitializer::from(Policy { inner: mlp.clone() }).add_subclass(Self { mlp })
+    }
+}
+
+#[pymethods]
+impl Mlp {
+    /// Layers `W x + b` from weights (outputs, inputs) and biases; mean, variance, epsilon and clip of a normalisation;
+    /// and the task that the policy is for.
+    #[new]
+    #[pyo3(signature = (weights, biases, *, activation, output, normalisation, task, notes))]
+    fn new(
+        weights: Vec<PyReadonlyArray2<'_, f32>>,
+        biases: Vec<PyReadonlyArray1<'_, f32>>,
+        activation: &str,
+        output: &str,
+        normalisation: Option<(Vec<f32>, Vec<f32>, f32, f32)>,
+        task: Option<PyRef<'_, StationKeep>>,
+        notes: BTreeMap<String, String>,
+    ) -> PyResult<PyClassInitializer<Self>> {
+        let (activation, output) = (one_of("activation", activation, ACTIVATIONS)?, one_of("output", output, OUTPUTS)?);
+        if weights.len() != biases.len() {
+            let (weights, biases) = (weights.len(), biases.len());
+            return Err(PyValueError::new_err(format!("weights of {weights} layers, but biases of {biases}")));
+        }
+        let mut layers = Vec::with_capacity(weights.len());
+        for (i, (weights, biases)) in weights.iter().zip(&biases).enumerate() {
+            let &[outputs, inputs] = weights.shape() else { unreachable!("the array has two dimensions") };
+            let got = biases.len();
+            if outputs != got {
+                let message = format!("layer {i} has weights {:?}, but {got} biases", [outputs, inputs]);
+                return Err(PyValueError::new_err(message));
+            }
+            layers.push(Layer {
+                weights: weights.as_array().iter().copied().collect(),
+                biases: biases.as_array().iter().copied().collect(),
+            });
+        }
+        let normalisation =
+            normalisation.map(|(mean, variance, epsilon, clip)| Normalisation { mean, variance, epsilon, clip });
+        let purpose = task.map(|task| task.batch.task().purpose());
+        let network = Network { normalisation, layers, activation, output };
+        Ok(Self::of(control::Mlp::new(network, purpose, notes)?))
+    }
+
+    /// The policy that a safetensors file holds.
+    #[staticmethod]
+    fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Py<Self>> {
+        Py::new(py, Self::of(control::Mlp::from_bytes(bytes)?))
+    }
+
+    /// The policy as a safetensors file.
+    fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.mlp.to_bytes()?))
+    }
+
+    /// Refuses a task that the policy is not for.
+    fn check(&self, task: PyRef<'_, StationKeep>) -> Result<(), PolicyError> {
+        self.mlp.check(&task.batch.task().purpose())
+    }
+
+    /// Entries of the observation and of all layers' results.
+    #[getter]
+    fn sizes(&self) -> Vec<usize> {
+        self.mlp.network().sizes()
+    }
+
+    /// Function between layers.
+    #[getter]
+    fn activation(&self) -> Option<&'static str> {
+        name_of(self.mlp.network().activation, ACTIVATIONS)
+    }
+
+    /// What the policy is for: task, scene, action, actions, control_period and observation.
+    #[getter]
+    fn purpose<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(purpose) = self.mlp.purpose() else { return Ok(None) };
+        let result = PyDict::new(py);
+        result.set_item("task", &purpose.task)?;
+        result.set_item("scene", &purpose.scene)?;
+        result.set_item("action", purpose.action.name())?;
+        result.set_item("actions", purpose.actions)?;
+        result.set_item("control_period", purpose.control_period)?;
+        result.set_item("observation", &purpose.observation)?;
+        Ok(Some(result))
+    }
+
+    /// What else is to be known of it.
+    #[getter]
+    fn notes(&self) -> BTreeMap<String, String> {
+        self.mlp.notes().clone()
+    }
+}
+
+/// What policies need to know of the task.
+#[pymethods]
+impl StationKeep {
+    /// No control: every action is 0.
+    fn rest(&self, py: Python<'_>) -> PyResult<Py<Policy>> {
+        Py::new(py, Policy::of(self.batch.task().rest()))
+    }
+
+    /// The paper's PD with these gains (6 each), or with the scene's.
+    #[pyo3(signature = (kp=None, kd=None))]
+    fn pd(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
+        let pd = self.batch.task().pd(Some(self.gains(kp, kd)?))?;
+        let gains = pd.gains().clone();
+        Py::new(py, Policy::of(pd).add_subclass(Pd { gains }))
+    }
+
+    /// The PD with an integral; its gains follow from the others where they are not given.
+    #[pyo3(signature = (kp=None, kd=None, ki=None))]
+    fn pid(
+        &self,
+        py: Python<'_>,
+        kp: Option<[f64; 6]>,
+        kd: Option<[f64; 6]>,
+        ki: Option<[f64; 6]>,
+    ) -> PyResult<Py<Pid>> {
+        let pid = self.batch.task().pid(Some(self.gains(kp, kd)?), ki)?;
+        let (gains, ki) = (pid.pd().gains().clone(), *pid.ki());
+        Py::new(py, Policy::of(pid).add_subclass(Pid { gains, ki }))
+    }
+}
+
+impl StationKeep {
+    /// Gains as given, where they are; else the scene's.
+    fn gains(&self, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<VehicleServo> {
+        if let (Some(kp), Some(kd)) = (kp, kd) {
+            return Ok(VehicleServo { kp, kd });
+        }
+        let own = self.batch.task().pd(None)?.gains().clone();
+        Ok(VehicleServo { kp: kp.unwrap_or(own.kp), kd: kd.unwrap_or(own.kd) })
+    }
+}

@@ -1,0 +1,118 @@
+//! `_core.Rollout`: episodes under a policy.
+
+use std::sync::Arc;
+
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use super::policies::Policy;
+use super::stability::warn;
+use super::station_keep::{Row, Rows, StationKeep, refused, rows};
+use crate::batch::{self, Tally};
+use crate::control;
+use crate::scene::INFO;
+
+/// What a policy remembers of a batch's instances, and what came of it so far.
+#[pyclass(module = "uvms_gym._core")]
+pub struct Rollout {
+    rollout: batch::Rollout,
+    policy: Arc<dyn control::Policy>,
+}
+
+#[pymethods]
+impl Rollout {
+    /// Control periods that count, (N,).
+    #[getter]
+    fn steps<'py>(&self, py: Python<'py>) -> Row<'py, u32> {
+        self.each(py, |tally| tally.steps)
+    }
+
+    /// Sum of the rewards, (N,).
+    #[getter]
+    fn returns<'py>(&self, py: Python<'py>) -> Row<'py, f64> {
+        self.each(py, |tally| tally.reward)
+    }
+
+    /// Episodes that ended for a reason within the task, (N,).
+    #[getter]
+    fn terminated<'py>(&self, py: Python<'py>) -> Row<'py, bool> {
+        self.each(py, |tally| tally.terminated)
+    }
+
+    /// Episodes that ended because their time did, (N,).
+    #[getter]
+    fn truncated<'py>(&self, py: Python<'py>) -> Row<'py, bool> {
+        self.each(py, |tally| tally.truncated)
+    }
+
+    /// Sums of the measures, (18, N).
+    #[getter]
+    fn sums<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
+        self.measures(py, |tally| &tally.sums)
+    }
+
+    /// Sums of their squares, (18, N).
+    #[getter]
+    fn squares<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
+        self.measures(py, |tally| &tally.squares)
+    }
+
+    /// Records of the chosen instances, in ascending order: instance, observations (T, d), actions (T, a), rewards (T,)
+    /// and info (T, 18).
+    #[getter]
+    fn traces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let traces = PyList::empty(py);
+        for trace in self.rollout.traces() {
+            let (steps, entry) = (trace.rewards.len(), PyDict::new(py));
+            entry.set_item("instance", trace.instance)?;
+            entry.set_item("observations", rows(py, trace.observations.clone(), steps)?)?;
+            entry.set_item("actions", rows(py, trace.actions.clone(), steps)?)?;
+            entry.set_item("rewards", PyArray1::from_slice(py, &trace.rewards))?;
+            entry.set_item("info", rows(py, trace.info.clone(), steps)?)?;
+            traces.append(entry)?;
+        }
+        Ok(traces)
+    }
+
+    /// Counts anew from here on; the policy forgets nothing.
+    fn count_anew(&mut self) {
+        self.rollout.count_anew();
+    }
+}
+
+impl Rollout {
+    fn each<'py, T: numpy::Element>(&self, py: Python<'py>, of: impl Fn(&Tally) -> T) -> Row<'py, T> {
+        PyArray1::from_iter(py, self.rollout.tallies().iter().map(of))
+    }
+
+    fn measures<'py>(&self, py: Python<'py>, of: impl Fn(&Tally) -> &[f64; INFO]) -> Rows<'py, f64> {
+        let tallies = self.rollout.tallies();
+        Array2::from_shape_fn((INFO, tallies.len()), |(k, i)| of(&tallies[i])[k]).into_pyarray(py)
+    }
+}
+
+#[pymethods]
+impl StationKeep {
+    /// A rollout of a policy that remembers nothing yet; `trace` names instances to record.
+    #[pyo3(signature = (policy, trace=Vec::new()))]
+    fn rollout(&self, policy: PyRef<'_, Policy>, trace: Vec<usize>) -> PyResult<Rollout> {
+        let policy = policy.inner.clone();
+        Ok(Rollout { rollout: batch::Rollout::new(&*policy, self.batch.instances(), &trace)?, policy })
+    }
+
+    /// So many control periods of all instances under the rollout's policy, from where they stand. Instances whose
+    /// episode is over wait.
+    fn run(&mut self, py: Python<'_>, mut rollout: PyRefMut<'_, Rollout>, steps: u32) -> PyResult<()> {
+        let (batch, Rollout { rollout, policy }) = (&mut self.batch, &mut *rollout);
+        if let Some(unstable) = batch.warn_of_step() {
+            warn(py, &unstable.to_string())?;
+        }
+        py.detach(|| batch.run(&**policy, rollout, steps)).map_err(refused)?;
+        if let Some(stray) = batch.warn_of_motion() {
+            warn(py, &stray.to_string())?;
+        }
+        Ok(())
+    }
+}
