@@ -4,11 +4,13 @@ use std::fmt::Debug;
 use std::sync::OnceLock;
 
 use super::Lane;
+#[cfg(target_arch = "aarch64")]
+use super::neon::{F32x4, F64x2};
 use super::scalar::Unfused;
 #[cfg(target_arch = "x86_64")]
 use super::x86::{F32x8, F32x16, F64x4, F64x8};
 
-/// Names the instruction set to use: `avx512`, `avx2`, `fma` or `plain`.
+/// Names the instruction set to use: `avx512`, `avx2`, `neon`, `fma` or `plain`.
 const FORCE: &str = "UVMS_LANES";
 
 /// Instruction sets that the kernel is compiled for.
@@ -18,6 +20,8 @@ pub enum Isa {
     Avx512,
     /// Four f64 or eight f32 (x86-64 with AVX2 and FMA).
     Avx2,
+    /// Two f64 or four f32 (aarch64).
+    Neon,
     /// One number with fused multiply-add.
     Fma,
     /// One number, multiply and add rounded separately. Differs from the others in the last digits.
@@ -32,7 +36,7 @@ pub struct UnknownIsa(pub String);
 impl Isa {
     /// What this machine can run, widest first.
     pub fn available() -> impl Iterator<Item = Isa> {
-        [Isa::Avx512, Isa::Avx2, Isa::Fma, Isa::Plain].into_iter().filter(|isa| isa.detected())
+        [Isa::Avx512, Isa::Avx2, Isa::Neon, Isa::Fma, Isa::Plain].into_iter().filter(|isa| isa.detected())
     }
 
     /// The widest available, or the one that the environment variable `UVMS_LANES` names.
@@ -50,6 +54,7 @@ impl Isa {
         match self {
             Isa::Avx512 => "avx512",
             Isa::Avx2 => "avx2",
+            Isa::Neon => "neon",
             Isa::Fma => "fma",
             Isa::Plain => "plain",
         }
@@ -61,6 +66,7 @@ impl Isa {
         match self {
             Isa::Avx512 => fma && is_x86_feature_detected!("avx512f"),
             Isa::Avx2 => fma && is_x86_feature_detected!("avx2"),
+            Isa::Neon => false,
             Isa::Fma => fma,
             Isa::Plain => true,
         }
@@ -68,8 +74,12 @@ impl Isa {
 
     #[cfg(not(target_arch = "x86_64"))]
     fn detected(self) -> bool {
-        // Elsewhere than on x86-64 (aarch64, say) multiply-add is part of the base instruction set.
-        matches!(self, Isa::Fma | Isa::Plain)
+        // Elsewhere than on x86-64 multiply-add is part of the base instruction set, and on aarch64 NEON is too.
+        match self {
+            Isa::Avx512 | Isa::Avx2 => false,
+            Isa::Neon => cfg!(target_arch = "aarch64"),
+            Isa::Fma | Isa::Plain => true,
+        }
     }
 }
 
@@ -99,7 +109,7 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
 
 /// (In modules of their own, so that the compiler works on both precisions at a time.)
 macro_rules! real {
-    ($real:ty, $block:literal, $single:literal, $wide:ident, $half:ident) => {
+    ($real:ty, $block:literal, $single:literal, $wide:ident, $half:ident, $neon:ident) => {
         impl Real for $real {
             const BLOCK: usize = $block;
             const EPSILON: f64 = <$real>::EPSILON as f64;
@@ -144,9 +154,24 @@ macro_rules! real {
 
             #[cfg(not(target_arch = "x86_64"))]
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+                #[cfg(target_arch = "aarch64")]
+                #[inline(never)]
+                fn neon<K: Kernel<$real>>(kernel: &mut K) {
+                    kernel.run::<$neon>();
+                }
+                #[inline(never)]
+                fn fma<K: Kernel<$real>>(kernel: &mut K) {
+                    kernel.run::<$real>();
+                }
+                #[inline(never)]
+                fn plain<K: Kernel<$real>>(kernel: &mut K) {
+                    kernel.run::<Unfused<$real>>();
+                }
                 match isa {
-                    Isa::Plain => kernel.run::<Unfused<$real>>(),
-                    _ => kernel.run::<$real>(),
+                    #[cfg(target_arch = "aarch64")]
+                    Isa::Neon => neon(kernel),
+                    Isa::Plain => plain(kernel),
+                    _ => fma(kernel),
                 }
             }
         }
@@ -154,9 +179,9 @@ macro_rules! real {
 }
 mod double {
     use super::*;
-    real!(f64, 8, false, F64x8, F64x4);
+    real!(f64, 8, false, F64x8, F64x4, F64x2);
 }
 mod single {
     use super::*;
-    real!(f32, 16, true, F32x16, F32x8);
+    real!(f32, 16, true, F32x16, F32x8, F32x4);
 }

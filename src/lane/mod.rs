@@ -7,8 +7,12 @@
 mod dispatch;
 mod dual;
 mod elementary;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod rows;
 mod scalar;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod simd;
 mod transpose;
 #[cfg(target_arch = "x86_64")]
 mod x86;
