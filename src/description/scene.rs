@@ -62,8 +62,8 @@ impl Scene {
         let mut scene = self.clone();
         let arm =
             scene.arm.iter_mut().flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|l| &mut l.body)));
-        let payload = scene.payload.iter_mut().map(|payload| &mut payload.body);
-        for body in std::iter::once(&mut scene.vehicle.body).chain(arm).chain(payload) {
+        let held = scene.payload.iter_mut().map(|payload| &mut payload.body);
+        for body in std::iter::once(&mut scene.vehicle.body).chain(arm).chain(held) {
             body.mass *= mass;
             body.inertia *= mass;
             body.weight = None;
