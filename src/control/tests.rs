@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::description::{Scene, Thruster, Vehicle, VehicleServo};
 use crate::error::ControlError;
+use crate::lane::Real;
 
 fn heavy() -> Vehicle {
     Scene::shipped("bluerov2-heavy").unwrap().vehicle
@@ -173,6 +174,45 @@ fn one_sided_and_dead_thrusters_stay_within_their_limits() {
     let dead = a.allocate(&Vector6::y());
     assert_eq!(dead, [0.0; THRUSTERS]);
     assert!(a.relative(&dead).all(|u| u == 0.0));
+}
+
+/// What the kernel makes of an action, in this precision.
+fn in_lanes<T: Real>(map: &ActionMap, action: &[f64]) -> [f64; THRUSTERS] {
+    let mut entries = [T::default(); ACTIONS];
+    entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = T::from_f64(*a));
+    Actuation::<T>::new(map).act(&entries).thrusts.map(T::to_f64)
+}
+
+proptest! {
+    /// Vehicles whose thrusters push alike both ways, more one way, or one way alone.
+    #[test]
+    fn the_kernel_allocates_as_the_allocation_does(
+        action in prop::array::uniform6(-1.0..1.0f64),
+        back in prop::collection::vec(prop::sample::select(vec![-60.0, -25.0, -1e-4, 0.0]), 8),
+        even: bool,
+    ) {
+        let mut vehicle = heavy();
+        for (thruster, back) in vehicle.thrusters.iter_mut().zip(back).filter(|_| !even) {
+            thruster.limits = [back, 60.0];
+        }
+        let a = Allocation::new(&vehicle).unwrap();
+        let map = ActionMap::new(ActionKind::Wrench, a.clone());
+        let asked = Vector6::from_fn(|k, _| action[k] * a.wrench_limits()[k]);
+        let expected = a.allocate(&asked);
+        for (got, near) in [(in_lanes::<f64>(&map, &action), 1e-10), (in_lanes::<f32>(&map, &action), 1e-2)] {
+            for i in 0..THRUSTERS {
+                prop_assert!((got[i] - expected[i]).abs() < near, "{i}: {} {}", got[i], expected[i]);
+            }
+        }
+        let actuated = actuated(&map, &action.map(|a| a as f32));
+        prop_assert!((actuated.saturation - a.saturation(&actuated.thrusts)).abs() < 1e-12);
+        let squares: f64 = a.relative(&actuated.thrusts).map(|u| u * u).sum();
+        prop_assert!((actuated.square - squares / 8.0).abs() < 1e-12);
+        let powers: f64 = a.relative(&actuated.thrusts).map(|u| u.abs().powf(1.5)).sum();
+        prop_assert!((actuated.power - powers / 8.0).abs() < 1e-12);
+        let wrench = Vector6::from(actuated.wrench.to_array());
+        prop_assert!((wrench - a.wrench(&actuated.thrusts)).norm() < 1e-10);
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::Final;
-use super::chunk::{Chunk, Duty, Rules, column, set_column};
+use super::chunk::{Chunk, Duty, MOST, Rules, column, set_column};
 use super::kernels;
 use super::outputs::Outputs;
 use super::rollout::{Lap, Rollout, take_before};
@@ -74,6 +74,12 @@ pub(super) struct Company<T> {
 }
 
 impl<T: Real> Company<T> {
+    /// Instances of a chunk.
+    const CHUNK: usize = {
+        assert!(Blocks::<T>::CHUNK <= MOST);
+        Blocks::<T>::CHUNK
+    };
+
     pub fn new(task: &StationKeep, instances: usize) -> Self {
         let keeper = task.in_lanes();
         let episodes = vec![T::default(); instances.next_multiple_of(T::BLOCK) * keeper.rows().rows];
@@ -92,7 +98,7 @@ impl<T: Real> Crew for Company<T> {
         let &Orders { task, rules, actions } = orders;
         let home = State { q: simulator.scene().home(), ..State::default() };
         let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
-        let chunk = Blocks::<T>::CHUNK;
+        let chunk = Self::CHUNK;
         let finals = Mutex::new(Vec::new());
         let substeps = task.options().substeps as usize;
         let items = slots
@@ -122,7 +128,7 @@ impl<T: Real> Crew for Company<T> {
         let &Course { task, rules, policy, steps } = course;
         let home = State { q: simulator.scene().home(), ..State::default() };
         let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
-        let chunk = Blocks::<T>::CHUNK;
+        let chunk = Self::CHUNK;
         let mut traces = &mut rollout.traces[..];
         let mut memory = &mut rollout.memory[..];
         let mut laps = Vec::new();
