@@ -65,7 +65,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
 ) {
     let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
     let Ahead { h, station } = ahead;
-    let joints = system.joints.as_slice();
+    let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     place(joints, gravity, q, links);
     let (mut moving, none) = (twist, [Vector6::zero(); JOINTS]);
@@ -77,7 +77,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
-    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
+    for i in (0..joints.len()).rev() {
+        let (joint, link) = (&joints[i], &mut links[i]);
         let (own, mut bias) = effective(&joint.body, h, twists[i], link.gravity);
         if loads.on_links {
             bias = bias - loads.links[i];

@@ -19,16 +19,24 @@ pub struct Columns<'a, T> {
 }
 
 impl<T: Real> Columns<'_, T> {
-    /// A row.
+    /// A row; NaN where there is none, as a panic would take a call.
     #[inline(always)]
     pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
-        L::load(&self.rows[row * T::BLOCK + self.first..])
+        let at = row * T::BLOCK + self.first;
+        let numbers = self.rows.get(at..at + L::LANES);
+        debug_assert!(numbers.is_some(), "row {row}");
+        if let Some(numbers) = numbers { L::load(numbers) } else { L::c(f64::NAN) }
     }
 
-    /// Sets a row.
+    /// Sets a row, if there is one.
     #[inline(always)]
     pub fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
-        x.store(&mut self.rows[row * T::BLOCK + self.first..]);
+        let at = row * T::BLOCK + self.first;
+        let numbers = self.rows.get_mut(at..at + L::LANES);
+        debug_assert!(numbers.is_some(), "row {row}");
+        if let Some(numbers) = numbers {
+            x.store(numbers);
+        }
     }
 
     /// Three rows.
@@ -52,7 +60,7 @@ impl<T: Real> Columns<'_, T> {
     /// Sets the first `count` of these rows.
     #[inline(always)]
     pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {
-        for k in 0..count {
+        for k in 0..count.min(K) {
             self.set(row + k, x[k]);
         }
     }
@@ -60,7 +68,7 @@ impl<T: Real> Columns<'_, T> {
     /// One row per joint.
     #[inline(always)]
     pub fn joints<L: Lane<Real = T>>(&self, row: usize, count: usize, to: &mut [L; JOINTS]) {
-        for k in 0..count {
+        for k in 0..count.min(JOINTS) {
             to[k] = self.get(row + k);
         }
     }
@@ -68,11 +76,17 @@ impl<T: Real> Columns<'_, T> {
     /// The motion that is stepped.
     #[inline(always)]
     pub fn motion<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
-        motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
-        motion.rest = self.vector(layout.position + 3);
+        self.place(layout, motion);
         motion.twist = self.six(layout.twist);
         self.joints(layout.q, layout.joints, &mut motion.q);
         self.joints(layout.qd, layout.joints, &mut motion.qd);
+    }
+
+    /// Its position and attitude.
+    #[inline(always)]
+    pub fn place<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
+        motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
+        motion.rest = self.vector(layout.position + 3);
         if layout.keeps != Attitude::Matrix {
             for k in 0..4 {
                 motion.attitude[k] = self.get(layout.attitude + k);
@@ -125,11 +139,11 @@ impl<T: Real> Columns<'_, T> {
     pub fn lag<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, lag: &mut Lag<L>) {
         lag.factor = self.factors(layout).added_mass;
         lag.wrench = self.six(layout.wrench);
-        for k in 0..layout.joints {
+        for k in 0..layout.joints.min(JOINTS) {
             lag.links[k] = if switches.on_links { self.six(layout.links + 6 * k) } else { Vector6::zero() };
         }
         lag.begun = self.get(layout.lag);
-        for i in 0..=layout.joints {
+        for i in 0..=layout.joints.min(JOINTS) {
             let row = layout.lag + 1 + 12 * i;
             lag.last[i] = [self.six(row), self.six(row + 6)];
         }
@@ -139,7 +153,7 @@ impl<T: Real> Columns<'_, T> {
     #[inline(always)]
     pub fn set_lag<L: Lane<Real = T>>(&mut self, layout: &Layout, lag: &Lag<L>) {
         self.set(layout.lag, lag.begun);
-        for i in 0..=layout.joints {
+        for i in 0..=layout.joints.min(JOINTS) {
             let row = layout.lag + 1 + 12 * i;
             self.set_all(row, &lag.last[i][0].to_array(), 6);
             self.set_all(row + 6, &lag.last[i][1].to_array(), 6);
@@ -168,7 +182,7 @@ impl<T: Real> Columns<'_, T> {
     pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
         loads.servo = switches.servo;
         loads.on_links = switches.on_links;
-        for k in 0..layout.joints {
+        for k in 0..layout.joints.min(JOINTS) {
             loads.torque[k] = self.get(layout.torque + k);
             if switches.servo {
                 let row = layout.target + 4 * k;

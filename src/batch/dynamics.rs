@@ -101,7 +101,7 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
 impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     #[inline(always)]
     fn joints(&self) -> usize {
-        self.system.joints.len()
+        self.system.chain().len()
     }
 
     #[inline(always)]

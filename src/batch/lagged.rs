@@ -61,13 +61,14 @@ impl<T: Real> Lagged<'_, T> {
         lag: &mut Lag<L>,
         dynamics: &mut Dynamics<L, P>,
     ) {
-        let n = dynamics.system.joints.len();
+        let n = dynamics.system.chain().len();
         let mut twists = [motion.twist; BODIES];
         link_twists(dynamics.system, motion.twist, &motion.q, &motion.qd, dynamics.scratch, &mut twists[1..]);
         let begun = L::c(0.5).lt(lag.begun);
         let (weight, rest) = (L::c(self.filter), L::c(1.0 - self.filter));
         for i in 0..=n {
-            let added = self.ingredients[i].added.get().scale(lag.factor);
+            let Some(parts) = self.ingredients.get(i) else { break };
+            let added = parts.added.get().scale(lag.factor);
             let (twist, [last, a]) = (twists[i].to_array(), lag.last[i]);
             let (last, mut a) = (last.to_array(), a.to_array());
             for k in 0..6 {

@@ -69,18 +69,26 @@ struct Memory<L: Lane> {
     lag: Lag<L>,
 }
 
-impl<T: Real> Kernel<T> for Step<'_, T> {
-    #[inline(always)]
-    fn run<L: Lane<Real = T>>(&mut self) {
-        let mut memory = Memory {
+impl<L: Lane> Memory<L> {
+    /// Fresh memory. Filling it takes calls, of which there are none where instances are stepped.
+    #[inline(never)]
+    fn new() -> Self {
+        Self {
             scratch: Scratch::new(),
             stages: Stages::new(),
             loads: Loads::none(),
             motion: Motion::blank(),
             trial: Motion::blank(),
             lag: Lag::new(),
-        };
-        let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut(self.layout.rows * T::BLOCK);
+        }
+    }
+}
+
+impl<T: Real> Kernel<T> for Step<'_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        let mut memory = Memory::new();
+        let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1));
         match self.ingredients {
             None => {
                 for rows in blocks {
@@ -140,7 +148,6 @@ impl<T: Real> Step<'_, T> {
         let mut watch = columns.watch(self.layout);
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
-            let held = if system.fixed { Some((motion.pose, motion.rest, motion.attitude)) } else { None };
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if let Some(lagged) = &self.lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut dynamics);
@@ -158,8 +165,9 @@ impl<T: Real> Step<'_, T> {
             current = current + gained;
             dynamics.flow_on(current);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
-            if let Some(held) = held {
-                (motion.pose, motion.rest, motion.attitude) = held;
+            if system.fixed {
+                // Where it stood before: the rows still say so.
+                columns.place(self.layout, motion);
                 motion.twist = Vector6::zero();
             }
         }

@@ -7,6 +7,7 @@ use super::catalogue::Explicit;
 use super::chart::{Attitude, Chart, Increment};
 use super::motion::Motion;
 use super::stages::{Point, Stages, Weights};
+use super::tableau::STAGES;
 use super::{Derivative, euler_angles, quaternion};
 use crate::lane::Lane;
 use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative};
@@ -54,7 +55,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     let n = derivative.joints();
     let keeps = chart.attitude() != Attitude::Matrix;
     let mut turn = L::zero();
-    for i in usize::from(begun)..tableau.stages {
+    for i in usize::from(begun)..tableau.stages.min(STAGES) {
         let mut point = if i == 0 {
             stages.start(n, from)
         } else {
@@ -93,7 +94,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         None => L::zero(),
     };
     let weights = Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end };
-    let mut end = stages.weigh(&weights, tableau.stages, n, h, keeps, from);
+    let mut end = stages.weigh(&weights, tableau.stages.min(STAGES), n, h, keeps, from);
     match chart {
         Chart::Commutators => {
             // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.

@@ -38,7 +38,6 @@ const GREATEST_TURN: f64 = 0.5;
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
 
 /// Coordinates of a point within a step.
-#[derive(Clone, Copy)]
 struct Point<L, const N: usize> {
     theta: Vector6<L>,
     twist: Vector6<L>,
@@ -47,9 +46,16 @@ struct Point<L, const N: usize> {
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
+    /// (Entry by entry: whole arrays would be copied by a call.)
     #[inline(always)]
-    fn start(from: &Motion<L, N>) -> Self {
-        Self { theta: Vector6::zero(), twist: from.twist, q: from.q, qd: from.qd }
+    fn start(from: &Motion<L, N>, n: usize) -> Self {
+        let zero = [L::zero(); N];
+        let mut point = Self { theta: Vector6::zero(), twist: from.twist, q: zero, qd: zero };
+        for k in 0..n {
+            point.q[k] = from.q[k];
+            point.qd[k] = from.qd[k];
+        }
+        point
     }
 
     /// Euler's rule, each coordinate by the rate at its end; the velocity v in axes that do not turn, so that a body that
@@ -111,8 +117,8 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let n = derivative.joints();
     let half = h * L::c(0.5);
     let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-    let mut point = Point::start(from);
-    let mut coarse = point;
+    let mut fine = Point::start(from, n);
+    let mut coarse = Point::start(from, n);
     let mut greatest = L::zero();
     // One call of the right-hand side for all three: it is by far the most code.
     for solve in 0..3 {
@@ -121,27 +127,24 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
             1 => (elapsed, half),
             _ => (elapsed + half, half),
         };
+        let point = if solve == 0 { &mut coarse } else { &mut fine };
         let at = Increment { start: &from.pose, theta: Some(point.theta) };
         derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, &mut rates);
         point.advance(size, &rates, n);
         greatest = greatest.max(point.turn());
-        if solve == 0 {
-            coarse = point;
-            point = Point::start(from);
-        }
     }
-    let apart = point.faster_than(&coarse.twist, &coarse.qd, n) * h;
-    point.extrapolate(&coarse, n);
+    let apart = fine.faster_than(&coarse.twist, &coarse.qd, n) * h;
+    fine.extrapolate(&coarse, n);
     // Of a mode, z^2 / 4 apart, changed by z, and wrong by z^3 / 6.
-    let changed = point.faster_than(&from.twist, &from.qd, n) * h + L::c(1e-30);
+    let changed = fine.faster_than(&from.twist, &from.qd, n) * h + L::c(1e-30);
     let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
-    to.arrive(from, point.theta);
-    to.twist = point.twist;
+    to.arrive(from, fine.theta);
+    to.twist = fine.twist;
     for k in 0..n {
-        to.q[k] = point.q[k];
-        to.qd[k] = point.qd[k];
+        to.q[k] = fine.q[k];
+        to.qd[k] = fine.qd[k];
     }
-    (greatest.max(point.turn()), error)
+    (greatest.max(fine.turn()), error)
 }
 
 /// Covers an interval of length `h`. Lanes that turn by more than half a radian within a piece take it in halves,

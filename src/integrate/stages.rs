@@ -167,7 +167,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     /// Makes the last stage the first one of the next step where the mask holds; `at` is that step's start.
     #[inline(always)]
     pub(super) fn carry(&mut self, mask: L::Mask, n: usize, at: &Motion<L, N>) {
-        let (last, first) = (self.rates[STAGES - 1], &mut self.rates[0]);
+        let [first, .., last] = &mut self.rates;
         for k in 0..3 {
             first.twist.linear.0[k] = L::select(mask, last.twist.linear.0[k], first.twist.linear.0[k]);
             first.twist.angular.0[k] = L::select(mask, last.twist.angular.0[k], first.twist.angular.0[k]);

@@ -1,5 +1,6 @@
 //! What the kernel reads: constants of a scene, in the frames that compute fastest.
 
+use super::JOINTS;
 use crate::hydro::{Drag, Principal, Restoring};
 use crate::spatial::{Bend, PointMass, SpatialInertia};
 
@@ -113,6 +114,14 @@ pub struct VehicleServo<P> {
     pub kp: [P; 6],
     /// Derivative gains.
     pub kd: [P; 6],
+}
+
+impl<P> System<P> {
+    /// The joints; never more than [`JOINTS`], which spares the compiler checks.
+    #[inline(always)]
+    pub fn chain(&self) -> &[JointTerms<P>] {
+        &self.joints[..self.joints.len().min(JOINTS)]
+    }
 }
 
 impl<P: Copy> System<P> {

@@ -132,8 +132,9 @@ impl<L: Lane> System<L> {
     /// Makes this the system `of`, of bodies of these `ingredients` (vehicle first), with these factors.
     #[inline(always)]
     pub fn vary<P: Param<L>>(&mut self, of: &System<P>, ingredients: &[Ingredients<P>], factors: &Factors<L>) {
-        vary_body(&mut self.vehicle, &of.vehicle, &ingredients[0], factors);
-        for ((joint, of), parts) in self.joints.iter_mut().zip(&of.joints).zip(&ingredients[1..]) {
+        let Some((vehicle, links)) = ingredients.split_first() else { return };
+        vary_body(&mut self.vehicle, &of.vehicle, vehicle, factors);
+        for ((joint, of), parts) in self.joints.iter_mut().zip(&of.joints).zip(links) {
             vary_body(&mut joint.body, &of.body, parts, factors);
         }
     }

@@ -174,7 +174,7 @@ impl<L: Lane> Scratch<L> {
     /// Works out what a system has once and for all; before anything else is done with it.
     #[inline(always)]
     pub fn prepare<P: Param<L>>(&mut self, system: &System<P>) {
-        let joints = system.joints.as_slice();
+        let joints = system.chain();
         if let (Some(joint), Some(link)) = (joints.last(), self.links[..joints.len()].last_mut()) {
             self.tip = link.free(joint, &joint.body.inertia.get());
         }
@@ -189,7 +189,7 @@ pub fn configure<L: Lane, P: Param<L>>(
     q: &[L; JOINTS],
     scratch: &mut Scratch<L>,
 ) {
-    let joints = system.joints.as_slice();
+    let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     place(joints, gravity, q, links);
     let own: SpatialInertia<L> = system.vehicle.inertia.get();
@@ -221,7 +221,7 @@ pub fn respond<L: Lane, P: Param<L>>(
     qdd: &mut [L; JOINTS],
 ) {
     let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
-    let joints = system.joints.as_slice();
+    let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
 
     let (mut moving, mut gained) = (twist, Vector6::zero());
@@ -301,12 +301,12 @@ pub fn link_twists<L: Lane, P: Param<L>>(
     scratch: &mut Scratch<L>,
     twists: &mut [Vector6<L>],
 ) {
-    let joints = system.joints.as_slice();
+    let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     place(joints, Vector3::zero(), q, links);
     let mut twist = twist;
-    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+    for (i, ((joint, link), to)) in joints.iter().zip(links.iter()).zip(twists).enumerate() {
         twist = along(joint, link.twist_from_parent(joint, twist), qd[i]);
-        twists[i] = twist;
+        *to = twist;
     }
 }

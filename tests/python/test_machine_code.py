@@ -1,0 +1,165 @@
+"""The kernels' machine code: where instances are stepped, nothing is called.
+
+A call passes lanes through memory, and mostly it is one that nobody wrote: a copy or a filling of memory that the
+compiler saw in a loop; a function that it did not inline, and so did not compile for the wider instruction set either;
+one of the C library, where the machine lacks an instruction; a panic.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from typing import NamedTuple
+
+import capstone
+import pytest
+from elftools.elf.elffile import ELFFile
+
+from uvms_gym import _core
+
+PRECISIONS = {"float32": "6single", "float64": "6double"}
+LANES = {"avx512": "6avx512", "avx2": "4avx2", "neon": "4neon", "fma": "3fma", "plain": "5plain"}
+
+
+class Architecture(NamedTuple):
+    """How to disassemble it, its calls and jumps, jumps through a table of addresses, and its lanes."""
+
+    disassembler: tuple[int, int]
+    calls: set[str]
+    jumps: re.Pattern[str]
+    through: re.Pattern[str]
+    lanes: set[str]
+
+
+ARCHITECTURES = {
+    "EM_X86_64": Architecture(
+        (capstone.CS_ARCH_X86, capstone.CS_MODE_64),
+        {"call"},
+        re.compile(r"j\w+"),
+        re.compile(r"qword ptr \[rip ([+-]) (0x[0-9a-f]+)\]"),
+        {"avx512", "avx2", "fma", "plain"},
+    ),
+    "EM_AARCH64": Architecture(
+        (capstone.CS_ARCH_ARM64, capstone.CS_MODE_ARM),
+        {"bl", "blr"},
+        re.compile(r"b(\.\w+)?|cbn?z|tbn?z"),
+        re.compile(r"(?!)"),
+        {"neon", "fma", "plain"},
+    ),
+}
+
+# What the kernel that steps may call, and why.
+AROUND_STEPS = {
+    r"4step.*6Memory.*3new": "working memory, before the first instance",
+    r"8variable": "memory for parameters of single instances, before the first of them",
+    r"13drop_in_place.*System": "frees that memory, after the last",
+}
+# What kernels that run once in a control period, or seldom, may call besides.
+ELSEWHERE = {
+    r"^mem(cpy|set|move)$": "fills and copies tables",
+    r"4core(9panicking|5slice5index)": "checks bounds",
+    r"^_Unwind_Resume$": "frees memory after a panic",
+    r"7Scratch.*3new": "working memory",
+}
+
+
+class Function(NamedTuple):
+    """A function of the module."""
+
+    name: str
+    start: int
+    code: bytes
+
+
+class Module:
+    """The native module as a file."""
+
+    def __init__(self, path: str) -> None:
+        with open(path, "rb") as file:
+            elf = ELFFile(file)
+            self.architecture = ARCHITECTURES[elf["e_machine"]]
+            table = elf.get_section_by_name(".symtab")
+            assert table is not None, "the module is stripped of its symbols"
+            symbols = [s for s in table.iter_symbols() if s["st_info"]["type"] == "STT_FUNC" and s["st_size"]]
+            self.text, self.code = elf.get_section_by_name(".text")["sh_addr"], elf.get_section_by_name(".text").data()
+            self.functions = [
+                Function(s.name, s["st_value"], self.code[s["st_value"] - self.text :][: s["st_size"]]) for s in symbols
+            ]
+            self.names = {s["st_value"]: s.name for s in symbols}
+            # The addresses in tables through which functions are called, and the stubs that jump through them.
+            dynamic = elf.get_section_by_name(".dynsym")
+            for section in filter(None, map(elf.get_section_by_name, (".rela.dyn", ".rela.plt"))):
+                for entry in section.iter_relocations():
+                    name = dynamic.get_symbol(entry["r_info_sym"]).name
+                    self.names[entry["r_offset"]] = name or self.names.get(entry["r_addend"], "")
+            for section in filter(None, map(elf.get_section_by_name, (".plt", ".plt.got", ".plt.sec"))):
+                for address, size, _, operand in self.instructions(section["sh_addr"], section.data()):
+                    if through := self.architecture.through.fullmatch(operand):
+                        name = self.names.get(address + size + int("".join(through.groups()), 16), "")
+                        self.names.update({address - before: name for before in range(16)})
+
+    def instructions(self, start: int, code: bytes) -> Iterator[tuple[int, int, str, str]]:
+        """Address, size, name and operand of each."""
+        return iter(capstone.Cs(*self.architecture.disassembler).disasm_lite(code, start))
+
+    def calls(self, function: Function) -> Iterator[str]:
+        """Names of what the function calls, or jumps to for good; the operand where there is no name."""
+        end = function.start
+        for address, size, mnemonic, operand in self.instructions(function.start, function.code):
+            end = address + size
+            target = None
+            if there := re.fullmatch(r"(?:.*, )?#?(0x[0-9a-f]+)", operand):
+                target = int(there[1], 16)
+            leaves = target is not None and not 0 <= target - function.start < len(function.code)
+            if mnemonic in self.architecture.calls or (leaves and self.architecture.jumps.fullmatch(mnemonic)):
+                if through := self.architecture.through.fullmatch(operand):
+                    target = end + int("".join(through.groups()), 16)
+                yield self.names.get(target, "") or operand
+        assert end == function.start + len(function.code), f"{function.name}: no instruction at {end:#x}"
+
+
+@cache
+def module() -> Module:
+    return Module(_core.__file__)
+
+
+def kernels(dtype: str, lanes: str) -> list[Function]:
+    """All kernels of this precision and width, the one that steps last: it is the greatest by far."""
+    name = re.compile(f"lane8dispatch{PRECISIONS[dtype]}.*8dispatch{LANES[lanes]}(?![a-z])")
+    return sorted((f for f in module().functions if name.search(f.name)), key=lambda function: len(function.code))
+
+
+def others(function: Function, allowed: dict[str, str]) -> dict[str, int]:
+    """How often it calls what it may not."""
+    calls = Counter(module().calls(function))
+    return {call: count for call, count in calls.items() if not any(re.search(name, call) for name in allowed)}
+
+
+@pytest.mark.parametrize("dtype", PRECISIONS)
+@pytest.mark.parametrize("lanes", LANES)
+def test_where_instances_are_stepped_nothing_is_called(dtype: str, lanes: str) -> None:
+    found = kernels(dtype, lanes)
+    if lanes not in module().architecture.lanes:
+        assert not found
+        return
+    *rest, step = found
+    assert len(step.code) > 3 * max(len(kernel.code) for kernel in rest)
+    assert others(step, AROUND_STEPS) == {}, step.name
+
+
+@pytest.mark.parametrize("dtype", PRECISIONS)
+@pytest.mark.parametrize("lanes", LANES)
+def test_every_kernel_is_inlined_and_none_needs_the_c_library_to_calculate(dtype: str, lanes: str) -> None:
+    for kernel in kernels(dtype, lanes):
+        assert others(kernel, AROUND_STEPS | ELSEWHERE) == {}, kernel.name
+
+
+def test_calls_are_seen() -> None:
+    """Of all kinds, in the functions that choose the lanes."""
+    choosing = [f for f in module().functions if re.search("8dispatch6(single|double).*8dispatch(17h|$)", f.name)]
+    called = {call for function in choosing for call in module().calls(function)}
+    for isa in module().architecture.lanes:
+        assert any(f"8dispatch{LANES[isa]}" in call for call in called), isa
+    everything = Counter(call for function in module().functions[::50] for call in module().calls(function))
+    for name in (r"^mem(cpy|set)$", "9panicking", "^_Unwind_Resume$", r"^\w+$"):
+        assert any(re.search(name, call) for call in everything), name
