@@ -167,6 +167,10 @@ proptest! {
             let (short, general) = (screw.turning_inertia_to_parent(&rest), screw.inertia_to_parent(&rest));
             prop_assert!((dense(&short) - dense(&general)).amax() < 1e-14 * scale);
         }
+        let (mut c, p) = (vector6(random), vector6(random));
+        (c[2], c[5]) = (0.0, 0.0);
+        let expected = six(rest.apply(lanes(&c))) + p;
+        prop_assert!((six(rest.apply_across([c[0], c[1], c[3], c[4]], lanes(&p))) - expected).amax() < 1e-14 * scale);
     }
 }
 

@@ -407,13 +407,17 @@ fn stepped(batch: &mut StationKeepBatch, policy: &dyn Policy, steps: u32) -> Vec
     for _ in 0..steps {
         policy.act(&observations, &mut memory, &mut actions).unwrap();
         let done = batch.step(&actions).unwrap();
-        let running =
-            tallies.iter_mut().zip(done.verdicts()).filter(|(tally, _)| !tally.terminated && !tally.truncated);
-        for (tally, verdict) in running {
+        for (i, (tally, verdict)) in tallies.iter_mut().zip(done.verdicts()).enumerate() {
+            if tally.terminated || tally.truncated {
+                continue;
+            }
+            // Where the next episode has begun already, what the last step came to is among the ends.
+            let end = done.finals.iter().find(|end| end.instance == i);
+            let info = end.map_or(verdict.info, |end| end.info);
             tally.steps += 1;
             tally.reward += verdict.reward;
             (tally.terminated, tally.truncated) = (verdict.terminated, verdict.truncated);
-            for (k, x) in verdict.info.into_iter().enumerate() {
+            for (k, x) in info.into_iter().enumerate() {
                 tally.sums[k] += x;
                 tally.squares[k] += x * x;
             }

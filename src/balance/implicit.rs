@@ -13,7 +13,7 @@
 //! `h (d + h k)` added to each joint's. (h D_i meets the whole `V_i'`, products of velocities included, for that is how
 //! much the body's twist changes.) No pivot is ever less than the explicit form's.
 
-use super::articulated::{Instant, Loads, Scratch, along, body_bias, place, velocity_product};
+use super::articulated::{Instant, Loads, Scratch, along, body_bias, place, velocity_product, whole};
 use super::joint_torque::implicit_joint_torque;
 use crate::lane::{Lane, Param};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -39,7 +39,7 @@ fn effective<L: Lane, P: Param<L>>(
 ) -> (SpatialInertia<L>, Vector6<L>) {
     let mut inertia: SpatialInertia<L> = body.inertia.get();
     let mut bias = Vector6::zero();
-    body_bias::<false, L, P>(body, twist, Vector6::zero(), gravity, &mut bias);
+    body_bias(body, twist, gravity, &mut bias);
     for drag in &body.drag {
         inertia = drag.slope(twist).scale_add(h, &inertia);
     }
@@ -68,12 +68,11 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     place(joints, gravity, q, links);
-    let (mut moving, none) = (twist, [Vector6::zero(); JOINTS]);
-    let (mut twists, mut across) = (none, none);
+    let (mut moving, mut twists) = (twist, [Vector6::zero(); JOINTS]);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
         twists[i] = moving;
-        across[i] = velocity_product(joint.slides(), moving, qd[i]);
+        link.across = velocity_product(joint.slides(), moving, qd[i]);
     }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
@@ -98,8 +97,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
         (link.share, link.torque) = (column.scale(over_d), (torque - along) * over_d);
 
         let rest = inertia.eliminated(column, over_d);
-        let wrench = rest.apply(across[i]) + column.scale_add(link.torque, bias);
-        carried = (link.whole_inertia_to_parent(joint, &rest), link.wrench_to_parent(joint, wrench));
+        let wrench = rest.apply(whole(link.across)) + column.scale_add(link.torque, bias);
+        carried = (link.inertia_to_parent(joint, &rest), link.wrench_to_parent(joint, wrench));
     }
 
     if system.fixed {
@@ -121,7 +120,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
 
     let mut rate = *twist_rate;
     for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
-        rate = link.twist_from_parent(joint, rate) + across[i];
+        rate = link.twist_from_parent(joint, rate) + whole(link.across);
         qdd[i] = link.torque - link.share.dot(rate);
         rate = along(joint, rate, qdd[i]);
     }

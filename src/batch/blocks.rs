@@ -98,6 +98,8 @@ pub struct Blocks<T> {
 struct Parameters<T> {
     system: System<Shared<T>>,
     ingredients: Vec<Ingredients<Shared<T>>>,
+    /// Where payloads are held.
+    grip: [Shared<T>; 3],
     /// The system without added mass, and the filter of that, where it is a lagged force.
     rigid: Option<(System<Shared<T>>, f64)>,
 }
@@ -120,7 +122,8 @@ impl<T: Real> Blocks<T> {
         // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
         let system = compiled.system.map(number).put_together(&ingredients, &Factors::ONE);
         let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
-        let scene = Parameters { system, ingredients, rigid };
+        let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
+        let scene = Parameters { system, ingredients, grip, rigid };
         let layout = Layout::new(compiled.links.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
@@ -235,7 +238,7 @@ impl<T: Real> Part<'_, T> {
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
             ingredients: self.varied.then_some(&scene.ingredients[..]),
-            laden: self.laden,
+            grip: self.laden.then_some(scene.grip),
             lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
             layout: &self.table.layout,
             integrator: run.integrator,
@@ -326,7 +329,7 @@ impl<T: Real> Storage for Blocks<T> {
         let mut job = Accelerate {
             system: &self.scene.system,
             ingredients: (self.varied > 0).then_some(&self.scene.ingredients[..]),
-            laden: self.laden > 0,
+            grip: (self.laden > 0).then_some(self.scene.grip),
             layout: &self.table.layout,
             switches,
             blocks: &mut self.rows,

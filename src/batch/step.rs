@@ -39,8 +39,8 @@ pub struct Step<'a, T> {
     pub system: &'a System<Shared<T>>,
     /// What its bodies are made of, if instances differ in their parameters.
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
-    /// Whether some of them carry payloads.
-    pub laden: bool,
+    /// Where payloads are held, if some instances carry any.
+    pub grip: Option<[Shared<T>; 3]>,
     /// What acts in place of added mass, where `system` has none.
     pub lagged: Option<Lagged<'a, T>>,
     /// Rows of a block.
@@ -89,27 +89,27 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let mut memory = Memory::new();
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1));
-        match self.ingredients {
-            None => {
-                for rows in blocks {
-                    for first in (0..T::BLOCK).step_by(L::LANES) {
-                        self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
-                    }
+        // One number at a time, a parameter of all instances is no other number than that of one: no code for both.
+        if L::LANES > 1 && self.ingredients.is_none() {
+            for rows in blocks {
+                for first in (0..T::BLOCK).step_by(L::LANES) {
+                    self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
                 }
             }
-            Some(ingredients) => {
-                let mut varied: System<L> = self.system.variable(ingredients, self.laden);
-                for rows in blocks {
-                    for first in (0..T::BLOCK).step_by(L::LANES) {
-                        let mut columns = Columns { rows: &mut *rows, first };
-                        let mut factors = columns.factors(self.layout);
-                        if self.lagged.is_some() {
-                            factors.added_mass = L::zero();
-                        }
-                        varied.vary(self.system, ingredients, &factors);
-                        self.visit(&varied, &mut columns, &mut memory);
+            return;
+        }
+        let mut varied: System<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.grip);
+        for rows in blocks {
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                let mut columns = Columns { rows: &mut *rows, first };
+                if let Some(ingredients) = self.ingredients {
+                    let mut factors = columns.factors(self.layout);
+                    if self.lagged.is_some() {
+                        factors.added_mass = L::zero();
                     }
+                    varied.vary(self.system, ingredients, &factors);
                 }
+                self.visit(&varied, &mut columns, &mut memory);
             }
         }
     }
@@ -144,7 +144,6 @@ impl<T: Real> Step<'_, T> {
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
-        dynamics.scratch.prepare(system);
         let mut watch = columns.watch(self.layout);
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
@@ -194,8 +193,8 @@ pub struct Accelerate<'a, T> {
     pub system: &'a System<Shared<T>>,
     /// What its bodies are made of, if instances differ in their parameters.
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
-    /// Whether some of them carry payloads.
-    pub laden: bool,
+    /// Where payloads are held, if some instances carry any.
+    pub grip: Option<[Shared<T>; 3]>,
     /// Rows of a block.
     pub layout: &'a Layout,
     /// Loads that are on.
@@ -211,7 +210,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.layout;
         // One form for instances that differ and for those that do not: speed does not matter here.
-        let mut system: System<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.laden);
+        let mut system: System<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.grip);
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = Motion::blank();

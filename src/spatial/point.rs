@@ -41,17 +41,16 @@ impl<P: Copy> PointMass<P> {
         }
     }
 
-    /// `m (g_r + omega x v_r - gravity)` at the point r, which a rate g of the body's twist V and gravity ask for; as a wrench
-    /// in the body's frame.
+    /// `m (omega x v_r - gravity)` at the point r, which the body's twist V and gravity ask for; as a wrench in the body's
+    /// frame.
     #[inline(always)]
-    pub fn bias<L: Lane>(&self, twist: Vector6<L>, gained: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
+    pub fn bias<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
     where
         P: Param<L>,
     {
         let r = Vector3(get_all(&self.at));
         let v = twist.angular.cross_add(r, twist.linear);
-        let rate = twist.angular.cross_add(v, gained.angular.cross_add(r, gained.linear)) - gravity;
-        let force = rate.scale(self.mass.get());
+        let force = (twist.angular.cross(v) - gravity).scale(self.mass.get());
         Vector6 { linear: force, angular: r.cross(force) }
     }
 }

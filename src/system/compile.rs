@@ -18,6 +18,8 @@ pub struct Compiled {
     pub system: System<Shared<f64>>,
     /// Constant pose of each link's frame in its joint's frame.
     pub links: Vec<Pose<f64>>,
+    /// Where payloads are held: the end effector's origin in the last moving body's frame.
+    pub grip: [f64; 3],
     /// What the terms of each moving body are made of, vehicle first.
     pub ingredients: Vec<Ingredients<Shared<f64>>>,
 }
@@ -94,10 +96,10 @@ pub fn compile(scene: &Scene) -> Compiled {
         fixed: scene.vehicle.fixed,
         vehicle,
         joints,
-        grip: links.last().unwrap_or(&hook).times(&tip).position.0,
         vehicle_servo: vehicle_servo(&scene.vehicle),
     };
-    Compiled { system: system.map(Shared), links, ingredients }
+    let grip = links.last().unwrap_or(&hook).times(&tip).position.0;
+    Compiled { system: system.map(Shared), links, grip, ingredients }
 }
 
 /// One body of the scene, fixed to a moving body at `at`; all else in its own frame.

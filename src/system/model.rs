@@ -18,8 +18,6 @@ pub struct System<P> {
     pub vehicle: BodyTerms<P>,
     /// Joints and links from the base outward.
     pub joints: Vec<JointTerms<P>>,
-    /// Where payloads are held: the end effector's origin in the last body's frame.
-    pub grip: [P; 3],
     /// Station keeping evaluated within the stages.
     pub vehicle_servo: Option<VehicleServo<P>>,
 }
@@ -133,7 +131,6 @@ impl<P: Copy> System<P> {
             fixed: self.fixed,
             vehicle: self.vehicle.map(c),
             joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
-            grip: self.grip.map(c),
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
         }
     }

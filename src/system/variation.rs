@@ -99,8 +99,12 @@ impl<P: Copy> Ingredients<P> {
 
 impl<T: Real> System<Shared<T>> {
     /// Memory for a system of single instances of bodies of these `ingredients`, with every term that
-    /// [`System::vary`] may bring about; payloads only if some are `laden`.
-    pub fn variable<L: Lane<Real = T>>(&self, ingredients: &[Ingredients<Shared<T>>], laden: bool) -> System<L> {
+    /// [`System::vary`] may bring about: payloads if they are held somewhere, in the last body's frame.
+    pub fn variable<L: Lane<Real = T>>(
+        &self,
+        ingredients: &[Ingredients<Shared<T>>],
+        grip: Option<[Shared<T>; 3]>,
+    ) -> System<L> {
         let mut system = self.map(|Shared(x)| L::splat(x));
         let zero = Shared(T::from_f64(0.0));
         let weightless = Restoring { net_mass: zero, moment: [zero; 3] };
@@ -111,8 +115,8 @@ impl<T: Real> System<Shared<T>> {
                 body.restoring.get_or_insert(none);
             }
         }
-        if laden {
-            let load = PointMass { mass: L::zero(), at: system.grip };
+        if let Some(grip) = grip {
+            let load = PointMass { mass: L::zero(), at: grip.map(|Shared(x)| L::splat(x)) };
             let last = system.joints.last_mut().map_or(&mut system.vehicle, |joint| &mut joint.body);
             last.restoring.get_or_insert(none);
             last.load = Some(load);

@@ -15,7 +15,11 @@ pub(crate) struct Link<L> {
     /// `U / D` and `1 / D`. Along the joint `U / D` is 1, and not kept.
     pub share: Vector6<L>,
     pub over_d: L,
-    /// p without what the links further out ask for, and with what the products of velocities do to the body's inertia.
+    /// `A - U U^T / D`
+    pub rest: SpatialInertia<L>,
+    /// c, without the entries that vanish.
+    pub across: [L; 4],
+    /// p without what the links further out ask for.
     pub bias: Vector6<L>,
     /// Joint torque, later `u / D`.
     pub torque: L,
@@ -25,8 +29,6 @@ pub(crate) struct Link<L> {
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
     pub(crate) links: [Link<L>; JOINTS],
-    /// `A - U U^T / D` of the last link, which no configuration changes.
-    pub(crate) tip: SpatialInertia<L>,
     /// `A_0`, ready to be solved with.
     pub(crate) base: Factored<L>,
 }
@@ -35,9 +37,17 @@ impl<L: Lane> Scratch<L> {
     /// Fresh memory; its contents never matter.
     pub fn new() -> Self {
         let (zero, none) = (L::zero(), Vector6::zero());
-        let link =
-            Link { screw: [zero; 2], gravity: Vector3::zero(), share: none, over_d: zero, bias: none, torque: zero };
-        Self { links: [link; JOINTS], tip: SpatialInertia::zero(), base: Factored::blank() }
+        let link = Link {
+            screw: [zero; 2],
+            gravity: Vector3::zero(),
+            share: none,
+            over_d: zero,
+            rest: SpatialInertia::zero(),
+            across: [zero; 4],
+            bias: none,
+            torque: zero,
+        };
+        Self { links: [link; JOINTS], base: Factored::blank() }
     }
 }
 
@@ -63,30 +73,9 @@ impl<L: Lane> Link<L> {
         self.screw(joint).adjoint_apply_inverse(Base::of(&joint.stand).twist(twist))
     }
 
-    /// Frees an inertia of this link along the joint: keeps `U / D` and `1 / D`, returns what is left.
-    #[inline(always)]
-    pub fn free<P: Param<L>>(&mut self, joint: &JointTerms<P>, inertia: &SpatialInertia<L>) -> SpatialInertia<L> {
-        let rest;
-        (rest, self.share, self.over_d) = match joint.constant {
-            Constant::Shift(_) => inertia.free_to_turn(),
-            Constant::Turn(..) => inertia.free_to_slide(),
-        };
-        rest
-    }
-
-    /// What [`Self::free`] left of an inertia, in the parent's frame.
-    #[inline(always)]
-    pub fn inertia_to_parent<P: Param<L>>(&self, joint: &JointTerms<P>, rest: &SpatialInertia<L>) -> SpatialInertia<L> {
-        let screw = self.screw(joint);
-        Base::of(&joint.stand).inertia(&match joint.constant {
-            Constant::Shift(_) => screw.turning_inertia_to_parent(rest),
-            Constant::Turn(..) => screw.inertia_to_parent(rest),
-        })
-    }
-
     /// An inertia of this link, in the parent's frame.
     #[inline(always)]
-    pub fn whole_inertia_to_parent<P: Param<L>>(
+    pub fn inertia_to_parent<P: Param<L>>(
         &self,
         joint: &JointTerms<P>,
         inertia: &SpatialInertia<L>,

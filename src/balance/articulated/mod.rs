@@ -7,15 +7,13 @@
 //!
 //! ```text
 //! configure   inward    U = A E,  D = E^T U,   A_p += Ad^-T (A - U U^T / D) Ad^-1
-//! respond     outward   V_i = Ad^-1 V_p + E q',   g_i = Ad^-1 g_p + ad_V_i E q',   p_i = A_i g_i + B V_i - F_i
-//!             inward    u = tau - E^T p,   p_p += Ad^-T (p + U u / D)
+//! respond     outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
+//!             inward    u = tau - E^T p,   p_p += Ad^-T (p + (A - U U^T / D) c + U u / D)
 //!             base      A_0 V_0' = -p_0
-//!             outward   q'' = (u - U^T Ad^-1 a_p) / D,   a_i = Ad^-1 a_p + E q'',   V_i' = a_i + g_i
+//!             outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 //!
-//! with `g_0 = 0`, `a_0 = V_0'`. What products of velocities make of the acceleration, g, meets each body's own inertia
-//! A_i in the outward pass, so that articulated inertia need not be kept. What depends on the configuration alone is a
-//! pass of its own: it can serve several velocities.
+//! What depends on the configuration alone is a pass of its own.
 
 mod link;
 
@@ -96,16 +94,19 @@ pub struct Instant<'a, L> {
     pub time: L,
 }
 
-/// `ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one.
+/// `c = ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one; x and y of
+/// both parts.
 #[inline(always)]
-pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> Vector6<L> {
+pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
     let (v, w) = (twist.linear.0, twist.angular.0);
-    let across = Vector3([w[1] * qd, -(w[0] * qd), L::zero()]);
-    if slides {
-        Vector6 { linear: across, angular: Vector3::zero() }
-    } else {
-        Vector6 { linear: Vector3([v[1] * qd, -(v[0] * qd), L::zero()]), angular: across }
-    }
+    let (x, y) = (w[1] * qd, -(w[0] * qd));
+    if slides { [x, y, L::zero(), L::zero()] } else { [v[1] * qd, -(v[0] * qd), x, y] }
+}
+
+/// [`velocity_product`] with its zeros.
+#[inline(always)]
+pub(super) fn whole<L: Lane>([vx, vy, wx, wy]: [L; 4]) -> Vector6<L> {
+    Vector6 { linear: Vector3([vx, vy, L::zero()]), angular: Vector3([wx, wy, L::zero()]) }
 }
 
 /// `V + E q'`
@@ -118,29 +119,24 @@ pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vect
     twist
 }
 
-/// `A g + B V - restoring - drag`, or without g: what a body's motion and the water ask for. (Written where it belongs at
-/// once: values that meet after a branch would go through memory besides.)
+/// `B V - restoring - drag`: what a body's own motion and the water ask for. (Written where it belongs at once: values
+/// that meet after a branch would go through memory besides.)
 #[inline(always)]
-pub(super) fn body_bias<const G: bool, L: Lane, P: Param<L>>(
+pub(super) fn body_bias<L: Lane, P: Param<L>>(
     body: &BodyTerms<P>,
     twist: Vector6<L>,
-    gained: Vector6<L>,
     gravity: Vector3<L>,
     bias: &mut Vector6<L>,
 ) {
     let mut drag = &body.drag[..];
     if let (Some(principal), [_, rest @ ..]) = (&body.principal, drag) {
-        principal.bias::<G, L>(twist, gained, gravity, bias);
+        principal.bias(twist, gravity, bias);
         if let Some(load) = &body.load {
-            *bias = *bias + load.bias(twist, gained, gravity);
+            *bias = *bias + load.bias(twist, gravity);
         }
         drag = rest;
     } else {
-        let inertia: SpatialInertia<L> = body.inertia.get();
-        *bias = inertia.bias_wrench(twist);
-        if G {
-            *bias = *bias + inertia.apply(gained);
-        }
+        *bias = body.inertia.get().bias_wrench(twist);
         if let Some(restoring) = &body.restoring {
             *bias = restoring.subtract(gravity, *bias);
         }
@@ -170,17 +166,6 @@ pub(super) fn place<L: Lane, P: Param<L>>(
     }
 }
 
-impl<L: Lane> Scratch<L> {
-    /// Works out what a system has once and for all; before anything else is done with it.
-    #[inline(always)]
-    pub fn prepare<P: Param<L>>(&mut self, system: &System<P>) {
-        let joints = system.chain();
-        if let (Some(joint), Some(link)) = (joints.last(), self.links[..joints.len()].last_mut()) {
-            self.tip = link.free(joint, &joint.body.inertia.get());
-        }
-    }
-}
-
 /// The part that depends on the configuration alone.
 #[inline(always)]
 pub fn configure<L: Lane, P: Param<L>>(
@@ -192,19 +177,26 @@ pub fn configure<L: Lane, P: Param<L>>(
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     place(joints, gravity, q, links);
-    let own: SpatialInertia<L> = system.vehicle.inertia.get();
-    let (Some((tip, others)), Some((last, links))) = (joints.split_last(), links.split_last_mut()) else {
-        scratch.base.factor(&own);
-        return;
-    };
     // Inertia of the links already done, as the body at hand feels it.
-    let mut carried = last.inertia_to_parent(tip, &scratch.tip);
-    for (joint, link) in others.iter().zip(links).rev() {
+    let mut carried = SpatialInertia::zero();
+    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
         let own: SpatialInertia<L> = joint.body.inertia.get();
-        let rest = link.free(joint, &own.plus(&carried));
-        carried = link.inertia_to_parent(joint, &rest);
+        let inertia = own.plus(&carried);
+        let screw = link.screw(joint);
+        let felt = match joint.constant {
+            Constant::Shift(_) => {
+                (link.rest, link.share, link.over_d) = inertia.free_to_turn();
+                screw.turning_inertia_to_parent(&link.rest)
+            }
+            Constant::Turn(..) => {
+                (link.rest, link.share, link.over_d) = inertia.free_to_slide();
+                screw.inertia_to_parent(&link.rest)
+            }
+        };
+        carried = Base::of(&joint.stand).inertia(&felt);
     }
     if !system.fixed {
+        let own: SpatialInertia<L> = system.vehicle.inertia.get();
         scratch.base.factor(&own.plus(&carried));
     }
 }
@@ -224,13 +216,11 @@ pub fn respond<L: Lane, P: Param<L>>(
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
 
-    let (mut moving, mut gained) = (twist, Vector6::zero());
+    let mut moving = twist;
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
-        moving = link.twist_from_parent(joint, moving);
-        let across = velocity_product(joint.slides(), moving, qd[i]);
-        gained = if i == 0 { across } else { link.twist_from_parent(joint, gained) + across };
-        moving = along(joint, moving, qd[i]);
-        body_bias::<true, L, P>(&joint.body, moving, gained, link.gravity, &mut link.bias);
+        moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
+        link.across = velocity_product(joint.slides(), moving, qd[i]);
+        body_bias(&joint.body, moving, link.gravity, &mut link.bias);
         if loads.on_links {
             link.bias = link.bias - loads.links[i];
         }
@@ -241,12 +231,23 @@ pub fn respond<L: Lane, P: Param<L>>(
     let mut carried = Vector6::zero();
     for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
         let bias = link.bias + carried;
-        let slides = joint.slides();
-        let u = link.torque - if slides { bias.linear.0[2] } else { bias.angular.0[2] };
-        let mut wrench = link.share.scale_add(u, bias);
-        // Nothing but its torque passes a joint along its axis.
-        *(if slides { &mut wrench.linear.0[2] } else { &mut wrench.angular.0[2] }) = link.torque;
-        link.torque = u * link.over_d;
+        let wrench = match joint.constant {
+            Constant::Shift(_) => {
+                let u = link.torque - bias.angular.0[2];
+                let mut wrench = link.share.scale_add(u, bias);
+                // Nothing but its torque passes a joint along its axis.
+                wrench.angular.0[2] = link.torque;
+                link.torque = u * link.over_d;
+                link.rest.apply_across(link.across, wrench)
+            }
+            Constant::Turn(..) => {
+                let u = link.torque - bias.linear.0[2];
+                let mut wrench = link.share.scale_add(u, bias);
+                wrench.linear.0[2] = link.torque;
+                link.torque = u * link.over_d;
+                link.rest.apply(whole(link.across)) + wrench
+            }
+        };
         carried = link.wrench_to_parent(joint, wrench);
     }
 
@@ -254,16 +255,18 @@ pub fn respond<L: Lane, P: Param<L>>(
         Vector6 { linear: held_rate, angular: Vector3::zero() }
     } else {
         let mut bias = Vector6::zero();
-        body_bias::<false, L, P>(&system.vehicle, twist, Vector6::zero(), gravity, &mut bias);
+        body_bias(&system.vehicle, twist, gravity, &mut bias);
         scratch.base.solve(wrench - (bias + carried))
     };
 
     let mut rate = *twist_rate;
     for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
         rate = link.twist_from_parent(joint, rate);
+        let [vx, vy, wx, wy] = link.across;
         let (v, w) = (&mut rate.linear.0, &mut rate.angular.0);
+        (v[0], v[1], w[0], w[1]) = (v[0] + vx, v[1] + vy, w[0] + wx, w[1] + wy);
         let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
-        // In two sums, as the joints wait for each other here. What a link does along its joint is `(u - U^T a) / D`,
+        // In two sums, as the joints wait for each other here. What a link does along its joint is `(u - U^T ...) / D`,
         // whatever its parent does there.
         let rest = sy.neg_mul_add(v[1], sx.neg_mul_add(v[0], link.torque)) - ty.mul_add(w[1], tx * w[0]);
         let (moved, does) = if joint.slides() {
@@ -286,7 +289,6 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    scratch.prepare(system);
     configure(system, at.gravity, at.q, scratch);
     respond(system, at, loads, scratch, twist_rate, qdd);
 }
