@@ -280,7 +280,7 @@ class Simulator:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
     @property
     def parameters(self) -> dict[str, NDArray[np.float64]]:
-        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag, volume and thrust, 1 unless set; payload, kg."""
+        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag, volume, thrust; payload, kg."""
     def set_parameters(
         self,
         *,
@@ -292,7 +292,7 @@ class Simulator:
         payload: ArrayLike | None = None,
         thrust: ArrayLike | None = None,
     ) -> None:
-        """Set factors, () or (N,), on the parameters of each instance, and its payload, kg; they stay through `reset`."""
+        """Set factors, () or (N,), on each instance's parameters, and its payload, kg; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
     def modes(self, speed: ArrayLike | None = None, *, joint_servos: bool = True, station: bool = True) -> list[_Mode]:

@@ -68,17 +68,18 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     place(joints, gravity, q, links);
-    let (mut moving, mut twists) = (twist, [Vector6::zero(); JOINTS]);
+    let mut moving = twist;
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
-        twists[i] = moving;
+        link.twist = moving;
         link.across = velocity_product(joint.slides(), moving, qd[i]);
     }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
-    for i in (0..joints.len()).rev() {
-        let (joint, link) = (&joints[i], &mut links[i]);
-        let (own, mut bias) = effective(&joint.body, h, twists[i], link.gravity);
+    let mut i = joints.len();
+    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
+        i -= 1;
+        let (own, mut bias) = effective(&joint.body, h, link.twist, link.gravity);
         if loads.on_links {
             bias = bias - loads.links[i];
         }

@@ -90,6 +90,7 @@ impl ActionMap {
     }
 
     /// The action, clipped to [-1, 1], that asks for `wrench`; 0 along what cannot be actuated.
+    #[inline(always)]
     pub fn normalise(&self, wrench: &Vector6<f64>, action: &mut [f32]) {
         let over = |value: f64, limit: f64| if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 };
         match self.kind {

@@ -60,6 +60,7 @@ impl Pd {
     }
 
     /// Body wrench (N, N m) that the PD asks for at one row of observations.
+    #[inline(always)]
     pub fn wrench(&self, observation: &[f32]) -> Vector6<f64> {
         let (kp, kd) = (&self.gains.kp, &self.gains.kd);
         let error = self.error(observation);

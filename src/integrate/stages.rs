@@ -2,7 +2,7 @@
 
 use super::Rates;
 use super::motion::Motion;
-use super::tableau::{Contrast, STAGES, Tableau, times};
+use super::tableau::{Contrast, STAGES, Tableau};
 use crate::lane::Lane;
 use crate::lie::Vector6;
 
@@ -112,7 +112,6 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     /// Square of the length of `h sum e_j k_j`, each entry of twist, q and q' by one plus its magnitude at the start.
     #[inline(always)]
     pub(super) fn error(&self, tableau: &Tableau, weights: &[f64; STAGES], n: usize, h: L, from: &Motion<L, N>) -> L {
-        let places = times(weights, &tableau.a);
         let (mut pose, mut twist) = (Vector6::zero(), Vector6::zero());
         for j in 0..STAGES {
             let weight = h * L::c(weights[j]);
@@ -128,7 +127,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             let (mut q, mut qd) = (L::zero(), L::zero());
             for j in 0..STAGES {
                 let weight = h * L::c(weights[j]);
-                q = self.rates[j].qd[k].mul_add(h * h * L::c(places[j]), q);
+                q = self.rates[j].qd[k].mul_add(h * h * L::c(tableau.place_error[j]), q);
                 qd = self.rates[j].qd[k].mul_add(weight, qd);
             }
             sum += squared_share(q, from.q[k]) + squared_share(qd, from.qd[k]);

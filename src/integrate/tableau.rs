@@ -21,6 +21,8 @@ pub struct Tableau {
     pub place: [[f64; STAGES]; STAGES],
     /// See `place`.
     pub place_end: [f64; STAGES],
+    /// The same for `error`.
+    pub place_error: [f64; STAGES],
     /// What the step weights differ by from those of a method of lower order, if one is embedded: its last stage is the
     /// step's end.
     pub error: Option<[f64; STAGES]>,
@@ -75,7 +77,7 @@ const fn rows<const K: usize>(given: [[f64; STAGES]; K]) -> [[f64; STAGES]; STAG
 }
 
 /// `row a`
-pub(super) const fn times(row: &[f64; STAGES], a: &[[f64; STAGES]; STAGES]) -> [f64; STAGES] {
+const fn times(row: &[f64; STAGES], a: &[[f64; STAGES]; STAGES]) -> [f64; STAGES] {
     let mut product = [0.0; STAGES];
     let mut j = 0;
     while j < STAGES {
@@ -100,7 +102,8 @@ impl Tableau {
             i += 1;
         }
         let place_end = times(&b, &a);
-        Self { stages: K + 1, order, a, b, c, place, place_end, error: None, contrast: None }
+        let place_error = [0.0; STAGES];
+        Self { stages: K + 1, order, a, b, c, place, place_end, place_error, error: None, contrast: None }
     }
 }
 
@@ -167,29 +170,20 @@ pub static RK4: Tableau = Tableau {
 
 /// Dormand and Prince's pair of orders 5 and 4; goes on with order 5. `[DP80]`
 pub static DORMAND_PRINCE: Tableau = Tableau {
-    error: Some(row([
-        71.0 / 57600.0,
-        0.0,
-        -71.0 / 16695.0,
-        71.0 / 1920.0,
-        -17253.0 / 339200.0,
-        22.0 / 525.0,
-        -1.0 / 40.0,
-    ])),
+    error: Some(DORMAND_PRINCE_ERROR),
+    place_error: times(&DORMAND_PRINCE_ERROR, &rows(DORMAND_PRINCE_STAGES)),
     contrast: Some(Contrast { three: true, place: 0.09, speed: 0.45, change: [2.0, -1.0], slip: (0.0, 0) }),
-    ..Tableau::new(
-        5,
-        [
-            row([1.0 / 5.0]),
-            row([3.0 / 40.0, 9.0 / 40.0]),
-            row([44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0]),
-            row([19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0]),
-            row([9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0]),
-            DORMAND_PRINCE_END,
-        ],
-        DORMAND_PRINCE_END,
-        row([0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0]),
-    )
+    ..Tableau::new(5, DORMAND_PRINCE_STAGES, DORMAND_PRINCE_END, row([0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0]))
 };
+const DORMAND_PRINCE_STAGES: [[f64; STAGES]; 6] = [
+    row([1.0 / 5.0]),
+    row([3.0 / 40.0, 9.0 / 40.0]),
+    row([44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0]),
+    row([19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0]),
+    row([9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0]),
+    DORMAND_PRINCE_END,
+];
+const DORMAND_PRINCE_ERROR: [f64; STAGES] =
+    row([71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0]);
 const DORMAND_PRINCE_END: [f64; STAGES] =
     row([35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0]);

@@ -50,16 +50,16 @@ ARCHITECTURES = {
 
 # What the kernel that steps may call, and why.
 AROUND_STEPS = {
-    r"4step.*6Memory.*3new": "working memory, before the first instance",
+    r"4step.*Memory.*3new": "working memory, before the first instance",
     r"8variable": "memory for parameters of single instances, before the first of them",
-    r"13drop_in_place.*System": "frees that memory, after the last",
+    r"drop_in_place.*System": "frees that memory, after the last",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {
     r"^mem(cpy|set|move)$": "fills and copies tables",
     r"4core(9panicking|5slice5index)": "checks bounds",
     r"^_Unwind_Resume$": "frees memory after a panic",
-    r"7Scratch.*3new": "working memory",
+    r"Scratch.*3new": "working memory",
 }
 
 

@@ -17,6 +17,8 @@ pub(crate) struct Link<L> {
     pub over_d: L,
     /// `A - U U^T / D`
     pub rest: SpatialInertia<L>,
+    /// V: for the implicit passes alone.
+    pub twist: Vector6<L>,
     /// c, without the entries that vanish.
     pub across: [L; 4],
     /// p without what the links further out ask for.
@@ -43,6 +45,7 @@ impl<L: Lane> Scratch<L> {
             share: none,
             over_d: zero,
             rest: SpatialInertia::zero(),
+            twist: none,
             across: [zero; 4],
             bias: none,
             torque: zero,

@@ -17,6 +17,8 @@ from uvms_gym.cli.common import fail
 TWIST, THRUST, DT = 0.1, 0.05, 0.01
 #: Parameters of randomised instances lie within so much of the scene's.
 VARIED = 0.1
+# Greatest payload, kg.
+PAYLOAD = 0.5
 
 
 class Setting(NamedTuple):
@@ -87,6 +89,7 @@ def vary(simulator: Simulator, rng: np.random.Generator) -> None:
     """Give every instance parameters of its own."""
     n = simulator.num_envs
     own = {name: given * rng.uniform(1.0 - VARIED, 1.0 + VARIED, n) for name, given in simulator.parameters.items()}
+    own["payload"] = rng.uniform(0.0, PAYLOAD, n)
     simulator.set_parameters(**own)
 
 
