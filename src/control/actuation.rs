@@ -99,6 +99,7 @@ impl<T: Real> Actuation<T> {
     }
 
     /// Entries of an action.
+    #[expect(clippy::len_without_is_empty, reason = "an action without entries is refused")]
     #[inline(always)]
     pub fn len(&self) -> usize {
         self.len

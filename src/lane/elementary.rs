@@ -76,7 +76,7 @@ pub fn tanh<L: Lane<Real = f32>>(x: L) -> L {
 
 /// ln 2 in two parts: the first has few enough digits that its multiples by exponents are exact.
 const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
-const LN_2_SINGLE: [f64; 2] = [6.931_381_225_585_937_5e-1, 9.058_000_614_453_107e-6];
+const LN_2_SINGLE: [f64; 2] = [6.931_381_225_585_938e-1, 9.058_000_614_453_107e-6];
 /// Minimax coefficients of (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2, for s up to 0.1716 (those of fdlibm).
 const LN: [f64; 7] = [
     6.666_666_666_666_735e-1,
@@ -162,7 +162,7 @@ const ATAN_SINGLE: [f64; 5] = [
     -1.999_915_838_241_577e-1,
     1.425_363_570_451_736_5e-1,
     -1.064_801_737_666_13e-1,
-    6.168_760_731_816_291_8e-2,
+    6.168_760_731_816_292e-2,
 ];
 /// pi/4 in two parts; multiples of them by powers of two are those of pi.
 const QUARTER_PI: [f64; 2] = [std::f64::consts::FRAC_PI_4, 3.061_616_997_868_383e-17];

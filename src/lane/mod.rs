@@ -144,7 +144,8 @@ pub fn get_all<L: Lane, P: Param<L>, const K: usize>(parameters: &[P; K]) -> [L;
     out
 }
 
-/// A parameter in lanes, where there is one.
+/// A parameter in lanes, where there is one. (Not `map`, as above.)
+#[expect(clippy::manual_map, reason = "a closure would not inherit the caller's instruction set")]
 #[inline(always)]
 pub fn get_option<L: Lane, P: Param<L>>(parameter: Option<P>) -> Option<L> {
     match parameter {

@@ -248,7 +248,7 @@ mod tests {
         }
         let numbers = reference.to_array();
         assert_eq!(JointReference::from_array(numbers), reference);
-        assert!(numbers[4..6].iter().all(|phase| phase.abs() <= 3.1416));
+        assert!(numbers[4..6].iter().all(|phase| phase.abs() <= std::f64::consts::PI + 1e-12));
     }
 
     #[test]

@@ -14,7 +14,8 @@ fn turned(w: &na::Vector3<f64>) -> na::Matrix3<f64> {
 }
 
 /// The logarithms: the scalar one, and that of the lanes.
-const LOGARITHMS: [fn(&na::Matrix3<f64>) -> na::Vector3<f64>; 2] = [rotation_vector, logarithm];
+type Logarithm = fn(&na::Matrix3<f64>) -> na::Vector3<f64>;
+const LOGARITHMS: [Logarithm; 2] = [rotation_vector, logarithm];
 
 fn logarithm(r: &na::Matrix3<f64>) -> na::Vector3<f64> {
     let r = Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)])));
