@@ -53,6 +53,8 @@ AROUND_STEPS = {
     r"4step.*Memory.*3new": "working memory, before the first instance",
     r"8variable": "memory for parameters of single instances, before the first of them",
     r"drop_in_place.*System": "frees that memory, after the last",
+    r"9panicking18panic_bounds_check": "one check that the compiler did not see through; never taken",
+    r"^_Unwind_Resume$": "frees memory after that",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {
@@ -60,6 +62,8 @@ ELSEWHERE = {
     r"4core(9panicking|5slice5index)": "checks bounds",
     r"^_Unwind_Resume$": "frees memory after a panic",
     r"Scratch.*3new": "working memory",
+    r"7control.*(allocate|wrench|normalise)|8nalgebra": "the classical controllers, in scalars, once in a control period",
+    r"^r[a-z0-9]+$": "one of these through a register",
 }
 
 
