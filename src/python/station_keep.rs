@@ -260,9 +260,7 @@ impl StationKeep {
         let n = self.batch.instances();
         let all = (0..n).map(|i| self.batch.episode(i).ok_or(TaskError::NotBegun { instance: i }));
         let all: Vec<_> = all.collect::<Result<_, _>>().map_err(refused)?;
-        let gather = |of: &dyn Fn(&crate::scene::Episode) -> Vec<f64>| {
-            rows(py, all.iter().flat_map(of).collect(), n)
-        };
+        let gather = |of: &dyn Fn(&crate::scene::Episode) -> Vec<f64>| rows(py, all.iter().flat_map(of).collect(), n);
         let result = PyDict::new(py);
         result.set_item("seed", PyArray1::from_iter(py, all.iter().map(|e| e.key().seed)))?;
         result.set_item("episode", PyArray1::from_iter(py, all.iter().map(|e| e.key().episode)))?;
