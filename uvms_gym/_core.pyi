@@ -18,8 +18,10 @@ __all__ = [
     "StepWarning",
     "Task",
     "__version__",
+    "disturbances",
     "integrators",
     "load_scene",
+    "read_disturbance",
     "scenes",
 ]
 
@@ -60,6 +62,12 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 
     Raises SceneError, whose message names file, key and value.
     """
+
+def disturbances() -> list[tuple[str, str, str]]:
+    """Levels of disturbances: name, a sentence for people, and the components as JSON."""
+
+def read_disturbance(json: str) -> str:
+    """A disturbance, checked and with its defaults filled in, as JSON."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
@@ -378,7 +386,7 @@ class Task:
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (18, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (m, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -395,7 +403,7 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (18, N), and of episodes that ended and were
+        Gives observations, rewards, terminated, truncated, measures (m, N), and of episodes that ended and were
         replaced the instances, last observations and last measures.
         """
 
@@ -410,6 +418,13 @@ class Task:
 
         seed, episode and step (N,), target_position (N, 3), target_rotation (N, 3, 3), current (N, 3),
         joint_reference and joint_reference_rate (N, n).
+        """
+
+    def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
+        """What disturbances will come to in the next `steps` control periods of instance `i`.
+
+        For a vehicle that stays at rest at the target: time (T,), current and acceleration (T, 3), wrench (T, 6), gains
+        (T, thrusters) and payload (T,).
         """
 
     def rest(self) -> Policy:
@@ -456,17 +471,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (18, N)."""
+        """Sums of the measures, (m, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (18, N)."""
+        """Sums of their squares, (m, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 18).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, m).
         """
 
     def count_anew(self) -> None:

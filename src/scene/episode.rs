@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::disturbance::{Disturbance, DisturbanceRows, Site};
 use super::pose::Pose;
 use super::random::EpisodeKey;
 use super::reference::{JointReference, ReferencePoint};
@@ -36,11 +37,19 @@ pub struct EpisodeRows {
     pub integral: usize,
     /// Running means of the measures (of the squares of the first four), 6.
     pub means: usize,
+    /// What disturbances remember, if they change within episodes.
+    pub disturbance: Option<DisturbanceRows>,
     /// Rows in all.
     pub rows: usize,
 }
 
 impl EpisodeRows {
+    /// With room for a disturbance.
+    pub(super) fn with(self, disturbance: &Disturbance, site: &Site) -> Self {
+        let disturbance = disturbance.rows(site, self.rows);
+        Self { disturbance, rows: disturbance.map_or(self.rows, |rows| rows.end), ..self }
+    }
+
     /// For this number of joints and of entries of an action.
     pub fn new(joints: usize, actions: usize) -> Self {
         let mut rows = 0;
@@ -61,6 +70,7 @@ impl EpisodeRows {
             effort: take(3),
             integral: take(6),
             means: take(6),
+            disturbance: None,
             rows: take(0),
         }
     }
@@ -151,7 +161,7 @@ impl Episode {
         Pose { position: Vector3::from_column_slice(&numbers[9..12]), rotation: Matrix3::from_row_slice(&numbers[..9]) }
     }
 
-    /// Current in world axes, m/s.
+    /// Current in world axes over the last control period (at the start: over the first), m/s.
     pub fn current(&self) -> Vector3<f64> {
         Vector3::from_column_slice(&self.numbers[self.rows.current..][..3])
     }

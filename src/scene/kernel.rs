@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use super::disturbance::{Forcing, MEASURED, SensorRows, Weather};
 use super::episode::EpisodeRows;
 use super::metrics::{INFO, Judgement};
 use super::observation::{LEAK, POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND};
@@ -21,6 +22,8 @@ const RADIAN: f64 = 0.5;
 /// vehicle's size: no scene scales them.
 const FINE: f64 = 0.02;
 const COARSE: f64 = 0.3;
+/// What sensors show of a state that is none; beyond any bound of an observation.
+const BROKEN: f64 = 1e6;
 
 /// Numbers of the task, in the precision of the lanes.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +40,7 @@ pub struct TaskKernel<T> {
     scaling: Vec<[T; 2]>,
     /// Of the reward's terms.
     weights: [T; 3],
+    weather: Option<Weather<T>>,
 }
 
 /// What the physics needs over one control period.
@@ -54,8 +58,10 @@ impl<T: Real> TaskKernel<T> {
     pub(super) fn new(options: &TaskOptions, rig: &Rig) -> Self {
         let (period, number) = (options.control_period(), T::from_f64);
         let (keep, weights, actions) = ((-LEAK * period).exp(), &options.reward, rig.actions.len());
+        let rows = EpisodeRows::new(rig.joints, actions).with(&rig.disturbance, &rig.site);
         Self {
-            rows: EpisodeRows::new(rig.joints, actions),
+            rows,
+            weather: rows.disturbance.map(|rows| Weather::new(rows, &rig.site)),
             actuation: Actuation::new(&rig.actions),
             end_effector: rig.end_effector.map(|Shared(x)| Shared(number(x))),
             frequency: number(1.0 / period),
@@ -69,6 +75,11 @@ impl<T: Real> TaskKernel<T> {
     /// Where the numbers of an episode lie.
     pub fn rows(&self) -> &EpisodeRows {
         &self.rows
+    }
+
+    /// What changes within episodes, if anything does.
+    pub fn weather(&self) -> Option<&Weather<T>> {
+        self.weather.as_ref()
     }
 
     /// Entries of an observation.
@@ -113,6 +124,68 @@ impl<T: Real> TaskKernel<T> {
         Command { actuated, joints }
     }
 
+    /// What disturbs the coming control period, as `weather` has it; what acts is weakened by it.
+    #[inline(always)]
+    pub fn disturb<L: Lane<Real = T>>(
+        &self,
+        weather: &Weather<T>,
+        memory: &mut Rows<'_, T>,
+        stance: &Stance<L>,
+        actuated: &mut Actuated<L>,
+    ) -> Forcing<L> {
+        let forcing = weather.force(memory, &stance.pose, &stance.twist);
+        self.show(weather, memory, &forcing);
+        weather.pass::<L>(memory);
+        if weather.weakens() {
+            self.actuation.weaken(actuated, &forcing.gains);
+        }
+        forcing
+    }
+
+    /// Notes what there is to tell of a disturbance.
+    #[inline(always)]
+    pub(super) fn show<L: Lane<Real = T>>(&self, weather: &Weather<T>, memory: &mut Rows<'_, T>, forcing: &Forcing<L>) {
+        memory.set_all(self.rows.current, &forcing.velocity.0);
+        memory.set_all(weather.rows().shown, &forcing.shown());
+    }
+
+    /// Takes note of what sensors make of the truth, if they do not show it as it is.
+    #[inline(always)]
+    pub(super) fn measure<L: Lane<Real = T>>(
+        &self,
+        memory: &mut Rows<'_, T>,
+        stance: &Stance<L>,
+        error: &PoseError<L>,
+        sound: L::Mask,
+    ) {
+        let Some(sensors) = self.sensors() else { return };
+        let (twist, n) = (stance.twist, self.rows.joints);
+        let mut truth = [L::zero(); MEASURED];
+        for k in 0..3 {
+            truth[k] = error.position.0[k];
+            truth[3 + k] = error.rotation.0[k];
+            truth[6 + k] = twist.linear.0[k];
+            truth[9 + k] = twist.angular.0[k];
+        }
+        for i in 0..n {
+            truth[12 + i] = stance.q[i];
+            truth[12 + n + i] = stance.qd[i];
+        }
+        // A broken state never looks like one on target, and what is remembered stays finite.
+        for k in 0..12 + 2 * n {
+            truth[k] = L::select(sound, truth[k], L::c(BROKEN));
+        }
+        sensors.measure(memory, &truth);
+    }
+
+    #[inline(always)]
+    fn sensors(&self) -> Option<&SensorRows> {
+        match &self.weather {
+            Some(weather) => weather.sensors(),
+            None => None,
+        }
+    }
+
     /// Moves episodes to the control instant that `stance` was reached at, and judges them; `share` is one over the
     /// number of control periods done, this one included.
     ///
@@ -136,8 +209,15 @@ impl<T: Real> TaskKernel<T> {
         }
 
         let sound = self.sound(memory, stance);
+        self.measure(memory, stance, error, sound);
         let ([keep, gain], [x, y, z], [a, b, c]) = (self.leak, error.position.0, error.rotation.0);
-        let error_entries = [x, y, z, a, b, c];
+        let mut error_entries = [x, y, z, a, b, c];
+        if let Some(sensors) = self.sensors() {
+            let seen: [L; MEASURED] = sensors.seen(memory);
+            for k in 0..6 {
+                error_entries[k] = seen[k];
+            }
+        }
         for k in 0..6 {
             let old: L = memory.get(rows.integral + k);
             let new = error_entries[k].mul_add(L::splat(gain), old * L::splat(keep));
@@ -194,16 +274,29 @@ impl<T: Real> TaskKernel<T> {
         let rows = &self.rows;
         let mut page = Page { scaling: &self.scaling, entries };
         let (twist, n) = (stance.twist, rows.joints);
-        for part in [error.position, error.rotation, twist.linear, twist.angular] {
-            for k in 0..3 {
-                page.put(part.0[k]);
+        if let Some(sensors) = self.sensors() {
+            let seen: [L; MEASURED] = sensors.seen(memory);
+            for k in 0..12 {
+                page.put(seen[k]);
             }
-        }
-        for i in 0..n {
-            page.put(stance.q[i] - L::splat(self.home[i]));
-        }
-        for i in 0..n {
-            page.put(stance.qd[i]);
+            for i in 0..n {
+                page.put(seen[12 + i] - L::splat(self.home[i]));
+            }
+            for i in 0..n {
+                page.put(seen[12 + n + i]);
+            }
+        } else {
+            for part in [error.position, error.rotation, twist.linear, twist.angular] {
+                for k in 0..3 {
+                    page.put(part.0[k]);
+                }
+            }
+            for i in 0..n {
+                page.put(stance.q[i] - L::splat(self.home[i]));
+            }
+            for i in 0..n {
+                page.put(stance.qd[i]);
+            }
         }
         for i in 0..n {
             page.put(memory.get::<L>(rows.next + 2 * i) - L::splat(self.home[i]));
@@ -263,6 +356,12 @@ impl<T: Real> TaskKernel<T> {
         info[5] = memory.get(rows.effort + 2);
         for k in 0..3 {
             info[12 + k] = memory.get(rows.current + k);
+        }
+        info[20] = L::c(1.0);
+        if let Some(disturbance) = rows.disturbance {
+            for k in 0..3 {
+                info[18 + k] = memory.get(disturbance.shown + k);
+            }
         }
         info
     }

@@ -34,6 +34,12 @@ pub struct Metrics {
     pub running: [f64; 6],
     /// Current in world axes, m/s.
     pub current: Vector3<f64>,
+    /// Force of other disturbances than the water, N.
+    pub disturbance_force: f64,
+    /// Payload, kg.
+    pub payload: f64,
+    /// What is left of the thrust of the weakest thruster.
+    pub thruster_gain: f64,
 }
 
 /// What a control period brought.
@@ -53,7 +59,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 18] = [
+    pub const INFO: [&'static str; 21] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -72,6 +78,9 @@ impl Outcome {
         "reward_pose",
         "reward_effort",
         "reward_rate",
+        "disturbance_force",
+        "payload",
+        "thruster_gain",
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
@@ -89,7 +98,7 @@ impl Outcome {
         info[..6].copy_from_slice(&instant);
         info[6..12].copy_from_slice(&m.running);
         info[12..15].copy_from_slice(m.current.as_slice());
-        info[15..].copy_from_slice(&[t.pose, t.effort, t.rate]);
+        info[15..].copy_from_slice(&[t.pose, t.effort, t.rate, m.disturbance_force, m.payload, m.thruster_gain]);
         info
     }
 }
@@ -106,6 +115,9 @@ impl From<&Judgement<f64>> for Outcome {
             saturation: info[5],
             running: std::array::from_fn(|k| info[6 + k]),
             current: Vector3::new(info[12], info[13], info[14]),
+            disturbance_force: info[18],
+            payload: info[19],
+            thruster_gain: info[20],
         };
         let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
         let diverged = !judgement.sound;

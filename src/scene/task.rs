@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::disturbance::{Column, Disturbance, Profile, Site};
 use super::episode::{Episode, EpisodeRows};
 use super::kernel::{Command, TaskKernel};
 use super::layout::Layout;
@@ -35,6 +36,8 @@ pub struct Task {
     pub(super) scene_current: Vector3<f64>,
     /// Orthonormal, world axes: two horizontal ones and the one against gravity (world z without gravity).
     pub(super) level: [Vector3<f64>; 3],
+    /// For what changes its masses.
+    scene: Scene,
     kernel: TaskKernel<f64>,
 }
 
@@ -46,6 +49,8 @@ pub(super) struct Rig {
     pub end_effector: EndEffector,
     pub home: Joints,
     pub joints: usize,
+    pub disturbance: Disturbance,
+    pub site: Site,
 }
 
 impl Task {
@@ -80,8 +85,16 @@ impl Task {
         let up = (-scene.water.gravity).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let forward = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
         let forward = (forward - up * up.dot(&forward)).normalize();
+        let level = [forward, up.cross(&forward), up];
+        let site = Site::new(scene, &allocation, level, options.control_period());
+        let disturbance = options.disturbance();
+        if options.disturbance.is_some() || options.randomize.is_some() {
+            disturbance.check(&site)?;
+        }
         let actions = ActionMap::new(options.action, allocation);
         let rig = Rig {
+            disturbance,
+            site,
             layout: station_keep_layout(&joints, actions.len()),
             actions,
             end_effector: EndEffector::new(scene),
@@ -97,8 +110,36 @@ impl Task {
             servo: vehicle.servo.clone(),
             scene_name: scene.name.clone(),
             scene_current: scene.water.current,
-            level: [forward, up.cross(&forward), up],
+            level,
+            scene: scene.clone(),
         })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What disturbs episodes.
+    pub fn disturbance(&self) -> &Disturbance {
+        &self.rig.disturbance
+    }
+
+    pub(super) fn site(&self) -> &Site {
+        &self.rig.site
+    }
+
+    /// What disturbances will come to from where the episode stands, one entry per control period, for a vehicle that
+    /// stays at rest at the target.
+    pub fn profile(&self, episode: &Episode, steps: u32) -> Profile {
+        let (mut numbers, pose) = (episode.numbers().to_vec(), episode.target().in_lanes());
+        match self.kernel.weather() {
+            Some(weather) => {
+                let thrusters = self.rig.site.thrusters;
+                weather.profile(&mut numbers, episode.key(), episode.step(), steps, &pose, thrusters)
+            }
+            None => Profile::steady(&episode.current(), steps, self.rig.site.thrusters),
+        }
     }
 
     pub(super) fn home(&self) -> &Joints {
@@ -210,6 +251,10 @@ impl Task {
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
+        if let Some(weather) = self.kernel().weather() {
+            let (key, step) = (episode.key(), episode.step());
+            weather.stir(&mut Column::of_one(&mut episode.numbers), key, step);
+        }
         self.kernel().act(&mut episode.memory(), &entries)
     }
 

@@ -14,6 +14,7 @@ use crate::balance::Servos;
 use crate::control::{Policy, Widths};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
+use crate::scene::disturbance::Profile;
 use crate::scene::{Episode, EpisodeKey, INFO, StartOverride, Task, TaskOptions};
 use chunk::Rules;
 use crew::{Company, Course, Crew, Orders};
@@ -61,7 +62,7 @@ impl Final {
 pub struct Beginning {
     /// Observations of all instances, (N, d), whether reset or not.
     pub observations: Vec<f32>,
-    /// Measures of all instances, (18, N): of those that were not reset, at the instant where they stand.
+    /// Measures of all instances, (m, N): of those that were not reset, at the instant where they stand.
     pub info: Vec<f64>,
 }
 
@@ -165,6 +166,12 @@ impl TaskBatch {
         Episode::from_parts(key, step, self.task.episode_rows(), self.crew.column(i))
     }
 
+    /// What disturbances will come to from where instance `i` stands, for a vehicle that stays at rest at the target, once
+    /// it was reset.
+    pub fn profile(&self, i: usize, steps: u32) -> Option<Profile> {
+        self.episode(i).map(|episode| self.task.profile(&episode, steps))
+    }
+
     /// Bytes of memory per instance.
     pub fn bytes_per_instance(&self) -> usize {
         self.simulator.bytes_per_instance() + self.crew.bytes_per_instance(self.instances())
@@ -202,11 +209,15 @@ impl TaskBatch {
                 continue;
             }
             let key = seeds[i].map_or(slot.next, |seed| EpisodeKey { seed, episode: 0 });
-            begun.push((i, key, self.task.begin_with(key, given.get(i).unwrap_or(&none))?));
+            let given = given.get(i).unwrap_or(&none);
+            begun.push((i, key, self.task.begin_with(key, given)?, self.task.factors(key, given)));
         }
-        for (i, key, (episode, state)) in begun {
+        for (i, key, (episode, state), factors) in begun {
             self.simulator.set_state(i, &state);
             self.simulator.set_flow(i, episode.current());
+            if let Some(factors) = factors {
+                self.simulator.set_factors_of(i, &factors);
+            }
             self.slots[i] = Slot::of(key);
             self.crew.set_column(i, episode.numbers());
         }

@@ -45,7 +45,7 @@ impl SteadyCurrent {
     }
 
     /// Its velocity in world axes, m/s.
-    pub(super) fn draw(&self, draw: &Stream, site: &Site) -> Vector3<f64> {
+    pub(in crate::scene) fn draw(&self, draw: &Stream, site: &Site) -> Vector3<f64> {
         let azimuth = draw.uniform_in(0, 0.0, std::f64::consts::TAU);
         let elevation = draw.uniform_in(1, -self.elevation, self.elevation);
         let [forward, left, up] = site.level;

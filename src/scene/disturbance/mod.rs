@@ -143,6 +143,7 @@ impl Disturbance {
             ("thrusters", self.thrusters.is_none() && other.thrusters.is_some()),
             ("script", self.script.is_none() && other.script.is_some()),
             ("noise", self.noise.is_none() && other.noise.is_some()),
+            ("parameters", !self.varies() && other.parameters.is_some()),
         ];
         let absent = |key: &str| span::refuse(key, "the environment was made without it: make it with it".into());
         if let Some((key, _)) = lacking.into_iter().find(|(_, lacks)| *lacks) {

@@ -84,6 +84,11 @@ fn place(name: &str) -> Option<usize> {
 }
 
 impl Parameters {
+    /// These, if there are any at all.
+    pub fn any(&self) -> Option<Self> {
+        self.ranges.iter().any(Option::is_some).then(|| self.clone())
+    }
+
     /// All but volume and payload by this share either way.
     pub(super) fn within(share: f64) -> Self {
         Self::try_from(Given::Share(share)).unwrap_or_default()

@@ -1,5 +1,7 @@
 //! Disturbances over time, for people to look at.
 
+use nalgebra::Vector3;
+
 use super::column::Column;
 use super::payload::Handling;
 use super::weather::Weather;
@@ -20,6 +22,20 @@ pub struct Profile {
     pub gains: Vec<Vec<f64>>,
     /// Payload, kg.
     pub payload: Vec<f64>,
+}
+
+impl Profile {
+    /// A current that stays, and nothing else.
+    pub(in crate::scene) fn steady(current: &Vector3<f64>, steps: u32, thrusters: usize) -> Self {
+        let count = steps as usize;
+        Self {
+            velocity: vec![(*current).into(); count],
+            acceleration: vec![[0.0; 3]; count],
+            wrench: vec![[0.0; 6]; count],
+            gains: vec![vec![1.0; thrusters]; count],
+            payload: vec![0.0; count],
+        }
+    }
 }
 
 impl Weather<f64> {

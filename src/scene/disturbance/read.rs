@@ -104,26 +104,6 @@ impl Disturbance {
         })
     }
 
-    /// With factors on the scene's parameters from JSON (`true`, a share, or ranges by name) in place of its own;
-    /// `null` and `false` stand for none.
-    ///
-    /// # Errors
-    /// `TaskError::Disturbance` as [`Self::from_json`].
-    pub fn with_parameters(self, text: &str) -> Result<Self, TaskError> {
-        let value: Value = match serde_json::from_str(text) {
-            Ok(value) => value,
-            Err(error) => return fault("randomize", error.to_string()),
-        };
-        let parameters = match value {
-            Value::Null | Value::Bool(false) => None,
-            value => match serde_json::from_value(value) {
-                Ok(parameters) => Some(parameters),
-                Err(error) => return fault("randomize", error.to_string()),
-            },
-        };
-        Ok(Self { parameters, ..self })
-    }
-
     /// As JSON that [`Self::from_json`] reads.
     pub fn to_json(&self) -> String {
         // Numbers that are not finite, which no one writes, would be null.

@@ -352,7 +352,7 @@ fn noise_has_its_deviation_and_a_bias_stays() {
     assert!((product - sum[0] * sum[1]).abs() < 5.0 * 0.01 * 0.01 / f64::from(n).sqrt());
     // Biases differ from episode to episode, with twice the deviation.
     let bias = |seed| {
-        let mut run = Run::new(&read(json!({ "noise": { "position": 0.0, "attitude": 1e-3, "bias": 1e3 } })), seed);
+        let mut run = Run::new(&read(json!({ "noise": { "position": 0.0, "attitude": 0.1, "bias": 10 } })), seed);
         run.see(&[0.0; MEASURED])[3]
     };
     let square = (0..1000).map(|seed| bias(seed) * bias(seed)).sum::<f64>() / 1000.0;
@@ -403,6 +403,9 @@ fn levels_can_be_read_written_and_held_at_every_scene() {
         assert_eq!(Disturbance::from_json(&disturbance.to_json()).unwrap(), disturbance, "{}", level.name);
         for name in Scene::shipped_names() {
             let scene = Scene::shipped(name).unwrap();
+            if scene.vehicle.thrusters.is_empty() {
+                continue;
+            }
             let allocation = Allocation::new(&scene.vehicle).unwrap();
             let level = [na::Vector3::x(), na::Vector3::y(), na::Vector3::z()];
             disturbance.check(&Site::new(&scene, &allocation, level, PERIOD)).unwrap();
@@ -467,7 +470,9 @@ fn what_there_is_no_room_for_is_refused() {
 fn a_profile_tells_what_comes() {
     let disturbance = read(json!({ "base": "storm", "waves": null }));
     let mut run = Run::new(&disturbance, 6);
-    (0..7).for_each(|_| drop(run.next()));
+    for _ in 0..7 {
+        run.next();
+    }
     let (weather, mut numbers) = (run.weather.clone(), run.numbers.clone());
     let profile = weather.profile(&mut numbers, run.key, run.step, 300, &Pose::identity(), 8);
     for k in 0..300 {
