@@ -42,7 +42,7 @@ def disturbances(
 ) -> None:
     """List the levels of disturbances, and draw what an episode of them is disturbed by.
 
-    Pictures show the water's velocity, the force and what is left of the thrusters, for a vehicle that stays at its target.
+    Pictures show the water's velocity, the force and what is left of the thrusters, for a vehicle at its target.
     """
     levels = uvms_gym.disturbances()
     if name is not None and name not in levels:
@@ -62,8 +62,8 @@ def disturbances(
         shapes = {title: look(description, made, seed, seconds) for title, made in SHAPES.values()}
         plots.disturbance_shapes(out / "shapes.png", shapes)
         say(
-            "Levels with -hard are for evaluation: stronger, and of shapes that the others lack. Noise, delay, the arm's "
-            "motion and parameters have no shape over time; `pydoc uvms_gym.envs.station_keep` tells of all components."
+            "Levels with -hard are for evaluation: stronger, and of shapes that the others lack. Noise, delay, the "
+            "arm's motion and parameters have no shape over time; `pydoc uvms_gym.envs.station_keep` tells of all."
         )
     console.print(f"{out}: {', '.join(files)}", markup=False, soft_wrap=True)
 

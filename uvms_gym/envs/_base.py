@@ -235,8 +235,8 @@ class TaskBase:
         -------
         dict of numpy.ndarray
             time (T,), s since the episode's start; current (T, 3), m/s, and its acceleration (T, 3), m/s^2, world axes;
-            wrench (T, 6), N and N m, body axes, thrusters excluded; gains (T, thrusters), what is left of each thruster's
-            thrust; payload (T,), kg.
+            wrench (T, 6), N and N m, body axes, thrusters excluded; gains (T, thrusters), what is left of each
+            thruster's thrust; payload (T,), kg.
 
         Raises
         ------
