@@ -131,7 +131,7 @@ impl<T: Real> Blocks<T> {
         rows.resize(size, T::from_f64(0.0));
         let table = Table { layout, links: compiled.links.clone() };
         let mut blocks = Self { scene, table, isa, instances, rows, varied: 0, laden: 0 };
-        // Columns past the last instance hold a sane state too: they are stepped along.
+        // Columns past the last instance hold a sane state too: they are stepped along with it where lanes reach them.
         for i in 0..columns {
             blocks.set_state(i, state);
             blocks.set_flow(i, flow);
@@ -235,6 +235,7 @@ impl<T: Real> Part<'_, T> {
             substeps: run.substeps,
             before: run.before,
             switches: run.switches,
+            count: self.count,
             blocks: self.rows,
         };
         T::dispatch(self.isa, &mut step);

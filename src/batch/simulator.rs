@@ -147,7 +147,7 @@ impl Simulator {
             let known = Integrator::NAMES.map(|entry| entry.name).into();
             SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
         })?;
-        let isa = Isa::best()?;
+        let isa = Isa::best_for(options.instances)?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
         let flow = Flow::from(scene.water.current);
