@@ -51,7 +51,7 @@ pub struct Simulator {
 }
 
 /// A number of seconds or so.
-fn number(name: &str, given: Given, default: f64) -> PyResult<f64> {
+pub(super) fn number(name: &str, given: Given, default: f64) -> PyResult<f64> {
     let Some(given) = given else { return Ok(default) };
     given.extract().map_err(|error: PyErr| {
         if error.is_instance_of::<PyOverflowError>(given.py()) {
