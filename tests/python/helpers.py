@@ -112,6 +112,23 @@ def fixed_base() -> dict[str, Any]:
     return scene
 
 
+#: At the edge of the bounds and on the way out: the episode ends by divergence soon.
+LEAVING = {"position": [9.9, 0.0, 0.0], "attitude": [1.0, 0.0, 0.0, 0.0], "twist": [4.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal bit for bit, types and all."""
+    if isinstance(a, dict):
+        return isinstance(b, dict) and a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple | list):
+        return type(a) is type(b) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        if a.dtype == object:
+            return b.dtype == object and a.shape == b.shape and all(map(same, a.tolist(), b.tolist()))
+        return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    return type(a) is type(b) and a == b
+
+
 #: A scene without arm, and the layers of a network for it.
 SMALL = "bluerov2-heavy"
 SIZES = (24, 16, 8, 6)

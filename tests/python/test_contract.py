@@ -13,6 +13,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from helpers import LEAVING, same
 
 import uvms_gym  # noqa: F401 (registers)
 from uvms_gym.envs.station_keep import INFO, StationKeepEnv, StationKeepVectorEnv
@@ -22,21 +23,6 @@ SMALL = "bluerov2-heavy"
 ARM = "bluerov2-heavy-alpha5"
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"]
 MODES = list(AutoresetMode)
-#: At the edge of the bounds and on the way out: the episode ends by divergence soon.
-LEAVING = {"position": [9.9, 0.0, 0.0], "attitude": [1.0, 0.0, 0.0, 0.0], "twist": [4.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
-
-
-def same(a, b):
-    """Equal bit for bit, types and all."""
-    if isinstance(a, dict):
-        return isinstance(b, dict) and a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
-    if isinstance(a, tuple):
-        return isinstance(b, tuple) and len(a) == len(b) and all(map(same, a, b))
-    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        if a.dtype == object:
-            return b.dtype == object and a.shape == b.shape and all(map(same, a.tolist(), b.tolist()))
-        return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
-    return type(a) is type(b) and a == b
 
 
 @pytest.mark.parametrize("scene", SCENES)
