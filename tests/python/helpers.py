@@ -5,6 +5,7 @@ import itertools
 from collections.abc import Iterator
 from typing import Any
 
+import gymnasium
 import numpy as np
 
 from uvms_gym import MLP, PD, PID, Simulator, load_scene
@@ -157,3 +158,8 @@ def policy(**arguments: Any) -> MLP:
 def policies() -> list[Any]:
     """One controller of each kind, for the small scene."""
     return [Rest(scene=SMALL), PD(scene=SMALL), PID(scene=SMALL), policy(mean=np.ones(24), variance=np.ones(24))]
+
+
+def task_ids() -> list[str]:
+    """Ids of all environments that the package registers."""
+    return sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
