@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.vector.utils import iterate
 
 from uvms_gym.testing.compare import difference, unlike
-from uvms_gym.testing.rules import agree, refuses
+from uvms_gym.testing.rules import ASSERTED, agree, refuses
 from uvms_gym.testing.subject import REFUSALS, Subject, Violation, demand
 
 _FINALS = ("final_obs", "final_info")
@@ -153,7 +153,9 @@ def masks(subject: Subject) -> None:
     ]
     for what, wrong, kind in bad:
         subject.advance(at)
-        refuses(lambda wrong=wrong: env.reset(options={"reset_mask": wrong}), f"the reset mask {what}", (kind,))
+        refuses(
+            lambda wrong=wrong: env.reset(options={"reset_mask": wrong}), f"the reset mask {what}", (kind, *ASSERTED)
+        )
         again = env.step(deepcopy(subject.actions[at]))
         agree(again, undisturbed, f"step {at} after the reset mask {what} had been refused")
 
