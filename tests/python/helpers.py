@@ -1,13 +1,15 @@
 """Shared by the tests."""
 
 import copy
+import inspect
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import gymnasium
 import numpy as np
 
+import uvms_gym
 from uvms_gym import MLP, PD, PID, Simulator, load_scene
 from uvms_gym.controllers import Rest
 
@@ -163,3 +165,27 @@ def policies() -> list[Any]:
 def task_ids() -> list[str]:
     """Ids of all environments that the package registers."""
     return sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
+
+
+def small(task: str) -> str:
+    """A cheap scene that the task takes."""
+    return "bluerov2-heavy-alpha5" if "EETrack" in task else SMALL
+
+
+def scenes_for(task: str) -> list[str]:
+    """Shipped scenes that the task takes: those with thrusters, and with joints where an end effector is moved."""
+    counts = {name: Simulator(name) for name in uvms_gym.scenes()}
+    return [name for name, s in counts.items() if s.num_thrusters and (s.num_joints or "EETrack" not in task)]
+
+
+def choices(task: str, argument: str) -> list[str]:
+    """Names that an argument of a task's environments may have, by its annotation; [] if there is no such argument."""
+    annotation = get_type_hints(type(gymnasium.make(task).unwrapped).__init__).get(argument)
+    parts = [annotation, *get_args(annotation)]
+    return [name for part in parts if get_origin(part) is Literal for name in get_args(part)]
+
+
+def disturbances(task: str) -> list[str]:
+    """Names of the disturbances that the task's environments take."""
+    names = getattr(uvms_gym, "disturbances", list)()
+    return list(names) if "disturbance" in inspect.signature(type(gymnasium.make(task).unwrapped)).parameters else []
