@@ -59,7 +59,7 @@ def make_vec_env(
 
 
 class NativeVecEnv(VecEnv):
-    """A Gymnasium vector environment with same-step autoreset as a Stable-Baselines3 `VecEnv`.
+    """A Gymnasium vector environment as a Stable-Baselines3 `VecEnv`, which starts episodes where others end.
 
     Observations, rewards, dones, reset infos, and the infos of instances whose episode has just ended are those of a
     `DummyVecEnv` of single environments in a `Monitor`, bit for bit. Other instances' infos are empty dicts of their
@@ -73,7 +73,8 @@ class NativeVecEnv(VecEnv):
     Parameters
     ----------
     envs : gymnasium.vector.VectorEnv
-        With same-step autoreset, wrapped or not.
+        With same-step autoreset, wrapped or not; or with autoreset disabled, such as wrappers want that look at the
+        state with which an episode ends.
     monitor : bool
         Give `episode` (return r, length l, time t in s since this was made) where an episode ends, and answer for a
         `Monitor`. Without it `VecMonitor` may do so, which warns otherwise.
@@ -81,7 +82,7 @@ class NativeVecEnv(VecEnv):
     Raises
     ------
     TypeError, ValueError
-        `envs` is no vector environment, or does not reset in the same step.
+        `envs` is no vector environment, or resets with the next step.
     """
 
     infos: Mapping[str, Any]
@@ -91,9 +92,10 @@ class NativeVecEnv(VecEnv):
         if not isinstance(envs, VectorEnv):
             raise TypeError(f"envs must be a gymnasium vector environment, not {type(envs).__name__}")
         mode = envs.metadata.get("autoreset_mode")
-        if mode is not AutoresetMode.SAME_STEP:
-            raise ValueError(f"Stable-Baselines3 wants autoreset_mode='SameStep', but that of envs is {mode}")
+        if mode not in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
+            raise ValueError(f"autoreset_mode of envs is {mode}, but must be 'SameStep' (or 'Disabled')")
         self.envs = envs
+        self._resets = mode is AutoresetMode.SAME_STEP
         self.monitor = monitor
         self.infos = {}
         self._own: list[dict[str, Any]] = [{} for _ in range(envs.num_envs)]
@@ -137,19 +139,29 @@ class NativeVecEnv(VecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         where = np.flatnonzero(dones)
         if where.size:
+            observations, finals, ended, started = self._restart(observations, dones)
             limited = (truncated & ~terminated).tolist()
-            ended = _rows(self.infos["final_info"], where)
-            started = _rows({key: x for key, x in self.infos.items() if key not in _FINAL}, where)
             spent = round(time.time() - self._begun, 6)
-            for i, info, new in zip(where.tolist(), ended, started, strict=True):
+            for i, final, info, new in zip(where.tolist(), finals, ended, started, strict=True):
                 if self.monitor:
                     info["episode"] = {"r": round(float(self._returns[i]), 6), "l": int(self._lengths[i]), "t": spent}
                 info["TimeLimit.truncated"] = limited[i]
-                info["terminal_observation"] = self.infos["final_obs"][i]
+                info["terminal_observation"] = final
                 infos[i], self.reset_infos[i] = info, new
             self._returns[where] = 0.0
             self._lengths[where] = 0
         return observations, rewards.astype(np.float32), dones, infos
+
+    def _restart(
+        self, observations: NDArray[Any], dones: NDArray[np.bool_]
+    ) -> tuple[NDArray[Any], Iterable[NDArray[Any]], list[dict[str, Any]], list[dict[str, Any]]]:
+        """Observations of all with the first ones of next episodes; last ones, last infos and first infos of those."""
+        given, where = self.infos, np.flatnonzero(dones)
+        if self._resets:
+            started = {key: value for key, value in given.items() if key not in _FINAL}
+            return observations, given["final_obs"][where], _rows(given["final_info"], where), _rows(started, where)
+        again, infos = self.envs.reset(options={"reset_mask": dones})
+        return again, observations[where], _rows(given, where), _rows(infos, where)
 
     def close(self) -> None:
         """Close the environment."""

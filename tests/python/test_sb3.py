@@ -182,11 +182,21 @@ def test_a_step_before_the_first_reset_is_refused():
 
 
 def test_other_vector_environments_are_refused():
-    for mode in ("NextStep", "Disabled"):
-        with pytest.raises(ValueError, match="SameStep"):
-            NativeVecEnv(gym.make_vec(ENV, 2, scene=SMALL, autoreset_mode=mode))
+    with pytest.raises(ValueError, match="SameStep"):
+        NativeVecEnv(gym.make_vec(ENV, 2, scene=SMALL))
     with pytest.raises(TypeError, match="not TimeLimit"):
         NativeVecEnv(gym.make(ENV, scene=SMALL))
+
+
+def test_an_environment_that_does_not_reset_itself_is_reset():
+    envs = gym.make_vec(ENV, 3, scene=SMALL, autoreset_mode="Disabled", max_episode_steps=5)
+    one, other = NativeVecEnv(envs), dummy(steps=5)
+    for venv in (one, other):
+        venv.seed(1)
+        venv.set_options([LEAVING, {}, {}])
+    assert same(one.reset(), other.reset())
+    ends = assert_same_run(one, other, 12)
+    assert (ends[:, 0] != ends[:, 1]).any()
 
 
 def test_a_wrapped_vector_environment_is_taken():
