@@ -26,7 +26,7 @@ mod core {
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]
-    use super::policies::{Mlp, Pd, Pid, Policy};
+    use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]
