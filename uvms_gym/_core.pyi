@@ -12,6 +12,7 @@ __all__ = [
     "Pd",
     "Pid",
     "Policy",
+    "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",
@@ -331,7 +332,7 @@ class _Block(TypedDict):
     unit: str
     description: str
 
-_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
+_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
 
 @final
 class Task:
@@ -383,10 +384,17 @@ class Task:
     def action_layout(self) -> list[tuple[str, list[float], str]]:
         """Entries of an action, each with name, what -1 and +1 ask for, and unit."""
 
+    def privileged(self) -> NDArray[np.float64]:
+        """What observations do not tell: true state, flow, parameters and target, (N, m)."""
+
+    @property
+    def privileged_layout(self) -> list[tuple[str, int]]:
+        """Names and lengths of the parts of a row of `privileged`."""
+
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (m, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (25, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -403,8 +411,8 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (m, N), and of episodes that ended and were
-        replaced the instances, last observations and last measures.
+        Gives observations, rewards, terminated, truncated, measures (25, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (25, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -416,14 +424,14 @@ class Task:
     def episodes(self) -> dict[str, NDArray[Any]]:
         """What the episodes drew, and how far they are.
 
-        seed, episode and step (N,), target_position (N, 3), target_rotation (N, 3, 3), current (N, 3),
-        joint_reference and joint_reference_rate (N, n).
+        seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
+        (N, 3), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
 
     def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
         """What disturbances will come to in the next `steps` control periods of instance `i`.
 
-        For a vehicle that stays at rest at the target: time (T,), current and acceleration (T, 3), wrench (T, 6), gains
+        For a vehicle that stays where it is: time (T,), current and acceleration (T, 3), wrench (T, 6), gains
         (T, thrusters) and payload (T,).
         """
 
@@ -435,6 +443,18 @@ class Task:
 
     def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
         """The PD with an integral; its gains follow from the others where they are not given."""
+
+    def resolved_motion(
+        self,
+        *,
+        error: float | None = None,
+        vehicle: float | None = None,
+        joint: float | None = None,
+        home: float | None = None,
+        level: float | None = None,
+        arm: float | None = None,
+    ) -> ResolvedMotion:
+        """Resolved motion with these gains; the usual ones where they are not given."""
 
     def rollout(self, policy: Policy, trace: list[int] = ...) -> Rollout:
         """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
@@ -471,17 +491,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (m, N)."""
+        """Sums of the measures, (25, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (m, N)."""
+        """Sums of their squares, (25, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, m).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 25).
         """
 
     def count_anew(self) -> None:
@@ -527,6 +547,14 @@ class Pid(Policy):
     @property
     def ki(self) -> list[float]:
         """Integral gains, N/(m s) and N m/(rad s)."""
+
+@final
+class ResolvedMotion(Policy):
+    """Resolved motion and inverse dynamics, for an end effector that follows a path."""
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Gains by name, 1/s but for `arm`."""
 
 @final
 class Mlp(Policy):

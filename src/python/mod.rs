@@ -10,6 +10,7 @@ mod model;
 mod motion;
 mod parameters;
 mod policies;
+mod renderer;
 mod rollout;
 mod scene;
 mod simulator;
@@ -29,7 +30,9 @@ mod core {
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]
-    use super::policies::{Mlp, Pd, Pid, Policy};
+    use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
+    #[pymodule_export]
+    use super::renderer::Renderer;
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]

@@ -17,7 +17,7 @@ use super::stability::warn;
 use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
 use crate::control;
 use crate::error::TaskError;
-use crate::scene::{INFO, Outcome, StartOverride, TaskOptions};
+use crate::scene::{INFO, Outcome, StartOverride, TaskOptions, truth_layout};
 
 const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
@@ -25,9 +25,9 @@ const MODES: [(&str, Autoreset); 3] =
 
 pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
 pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
-/// Instances, their last observations, their last measures (m, k).
-type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>);
-/// Observations, rewards, terminated, truncated, measures (m, N), ends of episodes.
+/// Instances, their last observations, their last measures (25, k), what these did not tell (k, m).
+type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>, Rows<'py, f64>);
+/// Observations, rewards, terminated, truncated, measures (25, N), ends of episodes.
 type StepResult<'py> =
     (Rows<'py, f32>, Row<'py, f64>, Row<'py, bool>, Row<'py, bool>, Rows<'py, f64>, Option<Finals<'py>>);
 
@@ -130,8 +130,19 @@ impl Task {
         self.batch.task().action_ranges().into_iter().map(|r| (r.name, r.limits, r.unit)).collect()
     }
 
+    /// What observations do not tell: true state, flow, parameters and target, (N, m).
+    fn privileged<'py>(&self, py: Python<'py>) -> PyResult<Rows<'py, f64>> {
+        rows(py, self.batch.truth(), self.batch.instances())
+    }
+
+    /// Names and lengths of the parts of a row of `privileged`.
+    #[getter]
+    fn privileged_layout(&self) -> Vec<(&'static str, usize)> {
+        truth_layout(self.batch.task().joint_count()).into()
+    }
+
     /// Starts episodes: of all instances, or of those that `mask` picks. Keywords give what is not to be drawn, (N, .).
-    /// Returns observations (N, d) and measures (m, N).
+    /// Returns observations (N, d) and measures (25, N).
     #[pyo3(signature = (seeds, mask=None, **given))]
     fn reset<'py>(
         &mut self,
@@ -174,7 +185,8 @@ impl Task {
             let instances: Array1<i64> = finals.iter().map(|end| end.instance as i64).collect();
             let last: Vec<f32> = finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
             let info = Array2::from_shape_fn((INFO, finals.len()), |(k, i)| finals[i].info[k]);
-            Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py)))
+            let truth = rows(py, finals.iter().flat_map(|end| end.truth.iter().copied()).collect(), finals.len())?;
+            Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py), truth))
         };
         Ok((observations, rewards, terminated, truncated, info, finals))
     }

@@ -4,7 +4,9 @@ use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6}
 
 use super::disturbance::{Column, Disturbance};
 use super::episode::Episode;
-use super::options::StartOverride;
+use super::observation::joint_bounds;
+use super::options::{Goal, StartOverride};
+use super::path::{PATH, draw_path};
 use super::pose::Pose;
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::JointReference;
@@ -46,7 +48,7 @@ impl Task {
                 return Err(TaskError::Start { name, value: *value, allowed: "finite".into() });
             }
         }
-        for ((q, home), bound) in given.q.iter().flatten().zip(self.home()).zip(self.joint_bounds()) {
+        for ((q, home), bound) in given.q.iter().flatten().zip(self.home()).zip(joint_bounds(self.layout())) {
             if (q - home).abs() > bound {
                 let allowed = format!("within {bound} of home ({home}), beyond which it is not observed");
                 return Err(TaskError::Start { name: "q", value: *q, allowed });
@@ -71,12 +73,6 @@ impl Task {
         }
     }
 
-    /// Greatest observed distance of each joint coordinate from home.
-    fn joint_bounds(&self) -> impl Iterator<Item = f64> {
-        let block = self.layout().block("joint_position");
-        block.into_iter().flat_map(|b| b.bound.iter().zip(&b.scale).map(|(bound, scale)| bound * scale))
-    }
-
     fn start(&self, key: EpisodeKey, given: &StartOverride) -> (Episode, State) {
         let options = &self.options;
         let turn = |vector: Vector3<f64>| Rotation3::from_scaled_axis(vector).into_inner();
@@ -96,8 +92,8 @@ impl Task {
 
         let draw = Stream::new(key, Purpose::Current);
         let current = given.current.map(Vector3::from).unwrap_or_else(|| {
-            let steady = disturbance.current.as_ref();
-            steady.map_or(self.scene_current, |steady| self.scene_current + steady.draw(&draw, self.site()))
+            let (own, steady) = (self.scene.water.current, disturbance.current.as_ref());
+            steady.map_or(own, |steady| own + steady.draw(&draw, self.site()))
         });
 
         let draw = Stream::new(key, Purpose::Start);
@@ -120,7 +116,13 @@ impl Task {
         let (rows, period) = (episode.rows, options.control_period());
         let mut memory = episode.memory();
         memory.set_all::<f64, 3>(rows.current, &current.into());
-        for (i, joint) in self.joints.iter().enumerate() {
+        if options.task == Goal::Track {
+            let start = self.end_effector(&target, self.home());
+            let path = draw_path(options, &start, &up, period, &draw);
+            memory.set_all::<f64, PATH>(rows.path, &path);
+        }
+        let following = if options.task == Goal::Track { 0 } else { self.joints.len() };
+        for (i, joint) in self.joints.iter().take(following).enumerate() {
             let amplitude = options.arm_amplitude * arm.amplitude;
             let reference = JointReference::draw(joint, state.q[i], [amplitude, arm.speed], period, &draw, i as u32);
             memory.set_all(rows.reference + JointReference::<f64>::LEN * i, &reference.to_array());

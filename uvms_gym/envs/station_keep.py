@@ -5,7 +5,17 @@ from typing import Literal, Unpack
 from gymnasium.vector import AutoresetMode
 
 from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._base import INFO, Disturbance, Options, Randomize, RewardWeights, Scene, TaskEnv, TaskVectorEnv
+from uvms_gym.envs._base import (
+    INFO,
+    Disturbance,
+    Options,
+    Randomize,
+    RewardWeights,
+    Scene,
+    TaskEnv,
+    TaskVectorEnv,
+    Tolerance,
+)
 
 __all__ = ["INFO", "StationKeepEnv", "StationKeepVectorEnv"]
 
@@ -37,6 +47,8 @@ class StationKeepEnv(TaskEnv):
     | 5 | yaw | -60 | 60 | N m |
 
     With `action="thrusters"` each entry is a thruster's thrust over its limit on that side, in the order of the scene.
+    With `action="residual"` it is a correction to the action of the paper's PD (`uvms_gym.PD` on the same observation,
+    with the scene's gains) for `action="wrench"`, over `residual` of the limits; the sum is clipped to the limits.
 
     ## Observation Space
     A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to a bound that a run does not
@@ -104,13 +116,16 @@ class StationKeepEnv(TaskEnv):
     `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) and the same of the end
     effector against where target and arm reference would have it; `effort` (mean of |u|^1.5) and `saturation`; their
     root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`,
-    `current_z` (m/s, world); the reward's terms `reward_pose`, `reward_effort`, `reward_rate`; and, over the period
-    that passed, `disturbance_force` (N, of pushes, tether and script), `payload` (kg) and `thruster_gain` (that of the
-    weakest). None but the reward's terms depends on its weights.
+    `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`. None but these
+    three depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
+    `mean_success` its mean; `recovery_time` is for how long they were not, s: since they last left it, up to now or to
+    when they came back (from the episode's start, if they were outside then). `diverged` is 1 where the run has
+    diverged, else 0. Over the period that passed, `disturbance_force` is that of pushes, tether and script (N),
+    `payload` what is held (kg), and `thruster_gain` what is left of the weakest thruster's thrust.
 
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
-    - `action` (`"wrench"`): `"wrench"` or `"thrusters"`.
+    - `action` (`"wrench"`): `"wrench"`, `"thrusters"` or `"residual"`.
     - `dt` (0.01), `substeps` (5): physics step, s, and steps per control period. At 0.01 s the end effector errs by
       1e-9 to 3e-9 m (f64; 1e-6 to 7e-6 m in f32) after 10 s of driven motion, in the median (`uvms accuracy`). A `dt`
       that is too large for the scene is warned of by `uvms_gym.StepWarning`, once, at the first `step`.
@@ -126,6 +141,11 @@ class StationKeepEnv(TaskEnv):
       share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass, which it goes with, so
       that what floats still does) and `payload` (kg). `False` takes away what the disturbance has of it.
     - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02) and `rate` (0.1).
+    - `tolerance` (None): a dict with any of `position` (0.05 m) and `attitude` (0.1 rad); the reward does not know it.
+    - `residual` (0.3): greatest correction of `action="residual"`, over the actuators' limits.
+    - `privileged` (False): whether `info["privileged"]` has the true state, current, parameters and target, (m,), for
+      asymmetric critics: parts by the names and lengths in `env.unwrapped.privileged_layout`, SI units, world axes but
+      for the twist.
     - `threads` (None): most threads; one instance never uses more than one.
     - `render_mode` (None): there is nothing to render with.
 
@@ -152,7 +172,7 @@ class StationKeepEnv(TaskEnv):
     def __init__(
         self,
         scene: Scene = "petasus-pum",
-        action: Literal["wrench", "thrusters"] = "wrench",
+        action: Literal["wrench", "thrusters", "residual"] = "wrench",
         dt: float = 0.01,
         substeps: int = 5,
         integrator: str = "mk4",
@@ -166,6 +186,9 @@ class StationKeepEnv(TaskEnv):
         disturbance: Disturbance | None = None,
         randomize: Randomize | None = None,
         reward: RewardWeights | None = None,
+        tolerance: Tolerance | None = None,
+        residual: float = 0.3,
+        privileged: bool = False,
         threads: int | None = None,
         render_mode: str | None = None,
     ) -> None:
@@ -185,6 +208,9 @@ class StationKeepEnv(TaskEnv):
             "disturbance": disturbance,
             "randomize": randomize,
             "reward": reward,
+            "tolerance": tolerance,
+            "residual": residual,
+            "privileged": privileged,
             "threads": threads,
         }
         super().__init__(options, render_mode)

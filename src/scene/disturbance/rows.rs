@@ -48,7 +48,7 @@ impl DisturbanceRows {
             end += count;
             end - count
         };
-        let measured = MEASURED_OF_VEHICLE + 2 * site.joints;
+        let measured = MEASURED_OF_VEHICLE + 2 * site.joints + if site.tilt { 3 } else { 0 };
         let periods = disturbance.delay.as_ref().map_or(0, |delay| delay.in_periods(site.period));
         let mut rows = Self {
             clock: take(1),

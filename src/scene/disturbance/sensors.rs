@@ -12,8 +12,8 @@ use crate::system::JOINTS;
 
 /// Numbers that are measured of a vehicle without joints: errors of position and attitude, twist.
 pub const MEASURED_OF_VEHICLE: usize = 12;
-/// Most numbers that are measured: those, then joint coordinates, then joint rates.
-pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS;
+/// Most numbers that are measured: those, then joint coordinates, joint rates, and the direction against gravity.
+pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 3;
 
 /// Noise of what is measured: white, with these standard deviations at every control instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,7 +65,8 @@ impl Noise {
         let vehicle = [self.position, self.attitude, self.linear_velocity, self.angular_velocity];
         let vehicle = vehicle.into_iter().flat_map(|deviation| [deviation; 3]);
         let joint = |deviation| std::iter::repeat_n(deviation, joints);
-        vehicle.chain(joint(self.joint_position)).chain(joint(self.joint_rate)).collect()
+        let tilt = std::iter::repeat_n(self.attitude, 3);
+        vehicle.chain(joint(self.joint_position)).chain(joint(self.joint_rate)).chain(tilt).collect()
     }
 }
 
@@ -126,7 +127,8 @@ impl SensorRows {
         joints: usize,
     ) {
         let Some([row, _]) = self.noise else { return };
-        let deviations = noise.map_or(vec![0.0; self.measured], |noise| noise.deviations(joints));
+        let mut deviations = noise.map_or(vec![0.0; self.measured], |noise| noise.deviations(joints));
+        deviations.truncate(self.measured);
         let share = noise.map_or(0.0, |noise| noise.bias);
         memory.set_all(row, deviations.iter().copied());
         let bias = deviations.iter().enumerate().map(|(k, deviation)| share * deviation * draw.normal(k as u32));

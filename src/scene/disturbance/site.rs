@@ -25,6 +25,8 @@ pub struct Site {
     pub thrusters: usize,
     /// Number of joints.
     pub joints: usize,
+    /// Whether the direction against gravity is measured too.
+    pub tilt: bool,
 }
 
 impl Site {
@@ -44,7 +46,13 @@ impl Site {
             level,
             thrusters: thrusters.len(),
             joints: scene.joints().count(),
+            tilt: false,
         }
+    }
+
+    /// Of a task whose observations show the direction against gravity, or not.
+    pub fn that_tracks(self, tilt: bool) -> Self {
+        Self { tilt, ..self }
     }
 
     /// A horizontal direction within an elevation (rad, either way), from two shares in [0, 1).

@@ -61,7 +61,7 @@ pub struct Weather<T> {
 /// What the first draws of a stream are kept from, so that those of control periods follow them.
 const FIRST: u32 = 16;
 /// Draws that the noise of a control instant may take.
-const NOISE: u32 = 8;
+const NOISE: u32 = 16;
 
 impl<T: Real> Weather<T> {
     /// In the precision of the lanes.
