@@ -146,65 +146,21 @@ pub(super) fn body_bias<L: Lane, P: Param<L>>(
     }
 }
 
-/// Places the links: their screws and gravity.
+/// Places the links: their screws.
 #[inline(always)]
-pub(super) fn place<L: Lane, P: Param<L>>(
-    joints: &[JointTerms<P>],
-    gravity: Vector3<L>,
-    q: &[L; JOINTS],
-    links: &mut [Link<L>],
-) {
-    let mut gravity = gravity;
+pub(super) fn place<L: Lane, P: Param<L>>(joints: &[JointTerms<P>], q: &[L; JOINTS], links: &mut [Link<L>]) {
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         let coordinate = joint.offset.get() + q[i];
         link.screw = match joint.constant {
             Constant::Shift(_) => sin_cos(coordinate).into(),
             Constant::Turn(..) => [coordinate; 2],
         };
-        gravity = link.screw(joint).rotate_back(Base::of(&joint.stand).rotate_back(gravity));
-        link.gravity = gravity;
     }
 }
 
-/// The part that depends on the configuration alone.
+/// Works out `V'`, V relative to the water, and `q''`; entries of `qdd` past the joint count are untouched.
 #[inline(always)]
-pub fn configure<L: Lane, P: Param<L>>(
-    system: &System<P>,
-    gravity: Vector3<L>,
-    q: &[L; JOINTS],
-    scratch: &mut Scratch<L>,
-) {
-    let joints = system.chain();
-    let links = &mut scratch.links[..joints.len()];
-    place(joints, gravity, q, links);
-    // Inertia of the links already done, as the body at hand feels it.
-    let mut carried = SpatialInertia::zero();
-    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
-        let own: SpatialInertia<L> = joint.body.inertia.get();
-        let inertia = own.plus(&carried);
-        let screw = link.screw(joint);
-        let felt = match joint.constant {
-            Constant::Shift(_) => {
-                (link.rest, link.share, link.over_d) = inertia.free_to_turn();
-                screw.turning_inertia_to_parent(&link.rest)
-            }
-            Constant::Turn(..) => {
-                (link.rest, link.share, link.over_d) = inertia.free_to_slide();
-                screw.inertia_to_parent(&link.rest)
-            }
-        };
-        carried = Base::of(&joint.stand).inertia(&felt);
-    }
-    if !system.fixed {
-        let own: SpatialInertia<L> = system.vehicle.inertia.get();
-        scratch.base.factor(&own.plus(&carried));
-    }
-}
-
-/// Accelerations in the configuration that was last handed to [`configure`]: `V'`, V relative to the water, and `q''`;
-/// entries of `qdd` past the joint count are untouched.
-#[inline(always)]
-pub fn respond<L: Lane, P: Param<L>>(
+pub fn accelerations<L: Lane, P: Param<L>>(
     system: &System<P>,
     at: &Instant<L>,
     loads: &Loads<L>,
@@ -216,39 +172,67 @@ pub fn respond<L: Lane, P: Param<L>>(
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
 
-    let mut moving = twist;
+    place(joints, q, links);
+    let (mut pull, mut moving) = (gravity, twist);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        pull = link.rotate_back(joint, pull);
         moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
         link.across = velocity_product(joint.slides(), moving, qd[i]);
-        body_bias(&joint.body, moving, link.gravity, &mut link.bias);
+        body_bias(&joint.body, moving, pull, &mut link.bias);
         if loads.on_links {
             link.bias = link.bias - loads.links[i];
         }
         link.torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
     }
 
-    // What the links already done ask of the body at hand.
-    let mut carried = Vector6::zero();
+    // Inertia of the links already done, as the body at hand feels it.
+    let mut carried = SpatialInertia::zero();
     for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
-        let bias = link.bias + carried;
-        let wrench = match joint.constant {
+        let own: SpatialInertia<L> = joint.body.inertia.get();
+        let inertia = own.plus(&carried);
+        let screw = link.screw(joint);
+        let felt = match joint.constant {
             Constant::Shift(_) => {
-                let u = link.torque - bias.angular.0[2];
-                let mut wrench = link.share.scale_add(u, bias);
-                // Nothing but its torque passes a joint along its axis.
-                wrench.angular.0[2] = link.torque;
-                link.torque = u * link.over_d;
-                link.rest.apply_across(link.across, wrench)
+                let (rest, share, over_d) = inertia.free_to_turn();
+                link.over_d = over_d;
+                link.share.linear = share.linear;
+                (link.share.angular.0[0], link.share.angular.0[1]) = (share.angular.0[0], share.angular.0[1]);
+                rest.apply_across(link.across, &mut link.bias);
+                screw.turning_inertia_to_parent(&rest)
             }
             Constant::Turn(..) => {
-                let u = link.torque - bias.linear.0[2];
-                let mut wrench = link.share.scale_add(u, bias);
-                wrench.linear.0[2] = link.torque;
-                link.torque = u * link.over_d;
-                link.rest.apply(whole(link.across)) + wrench
+                let rest;
+                (rest, link.share, link.over_d) = inertia.free_to_slide();
+                link.bias = rest.apply(whole(link.across)) + link.bias;
+                screw.inertia_to_parent(&rest)
             }
         };
-        carried = link.wrench_to_parent(joint, wrench);
+        carried = Base::of(&joint.stand).inertia(&felt);
+    }
+    if !system.fixed {
+        let own: SpatialInertia<L> = system.vehicle.inertia.get();
+        scratch.base.factor(&own.plus(&carried));
+    }
+
+    // What the links already done ask of the body at hand.
+    let mut asked = Vector6::zero();
+    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
+        let bias = link.bias + asked;
+        // Nothing but its torque passes a joint along its axis.
+        let wrench = if joint.slides() {
+            let u = link.torque - bias.linear.0[2];
+            let mut wrench = link.share.scale_add(u, bias);
+            wrench.linear.0[2] = link.torque;
+            link.torque = u * link.over_d;
+            wrench
+        } else {
+            let u = link.torque - bias.angular.0[2];
+            let mut wrench = link.share.scale_add(u, bias);
+            wrench.angular.0[2] = link.torque;
+            link.torque = u * link.over_d;
+            wrench
+        };
+        asked = link.wrench_to_parent(joint, wrench);
     }
 
     *twist_rate = if system.fixed {
@@ -256,7 +240,7 @@ pub fn respond<L: Lane, P: Param<L>>(
     } else {
         let mut bias = Vector6::zero();
         body_bias(&system.vehicle, twist, gravity, &mut bias);
-        scratch.base.solve(wrench - (bias + carried))
+        scratch.base.solve(wrench - (bias + asked))
     };
 
     let mut rate = *twist_rate;
@@ -279,20 +263,6 @@ pub fn respond<L: Lane, P: Param<L>>(
     }
 }
 
-/// Works out `V'` and `q''`: [`configure`], then [`respond`].
-#[inline(always)]
-pub fn accelerations<L: Lane, P: Param<L>>(
-    system: &System<P>,
-    at: &Instant<L>,
-    loads: &Loads<L>,
-    scratch: &mut Scratch<L>,
-    twist_rate: &mut Vector6<L>,
-    qdd: &mut [L; JOINTS],
-) {
-    configure(system, at.gravity, at.q, scratch);
-    respond(system, at, loads, scratch, twist_rate, qdd);
-}
-
 /// Twist of each link in its joint's frame, relative to what `twist` of the vehicle is relative to.
 #[inline(always)]
 pub fn link_twists<L: Lane, P: Param<L>>(
@@ -305,7 +275,7 @@ pub fn link_twists<L: Lane, P: Param<L>>(
 ) {
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
-    place(joints, Vector3::zero(), q, links);
+    place(joints, q, links);
     let mut twist = twist;
     for (i, ((joint, link), to)) in joints.iter().zip(links.iter()).zip(twists).enumerate() {
         twist = along(joint, link.twist_from_parent(joint, twist), qd[i]);
