@@ -356,7 +356,8 @@ impl<L: Lane> Factored<L> {
         }
         for k in (0..6).rev() {
             x[k] = x[k] * self.over_d[k];
-            for i in k + 1..6 {
+            // The latest last: it is waited for.
+            for i in (k + 1..6).rev() {
                 x[k] = self.l[i][k].neg_mul_add(x[i], x[k]);
             }
         }

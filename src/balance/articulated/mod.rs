@@ -250,14 +250,11 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         let (v, w) = (&mut rate.linear.0, &mut rate.angular.0);
         (v[0], v[1], w[0], w[1]) = (v[0] + vx, v[1] + vy, w[0] + wx, w[1] + wy);
         let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
-        // In two sums, as the joints wait for each other here. What a link does along its joint is `(u - U^T ...) / D`,
-        // whatever its parent does there.
-        let rest = sy.neg_mul_add(v[1], sx.neg_mul_add(v[0], link.torque)) - ty.mul_add(w[1], tx * w[0]);
-        let (moved, does) = if joint.slides() {
-            (&mut v[2], tz.neg_mul_add(w[2], rest))
-        } else {
-            (&mut w[2], sz.neg_mul_add(v[2], rest))
-        };
+        // What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there. In two sums, and first what
+        // the joint does not turn, as the joints wait for each other here.
+        let first = if joint.slides() { tz.neg_mul_add(w[2], link.torque) } else { sz.neg_mul_add(v[2], link.torque) };
+        let does = tx.neg_mul_add(w[0], sx.neg_mul_add(v[0], first)) - ty.mul_add(w[1], sy * v[1]);
+        let moved = if joint.slides() { &mut v[2] } else { &mut w[2] };
         *qdd = does - *moved;
         *moved = does;
     }
