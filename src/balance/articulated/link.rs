@@ -19,9 +19,9 @@ pub(crate) struct Link<L> {
     pub twist: Vector6<L>,
     /// c, without the entries that vanish.
     pub across: [L; 4],
-    /// p without what the links further out ask for.
+    /// p without what the links further out ask for, later with `(A - U U^T / D) c`.
     pub bias: Vector6<L>,
-    /// Joint torque, later `u / D`.
+    /// `u / D`.
     pub torque: L,
 }
 

@@ -182,7 +182,6 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         if loads.on_links {
             link.bias = link.bias - loads.links[i];
         }
-        link.torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
     }
 
     // Inertia of the links already done, as the body at hand feels it.
@@ -216,20 +215,21 @@ pub fn accelerations<L: Lane, P: Param<L>>(
 
     // What the links already done ask of the body at hand.
     let mut asked = Vector6::zero();
-    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
+        let torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
         let bias = link.bias + asked;
         // Nothing but its torque passes a joint along its axis.
         let wrench = if joint.slides() {
-            let u = link.torque - bias.linear.0[2];
-            let mut wrench = link.share.scale_add(u, bias);
-            wrench.linear.0[2] = link.torque;
+            let u = torque - bias.linear.0[2];
             link.torque = u * link.over_d;
+            let mut wrench = link.share.scale_add(u, bias);
+            wrench.linear.0[2] = torque;
             wrench
         } else {
-            let u = link.torque - bias.angular.0[2];
-            let mut wrench = link.share.scale_add(u, bias);
-            wrench.angular.0[2] = link.torque;
+            let u = torque - bias.angular.0[2];
             link.torque = u * link.over_d;
+            let mut wrench = link.share.scale_add(u, bias);
+            wrench.angular.0[2] = torque;
             wrench
         };
         asked = link.wrench_to_parent(joint, wrench);
