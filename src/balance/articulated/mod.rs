@@ -6,14 +6,16 @@
 //! place of g, in weight as in buoyancy.
 //!
 //! ```text
-//! configure   inward    U = A E,  D = E^T U,   A_p += Ad^-T (A - U U^T / D) Ad^-1
-//! respond     outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
-//!             inward    u = tau - E^T p,   p_p += Ad^-T (p + (A - U U^T / D) c + U u / D)
-//!             base      A_0 V_0' = -p_0
-//!             outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
+//! outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
+//! inward    U = A E,   D = E^T U,   R = A - U U^T / D,   p_i += R c,   A_p += Ad^-T R Ad^-1
+//! inward    u = tau - E^T p,   p_p += Ad^-T (p + U u / D)
+//! base      A_0 V_0' = -p_0
+//! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 //!
-//! What depends on the configuration alone is a pass of its own.
+//! R c has no part along the joint, so that u does not tell when it was added. It is added while R is at hand, which spares
+//! R the way through memory; inertias and wrenches go inward one after the other, as both at once would not fit in
+//! registers.
 
 mod link;
 
