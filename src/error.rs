@@ -494,3 +494,28 @@ pub enum PolicyError {
     #[error(transparent)]
     Lanes(#[from] crate::lane::UnknownIsa),
 }
+
+/// A renderer that cannot be.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// A picture that is too large, or has no pixels.
+    #[error("{what} is {got}, but must be 1 to {most}")]
+    Size {
+        /// Width or height.
+        what: &'static str,
+        /// As given.
+        got: usize,
+        /// Most that there may be.
+        most: usize,
+    },
+    /// A setting that is out of range or not finite.
+    #[error("{what} is {value}, but must be {rule}")]
+    Setting {
+        /// Name of the setting.
+        what: &'static str,
+        /// As given.
+        value: f64,
+        /// What it should be.
+        rule: &'static str,
+    },
+}

@@ -3,6 +3,7 @@
 mod blocks;
 mod columns;
 mod dynamics;
+mod fill;
 mod inputs;
 mod lagged;
 mod layout;

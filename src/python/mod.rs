@@ -9,6 +9,7 @@ mod model;
 mod motion;
 mod parameters;
 mod policies;
+mod renderer;
 mod rollout;
 mod scene;
 mod simulator;
@@ -27,6 +28,8 @@ mod core {
     use super::integrators::integrators;
     #[pymodule_export]
     use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
+    #[pymodule_export]
+    use super::renderer::Renderer;
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]
