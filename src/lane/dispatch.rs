@@ -188,9 +188,7 @@ macro_rules! real {
     };
 }
 struct Nothing;
-impl<T: Real> Kernel<T> for Nothing {
-    fn run<L: Lane<Real = T>>(&mut self) {}
-}
+impl<T: Real> Kernel<T> for Nothing { fn run<L: Lane<Real = T>>(&mut self) {} }
 mod double {
     use super::*;
     real!(f64, 8, false, F64x8, F64x4, F64x2);
