@@ -118,7 +118,7 @@ impl Task {
         memory.set_all::<f64, 3>(rows.current, &current.into());
         if options.task == Goal::Track {
             let start = self.end_effector(&target, self.home());
-            let path = draw_path(options, &start, &up, period, &draw);
+            let path = draw_path(options, &start, &up, self.tilt, period, &draw);
             memory.set_all::<f64, PATH>(rows.path, &path);
         }
         let following = if options.task == Goal::Track { 0 } else { self.joints.len() };
