@@ -32,8 +32,8 @@ const FARTHEST: u32 = 1_000_000;
 
 #[pymethods]
 impl Task {
-    /// What disturbances will come to in the next `steps` control periods of instance `i`, for a vehicle that stays at rest at
-    /// the target: time (T,), current and acceleration (T, 3), wrench (T, 6), gains (T, thrusters) and payload (T,).
+    /// What disturbances will come to in the next `steps` control periods of instance `i`, for a vehicle that stays where it
+    /// is: time (T,), current and acceleration (T, 3), wrench (T, 6), gains (T, thrusters) and payload (T,).
     fn disturbance<'py>(&self, py: Python<'py>, i: usize, steps: u32) -> PyResult<Bound<'py, PyDict>> {
         let instances = self.batch.instances();
         if i >= instances {

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uvms_gym
+from uvms_gym.envs.ee_track import EETrackEnv, EETrackVectorEnv
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
 
 ENV = "UVMS-StationKeep-v0"
@@ -54,6 +55,24 @@ def test_an_instance_is_the_same_in_any_company(disturbance, dtype):
         if k < 130:
             alone = lone.step(actions[2])
             assert same(alone[0], some[0][2]) and alone[1] == some[1][2], k
+
+
+@pytest.mark.parametrize("disturbance", ["storm-hard", {"delay": 0.1}, {"noise": {"bias": 1}}])
+@pytest.mark.parametrize("mode", ["next_step", "same_step"])
+def test_trackers_are_disturbed_alike(disturbance, mode):
+    make = {"scene": ARM, "disturbance": disturbance}
+    envs = EETrackVectorEnv(3, max_episode_steps=25, autoreset_mode=mode.title().replace("_", ""), **make)
+    ones = gym.vector.SyncVectorEnv(
+        [lambda: gym.wrappers.TimeLimit(EETrackEnv(**make), 25)] * 3,
+        autoreset_mode=gym.vector.AutoresetMode(envs.metadata["autoreset_mode"]),
+    )
+    assert same(envs.reset(seed=2)[0], ones.reset(seed=2)[0])
+    draw = np.random.default_rng(0)
+    for k in range(60):
+        actions = draw.uniform(-0.3, 0.3, envs.action_space.shape).astype(np.float32)
+        got, expected = envs.step(actions), ones.step(actions)
+        assert all(same(a, b) for a, b in zip(got[:4], expected[:4], strict=True)), k
+        assert (np.abs(got[0]) <= envs.single_observation_space.high).all()
 
 
 @pytest.mark.parametrize("disturbance", ["storm", ALL], ids=["storm", "all"])
@@ -287,3 +306,13 @@ def test_pd_holds_station_in_calm_water_and_visibly_less_in_a_storm(scene):
         assert not tally.terminated.any(), level
         errors[level] = float(np.median(np.sqrt(tally.squares["position_error"] / tally.steps)))
     assert errors["storm"] > 1.5 * errors["calm"]
+
+
+def test_command_draws_what_it_lists(tmp_path, capsys):
+    from uvms_gym.cli.app import run
+
+    assert run(["disturbances", "storm", "--out", str(tmp_path), "--seconds", "5", "--scene", SMALL]) == 0
+    assert (tmp_path / "storm.png").stat().st_size > 10_000
+    assert "payload" in capsys.readouterr().out
+    assert run(["disturbances", "hurricane", "--out", str(tmp_path)]) == 2
+    assert "thruster-loss" in capsys.readouterr().err

@@ -105,7 +105,7 @@ fn val_wandering_current_has_the_moments_of_its_process() {
     let (deviation, time) = (0.08, 0.5);
     let disturbance = read(json!({ "drift": { "deviation": deviation, "time": time, "vertical": 0.5 } }));
     let mut run = Run::new(&disturbance, 3);
-    let steps = 40_000;
+    let steps = 20_000;
     let lag = 10;
     let series: Vec<[f64; 3]> = (0..steps).map(|_| run.next().velocity.0).collect();
     let keep = (-PERIOD * lag as f64 / time).exp();
@@ -114,9 +114,9 @@ fn val_wandering_current_has_the_moments_of_its_process() {
         let x: Vec<f64> = series.iter().map(|v| v[axis] / expected).collect();
         let mean = |of: &dyn Fn(usize) -> f64, n: usize| (0..n).map(of).sum::<f64>() / n as f64;
         // A tenth of the samples or so are independent: five deviations of each estimate.
-        assert!(mean(&|k| x[k], steps).abs() < 0.12, "{axis}");
-        assert!((mean(&|k| x[k] * x[k], steps) - 1.0).abs() < 0.12, "{axis}");
-        assert!((mean(&|k| x[k] * x[k + lag], steps - lag) - keep).abs() < 0.12, "{axis}");
+        assert!(mean(&|k| x[k], steps).abs() < 0.16, "{axis}");
+        assert!((mean(&|k| x[k] * x[k], steps) - 1.0).abs() < 0.16, "{axis}");
+        assert!((mean(&|k| x[k] * x[k + lag], steps - lag) - keep).abs() < 0.16, "{axis}");
     }
     // Over episodes, the first sample is as any other.
     let first = |seed| Run::new(&disturbance, seed).force().velocity.0[0] / deviation;
@@ -331,7 +331,7 @@ fn noise_has_its_deviation_and_a_bias_stays() {
     let noise = json!({ "position": 0.01, "attitude": 0.02, "joint_rate": 0.5, "bias": 2.0 });
     let mut run = Run::new(&read(json!({ "noise": noise })), 1);
     let measured = run.weather.sensors().unwrap().measured;
-    let n = 20_000;
+    let n = 10_000;
     let (mut sum, mut squares, mut product) = ([0.0; MEASURED], [0.0; MEASURED], 0.0);
     for _ in 0..n {
         run.stir();
@@ -345,11 +345,11 @@ fn noise_has_its_deviation_and_a_bias_stays() {
     }
     for (k, deviation) in [(0, 0.01), (1, 0.01), (2, 0.01), (3, 0.02), (measured - 1, 0.5)] {
         let spread = (squares[k] - sum[k] * sum[k]).sqrt();
-        assert!((spread / deviation - 1.0).abs() < 0.03, "{k}: {spread}");
+        assert!((spread / deviation - 1.0).abs() < 0.04, "{k}: {spread}");
         assert!(sum[k] != 0.0 && sum[k].abs() < 10.0 * deviation);
     }
     // Independent of each other.
-    assert!((product - sum[0] * sum[1]).abs() < 5.0 * 0.01 * 0.01 / f64::from(n).sqrt());
+    assert!((product - sum[0] * sum[1]).abs() < 5.0 * 0.01 * 0.01 / (n as f64).sqrt());
     // Biases differ from episode to episode, with twice the deviation.
     let bias = |seed| {
         let mut run = Run::new(&read(json!({ "noise": { "position": 0.0, "attitude": 0.1, "bias": 10 } })), seed);
@@ -389,10 +389,11 @@ fn parameters_keep_what_floats_afloat() {
     }
     seen.sort_by(f64::total_cmp);
     assert!(seen[0] < 0.72 && seen[199] > 1.28 && (seen[100] - 1.0).abs() < 0.1);
-    let all = Disturbance::default().with_parameters("true").unwrap().factors(key(1)).to_array();
+    let all = read(json!({ "parameters": true })).factors(key(1)).to_array();
     assert!(all.iter().filter(|x| **x != 1.0 && **x != 0.0).count() == 6, "{all:?}");
-    assert_eq!(read(json!("storm")).with_parameters("false").unwrap().parameters, None);
-    let wrong = Disturbance::default().with_parameters(r#"{"mas": 0.1}"#).unwrap_err().to_string();
+    let none: Parameters = serde_json::from_value(json!(false)).unwrap();
+    assert_eq!(none.any(), None);
+    let wrong = refusal(json!({ "parameters": { "mas": 0.1 } }));
     assert!(wrong.contains("mas") && wrong.contains("added_mass"), "{wrong}");
 }
 
