@@ -22,7 +22,6 @@ __all__ = [
     "disturbances",
     "integrators",
     "load_scene",
-    "read_disturbance",
     "scenes",
 ]
 
@@ -66,9 +65,6 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 
 def disturbances() -> list[tuple[str, str, str]]:
     """Levels of disturbances: name, a sentence for people, and the components as JSON."""
-
-def read_disturbance(json: str) -> str:
-    """A disturbance, checked and with its defaults filled in, as JSON."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
