@@ -386,7 +386,7 @@ class Task:
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (22, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (23, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -403,8 +403,8 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (22, N), and of episodes that ended and were
-        replaced the instances, last observations, last measures (22, k) and what these did not tell (k, m).
+        Gives observations, rewards, terminated, truncated, measures (23, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (23, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -476,17 +476,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (22, N)."""
+        """Sums of the measures, (23, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (22, N)."""
+        """Sums of their squares, (23, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 22).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 23).
         """
 
     def count_anew(self) -> None:

@@ -13,6 +13,8 @@ pub struct RewardTerms {
     pub effort: f64,
     /// Change of the action.
     pub rate: f64,
+    /// Divergence.
+    pub diverged: f64,
 }
 
 /// Measures at a control instant, and their running means over the episode's instants so far (the start excluded).
@@ -60,7 +62,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 22] = [
+    pub const INFO: [&'static str; 23] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -83,6 +85,7 @@ impl Outcome {
         "mean_success",
         "recovery_time",
         "diverged",
+        "reward_diverged",
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
@@ -102,7 +105,8 @@ impl Outcome {
         info[12..15].copy_from_slice(m.current.as_slice());
         info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
         let flag = |yes: bool| f64::from(u8::from(yes));
-        info[18..].copy_from_slice(&[flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged)]);
+        let last = [flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged), t.diverged];
+        info[18..].copy_from_slice(&last);
         info
     }
 }
@@ -123,7 +127,7 @@ impl From<&Judgement<f64>> for Outcome {
             mean_success: info[19],
             recovery_time: info[20],
         };
-        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
+        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17], diverged: info[22] };
         let diverged = !judgement.sound;
         Self { reward: judgement.reward, terms, terminated: diverged, diverged, metrics }
     }
