@@ -394,7 +394,7 @@ class Task:
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (25, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (k, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -411,8 +411,8 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (25, N), and of episodes that ended and were
-        replaced the instances, last observations, last measures (25, k) and what these did not tell (k, m).
+        Gives observations, rewards, terminated, truncated, measures (k, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (k, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -491,17 +491,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (25, N)."""
+        """Sums of the measures, (k, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (25, N)."""
+        """Sums of their squares, (k, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 25).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, k).
         """
 
     def count_anew(self) -> None:

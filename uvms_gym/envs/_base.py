@@ -54,6 +54,7 @@ class RewardWeights(TypedDict, total=False):
     pose: float
     effort: float
     rate: float
+    diverged: float
 
 
 class Tolerance(TypedDict, total=False):
@@ -132,11 +133,19 @@ DEFAULTS: dict[str, Options] = {
         "preview": None,
     },
 }
-REWARD: RewardWeights = {"pose": 0.1, "effort": 0.02, "rate": 0.1}
+#: Weights of each task's reward.
+REWARD: dict[str, RewardWeights] = {
+    "station-keep": {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 0.0},
+    "ee-track": {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 100.0},
+}
 TOLERANCE: Tolerance = {"position": 0.05, "attitude": 0.1}
 PREVIEW: Preview = {"points": 3, "spacing": 0.2}
 #: Arguments that are dicts, and the defaults of what these hold.
-_GROUPS: dict[str, Mapping[str, Any]] = {"reward": REWARD, "tolerance": TOLERANCE, "preview": PREVIEW}
+_GROUPS: dict[str, Mapping[str, Any]] = {
+    "reward": REWARD["station-keep"],
+    "tolerance": TOLERANCE,
+    "preview": PREVIEW,
+}
 #: Those that are not the task's own business.
 _PHYSICS = ("integrator", "dtype", "threads")
 #: Greatest count that is handed on.
@@ -171,6 +180,7 @@ def native(
         del given["randomize"]
     elif isinstance(given["randomize"], Mapping):
         given["randomize"] = {name: span for name, span in given["randomize"].items() if span is not None}
+    given["reward"] = {**REWARD[task], **given["reward"]}
     scene, physics = given.pop("scene"), {name: given.pop(name) for name in _PHYSICS}
     del given["privileged"]
     return Task(
