@@ -41,12 +41,27 @@ impl Isa {
 
     /// The widest available, or the one that the environment variable `UVMS_LANES` names.
     pub fn best() -> Result<Isa, UnknownIsa> {
-        static BEST: OnceLock<Result<Isa, UnknownIsa>> = OnceLock::new();
-        BEST.get_or_init(|| match std::env::var(FORCE) {
-            Ok(name) => Isa::available().find(|isa| isa.name() == name).ok_or(UnknownIsa(name)),
-            Err(_) => Ok(Isa::available().next().unwrap_or(Isa::Plain)),
-        })
-        .clone()
+        Ok(Isa::chosen()?.0)
+    }
+
+    /// The best for a number of instances: what one alone does in wide lanes takes longer, and has the same result.
+    pub fn best_for(instances: usize) -> Result<Isa, UnknownIsa> {
+        let (best, forced) = Isa::chosen()?;
+        Ok(if instances == 1 && !forced && Isa::Fma.detected() { Isa::Fma } else { best })
+    }
+
+    /// The best, and whether it is forced.
+    fn chosen() -> Result<(Isa, bool), UnknownIsa> {
+        static CHOSEN: OnceLock<Result<(Isa, bool), UnknownIsa>> = OnceLock::new();
+        CHOSEN
+            .get_or_init(|| match std::env::var(FORCE) {
+                Ok(name) => match Isa::available().find(|isa| isa.name() == name) {
+                    Some(isa) => Ok((isa, true)),
+                    None => Err(UnknownIsa(name)),
+                },
+                Err(_) => Ok((Isa::available().next().unwrap_or(Isa::Plain), false)),
+            })
+            .clone()
     }
 
     /// Name as in `UVMS_LANES`.
@@ -143,13 +158,8 @@ macro_rules! real {
                 fn plain<K: Kernel<$real>>(kernel: &mut K) {
                     kernel.run::<Unfused<$real>>();
                 }
-                // SAFETY: each branch is taken only where its features have been detected.
-                match isa {
-                    Isa::Avx512 if isa.detected() => unsafe { avx512(kernel) },
-                    Isa::Avx2 if isa.detected() => unsafe { avx2(kernel) },
-                    Isa::Fma if isa.detected() => unsafe { fma(kernel) },
-                    _ => plain(kernel),
-                }
+                let _ = (isa, avx2::<Nothing>, fma::<Nothing>, plain::<Nothing>);
+                unsafe { avx512(kernel) }
             }
 
             #[cfg(not(target_arch = "x86_64"))]
@@ -177,6 +187,8 @@ macro_rules! real {
         }
     };
 }
+struct Nothing;
+impl<T: Real> Kernel<T> for Nothing { fn run<L: Lane<Real = T>>(&mut self) {} }
 mod double {
     use super::*;
     real!(f64, 8, false, F64x8, F64x4, F64x2);
