@@ -22,8 +22,9 @@ use crate::system::{EndEffector, JOINTS, Joints, State};
 /// Control periods after which an episode is usually cut off: 20 s.
 pub const DEFAULT_HORIZON: u32 = 400;
 
-/// Acceleration of a joint for which an action of 1 is enough, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2).
-const ACCELERATION: f64 = 10.0;
+/// Accelerations of a joint for which an action of 1 is enough, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2): where
+/// nothing else is held, and where all else is.
+const ACCELERATION: [f64; 2] = [10.0, 2.0];
 /// Poses at which the arm's weight and inertia are looked at.
 const POSES: u32 = 64;
 
@@ -298,14 +299,15 @@ impl Task {
 }
 
 /// Torque that an action of 1 stands for at each joint, N m or N: the joint's effort or, where that is less, twice what
-/// holds the arm in any pose, with what friction takes at 1 rad/s and an acceleration of [`ACCELERATION`]. So a light
-/// joint does not fly apart within a control period.
+/// holds the arm in any pose, with what friction takes at 1 rad/s and the [`ACCELERATION`]s. So a light joint does not fly
+/// apart within a control period.
 fn greatest_torques(scene: &Scene, joints: &[Joint], up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
     let refuse = |reason: String| TaskError::Scene { scene: scene.name.clone(), reason };
     let balance = Balance::new(scene).map_err(|error| refuse(error.to_string()))?;
     let draw = Stream::new(EpisodeKey::default(), Purpose::Start);
     let mut holding = vec![0.0f64; joints.len()];
     let mut mobility = vec![0.0f64; joints.len()];
+    let mut inertia = vec![0.0f64; joints.len()];
     for pose in 0..POSES {
         let index = 16 * pose;
         let tilt = Rotation3::rotation_between(up, &(up + draw.unit_vector(index) * 0.5)).unwrap_or_default();
@@ -315,9 +317,11 @@ fn greatest_torques(scene: &Scene, joints: &[Joint], up: &Vector3<f64>) -> Resul
             state.q[k] = draw.uniform_in(index + 1 + k as u32, lower, upper);
         }
         let effort = balance.trim(&state, Vector3::zeros()).map_err(|error| refuse(error.to_string()))?;
-        let inverse = balance.at(&state, Vector3::zeros()).mass_matrix().clone().cholesky().map(|m| m.inverse());
+        let mass = balance.at(&state, Vector3::zeros()).mass_matrix().clone();
+        let inverse = mass.clone().cholesky().map(|m| m.inverse());
         for k in 0..joints.len() {
             holding[k] = holding[k].max(effort.joint_torques[k].abs());
+            inertia[k] = inertia[k].max(mass[(6 + k, 6 + k)]);
             mobility[k] = mobility[k].max(inverse.as_ref().map_or(0.0, |m| m[(6 + k, 6 + k)]));
         }
     }
@@ -327,7 +331,8 @@ fn greatest_torques(scene: &Scene, joints: &[Joint], up: &Vector3<f64>) -> Resul
             JointKind::Prismatic => METRES_PER_RADIAN,
         };
         let friction = joint.friction.viscous * unit + joint.friction.coulomb;
-        let enough = 2.0 * holding[k] + friction + ACCELERATION * unit / mobility[k];
+        let [free, held] = ACCELERATION.map(|acceleration| acceleration * unit);
+        let enough = 2.0 * holding[k] + friction + (free / mobility[k]).max(held * inertia[k]);
         joint.effort.map_or(enough, |effort| effort.min(enough))
     };
     Ok(joints.iter().enumerate().map(torque).collect())
