@@ -449,6 +449,9 @@ pub enum TaskError {
     /// A start override that is no start.
     #[error("start {name} = {value}: must be {allowed}")]
     Start { name: &'static str, value: f64, allowed: String },
+    /// A disturbance that is none: where, and why.
+    #[error("{key}: {reason}")]
+    Disturbance { key: String, reason: String },
     /// An action that is no number; out of range is clipped instead.
     #[error("action {index} of instance {instance} is {value}: must be finite")]
     Action { instance: usize, index: usize, value: f32 },

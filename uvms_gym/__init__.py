@@ -5,6 +5,7 @@ Importing it registers the environments with Gymnasium.
 
 from uvms_gym._core import SceneError, Simulator, StepWarning, __version__, integrators, load_scene, scenes
 from uvms_gym.controllers import MLP, PD, PID, ResolvedMotion
+from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
 from uvms_gym.rollouts import Rollout
 
@@ -18,6 +19,7 @@ __all__ = [
     "Simulator",
     "StepWarning",
     "__version__",
+    "disturbances",
     "integrators",
     "load_scene",
     "scenes",

@@ -19,8 +19,10 @@ __all__ = [
     "StepWarning",
     "Task",
     "__version__",
+    "disturbances",
     "integrators",
     "load_scene",
+    "read_disturbance",
     "scenes",
 ]
 
@@ -61,6 +63,12 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 
     Raises SceneError, whose message names file, key and value.
     """
+
+def disturbances() -> list[tuple[str, str, str]]:
+    """Levels of disturbances: name, a sentence for people, and the components as JSON."""
+
+def read_disturbance(json: str) -> str:
+    """A disturbance, checked and with its defaults filled in, as JSON."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
@@ -386,7 +394,7 @@ class Task:
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (22, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (25, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -403,8 +411,8 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (22, N), and of episodes that ended and were
-        replaced the instances, last observations, last measures (22, k) and what these did not tell (k, m).
+        Gives observations, rewards, terminated, truncated, measures (25, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (25, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -418,6 +426,13 @@ class Task:
 
         seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
         (N, 3), joint_reference and joint_reference_rate (N, n) where joints follow one.
+        """
+
+    def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
+        """What disturbances will come to in the next `steps` control periods of instance `i`.
+
+        For a vehicle that stays where it is: time (T,), current and acceleration (T, 3), wrench (T, 6), gains
+        (T, thrusters) and payload (T,).
         """
 
     def rest(self) -> Policy:
@@ -476,17 +491,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (22, N)."""
+        """Sums of the measures, (25, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (22, N)."""
+        """Sums of their squares, (25, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 22).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 25).
         """
 
     def count_anew(self) -> None:

@@ -20,7 +20,8 @@ impl Caustics {
     pub fn new() -> Self {
         let wave = |turns: f64| sin_cos(std::f64::consts::TAU * turns).0;
         let web = |u: f64, v: f64| {
-            let (x, y) = (u + 0.11 * wave(v + 0.3) + 0.04 * wave(2.0 * v - u), v + 0.12 * wave(u) + 0.04 * wave(u + 2.0 * v));
+            let (x, y) =
+                (u + 0.11 * wave(v + 0.3) + 0.04 * wave(2.0 * v - u), v + 0.12 * wave(u) + 0.04 * wave(u + 2.0 * v));
             let ridge = |turns: f64| 1.0 - wave(turns).abs();
             let a = ridge(x + 0.5 * wave(y) * 0.2);
             let b = ridge(y + 0.15 * wave(x + y));

@@ -10,11 +10,8 @@ const PATH: Paint = Paint::new(0xFFE36B).glowing(0.8);
 const POINT: Paint = Paint::new(0xFFF4B8).glowing(0.9);
 const TRAIL: Paint = Paint::new(0xFF5FD8).glowing(0.8);
 const FLOW: Paint = Paint::new(0xF2FFFF).glowing(1.0);
-const AXES: [Paint; 3] = [
-    Paint::new(0xFF4B3E).glowing(0.75),
-    Paint::new(0x5CE05A).glowing(0.75),
-    Paint::new(0x4A8CFF).glowing(0.75),
-];
+const AXES: [Paint; 3] =
+    [Paint::new(0xFF4B3E).glowing(0.75), Paint::new(0x5CE05A).glowing(0.75), Paint::new(0x4A8CFF).glowing(0.75)];
 const WEAK: Paint = Paint::new(0xBFF6FF).glowing(1.0);
 const STRONG: Paint = Paint::new(0xFFC23A).glowing(1.0);
 const FULL: Paint = Paint::new(0xFF3B2A).glowing(1.0);

@@ -94,8 +94,7 @@ impl Canvas {
             return;
         }
         let mut polygon: Vec<Corner> = corners.map(|c| *c).to_vec();
-        let (wide, high) =
-            ((camera.centre[0] + MARGIN) / camera.focal, (camera.centre[1] + MARGIN) / camera.focal);
+        let (wide, high) = ((camera.centre[0] + MARGIN) / camera.focal, (camera.centre[1] + MARGIN) / camera.focal);
         let planes = [
             [0.0, 0.0, 1.0, camera.near],
             [-1.0, 0.0, wide, 0.0],

@@ -41,6 +41,12 @@ pub struct Metrics {
     /// For how long they have not been, s: since they last left their tolerances, up to now or to when they came back.
     /// What an episode needs from its start counts too.
     pub recovery_time: f64,
+    /// Force of other disturbances than the water, N.
+    pub disturbance_force: f64,
+    /// Payload, kg.
+    pub payload: f64,
+    /// What is left of the thrust of the weakest thruster.
+    pub thruster_gain: f64,
 }
 
 /// What a control period brought.
@@ -60,7 +66,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 22] = [
+    pub const INFO: [&'static str; 25] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -83,6 +89,9 @@ impl Outcome {
         "mean_success",
         "recovery_time",
         "diverged",
+        "disturbance_force",
+        "payload",
+        "thruster_gain",
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
@@ -102,7 +111,8 @@ impl Outcome {
         info[12..15].copy_from_slice(m.current.as_slice());
         info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
         let flag = |yes: bool| f64::from(u8::from(yes));
-        info[18..].copy_from_slice(&[flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged)]);
+        info[18..22].copy_from_slice(&[flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged)]);
+        info[22..].copy_from_slice(&[m.disturbance_force, m.payload, m.thruster_gain]);
         info
     }
 }
@@ -122,6 +132,9 @@ impl From<&Judgement<f64>> for Outcome {
             success: info[18] != 0.0,
             mean_success: info[19],
             recovery_time: info[20],
+            disturbance_force: info[22],
+            payload: info[23],
+            thruster_gain: info[24],
         };
         let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
         let diverged = !judgement.sound;
