@@ -95,6 +95,12 @@ impl Shadow {
         }
     }
 
+    /// Whether any place between two may be within the square.
+    pub fn reaches(&self, from: [f32; 2], to: [f32; 2]) -> bool {
+        let (from, to) = (self.texel(from), self.texel(to));
+        (0..2).all(|k| from[k].max(to[k]) > 0.0 && from[k].min(to[k]) < SIDE as f32)
+    }
+
     /// Share of the light that is missing at a place of the floor.
     pub fn at(&self, place: [f32; 2]) -> f32 {
         let [x, y] = self.texel(place).map(|t| t - 0.5);
