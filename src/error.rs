@@ -435,8 +435,11 @@ pub enum TaskError {
     #[error(transparent)]
     Control(#[from] ControlError),
     /// The scene lacks what the task needs.
-    #[error("scene \"{scene}\" cannot keep station: {reason}")]
+    #[error("scene \"{scene}\" is not for this task: {reason}")]
     Scene { scene: String, reason: String },
+    /// An option that there is not, or of the wrong kind.
+    #[error("options: {0}")]
+    Options(String),
     /// An option out of its range.
     #[error("option {name} = {value}: must be {allowed}")]
     Option { name: &'static str, value: f64, allowed: &'static str },

@@ -15,7 +15,7 @@ mod scene;
 mod simulator;
 mod stability;
 mod state;
-mod station_keep;
+mod task;
 
 use pyo3::prelude::*;
 
@@ -37,7 +37,7 @@ mod core {
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]
-    use super::station_keep::StationKeep;
+    use super::task::Task;
     use pyo3::prelude::*;
 
     #[pymodule_init]

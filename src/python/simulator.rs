@@ -153,8 +153,9 @@ impl Simulator {
         self.inner.threads()
     }
 
-    /// str: instruction set of the kernel: "avx512", "avx2", "fma" or "plain"; the environment variable UVMS_LANES
-    /// chooses another than the widest. All but "plain" give the same results bit for bit.
+    /// str: instruction set of the kernel: "avx512", "avx2", "fma" or "plain"; the widest, but for one instance alone, for
+    /// which "fma" takes less time. The environment variable UVMS_LANES chooses another. All but "plain" give the same
+    /// results bit for bit.
     #[getter]
     fn lanes(&self) -> &'static str {
         self.inner.isa().name()
