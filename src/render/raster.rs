@@ -134,8 +134,8 @@ impl Canvas {
     fn pin(&self, camera: &Camera, corner: &Corner) -> Pin {
         let [x, y] = camera.project(&corner.view);
         // Positive, so that cutting off is rounding down.
-        const SHIFT: i64 = 1 << 20;
-        let grid = |t: f32| (f64::from(t) * GRID as f64 + (SHIFT as f64 + 0.5)) as i64 - SHIFT;
+        const MOST: i64 = 1 << 20;
+        let grid = |t: f32| ((f64::from(t) * GRID as f64 + (MOST as f64 + 0.5)) as i64).clamp(0, 2 * MOST) - MOST;
         Pin { x: grid(x), y: grid(y), nearness: 1.0 / corner.view.z, colour: corner.colour }
     }
 

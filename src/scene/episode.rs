@@ -156,6 +156,11 @@ impl Episode {
         Vector3::from_column_slice(&self.numbers[self.rows.current..][..3])
     }
 
+    /// The last action, as clipped; 0 before the first.
+    pub fn action(&self) -> &[f64] {
+        &self.numbers[self.rows.action..][..self.rows.actions]
+    }
+
     /// Joint reference at the current control instant, one point per joint.
     pub fn reference(&self) -> Vec<ReferencePoint> {
         let points = self.numbers[self.rows.now..self.rows.next].chunks_exact(2);
