@@ -412,6 +412,9 @@ pub enum ControlError {
     /// More than the arrays hold.
     #[error("{count} thrusters: at most {greatest} are supported")]
     TooManyThrusters { count: usize, greatest: usize },
+    /// A scene that no model can be made of.
+    #[error("{0}")]
+    Model(String),
     /// A gain that is no number, or that would drive the vehicle away.
     #[error("gain {name}[{index}] = {value}: must be finite and not negative")]
     Gain { name: &'static str, index: usize, value: f64 },

@@ -13,6 +13,7 @@ __all__ = [
     "Pid",
     "Policy",
     "Renderer",
+    "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",
@@ -389,7 +390,7 @@ class _Block(TypedDict):
     unit: str
     description: str
 
-_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
+_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
 
 @final
 class Task:
@@ -441,10 +442,17 @@ class Task:
     def action_layout(self) -> list[tuple[str, list[float], str]]:
         """Entries of an action, each with name, what -1 and +1 ask for, and unit."""
 
+    def privileged(self) -> NDArray[np.float64]:
+        """What observations do not tell: true state, flow, parameters and target, (N, m)."""
+
+    @property
+    def privileged_layout(self) -> list[tuple[str, int]]:
+        """Names and lengths of the parts of a row of `privileged`."""
+
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (18, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (22, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -461,8 +469,8 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (18, N), and of episodes that ended and were
-        replaced the instances, last observations and last measures.
+        Gives observations, rewards, terminated, truncated, measures (22, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (22, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -474,10 +482,12 @@ class Task:
     def episodes(self) -> dict[str, NDArray[Any]]:
         """What the episodes drew, and how far they are.
 
-        seed, episode and step (N,), target_position (N, 3), target_rotation (N, 3, 3), current (N, 3),
-        joint_reference and joint_reference_rate (N, n).
+        seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
+        (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
 
+    def paths(self, count: int) -> NDArray[np.float64]:
+        """(N, count, 3) places all along the paths of the end effectors; count is 0 for tasks without."""
     def rest(self) -> Policy:
         """No control: every action is 0."""
 
@@ -486,6 +496,18 @@ class Task:
 
     def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
         """The PD with an integral; its gains follow from the others where they are not given."""
+
+    def resolved_motion(
+        self,
+        *,
+        error: float | None = None,
+        vehicle: float | None = None,
+        joint: float | None = None,
+        home: float | None = None,
+        level: float | None = None,
+        arm: float | None = None,
+    ) -> ResolvedMotion:
+        """Resolved motion with these gains; the usual ones where they are not given."""
 
     def rollout(self, policy: Policy, trace: list[int] = ...) -> Rollout:
         """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
@@ -522,17 +544,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (18, N)."""
+        """Sums of the measures, (22, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (18, N)."""
+        """Sums of their squares, (22, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 18).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 22).
         """
 
     def count_anew(self) -> None:
@@ -578,6 +600,14 @@ class Pid(Policy):
     @property
     def ki(self) -> list[float]:
         """Integral gains, N/(m s) and N m/(rad s)."""
+
+@final
+class ResolvedMotion(Policy):
+    """Resolved motion and inverse dynamics, for an end effector that follows a path."""
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Gains by name, 1/s but for `arm`."""
 
 @final
 class Mlp(Policy):

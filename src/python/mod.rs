@@ -27,7 +27,7 @@ mod core {
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]
-    use super::policies::{Mlp, Pd, Pid, Policy};
+    use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
     #[pymodule_export]
     use super::renderer::Renderer;
     #[pymodule_export]

@@ -1,22 +1,31 @@
 //! A task on a scene. Station keeping: the vehicle holds a pose while the arm moves and a current pushes.
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
 use super::episode::{Episode, EpisodeRows};
 use super::kernel::{Command, TaskKernel};
 use super::layout::Layout;
 use super::metrics::Outcome;
-use super::observation::station_keep_layout;
-use super::options::TaskOptions;
+use super::observation::layout;
+use super::options::{Goal, TaskOptions};
+use super::pose::Pose;
+use super::random::{EpisodeKey, Purpose, Stream};
+use super::reference::METRES_PER_RADIAN;
 use super::stance::Stance;
+use crate::balance::Balance;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, Reading};
-use crate::description::{Joint, Scene, VehicleServo};
+use crate::description::{Joint, JointKind, Scene, VehicleServo};
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::system::{EndEffector, JOINTS, Joints, State};
 
 /// Control periods after which an episode is usually cut off: 20 s.
 pub const DEFAULT_HORIZON: u32 = 400;
+
+/// Acceleration of a joint for which an action of 1 is enough, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2).
+const ACCELERATION: f64 = 10.0;
+/// Poses at which the arm's weight and inertia are looked at.
+const POSES: u32 = 64;
 
 /// A task on one scene; the same for all instances and episodes.
 ///
@@ -29,10 +38,9 @@ pub struct Task {
     pub(super) options: TaskOptions,
     rig: Rig,
     thruster_names: Vec<String>,
+    joint_names: Vec<String>,
     pub(super) joints: Vec<Joint>,
-    servo: Option<VehicleServo>,
-    scene_name: String,
-    pub(super) scene_current: Vector3<f64>,
+    pub(super) scene: Scene,
     /// Orthonormal, world axes: two horizontal ones and the one against gravity (world z without gravity).
     pub(super) level: [Vector3<f64>; 3],
     kernel: TaskKernel<f64>,
@@ -46,6 +54,8 @@ pub(super) struct Rig {
     pub end_effector: EndEffector,
     pub home: Joints,
     pub joints: usize,
+    /// World axis against gravity (world z without gravity).
+    pub up: [f64; 3],
 }
 
 impl Task {
@@ -65,7 +75,7 @@ impl Task {
             return refuse("its vehicle has no thrusters".into());
         }
         let allocation = Allocation::new(vehicle)?;
-        if options.action == ActionKind::Wrench && allocation.unactuated().len() == 6 {
+        if options.action != ActionKind::Thrusters && allocation.unactuated().len() == 6 {
             let hint = "no axis of the wrench can be actuated alone (action \"thrusters\" may work)";
             return refuse(hint.into());
         }
@@ -73,32 +83,49 @@ impl Task {
         if joints.len() > JOINTS {
             return refuse(format!("it has {} joints, at most {JOINTS} are supported", joints.len()));
         }
-        if let Some((_, name)) = joints.iter().zip(scene.joint_names()).find(|(joint, _)| joint.servo.is_none()) {
+        let tracks = options.task == Goal::Track;
+        let mut named = joints.iter().zip(scene.joint_names());
+        if let Some((_, name)) = named.find(|(joint, _)| !tracks && joint.servo.is_none()) {
             return refuse(format!("joint \"{name}\" has no servo to follow its reference with"));
         }
 
         let up = (-scene.water.gravity).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let forward = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
         let forward = (forward - up * up.dot(&forward)).normalize();
-        let actions = ActionMap::new(options.action, allocation);
+        let torques = if tracks { greatest_torques(scene, &joints, &up)? } else { Vec::new() };
+        let actions = ActionMap::new(options.action, allocation, torques);
         let rig = Rig {
-            layout: station_keep_layout(&joints, actions.len()),
+            layout: layout(&options, &joints, actions.len()),
             actions,
             end_effector: EndEffector::new(scene),
             home: scene.home(),
             joints: joints.len(),
+            up: up.into(),
         };
         Ok(Self {
             kernel: TaskKernel::new(&options, &rig),
             rig,
             options,
             thruster_names: scene.thruster_names(),
+            joint_names: scene.joint_names(),
             joints,
-            servo: vehicle.servo.clone(),
-            scene_name: scene.name.clone(),
-            scene_current: scene.water.current,
+            scene: scene.clone(),
             level: [forward, up.cross(&forward), up],
         })
+    }
+
+    /// The frame whose pose counts: the vehicle's, or that of the end effector that follows a path.
+    pub(super) fn frame(&self, state: &State) -> Pose {
+        match self.options.task {
+            Goal::StationKeep => Pose::of_vehicle(state),
+            Goal::Track => self.end_effector(&Pose::of_vehicle(state), &state.q),
+        }
+    }
+
+    /// The end effector of a vehicle at that pose.
+    pub(super) fn end_effector(&self, vehicle: &Pose, q: &Joints) -> Pose {
+        let (rotation, position) = self.rig.end_effector.pose(q);
+        Pose { position: vehicle.position + vehicle.rotation * position, rotation: vehicle.rotation * rotation }
     }
 
     pub(super) fn home(&self) -> &Joints {
@@ -112,7 +139,7 @@ impl Task {
 
     /// Name of the scene.
     pub fn scene_name(&self) -> &str {
-        &self.scene_name
+        &self.scene.name
     }
 
     /// What each entry of an observation is.
@@ -132,7 +159,19 @@ impl Task {
 
     /// What each entry of an action is.
     pub fn action_ranges(&self) -> Vec<ActionRange> {
-        self.rig.actions.ranges(self.thruster_names.iter().map(String::as_str))
+        let actions = &self.rig.actions;
+        let mut ranges = actions.ranges(self.thruster_names.iter().map(String::as_str));
+        for ((torque, name), joint) in actions.torques().iter().zip(&self.joint_names).zip(&self.joints) {
+            let unit = match joint.kind {
+                JointKind::Revolute => "N m",
+                JointKind::Prismatic => "N",
+            };
+            ranges.push(ActionRange { name: name.clone(), limits: [-torque, *torque], unit });
+        }
+        if self.options.action == ActionKind::Residual {
+            ranges.iter_mut().for_each(|range| range.limits = range.limits.map(|limit| limit * self.options.residual));
+        }
+        ranges
     }
 
     /// The thruster allocation.
@@ -150,9 +189,35 @@ impl Task {
     /// # Errors
     /// `TaskError` if there are no gains, or one is not finite or is negative.
     pub fn pd(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
-        let Some(gains) = gains.or_else(|| self.servo.clone()) else {
-            let reason = "it gives no gains (vehicle.servo) for the PD".into();
-            return Err(TaskError::Scene { scene: self.scene_name.clone(), reason });
+        self.refuse_residual()?;
+        self.feedback(gains)
+    }
+
+    /// Refuses controllers where actions are corrections to one.
+    pub(super) fn refuse_residual(&self) -> Result<(), TaskError> {
+        match self.options.action {
+            ActionKind::Residual => {
+                Err(self.unfit("its actions are corrections to a controller: use Rest for that alone"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// A refusal of something for this task.
+    pub(super) fn unfit(&self, reason: &str) -> TaskError {
+        TaskError::Scene { scene: self.scene.name.clone(), reason: reason.to_owned() }
+    }
+
+    pub(super) fn actions(&self) -> &ActionMap {
+        &self.rig.actions
+    }
+
+    pub(super) fn feedback(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
+        if self.options.task != Goal::StationKeep {
+            return Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"));
+        }
+        let Some(gains) = gains.or_else(|| self.scene.vehicle.servo.clone()) else {
+            return Err(self.unfit("it gives no gains (vehicle.servo) for the PD"));
         };
         let find = |names: [&str; 2]| {
             let mut found = names
@@ -210,7 +275,7 @@ impl Task {
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-        self.kernel().act(&mut episode.memory(), &entries)
+        self.kernel().act(&mut episode.memory(), &entries, None)
     }
 
     /// [`TaskKernel::advance`] for one instance.
@@ -218,8 +283,9 @@ impl Task {
         episode.step += 1;
         let (share, stance) = (1.0 / f64::from(episode.step), Stance::from(state));
         let mut memory = episode.memory();
+        self.kernel().advance::<f64>(&mut memory);
         let error = self.kernel().error(&memory, &stance);
-        Outcome::from(&self.kernel().advance(&mut memory, &stance, &error, share))
+        Outcome::from(&self.kernel().judge(&mut memory, &stance, &error, share))
     }
 
     /// [`TaskKernel::observe`] for one instance.
@@ -229,4 +295,40 @@ impl Task {
         let error = self.kernel().error(&memory, &stance);
         self.kernel().observe(&memory, &stance, &error, row);
     }
+}
+
+/// Torque that an action of 1 stands for at each joint, N m or N: the joint's effort or, where that is less, twice what
+/// holds the arm in any pose, with what friction takes at 1 rad/s and an acceleration of [`ACCELERATION`]. So a light
+/// joint does not fly apart within a control period.
+fn greatest_torques(scene: &Scene, joints: &[Joint], up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
+    let refuse = |reason: String| TaskError::Scene { scene: scene.name.clone(), reason };
+    let balance = Balance::new(scene).map_err(|error| refuse(error.to_string()))?;
+    let draw = Stream::new(EpisodeKey::default(), Purpose::Start);
+    let mut holding = vec![0.0f64; joints.len()];
+    let mut mobility = vec![0.0f64; joints.len()];
+    for pose in 0..POSES {
+        let index = 16 * pose;
+        let tilt = Rotation3::rotation_between(up, &(up + draw.unit_vector(index) * 0.5)).unwrap_or_default();
+        let mut state = State { rotation: tilt.into_inner(), q: scene.home(), ..State::default() };
+        for (k, joint) in joints.iter().enumerate() {
+            let [lower, upper] = joint.limits.as_ref().map_or([-1.0, 1.0], |limits| [limits.lower, limits.upper]);
+            state.q[k] = draw.uniform_in(index + 1 + k as u32, lower, upper);
+        }
+        let effort = balance.trim(&state, Vector3::zeros()).map_err(|error| refuse(error.to_string()))?;
+        let inverse = balance.at(&state, Vector3::zeros()).mass_matrix().clone().cholesky().map(|m| m.inverse());
+        for k in 0..joints.len() {
+            holding[k] = holding[k].max(effort.joint_torques[k].abs());
+            mobility[k] = mobility[k].max(inverse.as_ref().map_or(0.0, |m| m[(6 + k, 6 + k)]));
+        }
+    }
+    let torque = |(k, joint): (usize, &Joint)| {
+        let unit = match joint.kind {
+            JointKind::Revolute => 1.0,
+            JointKind::Prismatic => METRES_PER_RADIAN,
+        };
+        let friction = joint.friction.viscous * unit + joint.friction.coulomb;
+        let enough = 2.0 * holding[k] + friction + ACCELERATION * unit / mobility[k];
+        joint.effort.map_or(enough, |effort| effort.min(enough))
+    };
+    Ok(joints.iter().enumerate().map(torque).collect())
 }

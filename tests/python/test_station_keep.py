@@ -203,7 +203,7 @@ def test_actions_of_any_real_type_are_clipped_alike(dtype):
     ],
 )
 def test_a_pd_for_something_else_is_refused(make, name):
-    with pytest.raises(TypeError, match=f"PD takes a UVMS-StationKeep environment.* {name}$"):
+    with pytest.raises(TypeError, match=f"PD takes a UVMS environment.* {name}$"):
         uvms_gym.PD(make())
 
 

@@ -3,7 +3,7 @@
 import contextlib
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,9 +12,9 @@ import gymnasium
 import typer
 
 from uvms_gym.cli.common import check_range, console, fail, prepare, progress
-from uvms_gym.cli.compare import CONTROLLERS, KNOWN, MLP_PREFIX
+from uvms_gym.cli.compare import CONTROLLERS, MLP_PREFIX
 from uvms_gym.cli.scenes import read_scene
-from uvms_gym.controllers import MLP, Controller
+from uvms_gym.controllers import MLP, Controller, ResolvedMotion
 
 if TYPE_CHECKING:
     from uvms_gym.cli.overlay import Overlay
@@ -24,12 +24,16 @@ MOST_SECONDS = 3600.0
 #: What is needed, by module: package, and the extra that brings it.
 NEEDS = {"PIL": ("pillow", "video"), "imageio_ffmpeg": ("imageio-ffmpeg", "video"), "pygame": ("pygame", "human")}
 _SUFFIXES = (".mp4", ".gif", ".png")
+_CHOICES: dict[str, Callable[[Any], Controller]] = {**CONTROLLERS, "resolved": ResolvedMotion}
+KNOWN = f"{', '.join(_CHOICES)}, {MLP_PREFIX}FILE"
 
 
 def play(
     env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-v0",
     scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
-    controller: Annotated[str, typer.Option(help=f"One of {KNOWN}.")] = "pd",
+    controller: Annotated[
+        str | None, typer.Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
+    ] = None,
     disturbance: Annotated[
         str | None, typer.Option(metavar="NAME", help="Disturbance of the environment. [default: the environment's]")
     ] = None,
@@ -52,12 +56,13 @@ def play(
     _need("PIL", *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
     read_scene(scene)
     made = _make(env, scene, disturbance, seconds)
-    control = _controller(controller, made)
+    chosen = controller or ("resolved" if made.unwrapped.task == "ee-track" else "pd")  # type: ignore[attr-defined]
+    control = _controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
     from uvms_gym.cli.overlay import Overlay
 
-    title = f"{made.unwrapped.simulator.scene_name}  ·  {controller.removeprefix(MLP_PREFIX)}"  # type: ignore[attr-defined]
+    title = f"{made.unwrapped.simulator.scene_name}  ·  {Path(chosen).name if chosen.startswith(MLP_PREFIX) else chosen}"  # type: ignore[attr-defined]
     overlay = Overlay(title, disturbance or "", steps * period)
     if out is not None:
         prepare(out.absolute().parent, None)
@@ -168,8 +173,8 @@ def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymn
 def _controller(name: str, env: gymnasium.Env[Any, Any]) -> Controller:
     """Make a controller by its name, for an environment."""
     try:
-        if name in CONTROLLERS:
-            return CONTROLLERS[name](env)
+        if name in _CHOICES:
+            return _CHOICES[name](env)
         if name.startswith(MLP_PREFIX):
             return MLP.load(name.removeprefix(MLP_PREFIX), env)
     except OSError as error:

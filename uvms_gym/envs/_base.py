@@ -41,12 +41,26 @@ class RewardWeights(TypedDict, total=False):
     rate: float
 
 
+class Tolerance(TypedDict, total=False):
+    """Errors below which a pose counts as reached, m and rad; what is left out keeps its default."""
+
+    position: float
+    attitude: float
+
+
+class Preview(TypedDict, total=False):
+    """Points of a reference that are seen ahead, and the time between them, s; what is left out keeps its default."""
+
+    points: int
+    spacing: float
+
+
 class Options(TypedDict, total=False):
     """Arguments that single and vector environments take; the single ones document them."""
 
     task: str
     scene: Scene
-    action: Literal["wrench", "thrusters"]
+    action: Literal["wrench", "thrusters", "residual"]
     dt: float
     substeps: int
     integrator: str
@@ -57,31 +71,53 @@ class Options(TypedDict, total=False):
     target_distance: float
     target_turn: float
     arm_amplitude: float
+    reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"]
+    reference_size: float
+    reference_speed: float
+    reference_turn: float
+    preview: Preview | None
     reward: RewardWeights | None
+    tolerance: Tolerance | None
+    residual: float
+    privileged: bool
     threads: int | None
 
 
+_COMMON: Options = {
+    "scene": "petasus-pum",
+    "action": "wrench",
+    "dt": 0.01,
+    "substeps": 5,
+    "integrator": "mk4",
+    "dtype": "float64",
+    "max_current": 0.3,
+    "start_distance": 0.05,
+    "start_angle": 0.05,
+    "target_distance": 0.0,
+    "target_turn": 0.0,
+    "reward": None,
+    "tolerance": None,
+    "residual": 0.3,
+    "privileged": False,
+    "threads": None,
+}
 #: Arguments of each task's environments, and their defaults.
 DEFAULTS: dict[str, Options] = {
-    "station-keep": {
-        "scene": "petasus-pum",
-        "action": "wrench",
-        "dt": 0.01,
-        "substeps": 5,
-        "integrator": "mk4",
-        "dtype": "float64",
-        "max_current": 0.3,
-        "start_distance": 0.05,
-        "start_angle": 0.05,
-        "target_distance": 0.0,
-        "target_turn": 0.0,
-        "arm_amplitude": 0.4,
-        "reward": None,
-        "threads": None,
-    }
+    "station-keep": {**_COMMON, "arm_amplitude": 0.4},
+    "ee-track": {
+        **_COMMON,
+        "reference": "mixed",
+        "reference_size": 0.4,
+        "reference_speed": 0.2,
+        "reference_turn": 0.4,
+        "preview": None,
+    },
 }
 REWARD: RewardWeights = {"pose": 0.1, "effort": 0.02, "rate": 0.1}
-_WORDS = ("action", "integrator", "dtype")
+TOLERANCE: Tolerance = {"position": 0.05, "attitude": 0.1}
+PREVIEW: Preview = {"points": 3, "spacing": 0.2}
+#: Arguments that are dicts, and the defaults of what these hold.
+_GROUPS: dict[str, Mapping[str, Any]] = {"reward": REWARD, "tolerance": TOLERANCE, "preview": PREVIEW}
 #: Those that are not the task's own business.
 _PHYSICS = ("integrator", "dtype", "threads")
 #: Greatest count that is handed on.
@@ -106,15 +142,13 @@ def native(
     if unknown := given.keys() - defaults.keys() - {"task"}:
         raise TypeError(f"unexpected keyword argument {min(unknown)!r}; known: {', '.join(defaults)}")
     _check(given, num_envs, max_episode_steps)
-    weights = given.pop("reward") or {}
-    if unknown := weights.keys() - REWARD.keys():
-        raise ValueError(f"unknown reward weight {min(unknown)!r}; known: {', '.join(REWARD)}")
-    for term, weight in weights.items():
-        _check_number(f"reward[{term!r}]", weight)
+    for group in _GROUPS.keys() & given.keys():
+        given[group] = _group(group, given[group])
     scene, physics = given.pop("scene"), {name: given.pop(name) for name in _PHYSICS}
+    del given["privileged"]
     return Task(
         scene,
-        {**given, "reward": weights},
+        given,
         **physics,
         num_envs=num_envs,
         autoreset=autoreset,
@@ -124,10 +158,11 @@ def native(
 
 def _check(given: Mapping[str, Any], num_envs: Any, max_episode_steps: Any) -> None:
     """Check types, and that counts are such; ranges are checked further down."""
-    for name in _WORDS:
-        if not isinstance(given[name], str):
-            raise TypeError(f"{name} is {given[name]!r}, but must be a string")
     for name, value in DEFAULTS[given["task"]].items():
+        if isinstance(value, str) and name != "scene" and not isinstance(given[name], str):
+            raise TypeError(f"{name} is {given[name]!r}, but must be a string")
+        if isinstance(value, bool) and not isinstance(given[name], (bool, np.bool_)):
+            raise TypeError(f"{name} is {given[name]!r}, but must be True or False")
         if isinstance(value, float):
             _check_number(name, given[name])
     _check_count("substeps", given["substeps"])
@@ -136,8 +171,22 @@ def _check(given: Mapping[str, Any], num_envs: Any, max_episode_steps: Any) -> N
         _check_count("threads", given["threads"])
     if max_episode_steps is not None:
         _check_count("max_episode_steps", max_episode_steps, least=0)
-    if not isinstance(given["reward"], Mapping | None):
-        raise TypeError(f"reward is {given['reward']!r}, but must be a dict or None")
+
+
+def _group(name: str, given: Any) -> dict[str, Any]:
+    """Check a dict of numbers; a new one."""
+    if not isinstance(given, Mapping | None):
+        raise TypeError(f"{name} is {given!r}, but must be a dict or None")
+    known = _GROUPS[name]
+    for key, value in (given or {}).items():
+        if key not in known:
+            kind = "reward weight" if name == "reward" else f"entry of {name}"
+            raise ValueError(f"unknown {kind} {key!r}; known: {', '.join(known)}")
+        if isinstance(known[key], int):
+            _check_count(f"{name}[{key!r}]", value, least=0)
+        else:
+            _check_number(f"{name}[{key!r}]", value)
+    return dict(given or {})
 
 
 def _check_number(name: str, value: Any) -> None:
@@ -167,6 +216,7 @@ class TaskBase(Rendering):
     task: ClassVar[str]
 
     _native: Task
+    _privileged: bool
     options: Options
 
     _action_shape: tuple[int, ...]
@@ -194,8 +244,13 @@ class TaskBase(Rendering):
         return self._native.action_layout
 
     @property
+    def privileged_layout(self) -> list[tuple[str, int]]:
+        """Names and lengths of the parts of `info["privileged"]`."""
+        return self._native.privileged_layout
+
+    @property
     def episode(self) -> dict[str, NDArray[Any]]:
-        """What the running episodes drew, one row per instance: seed, target, current, joint reference, step."""
+        """What the running episodes drew, and where their references are; one row per instance."""
         return self._native.episodes()
 
     def get_state(self) -> dict[str, NDArray[np.float64]]:
@@ -229,13 +284,14 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         self.render_mode = render_mode
         self.options = options
         self._native = native({**options, "task": self.task})
+        self._privileged = bool(options.get("privileged"))
         self._seeded = False
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
         self.observation_space, self.action_space = self._spaces()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, float]]:
+    ) -> tuple[Observations, dict[str, Any]]:
         """Start an episode: the first of `seed`, or without one the next of the stream.
 
         Raises
@@ -250,9 +306,9 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
             seed = self.np_random_seed
         observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
         self._seeded = True
-        return observations[0], dict(zip(INFO, info[:, 0].tolist(), strict=True))
+        return observations[0], self._with_truth(dict(zip(INFO, info[:, 0].tolist(), strict=True)))
 
-    def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, float]]:
+    def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
         """Hold `action` for one control period.
 
         Raises
@@ -262,7 +318,13 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         gymnasium.error.ResetNeeded
             There is no episode, or it has terminated.
         """
-        return self._native.step_one(as_actions(action, self._action_shape))
+        observation, reward, terminated, truncated, info = self._native.step_one(as_actions(action, self._action_shape))
+        return observation, reward, terminated, truncated, self._with_truth(info)
+
+    def _with_truth(self, info: dict[str, Any]) -> dict[str, Any]:
+        if self._privileged:
+            info["privileged"] = self._native.privileged()[0]
+        return info
 
     def render(self) -> Picture | None:  # type: ignore[override]
         """Draw (480, 640, 3) uint8; without a render mode warn and return None."""
@@ -294,6 +356,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
             autoreset=_MODES[mode],
             max_episode_steps=max_episode_steps,
         )
+        self._privileged = bool(options.get("privileged"))
         self._seeded = False
         self.metadata = {
             "render_modes": list(RENDER_MODES),
@@ -357,7 +420,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         observations, rewards, terminated, truncated, info, finals = self._native.step(given)
         infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
         if finals is not None:
-            where, last, measures = finals
+            where, last, measures, truth = finals
             ended = np.zeros(self.num_envs, dtype=np.bool_)
             ended[where] = True
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
@@ -365,7 +428,9 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
                 infos["final_obs"][i] = observation
             spread = np.zeros((len(INFO), self.num_envs))
             spread[:, where] = measures
-            infos["final_info"] = self._infos(spread, ended)
+            truths = np.zeros((self.num_envs, truth.shape[1]))
+            truths[where] = truth
+            infos["final_info"] = self._infos(spread, ended, truths)
             infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
         return observations, rewards, terminated, truncated, infos
 
@@ -374,13 +439,20 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         pictures = self._pictures()
         return (None,) * self.num_envs if pictures is None else pictures
 
-    def _infos(self, info: NDArray[np.float64], mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """Measures (18, N) of the instances in `mask`, by name, each with a mask of its own."""
+    def _infos(
+        self, info: NDArray[np.float64], mask: NDArray[np.bool_], truth: NDArray[np.float64] | None = None
+    ) -> dict[str, Any]:
+        """Measures (k, N) of the instances in `mask`, by name, each with a mask of its own; and the truth (N, m)."""
+        extra: dict[str, Any] = {}
+        if self._privileged:
+            truth = self._native.privileged() if truth is None else truth
+            truth[~mask] = 0.0
+            extra = {"privileged": truth, "_privileged": mask.copy()}
         if not mask.all():
             info[:, ~mask] = 0.0
         masks = np.empty((len(INFO), self.num_envs), dtype=np.bool_)
         masks[:] = mask
-        return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True))
+        return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True)) | extra
 
     def _check_mask(self, mask: Any) -> None:
         """Check as SyncVectorEnv does."""

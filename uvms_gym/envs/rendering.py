@@ -12,6 +12,8 @@ from uvms_gym._core import Renderer, Simulator, Task
 Picture = NDArray[np.uint8]
 
 RENDER_MODES = ("rgb_array",)
+#: Places along a path that is drawn.
+_PLACES = 97
 
 
 def check_mode(render_mode: str | None) -> None:
@@ -82,9 +84,9 @@ def shots(native: Task, task: str) -> dict[str, NDArray[Any]]:
         "current": simulator.current,
         "payload": simulator.parameters["payload"],
         "thrust": _thrusts(native, simulator, episode),
+        "path": native.paths(_PLACES),
         # What a track asks for is the pose of the end effector.
         "point" if task == "ee-track" else "target": pose,
-        **({"path": episode["path"]} if "path" in episode else {}),
     }
 
 

@@ -5,7 +5,7 @@ from typing import Literal, Unpack
 from gymnasium.vector import AutoresetMode
 
 from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._base import INFO, Options, RewardWeights, Scene, TaskEnv, TaskVectorEnv
+from uvms_gym.envs._base import INFO, Options, RewardWeights, Scene, TaskEnv, TaskVectorEnv, Tolerance
 
 __all__ = ["INFO", "StationKeepEnv", "StationKeepVectorEnv"]
 
@@ -37,6 +37,8 @@ class StationKeepEnv(TaskEnv):
     | 5 | yaw | -60 | 60 | N m |
 
     With `action="thrusters"` each entry is a thruster's thrust over its limit on that side, in the order of the scene.
+    With `action="residual"` it is a correction to the action of the paper's PD (`uvms_gym.PD` on the same observation,
+    with the scene's gains) for `action="wrench"`, over `residual` of the limits; the sum is clipped to the limits.
 
     ## Observation Space
     A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to a bound that a run does not
@@ -76,12 +78,15 @@ class StationKeepEnv(TaskEnv):
     `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) and the same of the end
     effector against where target and arm reference would have it; `effort` (mean of |u|^1.5) and `saturation`; their
     root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`,
-    `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`. None but the last
-    three depends on the reward's weights.
+    `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`. None but these
+    three depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
+    `mean_success` its mean; `recovery_time` is for how long they were not, s: since they last left it, up to now or to
+    when they came back (from the episode's start, if they were outside then). `diverged` is 1 where the run has
+    diverged, else 0.
 
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
-    - `action` (`"wrench"`): `"wrench"` or `"thrusters"`.
+    - `action` (`"wrench"`): `"wrench"`, `"thrusters"` or `"residual"`.
     - `dt` (0.01), `substeps` (5): physics step, s, and steps per control period. At 0.01 s the end effector errs by
       1e-9 to 3e-9 m (f64; 1e-6 to 7e-6 m in f32) after 10 s of driven motion, in the median (`uvms accuracy`). A `dt`
       that is too large for the scene is warned of by `uvms_gym.StepWarning`, once, at the first `step`.
@@ -92,6 +97,11 @@ class StationKeepEnv(TaskEnv):
       greatest heading (rad).
     - `arm_amplitude` (0.4): greatest swing of the arm's reference about home, rad (0.25 m per rad if prismatic).
     - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02) and `rate` (0.1).
+    - `tolerance` (None): a dict with any of `position` (0.05 m) and `attitude` (0.1 rad); the reward does not know it.
+    - `residual` (0.3): greatest correction of `action="residual"`, over the actuators' limits.
+    - `privileged` (False): whether `info["privileged"]` has the true state, current, parameters and target, (m,), for
+      asymmetric critics: parts by the names and lengths in `env.unwrapped.privileged_layout`, SI units, world axes but
+      for the twist.
     - `threads` (None): most threads; one instance never uses more than one.
     - `render_mode` (None): `"rgb_array"`, or through `gymnasium.make` also `"human"`: pictures drawn in Rust.
 
@@ -117,7 +127,7 @@ class StationKeepEnv(TaskEnv):
     def __init__(
         self,
         scene: Scene = "petasus-pum",
-        action: Literal["wrench", "thrusters"] = "wrench",
+        action: Literal["wrench", "thrusters", "residual"] = "wrench",
         dt: float = 0.01,
         substeps: int = 5,
         integrator: str = "mk4",
@@ -129,6 +139,9 @@ class StationKeepEnv(TaskEnv):
         target_turn: float = 0.0,
         arm_amplitude: float = 0.4,
         reward: RewardWeights | None = None,
+        tolerance: Tolerance | None = None,
+        residual: float = 0.3,
+        privileged: bool = False,
         threads: int | None = None,
         render_mode: str | None = None,
     ) -> None:
@@ -146,6 +159,9 @@ class StationKeepEnv(TaskEnv):
             "target_turn": target_turn,
             "arm_amplitude": arm_amplitude,
             "reward": reward,
+            "tolerance": tolerance,
+            "residual": residual,
+            "privileged": privileged,
             "threads": threads,
         }
         super().__init__(options, render_mode)
