@@ -3,7 +3,7 @@
 Importing it registers the environments with Gymnasium.
 """
 
-from uvms_gym._core import SceneError, Simulator, StepWarning, __version__, integrators, load_scene, scenes
+from uvms_gym._core import Renderer, SceneError, Simulator, StepWarning, __version__, integrators, load_scene, scenes
 from uvms_gym.controllers import MLP, PD, PID, ResolvedMotion
 from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
@@ -13,6 +13,7 @@ __all__ = [
     "MLP",
     "PD",
     "PID",
+    "Renderer",
     "ResolvedMotion",
     "Rollout",
     "SceneError",

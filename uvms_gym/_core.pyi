@@ -12,6 +12,7 @@ __all__ = [
     "Pd",
     "Pid",
     "Policy",
+    "Renderer",
     "ResolvedMotion",
     "Rollout",
     "SceneError",
@@ -323,6 +324,71 @@ class Simulator:
     def __getstate__(self) -> NDArray[np.float64]: ...
     def __setstate__(self, state: ArrayLike, /) -> None: ...
 
+@final
+class Renderer:
+    """Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
+
+    `vehicle.shape` of the scene says what the vehicle looks like. Camera at `azimuth` about the vertical from x and
+    `elevation`, rad, and at `distance`, m; `floor` is the height of the floor, m.
+    """
+
+    def __new__(
+        cls,
+        scene: str | PathLike[str] | dict[str, Any],
+        *,
+        width: int = 640,
+        height: int = 480,
+        azimuth: float = -0.95,
+        elevation: float = 0.32,
+        distance: float | None = None,
+        floor: float | None = None,
+    ) -> Renderer: ...
+    @property
+    def width(self) -> int:
+        """Pixels along."""
+    @property
+    def height(self) -> int:
+        """Pixels down."""
+    @property
+    def distance(self) -> float:
+        """Distance of the camera, m."""
+    @property
+    def floor(self) -> float:
+        """Height of the floor, m."""
+    @property
+    def cell(self) -> float:
+        """Width of the cells of the floor's grid, m."""
+    def draw(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        q: ArrayLike | None = None,
+        *,
+        thrust: ArrayLike | None = None,
+        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        path: ArrayLike | None = None,
+        point: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        trail: ArrayLike | None = None,
+        current: ArrayLike | None = None,
+        payload: float = 0.0,
+        time: float = 0.0,
+    ) -> NDArray[np.uint8]:
+        """(height, width, 3) picture of the vehicle at position (3,) and rotation (3, 3) with joints at q (n,).
+
+        thrust (m,) N; target and point: poses (4, 4) or (position, rotation) of vehicle and end effector; path and
+        trail (k, 3) of the end effector; current (3,) m/s; payload kg; time s. World frame.
+        """
+    def project(
+        self,
+        points: ArrayLike,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        *,
+        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+    ) -> NDArray[np.float64]:
+        """(k, 3) pixels from left and top, and distance ahead, of points (k, 3) in the picture with that pose and target."""
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
+
 @type_check_only
 class _Block(TypedDict):
     name: str
@@ -425,7 +491,7 @@ class Task:
         """What the episodes drew, and how far they are.
 
         seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
-        (N, 3), joint_reference and joint_reference_rate (N, n) where joints follow one.
+        (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
 
     def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
@@ -435,6 +501,8 @@ class Task:
         (T, thrusters) and payload (T,).
         """
 
+    def paths(self, count: int) -> NDArray[np.float64]:
+        """(N, count, 3) places all along the paths of the end effectors; count is 0 for tasks without."""
     def rest(self) -> Policy:
         """No control: every action is 0."""
 

@@ -147,7 +147,7 @@ class StationKeepEnv(TaskEnv):
       asymmetric critics: parts by the names and lengths in `env.unwrapped.privileged_layout`, SI units, world axes but
       for the twist.
     - `threads` (None): most threads; one instance never uses more than one.
-    - `render_mode` (None): there is nothing to render with.
+    - `render_mode` (None): `"rgb_array"`, or through `gymnasium.make` also `"human"`: pictures drawn in Rust.
 
     `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
@@ -232,8 +232,8 @@ class StationKeepVectorEnv(TaskVectorEnv):
         Episodes are truncated after so many steps; None or 0: never.
     copy : bool
         Taken for compatibility: all arrays returned are fresh, and the caller's own.
-    render_mode : None
-        There is nothing to render with.
+    render_mode : str or None
+        `"rgb_array"`: `render()` gives a sequence of N pictures, each drawn when first looked at.
     **options
         As `StationKeepEnv` has them.
 
