@@ -9,6 +9,7 @@ mod model;
 mod motion;
 mod parameters;
 mod policies;
+mod robots;
 mod rollout;
 mod scene;
 mod simulator;
@@ -27,6 +28,8 @@ mod core {
     use super::integrators::integrators;
     #[pymodule_export]
     use super::policies::{Mlp, Pd, Pid, Policy};
+    #[pymodule_export]
+    use super::robots::{dump_scene, estimate, import_urdf, scene_doubts, scene_template};
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]

@@ -66,7 +66,8 @@ pub fn to_python<'py>(scene: &Scene, py: Python<'py>) -> PyResult<Bound<'py, PyA
     object(&tree, py)
 }
 
-fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+/// Python objects of a tree of plain values.
+pub fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::String(text) => PyString::new(py, text).into_any(),
         Value::Integer(i) => PyInt::new(py, *i).into_any(),
@@ -88,7 +89,7 @@ fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
 }
 
 /// A tree of plain values from Python objects; `key` is the path to `given`.
-fn value(given: &Bound<'_, PyAny>, key: &str, depth: usize) -> PyResult<Value> {
+pub fn value(given: &Bound<'_, PyAny>, key: &str, depth: usize) -> PyResult<Value> {
     if depth > DEPTH {
         return Err(fault(key, "nested too deeply"));
     }
@@ -144,6 +145,6 @@ fn kind(object: &Bound<'_, PyAny>) -> PyResult<String> {
 }
 
 /// A string's text, unless it has surrogates.
-fn text<'a>(string: &'a Bound<'_, PyString>, key: &str) -> PyResult<&'a str> {
+pub fn text<'a>(string: &'a Bound<'_, PyString>, key: &str) -> PyResult<&'a str> {
     string.to_str().map_err(|_| fault(key, "text that is no valid Unicode"))
 }
