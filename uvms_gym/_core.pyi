@@ -84,8 +84,8 @@ class _Estimate(TypedDict):
 def estimate(outline: str | PathLike[str] | dict[str, Any], *, table: str = "vehicle.body") -> _Estimate:
     """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.
 
-    `outline`: {"density", "speed": [m/s, rad/s], "shapes": [...]}, or path of a TOML file of that form. Each shape has one
-    of box, cylinder, capsule, ellipsoid, and may have name, position, rpy, ends ("free", "joined"), perforation,
+    `outline`: {"density", "speed": [m/s, rad/s], "shapes": [...]}, or path of a TOML file of that form. Each shape has
+    one of box, cylinder, capsule, ellipsoid, and may have name, position, rpy, ends ("free", "joined"), perforation,
     solidity, displaced, mass, relative_density. SceneError names file, key and value.
     """
 

@@ -50,7 +50,7 @@ pub struct Shape {
     /// Semi-axes along x, y, z, m.
     #[serde(with = "numbers::optional_vector3", skip_serializing_if = "Option::is_none")]
     pub ellipsoid: Option<Vector3<f64>>,
-    /// Centre in the body frame, and axes. m and rad.
+    /// Centre in the body frame, m.
     #[serde(with = "numbers::vector3")]
     pub position: Vector3<f64>,
     /// Roll, pitch, yaw of the shape's axes, rad.

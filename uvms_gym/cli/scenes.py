@@ -113,7 +113,7 @@ def check(
     steps = simulator.stable_steps(speed)
     greatest = steps[DEFAULT[0]]
     if greatest < DEFAULT[1]:
-        what = f"the environments' default step of {DEFAULT[1]:g} s is unstable: the greatest stable one is {greatest:.2g} s"
+        what = f"the environments' step of {DEFAULT[1]:g} s is unstable, the greatest stable one is {greatest:.2g} s"
         doubts.append(f"{_culprit(simulator, speed)}: {what}")
     step = next((step for step in STEPS if 1.5 * step <= greatest), None)
     console.print(f"{loaded['name']}: no fault found", markup=False)
