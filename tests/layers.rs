@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each layer, lowest first, and what it may import. Every layer may import `error`.
-const LAYERS: [(&str, &[&str]); 15] = [
+const LAYERS: [(&str, &[&str]); 16] = [
     ("lane", &[]),
     ("error", &["lane"]),
     ("lie", &["lane"]),
@@ -16,6 +16,7 @@ const LAYERS: [(&str, &[&str]); 15] = [
     ("system", &["lane", "lie", "spatial", "hydro", "description"]),
     ("balance", &["lane", "lie", "spatial", "hydro", "description", "system"]),
     ("integrate", &["lane", "lie"]),
+    ("render", &["lane", "lie", "description", "system"]),
     ("control", &["lane", "lie", "spatial", "description", "system", "balance"]),
     ("scene", &["lane", "lie", "spatial", "hydro", "description", "system", "balance", "control"]),
     (
@@ -38,6 +39,7 @@ const LAYERS: [(&str, &[&str]); 15] = [
             "batch",
             "estimate",
             "urdf",
+            "render",
         ],
     ),
 ];

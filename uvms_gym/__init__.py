@@ -16,7 +16,7 @@ from uvms_gym._core import (
     scene_template,
     scenes,
 )
-from uvms_gym.controllers import MLP, PD, PID
+from uvms_gym.controllers import MLP, PD, PID, ResolvedMotion
 from uvms_gym.envs import register_envs
 from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
@@ -25,6 +25,7 @@ __all__ = [
     "MLP",
     "PD",
     "PID",
+    "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",

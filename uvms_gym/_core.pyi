@@ -12,11 +12,12 @@ __all__ = [
     "Pd",
     "Pid",
     "Policy",
+    "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",
-    "StationKeep",
     "StepWarning",
+    "Task",
     "__version__",
     "dump_scene",
     "estimate",
@@ -362,11 +363,11 @@ class _Block(TypedDict):
     unit: str
     description: str
 
-_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
+_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
 
 @final
-class StationKeep:
-    """A batch of station-keeping episodes: physics, observations, rewards and resets in one call.
+class Task:
+    """A batch of episodes of a task: physics, observations, rewards and resets in one call.
 
     The environments in `uvms_gym.envs` wrap it and document its arguments.
     """
@@ -377,26 +378,15 @@ class StationKeep:
     def __new__(
         cls,
         scene: str | PathLike[str] | dict[str, Any],
+        options: dict[str, Any],
         *,
-        num_envs: int,
-        action: str,
-        dt: float,
-        substeps: int,
-        integrator: str,
-        dtype: str,
-        max_current: float,
-        start_distance: float,
-        start_angle: float,
-        target_distance: float,
-        target_turn: float,
-        arm_amplitude: float,
-        reward_pose: float,
-        reward_effort: float,
-        reward_rate: float,
-        threads: int | None,
-        autoreset: str,
-        max_episode_steps: int | None,
-    ) -> StationKeep: ...
+        num_envs: int = 1,
+        integrator: str = "mk4",
+        dtype: str = "float64",
+        threads: int | None = None,
+        autoreset: str = "disabled",
+        max_episode_steps: int | None = None,
+    ) -> Task: ...
     @property
     def num_envs(self) -> int:
         """Number of instances N."""
@@ -425,10 +415,17 @@ class StationKeep:
     def action_layout(self) -> list[tuple[str, list[float], str]]:
         """Entries of an action, each with name, what -1 and +1 ask for, and unit."""
 
+    def privileged(self) -> NDArray[np.float64]:
+        """What observations do not tell: true state, flow, parameters and target, (N, m)."""
+
+    @property
+    def privileged_layout(self) -> list[tuple[str, int]]:
+        """Names and lengths of the parts of a row of `privileged`."""
+
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (18, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (22, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -445,8 +442,8 @@ class StationKeep:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (18, N), and of episodes that ended and were
-        replaced the instances, last observations and last measures.
+        Gives observations, rewards, terminated, truncated, measures (22, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (22, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -458,8 +455,8 @@ class StationKeep:
     def episodes(self) -> dict[str, NDArray[Any]]:
         """What the episodes drew, and how far they are.
 
-        seed, episode and step (N,), target_position (N, 3), target_rotation (N, 3, 3), current (N, 3),
-        joint_reference and joint_reference_rate (N, n).
+        seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
+        (N, 3), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
 
     def rest(self) -> Policy:
@@ -471,6 +468,18 @@ class StationKeep:
     def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
         """The PD with an integral; its gains follow from the others where they are not given."""
 
+    def resolved_motion(
+        self,
+        *,
+        error: float | None = None,
+        vehicle: float | None = None,
+        joint: float | None = None,
+        home: float | None = None,
+        level: float | None = None,
+        arm: float | None = None,
+    ) -> ResolvedMotion:
+        """Resolved motion with these gains; the usual ones where they are not given."""
+
     def rollout(self, policy: Policy, trace: list[int] = ...) -> Rollout:
         """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
 
@@ -480,7 +489,7 @@ class StationKeep:
         Instances whose episode is over wait.
         """
 
-    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
 
@@ -506,17 +515,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (18, N)."""
+        """Sums of the measures, (22, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (18, N)."""
+        """Sums of their squares, (22, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 18).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 22).
         """
 
     def count_anew(self) -> None:
@@ -524,7 +533,7 @@ class Rollout:
 
 @disjoint_base
 class Policy:
-    """A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`."""
+    """A controller that runs here: alone by `act`, or in a closed loop by `Task.run`."""
 
     @property
     def widths(self) -> list[int]:
@@ -564,6 +573,14 @@ class Pid(Policy):
         """Integral gains, N/(m s) and N m/(rad s)."""
 
 @final
+class ResolvedMotion(Policy):
+    """Resolved motion and inverse dynamics, for an end effector that follows a path."""
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Gains by name, 1/s but for `arm`."""
+
+@final
 class Mlp(Policy):
     """A multilayer perceptron in single precision."""
 
@@ -575,7 +592,7 @@ class Mlp(Policy):
         activation: str,
         output: str,
         normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
-        task: StationKeep | None,
+        task: Task | None,
         notes: dict[str, str],
     ) -> Mlp: ...
     @staticmethod
@@ -585,7 +602,7 @@ class Mlp(Policy):
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
 
-    def check(self, task: StationKeep) -> None:
+    def check(self, task: Task) -> None:
         """Refuse a task that the policy is not for."""
 
     @property

@@ -14,6 +14,7 @@ mod path;
 mod provenance;
 mod read;
 mod scene;
+mod shape;
 mod vehicle;
 
 pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount};
@@ -25,4 +26,5 @@ pub use doubts::Doubt;
 pub use provenance::{Number, Origin, Provenance};
 pub use read::{parse_toml, read_value};
 pub use scene::{Payload, Scene, Water};
+pub use shape::{Shape, ShapeKind};
 pub use vehicle::{Thruster, Vehicle, VehicleServo};

@@ -9,13 +9,14 @@ mod model;
 mod motion;
 mod parameters;
 mod policies;
+mod renderer;
 mod robots;
 mod rollout;
 mod scene;
 mod simulator;
 mod stability;
 mod state;
-mod station_keep;
+mod task;
 
 use pyo3::prelude::*;
 
@@ -27,7 +28,9 @@ mod core {
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]
-    use super::policies::{Mlp, Pd, Pid, Policy};
+    use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
+    #[pymodule_export]
+    use super::renderer::Renderer;
     #[pymodule_export]
     use super::robots::{dump_scene, estimate, import_urdf, scene_doubts, scene_template};
     #[pymodule_export]
@@ -37,7 +40,7 @@ mod core {
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]
-    use super::station_keep::StationKeep;
+    use super::task::Task;
     use pyo3::prelude::*;
 
     #[pymodule_init]

@@ -8,8 +8,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use super::station_keep::{Rows, StationKeep, name_of, one_of, rows};
-use crate::control::{self, Activation, Layer, Network, Normalisation, Output};
+use super::task::{Rows, Task, name_of, one_of, rows};
+use crate::control::{self, Activation, Layer, Network, Normalisation, Output, ResolvedGains};
 use crate::description::VehicleServo;
 use crate::error::PolicyError;
 
@@ -17,7 +17,7 @@ const ACTIVATIONS: [(&str, Activation); 3] =
     [("tanh", Activation::Tanh), ("relu", Activation::Relu), ("elu", Activation::Elu)];
 const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::Tanh)];
 
-/// A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`.
+/// A controller that runs here: alone by `act`, or in a closed loop by `Task.run`.
 #[pyclass(module = "uvms_gym._core", subclass, frozen)]
 pub struct Policy {
     pub(super) inner: Arc<dyn control::Policy>,
@@ -114,6 +114,14 @@ impl Pid {
     }
 }
 
+/// Resolved motion and inverse dynamics, for an end effector that follows a path.
+#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+pub struct ResolvedMotion {
+    /// Gains by name, 1/s but for `arm`.
+    #[pyo3(get)]
+    gains: BTreeMap<&'static str, f64>,
+}
+
 /// A multilayer perceptron in single precision.
 #[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
 pub struct Mlp {
@@ -139,7 +147,7 @@ impl Mlp {
         activation: &str,
         output: &str,
         normalisation: Option<(Vec<f32>, Vec<f32>, f32, f32)>,
-        task: Option<PyRef<'_, StationKeep>>,
+        task: Option<PyRef<'_, Task>>,
         notes: BTreeMap<String, String>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let (activation, output) = (one_of("activation", activation, ACTIVATIONS)?, one_of("output", output, OUTPUTS)?);
@@ -179,7 +187,7 @@ impl Mlp {
     }
 
     /// Refuses a task that the policy is not for.
-    fn check(&self, task: PyRef<'_, StationKeep>) -> Result<(), PolicyError> {
+    fn check(&self, task: PyRef<'_, Task>) -> Result<(), PolicyError> {
         self.mlp.check(&task.batch.task().purpose())
     }
 
@@ -218,7 +226,7 @@ impl Mlp {
 
 /// What policies need to know of the task.
 #[pymethods]
-impl StationKeep {
+impl Task {
     /// No control: every action is 0.
     fn rest(&self, py: Python<'_>) -> PyResult<Py<Policy>> {
         Py::new(py, Policy::of(self.batch.task().rest()))
@@ -230,6 +238,40 @@ impl StationKeep {
         let pd = self.batch.task().pd(Some(self.gains(kp, kd)?))?;
         let gains = pd.gains().clone();
         Py::new(py, Policy::of(pd).add_subclass(Pd { gains }))
+    }
+
+    /// Resolved motion with these gains; the usual ones where they are not given.
+    #[pyo3(signature = (*, error=None, vehicle=None, joint=None, home=None, level=None, arm=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
+    fn resolved_motion(
+        &self,
+        py: Python<'_>,
+        error: Option<f64>,
+        vehicle: Option<f64>,
+        joint: Option<f64>,
+        home: Option<f64>,
+        level: Option<f64>,
+        arm: Option<f64>,
+    ) -> PyResult<Py<ResolvedMotion>> {
+        let usual = ResolvedGains::default();
+        let gains = ResolvedGains {
+            error: error.unwrap_or(usual.error),
+            vehicle: vehicle.unwrap_or(usual.vehicle),
+            joint: joint.unwrap_or(usual.joint),
+            home: home.unwrap_or(usual.home),
+            level: level.unwrap_or(usual.level),
+            arm: arm.unwrap_or(usual.arm),
+        };
+        let policy = self.batch.task().resolved_motion(Some(gains))?;
+        let named = [
+            ("error", gains.error),
+            ("vehicle", gains.vehicle),
+            ("joint", gains.joint),
+            ("home", gains.home),
+            ("level", gains.level),
+            ("arm", gains.arm),
+        ];
+        Py::new(py, Policy::of(policy).add_subclass(ResolvedMotion { gains: named.into() }))
     }
 
     /// The PD with an integral; its gains follow from the others where they are not given.
@@ -247,7 +289,7 @@ impl StationKeep {
     }
 }
 
-impl StationKeep {
+impl Task {
     /// Gains as given, where they are; else the scene's.
     fn gains(&self, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<VehicleServo> {
         if let (Some(kp), Some(kd)) = (kp, kd) {

@@ -8,7 +8,7 @@ use pyo3::types::{PyDict, PyString};
 
 use super::arrays::{Given, read as numbers};
 use super::errors::SceneError;
-use super::scene::{object, read, text, to_python, value};
+use super::scene::{object, read, text, to_python, tree};
 use crate::description::{Frame, Scene};
 use crate::estimate::Outline;
 use crate::urdf::{Import, Imported};
@@ -93,16 +93,14 @@ pub fn scene_doubts(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 #[pyo3(signature = (outline, *, table="vehicle.body"))]
 pub fn estimate<'py>(outline: &Bound<'py, PyAny>, table: &str) -> PyResult<Bound<'py, PyDict>> {
     let py = outline.py();
-    let outline = if outline.is_instance_of::<PyDict>() {
-        Outline::from_value(value(outline, "", 0)?, "<dict>")?
-    } else {
-        let path: PathBuf = outline.extract()?;
-        Outline::from_file(path)?
+    let outline = match outline.cast::<PyDict>() {
+        Ok(dict) => Outline::from_value(tree(dict)?, "<dict>")?,
+        Err(_) => Outline::from_file(outline.extract::<PathBuf>()?)?,
     };
     let estimate = outline.estimate();
-    let tree = toml::Value::try_from(&estimate.body).map_err(|e| SceneError::new_err(e.to_string()))?;
+    let body = toml::Value::try_from(&estimate.body).map_err(|e| SceneError::new_err(e.to_string()))?;
     let result = PyDict::new(py);
-    result.set_item("body", object(&tree, py)?)?;
+    result.set_item("body", object(&body, py)?)?;
     let formulas = PyDict::new(py);
     for (key, formula) in &estimate.formulas {
         formulas.set_item(key, formula)?;

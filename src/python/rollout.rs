@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyList};
 
 use super::policies::Policy;
 use super::stability::warn;
-use super::station_keep::{Row, Rows, StationKeep, refused, rows};
+use super::task::{Row, Rows, Task, refused, rows};
 use crate::batch::{self, Tally};
 use crate::control;
 use crate::scene::INFO;
@@ -47,20 +47,20 @@ impl Rollout {
         self.each(py, |tally| tally.truncated)
     }
 
-    /// Sums of the measures, (18, N).
+    /// Sums of the measures, (22, N).
     #[getter]
     fn sums<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
         self.measures(py, |tally| &tally.sums)
     }
 
-    /// Sums of their squares, (18, N).
+    /// Sums of their squares, (22, N).
     #[getter]
     fn squares<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
         self.measures(py, |tally| &tally.squares)
     }
 
     /// Records of the chosen instances, in ascending order: instance, observations (T, d), actions (T, a), rewards (T,)
-    /// and info (T, 18).
+    /// and info (T, 22).
     #[getter]
     fn traces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let traces = PyList::empty(py);
@@ -94,7 +94,7 @@ impl Rollout {
 }
 
 #[pymethods]
-impl StationKeep {
+impl Task {
     /// A rollout of a policy that remembers nothing yet; `trace` names instances to record.
     #[pyo3(signature = (policy, trace=Vec::new()))]
     fn rollout(&self, policy: PyRef<'_, Policy>, trace: Vec<usize>) -> PyResult<Rollout> {

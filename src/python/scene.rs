@@ -66,7 +66,7 @@ pub fn to_python<'py>(scene: &Scene, py: Python<'py>) -> PyResult<Bound<'py, PyA
     object(&tree, py)
 }
 
-/// Python objects of a tree of plain values.
+/// A tree of plain values as Python objects.
 pub fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::String(text) => PyString::new(py, text).into_any(),
@@ -88,8 +88,13 @@ pub fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>
     })
 }
 
+/// A tree of plain values from a dict.
+pub fn tree(given: &Bound<'_, PyDict>) -> PyResult<Value> {
+    value(given, "", 0)
+}
+
 /// A tree of plain values from Python objects; `key` is the path to `given`.
-pub fn value(given: &Bound<'_, PyAny>, key: &str, depth: usize) -> PyResult<Value> {
+fn value(given: &Bound<'_, PyAny>, key: &str, depth: usize) -> PyResult<Value> {
     if depth > DEPTH {
         return Err(fault(key, "nested too deeply"));
     }

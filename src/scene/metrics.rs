@@ -18,22 +18,29 @@ pub struct RewardTerms {
 /// Measures at a control instant, and their running means over the episode's instants so far (the start excluded).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Metrics {
-    /// Distance from the target, m.
+    /// Distance of the vehicle, or of the end effector that follows a path, from where it is to be, m.
     pub position_error: f64,
-    /// Angle from the target, rad.
+    /// Angle likewise, rad.
     pub attitude_error: f64,
-    /// Distance of the end effector from where target and joint reference would have it, m.
+    /// Distance of the end effector from its path, or from where target and joint reference would have it, m.
     pub end_effector_position_error: f64,
     /// Angle of the end effector likewise, rad.
     pub end_effector_attitude_error: f64,
-    /// Mean over thrusters of `(|T_i| / T_max)^1.5`, as shaft power grows with thrust: 1 is all at full power.
+    /// Mean over thrusters, and joints that are acted on, of `(|T_i| / T_max)^1.5`, as shaft power grows with thrust: 1 is all at full power.
     pub effort: f64,
-    /// Share of thrusters at full thrust.
+    /// Share of them at their limit.
     pub saturation: f64,
     /// Root mean square or, for the last two, mean of the six above, in their order.
     pub running: [f64; 6],
     /// Current in world axes, m/s.
     pub current: Vector3<f64>,
+    /// Whether both errors are within their tolerances.
+    pub success: bool,
+    /// Share of the instants so far at which they were.
+    pub mean_success: f64,
+    /// For how long they have not been, s: since they last left their tolerances, up to now or to when they came back.
+    /// What an episode needs from its start counts too.
+    pub recovery_time: f64,
 }
 
 /// What a control period brought.
@@ -53,7 +60,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 18] = [
+    pub const INFO: [&'static str; 22] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -72,6 +79,10 @@ impl Outcome {
         "reward_pose",
         "reward_effort",
         "reward_rate",
+        "success",
+        "mean_success",
+        "recovery_time",
+        "diverged",
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
@@ -89,7 +100,9 @@ impl Outcome {
         info[..6].copy_from_slice(&instant);
         info[6..12].copy_from_slice(&m.running);
         info[12..15].copy_from_slice(m.current.as_slice());
-        info[15..].copy_from_slice(&[t.pose, t.effort, t.rate]);
+        info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
+        let flag = |yes: bool| f64::from(u8::from(yes));
+        info[18..].copy_from_slice(&[flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged)]);
         info
     }
 }
@@ -106,6 +119,9 @@ impl From<&Judgement<f64>> for Outcome {
             saturation: info[5],
             running: std::array::from_fn(|k| info[6 + k]),
             current: Vector3::new(info[12], info[13], info[14]),
+            success: info[18] != 0.0,
+            mean_success: info[19],
+            recovery_time: info[20],
         };
         let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
         let diverged = !judgement.sound;

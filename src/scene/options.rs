@@ -1,14 +1,21 @@
-//! What a user may choose about station keeping.
+//! What a user may choose about a task.
 
 use serde::{Deserialize, Serialize};
+use toml::Value;
 
+use super::path::PathKind;
 use crate::control::ActionKind;
 use crate::error::TaskError;
 
-/// Options of station keeping; each has a default.
+/// Most points that are seen ahead.
+pub const PREVIEW: usize = 8;
+
+/// Options of a task; each has a default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct StationKeepOptions {
+pub struct TaskOptions {
+    /// What is to be done.
+    pub task: Goal,
     /// What the entries of an action stand for.
     pub action: ActionKind,
     /// Physics step, s.
@@ -29,11 +36,58 @@ pub struct StationKeepOptions {
     pub arm_amplitude: f64,
     /// Reward weights.
     pub reward: RewardWeights,
+    /// Errors below which a pose counts as reached.
+    pub tolerance: Tolerance,
+    /// Greatest correction to the classical controller's action, where that is what actions are; 1 is an actuator's limit.
+    pub residual: f64,
+    /// Kind of path that an end effector follows.
+    pub reference: PathKind,
+    /// Its amplitude or radius, m; 50 to 100 % of it are drawn.
+    pub reference_size: f64,
+    /// Its greatest speed, m/s; 50 to 100 % of it are drawn.
+    pub reference_speed: f64,
+    /// Its greatest amplitude of turns about the vertical, rad; less than a third of it out of the horizontal.
+    pub reference_turn: f64,
+    /// Points seen ahead.
+    pub preview: Preview,
 }
 
-impl Default for StationKeepOptions {
+/// Points of a reference that are seen ahead.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Preview {
+    /// Their number.
+    pub points: u32,
+    /// Time between them, and from now to the first, s.
+    pub spacing: f64,
+}
+
+impl Default for Preview {
+    fn default() -> Self {
+        Self { points: 3, spacing: 0.2 }
+    }
+}
+
+/// Errors below which a pose counts as reached.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tolerance {
+    /// m.
+    pub position: f64,
+    /// rad.
+    pub attitude: f64,
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Self { position: 0.05, attitude: 0.1 }
+    }
+}
+
+impl Default for TaskOptions {
     fn default() -> Self {
         Self {
+            task: Goal::StationKeep,
             action: ActionKind::Wrench,
             dt: 0.01,
             substeps: 5,
@@ -44,6 +98,35 @@ impl Default for StationKeepOptions {
             target_turn: 0.0,
             arm_amplitude: 0.4,
             reward: RewardWeights::default(),
+            tolerance: Tolerance::default(),
+            residual: 0.3,
+            reference: PathKind::Mixed,
+            reference_size: 0.4,
+            reference_speed: 0.2,
+            reference_turn: 0.4,
+            preview: Preview::default(),
+        }
+    }
+}
+
+/// What a task asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goal {
+    /// The vehicle holds a pose while its arm moves.
+    #[default]
+    StationKeep,
+    /// The end effector follows a path; vehicle and joints are acted on.
+    #[serde(rename = "ee-track")]
+    Track,
+}
+
+impl Goal {
+    /// Name, as Gymnasium knows it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Goal::StationKeep => "UVMS-StationKeep",
+            Goal::Track => "UVMS-EETrack",
         }
     }
 }
@@ -66,7 +149,23 @@ impl Default for RewardWeights {
     }
 }
 
-impl StationKeepOptions {
+impl TaskOptions {
+    /// From plain values, such as Python has them.
+    ///
+    /// # Errors
+    /// `TaskError::Options` for a key that there is not, or a value of the wrong kind.
+    pub fn from_value(value: Value) -> Result<Self, TaskError> {
+        serde_path_to_error::deserialize(value).map_err(|error| TaskError::Options(error.to_string()))
+    }
+
+    /// As plain values.
+    ///
+    /// # Errors
+    /// `TaskError::Options`, which does not happen.
+    pub fn to_value(&self) -> Result<Value, TaskError> {
+        Value::try_from(self).map_err(|error| TaskError::Options(error.to_string()))
+    }
+
     /// Control period `dt * substeps`, s.
     pub fn control_period(&self) -> f64 {
         self.dt * f64::from(self.substeps)
@@ -90,9 +189,23 @@ impl StationKeepOptions {
             ("reward.pose", self.reward.pose),
             ("reward.effort", self.reward.effort),
             ("reward.rate", self.reward.rate),
+            ("tolerance.position", self.tolerance.position),
+            ("tolerance.attitude", self.tolerance.attitude),
         ] {
             if !(value.is_finite() && value >= 0.0) {
                 return refuse(name, value, "finite and >= 0");
+            }
+        }
+        for (name, value, greatest, allowed) in [
+            ("residual", self.residual, 1.0, "in [0, 1]"),
+            ("reference_size", self.reference_size, 5.0, "in [0, 5] m"),
+            ("reference_speed", self.reference_speed, 2.0, "in [0, 2] m/s"),
+            ("reference_turn", self.reference_turn, 0.6, "in [0, 0.6] rad"),
+            ("preview.points", f64::from(self.preview.points), PREVIEW as f64, "0 to 8"),
+            ("preview.spacing", self.preview.spacing, 10.0, "in [0, 10] s"),
+        ] {
+            if !(0.0..=greatest).contains(&value) {
+                return refuse(name, value, allowed);
             }
         }
         if !(self.start_distance >= 0.0 && self.start_distance < super::observation::POSITION_BOUND) {

@@ -1,22 +1,24 @@
-//! How episodes of station keeping start.
+//! How episodes start.
 
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6};
 
 use super::episode::Episode;
-use super::options::StartOverride;
+use super::observation::joint_bounds;
+use super::options::{Goal, StartOverride};
+use super::path::{PATH, draw_path};
 use super::pose::Pose;
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::JointReference;
-use super::station_keep::StationKeep;
+use super::task::Task;
 use crate::error::{ControlError, TaskError};
 use crate::system::State;
 
 /// Greatest angle of a drawn current against the horizontal, rad.
 const CURRENT_ELEVATION: f64 = 0.25;
 
-impl StationKeep {
+impl Task {
     /// The start of an episode and the state it starts from, all drawn.
     pub fn begin(&self, key: EpisodeKey) -> (Episode, State) {
         self.start(key, &StartOverride::default())
@@ -49,7 +51,7 @@ impl StationKeep {
                 return Err(TaskError::Start { name, value: *value, allowed: "finite".into() });
             }
         }
-        for ((q, home), bound) in given.q.iter().flatten().zip(self.home()).zip(self.joint_bounds()) {
+        for ((q, home), bound) in given.q.iter().flatten().zip(self.home()).zip(joint_bounds(self.layout())) {
             if (q - home).abs() > bound {
                 let allowed = format!("within {bound} of home ({home}), beyond which it is not observed");
                 return Err(TaskError::Start { name: "q", value: *q, allowed });
@@ -68,12 +70,6 @@ impl StationKeep {
             }
             None => Ok((episode, state)),
         }
-    }
-
-    /// Greatest observed distance of each joint coordinate from home.
-    fn joint_bounds(&self) -> impl Iterator<Item = f64> {
-        let block = self.layout().block("joint_position");
-        block.into_iter().flat_map(|b| b.bound.iter().zip(&b.scale).map(|(bound, scale)| bound * scale))
     }
 
     fn start(&self, key: EpisodeKey, given: &StartOverride) -> (Episode, State) {
@@ -96,7 +92,7 @@ impl StationKeep {
             let azimuth = draw.uniform_in(0, 0.0, TAU);
             let elevation = draw.uniform_in(1, -CURRENT_ELEVATION, CURRENT_ELEVATION);
             let level = forward * azimuth.cos() + left * azimuth.sin();
-            self.scene_current
+            self.scene.water.current
                 + (level * elevation.cos() + up * elevation.sin()) * draw.uniform_in(2, 0.0, options.max_current)
         });
 
@@ -115,16 +111,22 @@ impl StationKeep {
         state.qd.iter_mut().zip(given.qd.iter().flatten()).for_each(|(qd, x)| *qd = *x);
 
         let draw = Stream::new(key, Purpose::Reference);
-        let mut episode = Episode::blank(key, *self.keeper().rows());
+        let mut episode = Episode::blank(key, *self.kernel().rows());
         episode.set_target(&target);
         let (rows, period) = (episode.rows, options.control_period());
         let mut memory = episode.memory();
         memory.set_all::<f64, 3>(rows.current, &current.into());
-        for (i, joint) in self.joints.iter().enumerate() {
+        if options.task == Goal::Track {
+            let start = self.end_effector(&target, self.home());
+            let path = draw_path(options, &start, &up, self.tilt, period, &draw);
+            memory.set_all::<f64, PATH>(rows.path, &path);
+        }
+        let following = if options.task == Goal::Track { 0 } else { self.joints.len() };
+        for (i, joint) in self.joints.iter().take(following).enumerate() {
             let reference = JointReference::draw(joint, state.q[i], options.arm_amplitude, period, &draw, i as u32);
             memory.set_all(rows.reference + JointReference::<f64>::LEN * i, &reference.to_array());
         }
-        self.keeper().aim::<f64>(&mut memory);
+        self.kernel().aim::<f64>(&mut memory);
         (episode, state)
     }
 }

@@ -1,4 +1,4 @@
-//! Episodes of station keeping, many at a time.
+//! Episodes of a task, many at a time.
 
 mod chunk;
 mod crew;
@@ -7,6 +7,8 @@ mod outputs;
 mod rollout;
 mod slot;
 
+use std::sync::Arc;
+
 use super::monitor::Stray;
 use super::rates::Unstable;
 use super::simulator::{Precision, Simulator, SimulatorOptions};
@@ -14,7 +16,7 @@ use crate::balance::Servos;
 use crate::control::{Policy, Widths};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
-use crate::scene::{Episode, EpisodeKey, INFO, StartOverride, StationKeep, StationKeepOptions};
+use crate::scene::{Episode, EpisodeKey, Goal, INFO, StartOverride, Task, TaskOptions, truth};
 use chunk::Rules;
 use crew::{Company, Course, Crew, Orders};
 pub use outputs::{Outputs, Transition, Verdict};
@@ -29,7 +31,7 @@ pub enum Autoreset {
     NextStep,
     /// The same step starts the next episode; the last observation and measures are in [`Transition::finals`].
     SameStep,
-    /// Nothing, until [`StationKeepBatch::reset`].
+    /// Nothing, until [`TaskBatch::reset`].
     Disabled,
 }
 
@@ -42,16 +44,19 @@ pub struct Final {
     pub observation: Vec<f32>,
     /// Last measures.
     pub info: [f64; INFO],
+    /// What it did not tell, as [`TaskBatch::truth`] has it.
+    pub truth: Vec<f64>,
 }
 
 impl Final {
     /// Of instance `k` of a chunk that begins with instance `first`.
-    fn of(first: usize, k: usize, out: &Outputs<'_>) -> Self {
+    fn of(first: usize, k: usize, out: &Outputs<'_>, truth: Vec<f64>) -> Self {
         let width = out.observations.len() / out.len();
         Self {
             instance: first + k,
             observation: out.observations[k * width..(k + 1) * width].to_vec(),
             info: out.info.each_ref().map(|row| row[k]),
+            truth,
         }
     }
 }
@@ -61,7 +66,7 @@ impl Final {
 pub struct Beginning {
     /// Observations of all instances, (N, d), whether reset or not.
     pub observations: Vec<f32>,
-    /// Measures of all instances, (18, N): of those that were not reset, at the instant where they stand.
+    /// Measures of all instances, (22, N): of those that were not reset, at the instant where they stand.
     pub info: Vec<f64>,
 }
 
@@ -74,20 +79,23 @@ pub struct Saved {
     pub episodes: Vec<f64>,
 }
 
-/// Instances of station keeping, stepped together. Each instance's results follow from the scene, the options, its seed
+/// Instances of a task, stepped together. Each instance's results follow from the scene, the options, its seed
 /// and its actions alone: not from the number of instances, of threads, or from what happens to its neighbours.
-pub struct StationKeepBatch {
-    task: StationKeep,
+pub struct TaskBatch {
+    task: Task,
+    /// What actions are corrections to, where they are.
+    base: Option<Arc<dyn Policy>>,
     simulator: Simulator,
     rules: Rules,
     slots: Vec<Slot>,
     crew: Box<dyn Crew>,
 }
 
-impl Clone for StationKeepBatch {
+impl Clone for TaskBatch {
     fn clone(&self) -> Self {
         Self {
             task: self.task.clone(),
+            base: self.base.clone(),
             simulator: self.simulator.clone(),
             rules: self.rules,
             slots: self.slots.clone(),
@@ -96,7 +104,7 @@ impl Clone for StationKeepBatch {
     }
 }
 
-impl StationKeepBatch {
+impl TaskBatch {
     /// A batch that waits for its first [`Self::reset`]. Instance `i` has the seed `i` until it is given another. The
     /// step is that of `options`; `simulator.dt` has no influence. Episodes are truncated after `max_steps`, if given.
     ///
@@ -104,12 +112,13 @@ impl StationKeepBatch {
     /// `TaskError` where the task or the simulator cannot be.
     pub fn new(
         scene: Scene,
-        options: StationKeepOptions,
+        options: TaskOptions,
         simulator: SimulatorOptions,
         autoreset: Autoreset,
         max_steps: Option<u32>,
     ) -> Result<Self, TaskError> {
-        let task = StationKeep::new(&scene, options)?;
+        let task = Task::new(&scene, options)?;
+        let base = task.base()?;
         let simulator = Simulator::new(scene, SimulatorOptions { dt: task.options().dt, ..simulator })?;
         let instances = simulator.instances();
         let crew: Box<dyn Crew> = match simulator.options().precision {
@@ -117,11 +126,11 @@ impl StationKeepBatch {
             Precision::Single => Box::new(Company::<f32>::new(&task, instances)),
         };
         let slots = (0..instances as u64).map(|seed| Slot::before(EpisodeKey { seed, episode: 0 })).collect();
-        Ok(Self { task, simulator, rules: Rules { autoreset, max_steps }, slots, crew })
+        Ok(Self { task, base, simulator, rules: Rules { autoreset, max_steps }, slots, crew })
     }
 
     /// The task.
-    pub fn task(&self) -> &StationKeep {
+    pub fn task(&self) -> &Task {
         &self.task
     }
 
@@ -132,7 +141,7 @@ impl StationKeepBatch {
 
     /// What to warn of before a step, once: as [`Simulator::warn_of_step`] with the servos of the joints on.
     pub fn warn_of_step(&mut self) -> Option<Unstable> {
-        self.simulator.warn_of_step(Servos { joints: true, station: false })
+        self.simulator.warn_of_step(Servos { joints: self.task.options().task == Goal::StationKeep, station: false })
     }
 
     /// What to warn of after a step, once: as [`Simulator::warn_of_motion`].
@@ -163,6 +172,16 @@ impl StationKeepBatch {
     fn episode_numbers(&self, i: usize) -> Episode {
         let Slot { key, step, .. } = self.slots[i];
         Episode::from_parts(key, step, self.task.episode_rows(), self.crew.column(i))
+    }
+
+    /// What observations do not tell of any instance: [`truth`] of each, (N, .).
+    pub fn truth(&self) -> Vec<f64> {
+        let joints = self.task.joint_count();
+        let of = |i: usize| {
+            let (state, flow, factors) = (self.simulator.state(i), self.simulator.flow(i), self.simulator.factors(i));
+            truth(joints, &state, &flow, &factors, &self.episode_numbers(i).target())
+        };
+        (0..self.instances()).flat_map(of).collect()
     }
 
     /// Bytes of memory per instance.
@@ -240,7 +259,7 @@ impl StationKeepBatch {
                 return Err(TaskError::Over { instance });
             }
         }
-        let orders = Orders { task: &self.task, rules: self.rules, actions };
+        let orders = Orders { task: &self.task, rules: self.rules, base: self.base.as_deref(), actions };
         Ok(self.crew.step(&mut self.simulator, &mut self.slots, &orders, out))
     }
 
@@ -268,7 +287,7 @@ impl StationKeepBatch {
             return Err(TaskError::NotBegun { instance });
         }
         let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
-        let course = Course { task: &self.task, rules, policy, steps };
+        let course = Course { task: &self.task, rules, base: self.base.as_deref(), policy, steps };
         Ok(self.crew.run(&mut self.simulator, &mut self.slots, &course, rollout)?)
     }
 

@@ -1,16 +1,18 @@
-//! Station keeping: the vehicle holds a pose while the arm moves and a current pushes.
+//! A task on a scene. Station keeping: the vehicle holds a pose while the arm moves and a current pushes.
 
 use nalgebra::Vector3;
 
+use super::authority::{greatest_tilt, greatest_torques};
 use super::episode::{Episode, EpisodeRows};
-use super::keeper::{Command, Keeper};
+use super::kernel::{Command, TaskKernel};
 use super::layout::Layout;
 use super::metrics::Outcome;
-use super::observation::station_keep_layout;
-use super::options::StationKeepOptions;
+use super::observation::layout;
+use super::options::{Goal, TaskOptions};
+use super::pose::Pose;
 use super::stance::Stance;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, Reading};
-use crate::description::{Joint, Scene, VehicleServo};
+use crate::description::{Joint, JointKind, Scene, VehicleServo};
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::system::{EndEffector, JOINTS, Joints, State};
@@ -18,24 +20,25 @@ use crate::system::{EndEffector, JOINTS, Joints, State};
 /// Control periods after which an episode is usually cut off: 20 s.
 pub const DEFAULT_HORIZON: u32 = 400;
 
-/// The station-keeping task on one scene; the same for all instances and episodes.
+/// A task on one scene; the same for all instances and episodes.
 ///
 /// A run goes: [`Self::begin`]; then per control period [`Self::observe`], [`Self::act`], the physics with that
 /// [`Command`], [`Self::advance`]. With the pose error `p = sqrt(|e|^2 + (0.5 m angle)^2)` the reward is
 /// `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean((T / T_max)^2) - 0.1 mean((a - a_prev)^2)`,
 /// its three weights being options. It is never positive, yet fleeing beyond the bounds to end an episode costs more than holding station.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StationKeep {
-    pub(super) options: StationKeepOptions,
+pub struct Task {
+    pub(super) options: TaskOptions,
     rig: Rig,
     thruster_names: Vec<String>,
+    joint_names: Vec<String>,
     pub(super) joints: Vec<Joint>,
-    servo: Option<VehicleServo>,
-    scene_name: String,
-    pub(super) scene_current: Vector3<f64>,
+    pub(super) scene: Scene,
     /// Orthonormal, world axes: two horizontal ones and the one against gravity (world z without gravity).
     pub(super) level: [Vector3<f64>; 3],
-    keeper: Keeper<f64>,
+    /// Greatest amplitude of a path's turns out of the horizontal, rad.
+    pub(super) tilt: f64,
+    kernel: TaskKernel<f64>,
 }
 
 /// What the task reads of a scene in lanes.
@@ -46,15 +49,17 @@ pub(super) struct Rig {
     pub end_effector: EndEffector,
     pub home: Joints,
     pub joints: usize,
+    /// World axis against gravity (world z without gravity).
+    pub up: [f64; 3],
 }
 
-impl StationKeep {
+impl Task {
     /// The task on `scene`.
     ///
     /// # Errors
     /// `TaskError`: a vehicle that is fixed, has no thrusters or (for wrench actions) no axis they can push along, a
     /// joint without a servo, or an option out of its range.
-    pub fn new(scene: &Scene, options: StationKeepOptions) -> Result<Self, TaskError> {
+    pub fn new(scene: &Scene, options: TaskOptions) -> Result<Self, TaskError> {
         options.check()?;
         let refuse = |reason: String| Err(TaskError::Scene { scene: scene.name.clone(), reason });
         let vehicle = &scene.vehicle;
@@ -65,7 +70,7 @@ impl StationKeep {
             return refuse("its vehicle has no thrusters".into());
         }
         let allocation = Allocation::new(vehicle)?;
-        if options.action == ActionKind::Wrench && allocation.unactuated().len() == 6 {
+        if options.action != ActionKind::Thrusters && allocation.unactuated().len() == 6 {
             let hint = "no axis of the wrench can be actuated alone (action \"thrusters\" may work)";
             return refuse(hint.into());
         }
@@ -73,32 +78,54 @@ impl StationKeep {
         if joints.len() > JOINTS {
             return refuse(format!("it has {} joints, at most {JOINTS} are supported", joints.len()));
         }
-        if let Some((_, name)) = joints.iter().zip(scene.joint_names()).find(|(joint, _)| joint.servo.is_none()) {
+        let tracks = options.task == Goal::Track;
+        let mut named = joints.iter().zip(scene.joint_names());
+        if let Some((_, name)) = named.find(|(joint, _)| !tracks && joint.servo.is_none()) {
             return refuse(format!("joint \"{name}\" has no servo to follow its reference with"));
         }
 
         let up = (-scene.water.gravity).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let forward = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
         let forward = (forward - up * up.dot(&forward)).normalize();
-        let actions = ActionMap::new(options.action, allocation);
+        let (torques, tilt) = if tracks {
+            (greatest_torques(scene, &up)?, greatest_tilt(scene, &up, allocation.wrench_limits())?)
+        } else {
+            (Vec::new(), 0.0)
+        };
+        let actions = ActionMap::new(options.action, allocation, torques);
         let rig = Rig {
-            layout: station_keep_layout(&joints, actions.len()),
+            layout: layout(&options, &joints, actions.len()),
             actions,
             end_effector: EndEffector::new(scene),
             home: scene.home(),
             joints: joints.len(),
+            up: up.into(),
         };
         Ok(Self {
-            keeper: Keeper::new(&options, &rig),
+            tilt,
+            kernel: TaskKernel::new(&options, &rig),
             rig,
             options,
             thruster_names: scene.thruster_names(),
+            joint_names: scene.joint_names(),
             joints,
-            servo: vehicle.servo.clone(),
-            scene_name: scene.name.clone(),
-            scene_current: scene.water.current,
+            scene: scene.clone(),
             level: [forward, up.cross(&forward), up],
         })
+    }
+
+    /// The frame whose pose counts: the vehicle's, or that of the end effector that follows a path.
+    pub(super) fn frame(&self, state: &State) -> Pose {
+        match self.options.task {
+            Goal::StationKeep => Pose::of_vehicle(state),
+            Goal::Track => self.end_effector(&Pose::of_vehicle(state), &state.q),
+        }
+    }
+
+    /// The end effector of a vehicle at that pose.
+    pub(super) fn end_effector(&self, vehicle: &Pose, q: &Joints) -> Pose {
+        let (rotation, position) = self.rig.end_effector.pose(q);
+        Pose { position: vehicle.position + vehicle.rotation * position, rotation: vehicle.rotation * rotation }
     }
 
     pub(super) fn home(&self) -> &Joints {
@@ -106,13 +133,13 @@ impl StationKeep {
     }
 
     /// Options in use.
-    pub fn options(&self) -> &StationKeepOptions {
+    pub fn options(&self) -> &TaskOptions {
         &self.options
     }
 
     /// Name of the scene.
     pub fn scene_name(&self) -> &str {
-        &self.scene_name
+        &self.scene.name
     }
 
     /// What each entry of an observation is.
@@ -132,7 +159,19 @@ impl StationKeep {
 
     /// What each entry of an action is.
     pub fn action_ranges(&self) -> Vec<ActionRange> {
-        self.rig.actions.ranges(self.thruster_names.iter().map(String::as_str))
+        let actions = &self.rig.actions;
+        let mut ranges = actions.ranges(self.thruster_names.iter().map(String::as_str));
+        for ((torque, name), joint) in actions.torques().iter().zip(&self.joint_names).zip(&self.joints) {
+            let unit = match joint.kind {
+                JointKind::Revolute => "N m",
+                JointKind::Prismatic => "N",
+            };
+            ranges.push(ActionRange { name: name.clone(), limits: [-torque, *torque], unit });
+        }
+        if self.options.action == ActionKind::Residual {
+            ranges.iter_mut().for_each(|range| range.limits = range.limits.map(|limit| limit * self.options.residual));
+        }
+        ranges
     }
 
     /// The thruster allocation.
@@ -150,9 +189,35 @@ impl StationKeep {
     /// # Errors
     /// `TaskError` if there are no gains, or one is not finite or is negative.
     pub fn pd(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
-        let Some(gains) = gains.or_else(|| self.servo.clone()) else {
-            let reason = "it gives no gains (vehicle.servo) for the PD".into();
-            return Err(TaskError::Scene { scene: self.scene_name.clone(), reason });
+        self.refuse_residual()?;
+        self.feedback(gains)
+    }
+
+    /// Refuses controllers where actions are corrections to one.
+    pub(super) fn refuse_residual(&self) -> Result<(), TaskError> {
+        match self.options.action {
+            ActionKind::Residual => {
+                Err(self.unfit("its actions are corrections to a controller: use Rest for that alone"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// A refusal of something for this task.
+    pub(super) fn unfit(&self, reason: &str) -> TaskError {
+        TaskError::Scene { scene: self.scene.name.clone(), reason: reason.to_owned() }
+    }
+
+    pub(super) fn actions(&self) -> &ActionMap {
+        &self.rig.actions
+    }
+
+    pub(super) fn feedback(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
+        if self.options.task != Goal::StationKeep {
+            return Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"));
+        }
+        let Some(gains) = gains.or_else(|| self.scene.vehicle.servo.clone()) else {
+            return Err(self.unfit("it gives no gains (vehicle.servo) for the PD"));
         };
         let find = |names: [&str; 2]| {
             let mut found = names
@@ -192,41 +257,42 @@ impl StationKeep {
     }
 
     /// Numbers of the task for a group of instances.
-    pub fn in_lanes<T: Real>(&self) -> Keeper<T> {
-        Keeper::new(&self.options, &self.rig)
+    pub fn in_lanes<T: Real>(&self) -> TaskKernel<T> {
+        TaskKernel::new(&self.options, &self.rig)
     }
 
     /// The same for one instance.
-    pub(super) fn keeper(&self) -> &Keeper<f64> {
-        &self.keeper
+    pub(super) fn kernel(&self) -> &TaskKernel<f64> {
+        &self.kernel
     }
 
     /// Where the numbers of an episode lie.
     pub fn episode_rows(&self) -> EpisodeRows {
-        *self.keeper.rows()
+        *self.kernel.rows()
     }
 
-    /// [`Keeper::act`] for one instance.
+    /// [`TaskKernel::act`] for one instance.
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-        self.keeper().act(&mut episode.memory(), &entries)
+        self.kernel().act(&mut episode.memory(), &entries, None)
     }
 
-    /// [`Keeper::advance`] for one instance.
+    /// [`TaskKernel::advance`] for one instance.
     pub fn advance(&self, episode: &mut Episode, state: &State) -> Outcome {
         episode.step += 1;
         let (share, stance) = (1.0 / f64::from(episode.step), Stance::from(state));
         let mut memory = episode.memory();
-        let error = self.keeper().error(&memory, &stance);
-        Outcome::from(&self.keeper().advance(&mut memory, &stance, &error, share))
+        self.kernel().advance::<f64>(&mut memory);
+        let error = self.kernel().error(&memory, &stance);
+        Outcome::from(&self.kernel().judge(&mut memory, &stance, &error, share))
     }
 
-    /// [`Keeper::observe`] for one instance.
+    /// [`TaskKernel::observe`] for one instance.
     pub fn observe(&self, episode: &Episode, state: &State, row: &mut [f32]) {
         let (mut episode, stance) = (episode.clone(), Stance::from(state));
         let memory = episode.memory();
-        let error = self.keeper().error(&memory, &stance);
-        self.keeper().observe(&memory, &stance, &error, row);
+        let error = self.kernel().error(&memory, &stance);
+        self.kernel().observe(&memory, &stance, &error, row);
     }
 }

@@ -1,12 +1,13 @@
 //! The task around the physics of a few instances, on one thread.
 
 use super::kernels::{Act, Blocks, Judge, Look};
-use super::outputs::Outputs;
+use super::outputs::{Outputs, Transition};
 use super::slot::Slot;
 use super::{Autoreset, Final};
 use crate::batch::blocks::Part;
+use crate::control::Policy;
 use crate::lane::Real;
-use crate::scene::{Keeper, StationKeep};
+use crate::scene::{Episode, EpisodeKey, Task, TaskKernel, truth};
 use crate::system::{Flow, State};
 
 /// How episodes end and follow each other.
@@ -18,9 +19,11 @@ pub(super) struct Rules {
 
 /// What all chunks have in common.
 pub(super) struct Duty<'a, T> {
-    pub task: &'a StationKeep,
-    pub keeper: &'a Keeper<T>,
+    pub task: &'a Task,
+    pub kernel: &'a TaskKernel<T>,
     pub rules: Rules,
+    /// What actions are corrections to, where they are.
+    pub base: Option<&'a dyn Policy>,
     /// A state that steps harmlessly.
     pub home: &'a State,
 }
@@ -41,8 +44,9 @@ impl<T: Real> Chunk<'_, '_, T> {
             // What it was left in may be a state that takes long to step.
             self.part.table.set_state(self.part.rows, k, self.duty.home);
         }
+        let base = self.base();
         let isa = self.part.isa;
-        T::dispatch(isa, &mut Act { blocks: self.blocks(), actions });
+        T::dispatch(isa, &mut Act { blocks: self.blocks(), actions, base: base.as_deref() });
         self.part.step();
         let mut counts = [T::from_f64(1.0); MOST];
         for (count, slot) in counts.iter_mut().zip(&*self.slots) {
@@ -50,6 +54,18 @@ impl<T: Real> Chunk<'_, '_, T> {
         }
         T::dispatch(isa, &mut Judge { blocks: self.blocks(), counts: &counts, out });
         self.follow_up(out, finals);
+    }
+
+    /// What the classical controller does, (n, a), where actions are corrections to it.
+    fn base(&mut self) -> Option<Vec<f32>> {
+        let policy = self.duty.base?;
+        let (n, widths) = (self.slots.len(), policy.widths());
+        let mut seen = Transition::blank(n, widths.observation);
+        self.look(&vec![true; n], &mut seen.outputs());
+        let mut actions = vec![0.0; n * widths.action];
+        let fits = policy.act(&seen.observations, &mut [], &mut actions);
+        fits.expect("the controller was made for this task, and remembers nothing");
+        Some(actions)
     }
 
     /// Ends episodes and starts those that follow.
@@ -70,7 +86,8 @@ impl<T: Real> Chunk<'_, '_, T> {
                 out.truncated[k] = max_steps.is_some_and(|most| slot.step >= most);
                 slot.over = out.terminated[k] | out.truncated[k];
                 if slot.over && autoreset == Autoreset::SameStep {
-                    finals.push(Final::of(self.part.first, k, out));
+                    let truth = self.truth(k);
+                    finals.push(Final::of(self.part.first, k, out, truth));
                     begun[k] = true;
                 }
             }
@@ -82,6 +99,15 @@ impl<T: Real> Chunk<'_, '_, T> {
         if any {
             self.look(&begun, out);
         }
+    }
+
+    /// What the observation of instance `k` does not tell.
+    fn truth(&self, k: usize) -> Vec<f64> {
+        let (table, rows, task) = (self.part.table, &*self.part.rows, self.duty.task);
+        let (state, flow, factors) = (table.state(rows, k), table.flow(rows, k), table.factors(rows, k));
+        let numbers = column(self.episodes, task.episode_rows().rows, k);
+        let episode = Episode::from_parts(EpisodeKey::default(), 0, task.episode_rows(), numbers);
+        truth(task.joint_count(), &state, &flow, &factors, &episode.target())
     }
 
     /// Starts the next episode of instance `k`.
@@ -101,7 +127,7 @@ impl<T: Real> Chunk<'_, '_, T> {
 
     fn blocks(&mut self) -> Blocks<'_, T> {
         Blocks {
-            keeper: self.duty.keeper,
+            kernel: self.duty.kernel,
             layout: &self.part.table.layout,
             physics: &mut *self.part.rows,
             episodes: &mut *self.episodes,

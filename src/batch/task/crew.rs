@@ -14,11 +14,13 @@ use crate::batch::step::Switches;
 use crate::control::Policy;
 use crate::error::ControlError;
 use crate::lane::Real;
-use crate::scene::{Keeper, StationKeep};
+use crate::scene::{Goal, Task, TaskKernel};
 use crate::system::State;
 
-/// The joints' servos are all that is on.
-const SERVO: Switches = Switches { servo: true, on_links: false, station: false };
+/// The joints' servos are all that is on, where joints follow references; else nothing is.
+fn switches(task: &Task) -> Switches {
+    Switches { servo: task.options().task == Goal::StationKeep, on_links: false, station: false }
+}
 
 /// The numbers of all episodes, whatever the precision.
 pub(super) trait Crew: Send + Sync {
@@ -52,15 +54,17 @@ pub(super) trait Crew: Send + Sync {
 
 /// What a step is to do.
 pub(super) struct Orders<'a> {
-    pub task: &'a StationKeep,
+    pub task: &'a Task,
     pub rules: Rules,
+    pub base: Option<&'a dyn Policy>,
     pub actions: &'a [f32],
 }
 
 /// What a run is to do.
 pub(super) struct Course<'a> {
-    pub task: &'a StationKeep,
+    pub task: &'a Task,
     pub rules: Rules,
+    pub base: Option<&'a dyn Policy>,
     pub policy: &'a dyn Policy,
     pub steps: u32,
 }
@@ -68,7 +72,7 @@ pub(super) struct Course<'a> {
 /// The numbers of all episodes.
 #[derive(Clone)]
 pub(super) struct Company<T> {
-    keeper: Keeper<T>,
+    kernel: TaskKernel<T>,
     /// Block by block.
     episodes: Vec<T>,
 }
@@ -80,10 +84,10 @@ impl<T: Real> Company<T> {
         Blocks::<T>::CHUNK
     };
 
-    pub fn new(task: &StationKeep, instances: usize) -> Self {
-        let keeper = task.in_lanes();
-        let episodes = vec![T::default(); instances.next_multiple_of(T::BLOCK) * keeper.rows().rows];
-        Self { keeper, episodes }
+    pub fn new(task: &Task, instances: usize) -> Self {
+        let kernel = task.in_lanes();
+        let episodes = vec![T::default(); instances.next_multiple_of(T::BLOCK) * kernel.rows().rows];
+        Self { kernel, episodes }
     }
 }
 
@@ -95,18 +99,18 @@ impl<T: Real> Crew for Company<T> {
         orders: &Orders<'_>,
         out: Outputs<'_>,
     ) -> Vec<Final> {
-        let &Orders { task, rules, actions } = orders;
+        let &Orders { task, rules, base, actions } = orders;
         let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
         let chunk = Self::CHUNK;
         let finals = Mutex::new(Vec::new());
         let substeps = task.options().substeps as usize;
         let items = slots
             .chunks_mut(chunk)
-            .zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows))
+            .zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows))
             .zip(actions.chunks(chunk * task.action_len()))
             .zip(out.chunks(chunk));
-        simulator.visit::<T, _>(substeps, SERVO, items, |part, (((slots, episodes), actions), mut out)| {
+        simulator.visit::<T, _>(substeps, switches(task), items, |part, (((slots, episodes), actions), mut out)| {
             let mut ended = Vec::new();
             Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
             if !ended.is_empty() {
@@ -125,9 +129,9 @@ impl<T: Real> Crew for Company<T> {
         course: &Course<'_>,
         rollout: &mut Rollout,
     ) -> Result<(), ControlError> {
-        let &Course { task, rules, policy, steps } = course;
+        let &Course { task, rules, base, policy, steps } = course;
         let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
         let chunk = Self::CHUNK;
         let mut traces = &mut rollout.traces[..];
         let mut memory = &mut rollout.memory[..];
@@ -142,8 +146,8 @@ impl<T: Real> Crew for Company<T> {
         let failure = Mutex::new(Ok(()));
         let substeps = task.options().substeps as usize;
         let items =
-            slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows)).zip(&mut laps);
-        simulator.visit::<T, _>(substeps, SERVO, items, |part, ((slots, episodes), lap)| {
+            slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows)).zip(&mut laps);
+        simulator.visit::<T, _>(substeps, switches(task), items, |part, ((slots, episodes), lap)| {
             if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
                 *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
             }
@@ -154,12 +158,12 @@ impl<T: Real> Crew for Company<T> {
     fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>) {
         let all = vec![true; out.len()];
         let (layout, isa, physics) = simulator.blocks::<T>().parts();
-        let blocks = kernels::Blocks { keeper: &self.keeper, layout, physics, episodes: &mut self.episodes };
+        let blocks = kernels::Blocks { kernel: &self.kernel, layout, physics, episodes: &mut self.episodes };
         T::dispatch(isa, &mut kernels::Look { blocks, chosen: &all, out });
     }
 
     fn column(&self, i: usize) -> Vec<f64> {
-        column(&self.episodes, self.keeper.rows().rows, i)
+        column(&self.episodes, self.kernel.rows().rows, i)
     }
 
     fn set_column(&mut self, i: usize, numbers: &[f64]) {

@@ -5,17 +5,17 @@ use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::scene::{Judgement, Keeper, Stance};
+use crate::scene::{Judgement, PREVIEW, Stance, TaskKernel};
 use crate::system::{Factors, JOINTS};
 
 /// Greatest number of lanes.
 const WIDEST: usize = 16;
 /// Greatest number of entries of an observation.
-const LONGEST: usize = 18 + 4 * JOINTS + ACTIONS;
+const LONGEST: usize = 27 + 4 * JOINTS + ACTIONS + 6 * PREVIEW;
 
 /// Blocks of instances, and their episodes' numbers.
 pub(super) struct Blocks<'a, T> {
-    pub keeper: &'a Keeper<T>,
+    pub kernel: &'a TaskKernel<T>,
     /// Rows of a block.
     pub layout: &'a Layout,
     pub physics: &'a mut [T],
@@ -29,7 +29,7 @@ impl<T: Real> Blocks<'_, T> {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
         let width = self.layout.rows * T::BLOCK;
         let physics = &mut self.physics[block * width..][..width];
-        let width = self.keeper.rows().rows * T::BLOCK;
+        let width = self.kernel.rows().rows * T::BLOCK;
         let episodes = &mut self.episodes[block * width..][..width];
         (Rows::of_block(physics, lane), Rows::of_block(episodes, lane))
     }
@@ -58,38 +58,56 @@ pub(super) struct Act<'a, T> {
     pub blocks: Blocks<'a, T>,
     /// (n, a) for the first n instances of the blocks; the rest does nothing.
     pub actions: &'a [f32],
+    /// Likewise what these correct, if they do.
+    pub base: Option<&'a [f32]>,
 }
 
 impl<T: Real> Kernel<T> for Act<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let (width, keeper) = (self.blocks.keeper.rows().actions, self.blocks.keeper);
+        let (width, kernel) = (self.blocks.kernel.rows().actions, self.blocks.kernel);
         let count = self.actions.len() / width;
         let mut page = [0.0; ACTIONS * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
-            let rows = &self.actions[first * width..];
-            if lanes == L::LANES {
-                transpose(rows, L::LANES, width, &mut page);
-            } else {
-                let mut some = [0.0; ACTIONS * WIDEST];
-                some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
-                transpose(&some, L::LANES, width, &mut page);
-            }
-            let mut action = [L::zero(); ACTIONS];
-            for k in 0..width {
-                action[k] = L::load_single(&page[k * L::LANES..]);
-            }
+            let action: [L; ACTIONS] = entries(&self.actions[first * width..], lanes, width, &mut page);
+            let base: Option<[L; ACTIONS]> = match self.base {
+                Some(base) => Some(entries(&base[first * width..], lanes, width, &mut page)),
+                None => None,
+            };
             let (mut physics, mut memory) = self.blocks.group(first);
-            let command = keeper.act(&mut memory, &action);
+            let command = kernel.act(&mut memory, &action, base.as_ref());
             let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
             physics.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array());
-            for k in 0..layout.joints {
-                physics.set_all(layout.target + 4 * k, &command.joints[k]);
+            if kernel.drives_joints() {
+                for k in 0..layout.joints {
+                    physics.set(layout.torque + k, command.actuated.torques[k]);
+                }
+            } else {
+                for k in 0..layout.joints {
+                    physics.set_all(layout.target + 4 * k, &command.joints[k]);
+                }
             }
         }
     }
+}
+
+/// Rows (lanes, width) of actions as lanes; `page` is to work on.
+#[inline(always)]
+fn entries<L: Lane>(rows: &[f32], lanes: usize, width: usize, page: &mut [f32; ACTIONS * WIDEST]) -> [L; ACTIONS] {
+    if lanes == L::LANES {
+        transpose(rows, L::LANES, width, page);
+    } else {
+        let mut some = [0.0; ACTIONS * WIDEST];
+        some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
+        transpose(&some, L::LANES, width, page);
+    }
+    let mut entries = [L::zero(); ACTIONS];
+    for k in 0..width {
+        entries[k] = L::load_single(&page[k * L::LANES..]);
+    }
+    entries
 }
 
 /// Judges what the steps have come to, and observes.
@@ -105,16 +123,17 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let keeper = self.blocks.keeper;
-        let (count, width) = (self.out.len(), keeper.observation_len());
+        let kernel = self.blocks.kernel;
+        let (count, width) = (self.out.len(), kernel.observation_len());
         let mut page = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let (physics, mut memory) = self.blocks.group(first);
             let stance = stance::<T, L>(layout, &physics);
-            let error = keeper.error(&memory, &stance);
+            kernel.advance::<L>(&mut memory);
+            let error = kernel.error(&memory, &stance);
             let share = L::c(1.0) / L::load(&self.counts[first..]);
-            let judgement = keeper.advance(&mut memory, &stance, &error, share);
-            keeper.observe(&memory, &stance, &error, &mut page);
+            let judgement = kernel.judge(&mut memory, &stance, &error, share);
+            kernel.observe(&memory, &stance, &error, &mut page);
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
             if lanes == L::LANES {
@@ -163,8 +182,8 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let keeper = self.blocks.keeper;
-        let (count, width) = (self.out.len(), keeper.observation_len());
+        let kernel = self.blocks.kernel;
+        let (count, width) = (self.out.len(), kernel.observation_len());
         let mut page = [0.0; LONGEST * WIDEST];
         let mut all = [0.0; WIDEST];
         for first in (0..count).step_by(L::LANES) {
@@ -175,9 +194,9 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
             }
             let (physics, memory) = self.blocks.group(first);
             let stance = stance::<T, L>(layout, &physics);
-            let error = keeper.error(&memory, &stance);
-            keeper.observe(&memory, &stance, &error, &mut page);
-            let judgement = keeper.survey(&memory, &stance, &error);
+            let error = kernel.error(&memory, &stance);
+            kernel.observe(&memory, &stance, &error, &mut page);
+            let judgement = kernel.survey(&memory, &stance, &error);
             for (row, x) in self.out.info.iter_mut().zip(judgement.info) {
                 x.store_double(&mut all);
                 for lane in 0..lanes {
