@@ -29,6 +29,18 @@ pub enum DescriptionError {
         /// The parser's message, with line and column.
         message: String,
     },
+    /// An element of a URDF file that is wrong, or that no scene can have.
+    #[error("{source_name}: line {line}: {element}: {problem}")]
+    Urdf {
+        /// File.
+        source_name: String,
+        /// Of the element.
+        line: u32,
+        /// Path of the element, such as `joint "elbow" <limit>`.
+        element: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// One key has a value that cannot be.
     #[error("{source_name}: {key}: {problem}")]
     Value {

@@ -21,9 +21,14 @@ __all__ = [
     "Task",
     "__version__",
     "disturbances",
+    "dump_scene",
+    "estimate",
+    "import_urdf",
     "integrators",
     "load_scene",
     "read_disturbance",
+    "scene_doubts",
+    "scene_template",
     "scenes",
 ]
 
@@ -70,6 +75,40 @@ def disturbances() -> list[tuple[str, str, str]]:
 
 def read_disturbance(json: str) -> str:
     """A disturbance, checked and with its defaults filled in, as JSON."""
+
+def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
+    """A scene as TOML text, which reads back as an equal scene."""
+
+def scene_doubts(scene: str | PathLike[str] | dict[str, Any]) -> list[str]:
+    """What is possible in a scene, but hardly meant: one line each, with key and numbers."""
+
+def scene_template() -> str:
+    """TOML text of a scene with every key that there is, its unit and default in comments."""
+
+@type_check_only
+class _Estimate(TypedDict):
+    body: dict[str, Any]
+    formulas: dict[str, str]
+    toml: str
+
+def estimate(outline: str | PathLike[str] | dict[str, Any], *, table: str = "vehicle.body") -> _Estimate:
+    """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.
+
+    `outline`: {"density", "speed": [m/s, rad/s], "shapes": [...]}, or path of a TOML file of that form. Each shape has
+    one of box, cylinder, capsule, ellipsoid, and may have name, position, rpy, ends ("free", "joined"), perforation,
+    solidity, displaced, mass, relative_density. SceneError names file, key and value.
+    """
+
+def import_urdf(
+    path: str | PathLike[str],
+    *,
+    vehicle: str | PathLike[str] | dict[str, Any],
+    position: ArrayLike | None = None,
+    rpy: ArrayLike | None = None,
+    base: str | None = None,
+    tip: str | None = None,
+) -> tuple[dict[str, Any], list[str]]:
+    """A vehicle with the arm of a URDF file, and what should be known about it; see `uvms_gym.import_urdf`."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""

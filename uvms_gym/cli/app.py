@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from uvms_gym import __version__
-from uvms_gym.cli import scenes
+from uvms_gym.cli import robots, scenes
 from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.bench import bench
 from uvms_gym.cli.compare import compare
@@ -31,6 +31,9 @@ app.command()(play)
 app.command()(accuracy)
 app.command()(bench)
 scenes.app.command()(explain)
+scenes.app.command()(robots.template)
+scenes.app.command()(robots.estimate)
+scenes.app.command("import")(robots.import_arm)
 app.add_typer(scenes.app, name="scenes")
 
 

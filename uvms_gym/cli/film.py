@@ -45,7 +45,12 @@ class Mp4:
 
             height, width, _ = picture.shape
             self._writer = imageio_ffmpeg.write_frames(
-                str(self._path), (width, height), fps=self._rate, quality=8, macro_block_size=2, ffmpeg_log_level="error"
+                str(self._path),
+                (width, height),
+                fps=self._rate,
+                quality=8,
+                macro_block_size=2,
+                ffmpeg_log_level="error",
             )
             self._writer.send(None)
         self._writer.send(np.ascontiguousarray(picture))

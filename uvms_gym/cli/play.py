@@ -62,7 +62,9 @@ def play(
     steps = max(1, round(seconds / period))
     from uvms_gym.cli.overlay import Overlay
 
-    title = f"{made.unwrapped.simulator.scene_name}  ·  {Path(chosen).name if chosen.startswith(MLP_PREFIX) else chosen}"  # type: ignore[attr-defined]
+    title = (
+        f"{made.unwrapped.simulator.scene_name}  ·  {Path(chosen).name if chosen.startswith(MLP_PREFIX) else chosen}"  # type: ignore[attr-defined]
+    )
     overlay = Overlay(title, disturbance or "", steps * period)
     if out is not None:
         prepare(out.absolute().parent, None)
