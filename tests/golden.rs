@@ -107,7 +107,7 @@ impl Kinematics {
             twist: self.twist.into(),
             q: padded(&self.q),
             qd: padded(&self.qd),
-            time: 0.0,
+            ..State::default()
         }
     }
 }

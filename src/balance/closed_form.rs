@@ -4,7 +4,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
 use super::body::{DenseBody, relative_twist};
 use super::composite::{Composite, Equations};
-use super::dense::{Pose, force_at};
+use super::dense::Pose;
 use super::joint::{EndStop, friction};
 use crate::description::{Arm, Scene, Thruster};
 use crate::error::BalanceError;
@@ -103,7 +103,7 @@ fn compose_arm(arm: &Arm, scene: &Scene) -> Composite {
 fn thruster_configuration(thrusters: &[Thruster]) -> DMatrix<f64> {
     let mut map = DMatrix::zeros(6, thrusters.len());
     for (mut column, thruster) in map.column_iter_mut().zip(thrusters) {
-        column.copy_from(&force_at(&thruster.axis, &thruster.position));
+        column.copy_from(&thruster.wrench());
     }
     map
 }

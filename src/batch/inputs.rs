@@ -15,7 +15,7 @@ const ORTHONORMAL: f64 = 1e-6;
 /// Loads on all instances over one call, row-major by instance; an absent one is zero.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Inputs<'a> {
-    /// Thrust, (N, thrusters), N; saturates at each thruster's limits.
+    /// Thrust, (N, thrusters), N; saturates at each thruster's limits. A command where thrusters have dynamics.
     pub thrust: Option<&'a [f64]>,
     /// Wrench on the vehicle, (N, 6), body frame at its origin, N and N m; on top of the thrust.
     pub wrench: Option<&'a [f64]>,
@@ -69,6 +69,8 @@ pub(super) struct Applied<'a> {
     allocation: &'a Allocation,
     joints: usize,
     terms: usize,
+    /// Whether thrusts are commands to thrusters with dynamics.
+    commands: bool,
 }
 
 impl<'a> Applied<'a> {
@@ -101,7 +103,7 @@ impl<'a> Applied<'a> {
         for (i, station) in inputs.station.iter().flat_map(|s| s.chunks_exact(12)).enumerate() {
             check_rotation("station", i, &na::Matrix3::from_row_slice(&station[3..]))?;
         }
-        Ok(Self { inputs: *inputs, allocation, joints, terms })
+        Ok(Self { inputs: *inputs, allocation, joints, terms, commands: scene.vehicle.has_thruster_dynamics() })
     }
 
     /// Which loads are on.
@@ -140,8 +142,12 @@ impl<'a> Applied<'a> {
     /// Loads of instance `i`, whose thrusters have that factor.
     pub fn fill(&self, i: usize, thrust: f64, loads: &mut InstanceLoads) {
         let (n, inputs) = (self.joints, &self.inputs);
-        loads.wrench =
-            if inputs.thrust.is_some() { self.allocation.wrench(&self.thrust(i, thrust)).into() } else { [0.0; 6] };
+        loads.wrench = [0.0; 6];
+        if self.commands {
+            loads.command = self.thrust(i, 1.0);
+        } else if inputs.thrust.is_some() {
+            loads.wrench = self.allocation.wrench(&self.thrust(i, thrust)).into();
+        }
         for (sum, extra) in loads.wrench.iter_mut().zip(self.wrench(i)) {
             *sum += extra;
         }

@@ -12,6 +12,7 @@ use crate::balance::{Balance, ClosedForm, Linearization, linearize};
 use crate::control::Allocation;
 use crate::description::Scene;
 use crate::error::SimulatorError;
+use crate::hydro::thrust_wrench;
 use crate::integrate::{Attitude, Gains, Integrator};
 use crate::lane::{Isa, Real};
 use crate::lie::Vector6;
@@ -443,7 +444,15 @@ impl Simulator {
         }
         let (state, flow) = (self.state(i), self.flow(i));
         let scene = self.scene.varied(self.factors(i).of_bodies());
-        Ok(linearize(&compile(&scene).system, &state, &flow, &given.wrench, &loads))
+        // As if thrusts had settled: about a motion that lasts.
+        let mut wrench = given.wrench;
+        if let Some(propulsion) = self.propulsion(i, &given.command) {
+            let thrusters = &self.compiled.system.thrusters;
+            let settled = propulsion.settled(thrusters, self.twist_through_water(i));
+            let thrust: [f64; 6] = thrust_wrench(thrusters, &settled).to_array();
+            wrench = std::array::from_fn(|k| wrench[k] + thrust[k]);
+        }
+        Ok(linearize(&compile(&scene).system, &state, &flow, &wrench, &loads))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

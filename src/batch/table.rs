@@ -5,6 +5,7 @@ use nalgebra as na;
 use super::layout::Layout;
 use super::monitor::Watched;
 use super::step::Switches;
+use crate::hydro::{THRUSTERS, Thrusts};
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
@@ -15,6 +16,8 @@ use crate::system::{Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
 pub struct InstanceLoads {
     /// Wrench on the vehicle, body frame at its origin.
     pub wrench: [f64; 6],
+    /// Commanded thrusts, where thrusters have dynamics; else their wrench is part of `wrench`.
+    pub command: Thrusts,
     /// Actuator torques.
     pub torque: [f64; JOINTS],
     /// Servo targets: polynomials in the time since the step's call, constant term first.
@@ -29,6 +32,7 @@ impl Default for InstanceLoads {
     fn default() -> Self {
         Self {
             wrench: [0.0; 6],
+            command: [0.0; THRUSTERS],
             torque: [0.0; JOINTS],
             target: [[0.0; 4]; JOINTS],
             links: [[0.0; 6]; JOINTS],
@@ -80,6 +84,9 @@ impl Table {
             state.q[k] = self.get(rows, i, layout.q + k);
             state.qd[k] = self.get(rows, i, layout.qd + k);
         }
+        for k in 0..layout.thrusters {
+            state.thrust[k] = self.get(rows, i, layout.thrust + k);
+        }
         state
     }
 
@@ -93,6 +100,7 @@ impl Table {
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
+        self.set_all(rows, i, layout.thrust, state.thrust[..layout.thrusters].iter().copied());
         let time = T::from_f64(state.time).to_f64();
         self.set_all(rows, i, layout.time, [time, state.time - time]);
         match layout.keeps {
@@ -160,6 +168,7 @@ impl Table {
     pub fn set_loads<T: Real>(&self, rows: &mut [T], i: usize, loads: &InstanceLoads, switches: Switches) {
         let layout = &self.layout;
         self.set_all(rows, i, layout.wrench, loads.wrench);
+        self.set_all(rows, i, layout.command, loads.command[..layout.thrusters].iter().copied());
         self.set_all(rows, i, layout.torque, loads.torque[..layout.joints].iter().copied());
         if switches.servo {
             self.set_all(rows, i, layout.target, loads.target[..layout.joints].iter().flatten().copied());

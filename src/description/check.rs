@@ -5,11 +5,14 @@ use std::fmt;
 use nalgebra::Vector3;
 use toml::Value;
 
-use super::{Joint, MAX_LINKS, Scene, Thruster, Water, check_body, path};
+use super::{Joint, MAX_LINKS, Scene, ThrustMap, Thruster, Water, check_body, path};
 use crate::error::{DescriptionError, Problem};
 
 /// Greatest magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
+
+/// Most pairs of a map from command to thrust: all of them are looked at.
+const MAX_POINTS: usize = 64;
 
 /// Names that bodies outside of the list of links have.
 const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
@@ -75,6 +78,34 @@ fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
     if !(lower <= 0.0 && 0.0 <= upper && lower < upper) {
         let rule = "enclose 0, the lower below the upper";
         return Err(Fault::new(format!("{key}.limits"), Problem::Limits { lower, upper, rule }));
+    }
+    for (name, value) in
+        [("lag", thruster.lag), ("dead_band", thruster.dead_band), ("ambient_flow", thruster.ambient_flow)]
+    {
+        let value = value.unwrap_or(0.0);
+        range(value >= 0.0, value, ">= 0", || format!("{key}.{name}"))?;
+    }
+    let deduction = thruster.deduction.unwrap_or(0.0);
+    range((0.0..1.0).contains(&deduction), deduction, "at least 0 and below 1", || format!("{key}.deduction"))?;
+    match &thruster.map {
+        Some(ThrustMap::Points(points)) => thrust_map(points, &format!("{key}.map")),
+        _ => Ok(()),
+    }
+}
+
+fn thrust_map(points: &[[f64; 2]], key: &str) -> Result<(), Fault> {
+    let fault = |reason| Err(Fault::new(key, Problem::Map { reason }));
+    if points.len() > MAX_POINTS {
+        return Err(Fault::new(key, Problem::TooMany { found: points.len(), max: MAX_POINTS }));
+    }
+    if !points.contains(&[0.0, 0.0]) {
+        return fault("must hold the pair [0, 0]: no command, no thrust");
+    }
+    if points.windows(2).any(|pair| pair[0][0] >= pair[1][0]) {
+        return fault("commands must ascend");
+    }
+    if points.windows(2).any(|pair| pair[0][1] > pair[1][1]) {
+        return fault("thrusts must not descend");
     }
     Ok(())
 }
@@ -164,6 +195,9 @@ impl Scene {
         names(self.vehicle.thrusters.iter().map(|t| t.name.as_str()), &[], "vehicle.thrusters")?;
         for (i, t) in self.vehicle.thrusters.iter().enumerate() {
             thruster(t, &format!("vehicle.thrusters[{i}]"))?;
+        }
+        if let Some(lag) = self.vehicle.thruster_lag {
+            range(lag >= 0.0, lag, ">= 0", || "vehicle.thruster_lag".to_owned())?;
         }
         if let Some(servo) = &self.vehicle.servo {
             for (name, gains) in [("kp", servo.kp), ("kd", servo.kd)] {

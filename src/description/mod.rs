@@ -13,6 +13,7 @@ mod path;
 mod provenance;
 mod read;
 mod scene;
+mod thrust_map;
 mod vehicle;
 
 pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount};
@@ -22,4 +23,5 @@ pub use check::Warning;
 pub use derived::{BASE, MAX_LINKS, VEHICLE};
 pub use provenance::{Number, Origin, Provenance};
 pub use scene::{Payload, Scene, Water};
+pub use thrust_map::ThrustMap;
 pub use vehicle::{Thruster, Vehicle, VehicleServo};

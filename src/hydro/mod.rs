@@ -4,7 +4,9 @@ mod damping;
 mod principal;
 mod restoring;
 mod slope;
+mod thruster;
 
 pub use damping::{Coefficients, Drag, Placement};
 pub use principal::Principal;
 pub use restoring::Restoring;
+pub use thruster::{Branch, Fading, Propulsion, THRUSTERS, Thruster, Thrusts, thrust_wrench};

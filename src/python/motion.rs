@@ -18,7 +18,8 @@ impl Simulator {
     /// Parameters
     /// ----------
     /// thrust : array_like (m,) or (N, m)
-    ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25]
+    ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25] Where the scene gives thrusters dynamics it is a
+    ///     command, which each thrust follows by its lag: once per step of `dt`, exactly, a step's mean acting in it.
     /// wrench : array_like (6,) or (N, 6)
     ///     Wrench on the vehicle [f; m] in body axes at its origin, N and N m; besides the thrust, without limits.
     /// joint_torque : array_like (n,) or (N, n)

@@ -4,6 +4,7 @@ use nalgebra as na;
 
 use super::chain::{Line, inverse, joint_frames, shift};
 use super::model::{BodyTerms, Constant, Friction, JointTerms, Limits, Servo, System, VehicleServo};
+use super::propulsion::thrusters;
 use super::variation::Ingredients;
 use crate::description::{Body, Frame, Joint, JointKind, Scene, Vehicle, Water};
 use crate::hydro::{Coefficients, Drag, Placement, Principal, Restoring};
@@ -97,6 +98,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         vehicle,
         joints,
         vehicle_servo: vehicle_servo(&scene.vehicle),
+        thrusters: thrusters(&scene.vehicle),
     };
     let grip = links.last().unwrap_or(&hook).times(&tip).position.0;
     Compiled { system: system.map(Shared), links, grip, ingredients }

@@ -5,6 +5,7 @@ mod chain;
 mod compile;
 mod end_effector;
 mod model;
+mod propulsion;
 mod state;
 mod variation;
 

@@ -1,7 +1,7 @@
 //! What the kernel reads: constants of a scene, in the frames that compute fastest.
 
 use super::JOINTS;
-use crate::hydro::{Drag, Principal, Restoring};
+use crate::hydro::{Drag, Principal, Restoring, Thruster};
 use crate::spatial::{Bend, PointMass, SpatialInertia};
 
 /// A scene compiled for computation; a term that the scene does not have is absent. Shared by all instances.
@@ -20,6 +20,8 @@ pub struct System<P> {
     pub joints: Vec<JointTerms<P>>,
     /// Station keeping evaluated within the stages.
     pub vehicle_servo: Option<VehicleServo<P>>,
+    /// Thrusters, if any has dynamics; else what they give is part of the wrench on the vehicle.
+    pub thrusters: Vec<Thruster<P>>,
 }
 
 /// Terms of one moving body.
@@ -132,6 +134,7 @@ impl<P: Copy> System<P> {
             vehicle: self.vehicle.map(c),
             joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
+            thrusters: self.thrusters.iter().map(|thruster| thruster.map(c)).collect(),
         }
     }
 }

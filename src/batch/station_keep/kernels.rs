@@ -83,8 +83,14 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
             }
             let (mut physics, mut memory) = self.blocks.group(first);
             let command = keeper.act(&mut memory, &action);
-            let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
-            physics.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array());
+            if layout.thrusters > 0 {
+                for k in 0..layout.thrusters {
+                    physics.set(layout.command + k, command.actuated.thrusts[k]);
+                }
+            } else {
+                let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
+                physics.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array());
+            }
             for k in 0..layout.joints {
                 physics.set_all(layout.target + 4 * k, &command.joints[k]);
             }
