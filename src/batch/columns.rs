@@ -5,7 +5,7 @@ use super::lagged::Lag;
 use super::layout::Layout;
 use super::step::Switches;
 use crate::balance::articulated::Loads;
-use crate::hydro::{Propulsion, THRUSTERS, Thruster};
+use crate::hydro::{FINS, Fin, Propulsion, Surfaces, THRUSTERS, Thruster};
 use crate::integrate::{Attitude, Motion, Watch};
 use crate::lane::{Lane, Param, Real};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
@@ -194,6 +194,21 @@ impl<T: Real> Columns<'_, T> {
         }
         let factors = self.factors(layout);
         propulsion.command(thrusters, &commands, L::splat(h), [factors.thrust, factors.thruster_lag]);
+    }
+
+    /// Fins, deflected.
+    #[inline(always)]
+    pub fn surfaces<L: Lane<Real = T>, P: Param<L>>(
+        &self,
+        layout: &Layout,
+        fins: &[Fin<P>],
+        surfaces: &mut Surfaces<L>,
+    ) {
+        let mut deflections = [L::zero(); FINS];
+        for k in 0..layout.fins.min(FINS) {
+            deflections[k] = self.get(layout.fin + k);
+        }
+        surfaces.deflect(fins, &deflections);
     }
 
     /// Loads, as far as they are on.

@@ -1,6 +1,6 @@
 //! Memory of a block of instances: one row per number of the state and the loads, one column per instance.
 
-use crate::hydro::THRUSTERS;
+use crate::hydro::{FINS, THRUSTERS};
 use crate::integrate::{Attitude, Integrator};
 use crate::system::{FACTORS, JOINTS};
 
@@ -57,14 +57,18 @@ pub struct Layout {
     pub command: usize,
     /// Thrusts in still water, of these: their state.
     pub thrust: usize,
+    /// Number of fins.
+    pub fins: usize,
+    /// Their deflections.
+    pub fin: usize,
     /// Rows in all.
     pub rows: usize,
 }
 
 impl Layout {
-    /// Layout for numbers of joints and of thrusters with a state, and for what an integrator keeps.
-    pub fn new(joints: usize, thrusters: usize, integrator: &Integrator) -> Self {
-        assert!(joints <= JOINTS && thrusters <= THRUSTERS);
+    /// Layout for numbers of joints, of thrusters with a state and of fins, and for what an integrator keeps.
+    pub fn new(joints: usize, thrusters: usize, fins: usize, integrator: &Integrator) -> Self {
+        assert!(joints <= JOINTS && thrusters <= THRUSTERS && fins <= FINS);
         let (keeps, adaptive) = (integrator.attitude(), integrator.adaptive());
         let lagged = integrator.lag().is_some();
         let mut rows = 0;
@@ -98,6 +102,8 @@ impl Layout {
             thrusters,
             command: take(thrusters),
             thrust: take(thrusters),
+            fins,
+            fin: take(fins),
             rows: take(0),
         }
     }

@@ -22,6 +22,8 @@ pub struct AppliedLoads {
     pub thrust: Vec<f64>,
     /// Wrench per moving body, vehicle first, that of the vehicle's servo included.
     pub external: Vec<Vector6<f64>>,
+    /// Deflection per fin, rad.
+    pub fins: Vec<f64>,
     /// Torque of each joint's actuator, that of its servo included, within its effort.
     pub joint_command: Vec<f64>,
 }
@@ -29,7 +31,7 @@ pub struct AppliedLoads {
 impl AppliedLoads {
     /// As the closed form takes them.
     pub fn loads(&self) -> Loads<'_> {
-        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command }
+        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command, fins: &self.fins }
     }
 }
 
@@ -64,6 +66,7 @@ impl Simulator {
         AppliedLoads {
             thrust: thrust[..self.allocation().count()].to_vec(),
             external: std::iter::once(vehicle).chain(links).collect(),
+            fins: given.fins[..self.scene().vehicle.fins.len()].to_vec(),
             joint_command: self.scene().joints().enumerate().map(torque).collect(),
         }
     }

@@ -452,7 +452,7 @@ impl Simulator {
             let thrust: [f64; 6] = thrust_wrench(thrusters, &settled).to_array();
             wrench = std::array::from_fn(|k| wrench[k] + thrust[k]);
         }
-        Ok(linearize(&compile(&scene).system, &state, &flow, &wrench, &loads))
+        Ok(linearize(&compile(&scene).system, &state, &flow, &wrench, &given.fins, &loads))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

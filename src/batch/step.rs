@@ -5,7 +5,7 @@ use super::dynamics::Dynamics;
 use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::hydro::{Propulsion, thrust_wrench};
+use crate::hydro::{Propulsion, Surfaces, thrust_wrench};
 use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -69,6 +69,7 @@ struct Memory<L: Lane> {
     trial: Motion<L, JOINTS>,
     lag: Lag<L>,
     propulsion: Propulsion<L>,
+    surfaces: Surfaces<L>,
 }
 
 impl<L: Lane> Memory<L> {
@@ -83,6 +84,7 @@ impl<L: Lane> Memory<L> {
             trial: Motion::blank(),
             lag: Lag::new(),
             propulsion: Propulsion::blank(),
+            surfaces: Surfaces::blank(),
         }
     }
 }
@@ -142,6 +144,9 @@ impl<T: Real> Step<'_, T> {
         if !thrusters.is_empty() {
             columns.propulsion(self.layout, thrusters, self.h, &mut memory.propulsion);
         }
+        if !system.fins.is_empty() {
+            columns.surfaces(self.layout, &system.fins, &mut memory.surfaces);
+        }
         let mut dynamics = Dynamics {
             system,
             loads: &mut memory.loads,
@@ -149,6 +154,7 @@ impl<T: Real> Step<'_, T> {
             acceleration,
             wrench: held,
             station,
+            surfaces: &memory.surfaces,
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
@@ -229,7 +235,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = Motion::blank();
-        let mut propulsion = Propulsion::blank();
+        let (mut propulsion, mut surfaces) = (Propulsion::blank(), Surfaces::blank());
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
         let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
@@ -251,6 +257,11 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     columns.propulsion(layout, &system.thrusters, T::from_f64(1.0), &mut propulsion);
                     let acting = propulsion.acting(&system.thrusters, twist);
                     wrench = wrench + thrust_wrench(&system.thrusters, &acting);
+                }
+                if system.has_appendages() {
+                    columns.surfaces(layout, &system.fins, &mut surfaces);
+                    let gravity = rotation.apply_transposed(Vector3(system.gravity));
+                    wrench = wrench + system.appendages(&surfaces, twist, gravity);
                 }
                 if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
                     let station = columns.station(layout);

@@ -5,7 +5,7 @@ use nalgebra as na;
 use super::layout::Layout;
 use super::monitor::Watched;
 use super::step::Switches;
-use crate::hydro::{THRUSTERS, Thrusts};
+use crate::hydro::{FINS, THRUSTERS, Thrusts};
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
@@ -18,6 +18,8 @@ pub struct InstanceLoads {
     pub wrench: [f64; 6],
     /// Commanded thrusts, where thrusters have dynamics; else their wrench is part of `wrench`.
     pub command: Thrusts,
+    /// Deflections of the fins.
+    pub fins: [f64; FINS],
     /// Actuator torques.
     pub torque: [f64; JOINTS],
     /// Servo targets: polynomials in the time since the step's call, constant term first.
@@ -33,6 +35,7 @@ impl Default for InstanceLoads {
         Self {
             wrench: [0.0; 6],
             command: [0.0; THRUSTERS],
+            fins: [0.0; FINS],
             torque: [0.0; JOINTS],
             target: [[0.0; 4]; JOINTS],
             links: [[0.0; 6]; JOINTS],
@@ -164,12 +167,18 @@ impl Table {
         self.set_all(rows, i, self.layout.factors, factors.to_array());
     }
 
+    /// Sets the deflections of the fins.
+    pub fn set_fins<T: Real>(&self, rows: &mut [T], i: usize, fins: &[f64; FINS]) {
+        self.set_all(rows, i, self.layout.fin, fins[..self.layout.fins].iter().copied());
+    }
+
     /// Sets the loads, as far as they are on.
     pub fn set_loads<T: Real>(&self, rows: &mut [T], i: usize, loads: &InstanceLoads, switches: Switches) {
         let layout = &self.layout;
         self.set_all(rows, i, layout.wrench, loads.wrench);
         self.set_all(rows, i, layout.command, loads.command[..layout.thrusters].iter().copied());
         self.set_all(rows, i, layout.torque, loads.torque[..layout.joints].iter().copied());
+        self.set_fins(rows, i, &loads.fins);
         if switches.servo {
             self.set_all(rows, i, layout.target, loads.target[..layout.joints].iter().flatten().copied());
         }

@@ -3,6 +3,8 @@
 //! Axes are REP-103: body x forward, y left, z up; world z up. Every 6-vector and 6x6 matrix is ordered
 //! `[linear; angular]`.
 
+mod actuator;
+mod appendages;
 mod arm;
 mod body;
 mod check;
@@ -16,6 +18,8 @@ mod scene;
 mod thrust_map;
 mod vehicle;
 
+pub use actuator::LinearActuator;
+pub use appendages::{Fin, Tether};
 pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount};
 pub use body::{Body, Damping, Frame, InertiaPoint};
 use check::Fault;

@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, ThrustMap, numbers};
+use super::{Body, Fin, Tether, ThrustMap, numbers};
 
 /// The vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,6 +22,12 @@ pub struct Vehicle {
     /// Time constant of every thruster that states none of its own, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thruster_lag: Option<f64>,
+    /// Fins and other lifting surfaces, in the order of every fin array; at most 8.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fins: Vec<Fin>,
+    /// A cable.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tether: Option<Tether>,
     /// Gains of the vehicle's PD station keeping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub servo: Option<VehicleServo>,

@@ -140,6 +140,7 @@ impl Random {
             friction: Friction::default(),
             limits: None,
             effort: None,
+            actuator: None,
             speed: Some(0.5),
             servo: None,
             home,
@@ -187,6 +188,8 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         fixed,
         thrusters: thrusters.collect(),
         thruster_lag: None,
+        fins: Vec::new(),
+        tether: None,
         servo: Some(VehicleServo { kp: [40.0, 40.0, 40.0, 5.0, 5.0, 5.0], kd: [60.0, 60.0, 60.0, 8.0, 8.0, 8.0] }),
         body: random.body(30.0, 0.6, dry),
     };
