@@ -201,24 +201,28 @@ fn val_remus_has_prestero_s_lift() {
     assert!((-sinking[4] - 24.0).abs() < 0.05, "M_uw: {sinking}");
 }
 
-/// Straight ahead thrust balances axial drag: u = sqrt(X / 1.62); with the rudder over it turns steadily, to the side the rudder
-/// points at.
+/// Neutral and without propeller torque it goes straight ahead, where thrust balances axial drag, `u = sqrt(X / 1.62)`; with the
+/// rudder over it turns, to one side as to the other.
 #[test]
 fn remus_cruises_and_turns() {
-    let scene = remus();
+    let mut scene = remus();
+    scene.vehicle.body.buoyancy = Some(30.48 * 9.81);
+    scene.vehicle.thrusters[0].induced = None;
     let run = |rudder: f64| {
         let mut simulator = alone(&scene, 0.02);
         simulator.set_state(0, &State { twist: Vector6::ith(0, 1.5), ..State::default() });
-        let inputs =
-            Inputs { thrust: Some(&[3.86]), fin: Some(&[rudder, rudder, 0.0, 0.0, 0.0, 0.0]), ..Inputs::default() };
-        simulator.step(&inputs, 6000).unwrap();
+        let fins = [rudder, rudder, 0.0, 0.0, 0.0, 0.0];
+        let inputs = Inputs { thrust: Some(&[3.86]), fin: Some(&fins), ..Inputs::default() };
+        simulator.step(&inputs, 3000).unwrap();
         simulator.state(0).twist
     };
-    // Its propeller's torque heels it, and so it does not go quite straight.
     let straight = run(0.0);
-    assert!((straight[0] - (3.86_f64 / 1.62).sqrt()).abs() < 0.1, "{straight}");
+    assert!((straight[0] - (3.86_f64 / 1.62).sqrt()).abs() < 1e-6, "{straight}");
+    assert_eq!(straight.rows(1, 5).norm(), 0.0);
+    // Leading edges to the left at the tail push the tail to the left: a turn to the right.
     let (left, right) = (run(-0.1), run(0.1));
     assert!(left[5] > 0.05 && right[5] < -0.05, "{left} {right}");
+    assert!((left[5] + right[5]).abs() < 1e-9 && left[0] < straight[0], "{left} {right}");
 }
 
 #[test]
