@@ -461,8 +461,11 @@ pub enum TaskError {
     #[error(transparent)]
     Control(#[from] ControlError),
     /// The scene lacks what the task needs.
-    #[error("scene \"{scene}\" cannot keep station: {reason}")]
+    #[error("scene \"{scene}\" is not for this task: {reason}")]
     Scene { scene: String, reason: String },
+    /// An option that there is not, or of the wrong kind.
+    #[error("options: {0}")]
+    Options(String),
     /// An option out of its range.
     #[error("option {name} = {value}: must be {allowed}")]
     Option { name: &'static str, value: f64, allowed: &'static str },
@@ -513,4 +516,29 @@ pub enum PolicyError {
     /// The instruction set asked for is not there.
     #[error(transparent)]
     Lanes(#[from] crate::lane::UnknownIsa),
+}
+
+/// A renderer that cannot be.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// A picture that is too large, or has no pixels.
+    #[error("{what} is {got}, but must be 1 to {most}")]
+    Size {
+        /// Width or height.
+        what: &'static str,
+        /// As given.
+        got: usize,
+        /// Most that there may be.
+        most: usize,
+    },
+    /// A setting that is out of range or not finite.
+    #[error("{what} is {value}, but must be {rule}")]
+    Setting {
+        /// Name of the setting.
+        what: &'static str,
+        /// As given.
+        value: f64,
+        /// What it should be.
+        rule: &'static str,
+    },
 }

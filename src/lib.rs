@@ -11,6 +11,7 @@
 //! system        compile(description), state
 //! balance       the principle of dynamical balance: closed form, articulated bodies, ledger
 //! integrate     Munthe-Kaas methods, a linearly implicit one, rivals
+//! render        pictures
 //! control       thruster allocation; policies: PD, PID, neural networks
 //! scene         tasks: sampling, observation, reward
 //! batch         blocks of lanes, threads, closed loops
@@ -30,6 +31,7 @@ pub mod lane;
 pub mod lie;
 #[cfg(feature = "python")]
 mod python;
+pub mod render;
 pub mod scene;
 pub mod spatial;
 pub mod system;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each layer, lowest first, and what it may import. Every layer may import `error`.
-const LAYERS: [(&str, &[&str]); 13] = [
+const LAYERS: [(&str, &[&str]); 14] = [
     ("lane", &[]),
     ("error", &["lane"]),
     ("lie", &["lane"]),
@@ -14,6 +14,7 @@ const LAYERS: [(&str, &[&str]); 13] = [
     ("system", &["lane", "lie", "spatial", "hydro", "description"]),
     ("balance", &["lane", "lie", "spatial", "hydro", "description", "system"]),
     ("integrate", &["lane", "lie"]),
+    ("render", &["lane", "lie", "description", "system"]),
     ("control", &["lane", "lie", "spatial", "description", "system", "balance"]),
     ("scene", &["lane", "lie", "spatial", "hydro", "description", "system", "balance", "control"]),
     (
@@ -34,6 +35,7 @@ const LAYERS: [(&str, &[&str]); 13] = [
             "control",
             "scene",
             "batch",
+            "render",
         ],
     ),
 ];

@@ -15,8 +15,8 @@ __all__ = [
     "Rollout",
     "SceneError",
     "Simulator",
-    "StationKeep",
     "StepWarning",
+    "Task",
     "__version__",
     "integrators",
     "load_scene",
@@ -326,8 +326,8 @@ class _Block(TypedDict):
 _Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
 
 @final
-class StationKeep:
-    """A batch of station-keeping episodes: physics, observations, rewards and resets in one call.
+class Task:
+    """A batch of episodes of a task: physics, observations, rewards and resets in one call.
 
     The environments in `uvms_gym.envs` wrap it and document its arguments.
     """
@@ -338,26 +338,15 @@ class StationKeep:
     def __new__(
         cls,
         scene: str | PathLike[str] | dict[str, Any],
+        options: dict[str, Any],
         *,
-        num_envs: int,
-        action: str,
-        dt: float,
-        substeps: int,
-        integrator: str,
-        dtype: str,
-        max_current: float,
-        start_distance: float,
-        start_angle: float,
-        target_distance: float,
-        target_turn: float,
-        arm_amplitude: float,
-        reward_pose: float,
-        reward_effort: float,
-        reward_rate: float,
-        threads: int | None,
-        autoreset: str,
-        max_episode_steps: int | None,
-    ) -> StationKeep: ...
+        num_envs: int = 1,
+        integrator: str = "mk4",
+        dtype: str = "float64",
+        threads: int | None = None,
+        autoreset: str = "disabled",
+        max_episode_steps: int | None = None,
+    ) -> Task: ...
     @property
     def num_envs(self) -> int:
         """Number of instances N."""
@@ -441,7 +430,7 @@ class StationKeep:
         Instances whose episode is over wait.
         """
 
-    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
 
@@ -485,7 +474,7 @@ class Rollout:
 
 @disjoint_base
 class Policy:
-    """A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`."""
+    """A controller that runs here: alone by `act`, or in a closed loop by `Task.run`."""
 
     @property
     def widths(self) -> list[int]:
@@ -536,7 +525,7 @@ class Mlp(Policy):
         activation: str,
         output: str,
         normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
-        task: StationKeep | None,
+        task: Task | None,
         notes: dict[str, str],
     ) -> Mlp: ...
     @staticmethod
@@ -546,7 +535,7 @@ class Mlp(Policy):
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
 
-    def check(self, task: StationKeep) -> None:
+    def check(self, task: Task) -> None:
         """Refuse a task that the policy is not for."""
 
     @property

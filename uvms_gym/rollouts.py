@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym.controllers import Controller
-from uvms_gym.envs.station_keep import INFO, StationKeepVectorEnv
+from uvms_gym.envs._base import INFO, TaskVectorEnv
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Rollout:
 
     Parameters
     ----------
-    env : StationKeepVectorEnv
+    env : UVMS vector environment
         Reset before the first `run`. Wrappers do not matter.
     controller : uvms_gym.controllers.Controller
         Its memory starts with the rollout.
@@ -63,8 +63,8 @@ class Rollout:
 
     def __init__(self, env: Any, controller: Controller, trace: Sequence[int] = ()) -> None:
         inner = getattr(env, "unwrapped", env)
-        if not isinstance(inner, StationKeepVectorEnv):
-            raise TypeError(f"a rollout takes a native UVMS-StationKeep vector environment, not {type(inner).__name__}")
+        if not isinstance(inner, TaskVectorEnv):
+            raise TypeError(f"a rollout takes a native UVMS vector environment, not {type(inner).__name__}")
         if not isinstance(controller, Controller):
             raise TypeError(f"a rollout takes a controller of uvms_gym, not {type(controller).__name__}")
         self._env = inner

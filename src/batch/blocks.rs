@@ -8,7 +8,7 @@ use super::lagged::Lagged;
 use super::layout::Layout;
 use super::monitor::{Bounds, Sighting, Watched};
 use super::step::{Accelerate, Step, Switches};
-use super::table::{InstanceLoads, Table};
+use super::table::Table;
 use super::threads::for_each;
 use crate::error::SimulatorError;
 use crate::integrate::Integrator;
@@ -40,8 +40,6 @@ pub trait Storage: Send + Sync {
     fn factors(&self, i: usize) -> Factors<f64>;
     /// Sets those factors.
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>);
-    /// Sets the loads of instance `i`, as far as they are on.
-    fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches);
     /// Every number of instance `i`, to be saved.
     fn column(&self, i: usize) -> Vec<f64>;
     /// Sets every number of instance `i`.
@@ -51,8 +49,8 @@ pub trait Storage: Send + Sync {
     /// Steps all instances, under loads that are given now or were before; the first one that the steps do not follow, if
     /// it is asked for.
     fn step(&mut self, run: &Run, given: Option<&Applied>) -> Option<Sighting>;
-    /// `[V'; q'']` of all instances under their loads, instance by instance.
-    fn accelerations(&mut self, switches: Switches) -> Vec<f64>;
+    /// `[V'; q'']` of all instances under the loads given, instance by instance.
+    fn accelerations(&mut self, given: &Applied) -> Vec<f64>;
     /// Bytes per instance.
     fn bytes_per_instance(&self) -> usize;
     /// An independent copy.
@@ -134,7 +132,7 @@ impl<T: Real> Blocks<T> {
         rows.resize(size, T::from_f64(0.0));
         let table = Table { layout, links: compiled.links.clone() };
         let mut blocks = Self { scene, table, isa, instances, rows, varied: 0, laden: 0 };
-        // Columns past the last instance hold a sane state too: they are stepped along.
+        // Columns past the last instance hold a sane state too: they are stepped along with it where lanes reach them.
         for i in 0..columns {
             blocks.set_state(i, state);
             blocks.set_flow(i, flow);
@@ -225,15 +223,6 @@ impl First {
 }
 
 impl<T: Real> Part<'_, T> {
-    /// Sets the loads of all instances.
-    fn apply(&mut self, given: &Applied) {
-        let (mut loads, switches) = (InstanceLoads::default(), given.switches());
-        for i in 0..self.count {
-            given.fill(self.first + i, self.table.thrust(self.rows, i), &mut loads);
-            self.table.set_loads(self.rows, i, &loads, switches);
-        }
-    }
-
     /// Steps all instances.
     pub fn step(&mut self) {
         let (scene, run) = (self.scene, self.run);
@@ -248,6 +237,7 @@ impl<T: Real> Part<'_, T> {
             substeps: run.substeps,
             before: run.before,
             switches: run.switches,
+            count: self.count,
             blocks: self.rows,
         };
         T::dispatch(self.isa, &mut step);
@@ -286,10 +276,6 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_flow(&mut self.rows, i, flow);
     }
 
-    fn set_loads(&mut self, i: usize, loads: &InstanceLoads, switches: Switches) {
-        self.table.set_loads(&mut self.rows, i, loads, switches);
-    }
-
     fn factors(&self, i: usize) -> Factors<f64> {
         self.table.factors(&self.rows, i)
     }
@@ -318,13 +304,14 @@ impl<T: Real> Storage for Blocks<T> {
         let parts = self.instances.div_ceil(Self::CHUNK);
         self.visit(run, 0..parts, |part, _| {
             if let Some(given) = given {
-                part.apply(given);
+                part.table.apply(part.isa, part.rows, given, part.first, part.count);
             }
             part.step();
         })
     }
 
-    fn accelerations(&mut self, switches: Switches) -> Vec<f64> {
+    fn accelerations(&mut self, given: &Applied) -> Vec<f64> {
+        self.table.apply(self.isa, &mut self.rows, given, 0, self.instances);
         let width = 6 + self.table.layout.joints;
         let blocks = self.rows.len() / (self.table.layout.rows * T::BLOCK);
         let mut out = vec![T::from_f64(0.0); blocks * width * T::BLOCK];
@@ -333,7 +320,7 @@ impl<T: Real> Storage for Blocks<T> {
             ingredients: (self.varied > 0).then_some(&self.scene.ingredients[..]),
             grip: (self.laden > 0).then_some(self.scene.grip),
             layout: &self.table.layout,
-            switches,
+            switches: given.switches(),
             blocks: &mut self.rows,
             out: &mut out,
         };

@@ -44,6 +44,9 @@ pub(super) fn check(
     if values.len() != expected {
         return Err(SimulatorError::Length { name, expected, got: values.len() });
     }
+    if options.precision.holds_all(values) {
+        return Ok(());
+    }
     match values.iter().position(|x| !options.precision.holds(*x)) {
         Some(at) => Err(SimulatorError::NotFinite { name, instance: at / width, entry: at % width, value: values[at] }),
         None => Ok(()),
@@ -65,15 +68,16 @@ pub(super) fn check_rotation(
     }
 }
 
-/// Checked inputs, one instance at a time.
+/// Checked inputs.
 pub(super) struct Applied<'a> {
-    inputs: Inputs<'a>,
-    allocation: &'a Allocation,
+    pub inputs: Inputs<'a>,
+    pub allocation: &'a Allocation,
     joints: usize,
-    terms: usize,
+    /// Coefficients of each servo target.
+    pub terms: usize,
     /// Whether thrusts are commands to thrusters with dynamics.
     commands: bool,
-    fins: &'a [Fin],
+    pub fins: &'a [Fin],
 }
 
 impl<'a> Applied<'a> {
@@ -150,6 +154,12 @@ impl<'a> Applied<'a> {
         values.map(|v| &v[i * width..(i + 1) * width])
     }
 
+    /// Wrenches on the links of instance `i`.
+    pub fn links(&self, i: usize) -> impl Iterator<Item = [f64; 6]> + 'a {
+        let external = self.row(self.inputs.external, 6 * (self.joints + 1), i).unwrap_or_default();
+        external.as_chunks().0.iter().skip(1).copied()
+    }
+
     /// Loads of instance `i`, whose thrusters have that factor.
     pub fn fill(&self, i: usize, thrust: f64, loads: &mut InstanceLoads) {
         let (n, inputs) = (self.joints, &self.inputs);
@@ -167,15 +177,14 @@ impl<'a> Applied<'a> {
             let given = self.row(inputs.fin, self.fins.len(), i);
             loads.fins[k] = given.map_or(fin.deflection, |given| given[k].clamp(lower, upper));
         }
-        let external = self.row(inputs.external, 6 * (n + 1), i);
+        for (to, wrench) in loads.links.iter_mut().zip(self.links(i)) {
+            *to = wrench;
+        }
         for k in 0..n {
             loads.torque[k] = self.row(inputs.joint_torque, n, i).map_or(0.0, |t| t[k]);
             if let Some(target) = self.row(inputs.joint_target, n * self.terms, i) {
                 loads.target[k] = [0.0; 4];
                 loads.target[k][..self.terms].copy_from_slice(&target[k * self.terms..(k + 1) * self.terms]);
-            }
-            if let Some(external) = external {
-                loads.links[k].copy_from_slice(&external[6 * (k + 1)..6 * (k + 2)]);
             }
         }
         if let Some(station) = self.row(inputs.station, 12, i) {

@@ -42,15 +42,6 @@ pub struct Lag<L> {
     pub last: [[Vector6<L>; 2]; BODIES],
 }
 
-impl<L: Lane> Lag<L> {
-    /// Memory to load into.
-    pub fn new() -> Self {
-        let none = Vector6::zero();
-        let last = [[none; 2]; BODIES];
-        Self { factor: L::zero(), wrench: none, links: [none; JOINTS], begun: L::zero(), last }
-    }
-}
-
 impl<T: Real> Lagged<'_, T> {
     /// Puts the forces of a step of size `h` from `motion` into `dynamics`, with what else acts.
     #[inline(always)]

@@ -3,6 +3,7 @@
 mod blocks;
 mod columns;
 mod dynamics;
+mod fill;
 mod inputs;
 mod lagged;
 mod layout;
@@ -11,9 +12,9 @@ mod monitor;
 mod rates;
 mod simulator;
 mod states;
-mod station_keep;
 mod step;
 mod table;
+mod task;
 mod threads;
 
 pub use inputs::Inputs;
@@ -22,6 +23,4 @@ pub use monitor::{Sighting, Stray, WRONG, Watched};
 pub use rates::{Mode, Survey, Unstable, stabilities};
 pub use simulator::{Precision, Simulator, SimulatorOptions};
 pub use states::States;
-pub use station_keep::{
-    Autoreset, Beginning, Final, Outputs, Rollout, Saved, StationKeepBatch, Tally, Trace, Transition, Verdict,
-};
+pub use task::{Autoreset, Beginning, Final, Outputs, Rollout, Saved, Tally, TaskBatch, Trace, Transition, Verdict};

@@ -39,6 +39,14 @@ impl Precision {
         }
     }
 
+    /// Whether all of them are. (Without a way out of the loop, which so looks at several at a time.)
+    pub(super) fn holds_all(self, values: &[f64]) -> bool {
+        match self {
+            Precision::Double => values.iter().fold(true, |all, x| all & x.is_finite()),
+            Precision::Single => values.iter().fold(true, |all, x| all & (*x as f32).is_finite()),
+        }
+    }
+
     /// Distance of 1 to the next number.
     pub(super) fn epsilon(self) -> f64 {
         match self {
@@ -140,7 +148,7 @@ impl Simulator {
             let known = Integrator::NAMES.map(|entry| entry.name).into();
             SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
         })?;
-        let isa = Isa::best()?;
+        let isa = Isa::best_for(options.instances)?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
         let flow = Flow::from(scene.water.current);
@@ -381,8 +389,8 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn forward_dynamics(&mut self, inputs: &Inputs) -> Result<Vec<f64>, SimulatorError> {
-        let switches = self.apply(inputs)?;
-        Ok(self.storage.accelerations(switches))
+        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        Ok(self.storage.accelerations(&applied))
     }
 
     /// Factors on the parameters of instance `i`.
@@ -461,16 +469,5 @@ impl Simulator {
     /// [`SimulatorError::Length`] or [`SimulatorError::NotFinite`].
     pub fn check_rows(&self, name: &'static str, values: &[f64], width: usize) -> Result<(), SimulatorError> {
         check(name, Some(values), width, &self.options)
-    }
-
-    fn apply(&mut self, inputs: &Inputs) -> Result<Switches, SimulatorError> {
-        let applied = Applied::new(inputs, &self.scene, &self.allocation, &self.options)?;
-        let switches = applied.switches();
-        let mut loads = InstanceLoads::default();
-        for i in 0..self.options.instances {
-            applied.fill(i, self.storage.factors(i).thrust, &mut loads);
-            self.storage.set_loads(i, &loads, switches);
-        }
-        Ok(switches)
     }
 }

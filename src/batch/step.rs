@@ -1,5 +1,7 @@
 //! The kernels that visit blocks: steps and accelerations.
 
+use std::mem::MaybeUninit;
+
 use super::columns::Columns;
 use super::dynamics::Dynamics;
 use super::lagged::{Lag, Lagged};
@@ -56,6 +58,9 @@ pub struct Step<'a, T> {
     pub before: usize,
     /// Loads that are on.
     pub switches: Switches,
+    /// Instances: columns past them need not be stepped. (Where lanes are as wide as blocks there is nothing to ask: to ask
+    /// nevertheless costs a hundredth of a step.)
+    pub count: usize,
     /// Whole blocks.
     pub blocks: &'a mut [T],
 }
@@ -73,19 +78,13 @@ struct Memory<L: Lane> {
 }
 
 impl<L: Lane> Memory<L> {
-    /// Fresh memory. Filling it takes calls, of which there are none where instances are stepped.
+    /// Fresh memory, zero throughout: what is read of it has been written before. Filling it takes calls, of which there
+    /// are none where instances are stepped.
     #[inline(never)]
     fn new() -> Self {
-        Self {
-            scratch: Scratch::new(),
-            stages: Stages::new(),
-            loads: Loads::none(),
-            motion: Motion::blank(),
-            trial: Motion::blank(),
-            lag: Lag::new(),
-            propulsion: Propulsion::blank(),
-            surfaces: Surfaces::blank(),
-        }
+        // SAFETY: it consists of floating-point numbers (lanes of them) and flags, for all of which zero bits are a value.
+        // Filled at once: number by number, outside the kernel's instruction set, it takes as long as half a step.
+        unsafe { MaybeUninit::zeroed().assume_init() }
     }
 }
 
@@ -96,16 +95,22 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1));
         // One number at a time, a parameter of all instances is no other number than that of one: no code for both.
         if L::LANES > 1 && self.ingredients.is_none() {
-            for rows in blocks {
+            for (k, rows) in blocks.enumerate() {
                 for first in (0..T::BLOCK).step_by(L::LANES) {
+                    if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
+                        break;
+                    }
                     self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
                 }
             }
             return;
         }
         let mut varied: System<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.grip);
-        for rows in blocks {
+        for (k, rows) in blocks.enumerate() {
             for first in (0..T::BLOCK).step_by(L::LANES) {
+                if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
+                    break;
+                }
                 let mut columns = Columns { rows: &mut *rows, first };
                 if let Some(ingredients) = self.ingredients {
                     let mut factors = columns.factors(self.layout);

@@ -4,7 +4,6 @@ use nalgebra as na;
 
 use super::layout::Layout;
 use super::monitor::Watched;
-use super::step::Switches;
 use crate::hydro::{FINS, THRUSTERS, Thrusts};
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
@@ -157,11 +156,6 @@ impl Table {
         Factors::from_array(self.get_all(rows, i, self.layout.factors))
     }
 
-    /// Factor on the thrust.
-    pub(super) fn thrust<T: Real>(&self, rows: &[T], i: usize) -> f64 {
-        self.factors(rows, i).thrust
-    }
-
     /// Sets the factors on the parameters.
     pub fn set_factors<T: Real>(&self, rows: &mut [T], i: usize, factors: &Factors<f64>) {
         self.set_all(rows, i, self.layout.factors, factors.to_array());
@@ -172,26 +166,11 @@ impl Table {
         self.set_all(rows, i, self.layout.fin, fins[..self.layout.fins].iter().copied());
     }
 
-    /// Sets the loads, as far as they are on.
-    pub fn set_loads<T: Real>(&self, rows: &mut [T], i: usize, loads: &InstanceLoads, switches: Switches) {
-        let layout = &self.layout;
-        self.set_all(rows, i, layout.wrench, loads.wrench);
-        self.set_all(rows, i, layout.command, loads.command[..layout.thrusters].iter().copied());
-        self.set_all(rows, i, layout.torque, loads.torque[..layout.joints].iter().copied());
-        self.set_fins(rows, i, &loads.fins);
-        if switches.servo {
-            self.set_all(rows, i, layout.target, loads.target[..layout.joints].iter().flatten().copied());
-        }
-        if switches.on_links {
-            for k in 0..layout.joints {
-                let wrench = self.links[k].co_adjoint_apply_inverse(Vector6::from_array(loads.links[k]));
-                self.set_all(rows, i, layout.links + 6 * k, wrench.to_array());
-            }
-        }
-        if switches.station {
-            let (rotation, position) = &loads.station;
-            self.set_all(rows, i, layout.station, rotation.transpose().iter().copied());
-            self.set_all(rows, i, layout.station + 9, position.iter().copied());
+    /// Sets the wrenches on the links, each given in its link frame.
+    pub(super) fn set_links<T: Real>(&self, rows: &mut [T], i: usize, wrenches: impl Iterator<Item = [f64; 6]>) {
+        for (k, (link, wrench)) in self.links.iter().zip(wrenches).enumerate() {
+            let wrench = link.co_adjoint_apply_inverse(Vector6::from_array(wrench));
+            self.set_all(rows, i, self.layout.links + 6 * k, wrench.to_array());
         }
     }
 

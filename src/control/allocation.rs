@@ -101,7 +101,7 @@ impl Allocation {
     }
 
     /// Wrench per thrust of thruster i: its column of T_tcm.
-    pub(super) fn column(&self, i: usize) -> Vector6<f64> {
+    pub fn column(&self, i: usize) -> Vector6<f64> {
         self.configuration[i]
     }
 

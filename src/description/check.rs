@@ -294,6 +294,14 @@ impl Scene {
                 }
             }
         }
+        if let Some(shape) = &self.vehicle.shape {
+            for (i, size) in shape.size.iter().enumerate() {
+                range(*size > 0.0, *size, "> 0", || format!("vehicle.shape.size[{i}]"))?;
+            }
+            for (i, colour) in shape.colour.into_iter().enumerate() {
+                range((0.0..=1.0).contains(&colour), colour, "0 to 1", || format!("vehicle.shape.colour[{i}]"))?;
+            }
+        }
         Ok(())
     }
 

@@ -15,6 +15,7 @@ mod path;
 mod provenance;
 mod read;
 mod scene;
+mod shape;
 mod thrust_map;
 mod vehicle;
 
@@ -27,5 +28,6 @@ pub use check::Warning;
 pub use derived::{BASE, MAX_LINKS, VEHICLE};
 pub use provenance::{Number, Origin, Provenance};
 pub use scene::{Payload, Scene, Water};
+pub use shape::{Shape, ShapeKind};
 pub use thrust_map::ThrustMap;
 pub use vehicle::{Thruster, Vehicle, VehicleServo};

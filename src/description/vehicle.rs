@@ -3,7 +3,7 @@
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Fin, Tether, ThrustMap, numbers};
+use super::{Body, Fin, Shape, Tether, ThrustMap, numbers};
 
 /// The vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,6 +31,9 @@ pub struct Vehicle {
     /// Gains of the vehicle's PD station keeping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub servo: Option<VehicleServo>,
+    /// How pictures show it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shape: Option<Shape>,
 }
 
 /// One thruster: a force along an axis at a point. `[HC eq. 25]`

@@ -41,12 +41,27 @@ impl Isa {
 
     /// The widest available, or the one that the environment variable `UVMS_LANES` names.
     pub fn best() -> Result<Isa, UnknownIsa> {
-        static BEST: OnceLock<Result<Isa, UnknownIsa>> = OnceLock::new();
-        BEST.get_or_init(|| match std::env::var(FORCE) {
-            Ok(name) => Isa::available().find(|isa| isa.name() == name).ok_or(UnknownIsa(name)),
-            Err(_) => Ok(Isa::available().next().unwrap_or(Isa::Plain)),
-        })
-        .clone()
+        Ok(Isa::chosen()?.0)
+    }
+
+    /// The best for a number of instances: what one alone does in wide lanes takes longer, and has the same result.
+    pub fn best_for(instances: usize) -> Result<Isa, UnknownIsa> {
+        let (best, forced) = Isa::chosen()?;
+        Ok(if instances == 1 && !forced && Isa::Fma.detected() { Isa::Fma } else { best })
+    }
+
+    /// The best, and whether it is forced.
+    fn chosen() -> Result<(Isa, bool), UnknownIsa> {
+        static CHOSEN: OnceLock<Result<(Isa, bool), UnknownIsa>> = OnceLock::new();
+        CHOSEN
+            .get_or_init(|| match std::env::var(FORCE) {
+                Ok(name) => match Isa::available().find(|isa| isa.name() == name) {
+                    Some(isa) => Ok((isa, true)),
+                    None => Err(UnknownIsa(name)),
+                },
+                Err(_) => Ok((Isa::available().next().unwrap_or(Isa::Plain), false)),
+            })
+            .clone()
     }
 
     /// Name as in `UVMS_LANES`.

@@ -22,6 +22,12 @@ pub fn array<'py>(py: Python<'py>, shape: &[usize], numbers: Vec<f64>) -> PyResu
 /// Shape and numbers by rows of anything that NumPy takes for an array of real numbers.
 pub fn read(name: &str, given: &Bound<'_, PyAny>) -> PyResult<(Vec<usize>, Vec<f64>)> {
     let py = given.py();
+    if let Ok(array) = given.cast::<PyArrayDyn<f64>>()
+        && array.is_c_contiguous()
+        && array.data().is_aligned()
+    {
+        return numbers(array);
+    }
     let numpy = py.import(intern!(py, "numpy"))?;
     let array = numpy.call_method1(intern!(py, "asarray"), (given,))?;
     let dtype = array.getattr(intern!(py, "dtype"))?;
@@ -29,11 +35,15 @@ pub fn read(name: &str, given: &Bound<'_, PyAny>) -> PyResult<(Vec<usize>, Vec<f
     if !["f", "i", "u"].contains(&kind.as_str()) {
         return Err(PyTypeError::new_err(format!("{name} must be an array of real numbers, not of {}", dtype.str()?)));
     }
-    // A copy: nobody else can change it while the GIL is released.
     let options = PyDict::new(py);
     options.set_item(intern!(py, "order"), "C")?;
     let array = numpy.call_method(intern!(py, "array"), (array, intern!(py, "float64")), Some(&options))?;
-    let array: Array = array.extract()?;
+    numbers(&array.extract()?)
+}
+
+/// Shape and numbers of an array that has them in one piece, by rows. A copy: nobody else can change it while the GIL is
+/// released.
+fn numbers(array: &Array<'_>) -> PyResult<(Vec<usize>, Vec<f64>)> {
     let numbers = array.try_readonly().map_err(|e| PyValueError::new_err(e.to_string()))?.as_slice()?.to_vec();
     Ok((array.shape().to_vec(), numbers))
 }

@@ -4,7 +4,7 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::{BalanceError, ControlError, DescriptionError, PolicyError, SimulatorError, TaskError};
+use crate::error::{BalanceError, ControlError, DescriptionError, PolicyError, RenderError, SimulatorError, TaskError};
 
 create_exception!(
     uvms_gym,
@@ -38,4 +38,4 @@ macro_rules! value_errors {
     )*};
 }
 
-value_errors!(BalanceError, ControlError, PolicyError, SimulatorError, TaskError);
+value_errors!(BalanceError, ControlError, PolicyError, RenderError, SimulatorError, TaskError);

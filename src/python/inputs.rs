@@ -45,7 +45,7 @@ impl InputArguments<'_, '_> {
             joint_torque: rows("joint_torque", self.joint_torque, &[n])?,
             joint_target: self.joint_target.map(|given| target(given, instances, n)).transpose()?,
             external: rows("external", self.external, &[n + 1, 6])?,
-            station: self.station.map(|given| station(given, instances)).transpose()?,
+            station: self.station.map(|given| poses("station", given, instances)).transpose()?,
         })
     }
 }
@@ -79,20 +79,21 @@ fn target(given: &Bound<'_, PyAny>, instances: usize, n: usize) -> PyResult<Vec<
     }
 }
 
-/// A pair of position and rotation, or poses: rows of 12 numbers.
-fn station(given: &Bound<'_, PyAny>, instances: usize) -> PyResult<Vec<f64>> {
+/// A pair of position and rotation, or poses: rows of 12 numbers, position first.
+pub(super) fn poses(name: &str, given: &Bound<'_, PyAny>, instances: usize) -> PyResult<Vec<f64>> {
     let Ok(pair) = given.cast::<PyTuple>() else {
-        let poses = rows("station", given, instances, &[4, 4])?;
+        let poses = rows(name, given, instances, &[4, 4])?;
         if poses.chunks_exact(16).any(|pose| pose[12..] != [0.0, 0.0, 0.0, 1.0]) {
-            return Err(PyValueError::new_err("station: the last row of a pose must be [0, 0, 0, 1]"));
+            return Err(PyValueError::new_err(format!("{name}: the last row of a pose must be [0, 0, 0, 1]")));
         }
         let entries = [3, 7, 11, 0, 1, 2, 4, 5, 6, 8, 9, 10];
         return Ok(poses.chunks_exact(16).flat_map(|pose| entries.map(|k| pose[k])).collect());
     };
     if pair.len() != 2 {
-        return Err(PyTypeError::new_err("station must be a pair (position, rotation), or poses (4, 4) or (N, 4, 4)"));
+        let message = format!("{name} must be a pair (position, rotation), or poses (4, 4) or (N, 4, 4)");
+        return Err(PyTypeError::new_err(message));
     }
-    let position = rows("station position", &pair.get_item(0)?, instances, &[3])?;
-    let rotation = rows("station rotation", &pair.get_item(1)?, instances, &[3, 3])?;
+    let position = rows(&format!("{name} position"), &pair.get_item(0)?, instances, &[3])?;
+    let rotation = rows(&format!("{name} rotation"), &pair.get_item(1)?, instances, &[3, 3])?;
     Ok(position.chunks_exact(3).zip(rotation.chunks_exact(9)).flat_map(|(r, m)| [r, m].concat()).collect())
 }

@@ -9,12 +9,13 @@ mod model;
 mod motion;
 mod parameters;
 mod policies;
+mod renderer;
 mod rollout;
 mod scene;
 mod simulator;
 mod stability;
 mod state;
-mod station_keep;
+mod task;
 
 use pyo3::prelude::*;
 
@@ -28,13 +29,15 @@ mod core {
     #[pymodule_export]
     use super::policies::{Mlp, Pd, Pid, Policy};
     #[pymodule_export]
+    use super::renderer::Renderer;
+    #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]
     use super::scene::{load_scene, scenes};
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]
-    use super::station_keep::StationKeep;
+    use super::task::Task;
     use pyo3::prelude::*;
 
     #[pymodule_init]

@@ -8,7 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use super::station_keep::{Rows, StationKeep, name_of, one_of, rows};
+use super::task::{Rows, Task, name_of, one_of, rows};
 use crate::control::{self, Activation, Layer, Network, Normalisation, Output};
 use crate::description::VehicleServo;
 use crate::error::PolicyError;
@@ -17,7 +17,7 @@ const ACTIVATIONS: [(&str, Activation); 3] =
     [("tanh", Activation::Tanh), ("relu", Activation::Relu), ("elu", Activation::Elu)];
 const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::Tanh)];
 
-/// A controller that runs here: alone by `act`, or in a closed loop by `StationKeep.run`.
+/// A controller that runs here: alone by `act`, or in a closed loop by `Task.run`.
 #[pyclass(module = "uvms_gym._core", subclass, frozen)]
 pub struct Policy {
     pub(super) inner: Arc<dyn control::Policy>,
@@ -139,7 +139,7 @@ impl Mlp {
         activation: &str,
         output: &str,
         normalisation: Option<(Vec<f32>, Vec<f32>, f32, f32)>,
-        task: Option<PyRef<'_, StationKeep>>,
+        task: Option<PyRef<'_, Task>>,
         notes: BTreeMap<String, String>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let (activation, output) = (one_of("activation", activation, ACTIVATIONS)?, one_of("output", output, OUTPUTS)?);
@@ -179,7 +179,7 @@ impl Mlp {
     }
 
     /// Refuses a task that the policy is not for.
-    fn check(&self, task: PyRef<'_, StationKeep>) -> Result<(), PolicyError> {
+    fn check(&self, task: PyRef<'_, Task>) -> Result<(), PolicyError> {
         self.mlp.check(&task.batch.task().purpose())
     }
 
@@ -218,7 +218,7 @@ impl Mlp {
 
 /// What policies need to know of the task.
 #[pymethods]
-impl StationKeep {
+impl Task {
     /// No control: every action is 0.
     fn rest(&self, py: Python<'_>) -> PyResult<Py<Policy>> {
         Py::new(py, Policy::of(self.batch.task().rest()))
@@ -247,7 +247,7 @@ impl StationKeep {
     }
 }
 
-impl StationKeep {
+impl Task {
     /// Gains as given, where they are; else the scene's.
     fn gains(&self, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<VehicleServo> {
         if let (Some(kp), Some(kd)) = (kp, kd) {

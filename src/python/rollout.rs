@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyList};
 
 use super::policies::Policy;
 use super::stability::warn;
-use super::station_keep::{Row, Rows, StationKeep, refused, rows};
+use super::task::{Row, Rows, Task, refused, rows};
 use crate::batch::{self, Tally};
 use crate::control;
 use crate::scene::INFO;
@@ -94,7 +94,7 @@ impl Rollout {
 }
 
 #[pymethods]
-impl StationKeep {
+impl Task {
     /// A rollout of a policy that remembers nothing yet; `trace` names instances to record.
     #[pyo3(signature = (policy, trace=Vec::new()))]
     fn rollout(&self, policy: PyRef<'_, Policy>, trace: Vec<usize>) -> PyResult<Rollout> {

@@ -66,7 +66,8 @@ pub fn to_python<'py>(scene: &Scene, py: Python<'py>) -> PyResult<Bound<'py, PyA
     object(&tree, py)
 }
 
-fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+/// A tree of plain values as Python objects.
+pub fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
     Ok(match value {
         Value::String(text) => PyString::new(py, text).into_any(),
         Value::Integer(i) => PyInt::new(py, *i).into_any(),
@@ -85,6 +86,11 @@ fn object<'py>(value: &Value, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
             dict.into_any()
         }
     })
+}
+
+/// A tree of plain values from a dict.
+pub fn tree(given: &Bound<'_, PyDict>) -> PyResult<Value> {
+    value(given, "", 0)
 }
 
 /// A tree of plain values from Python objects; `key` is the path to `given`.

@@ -51,7 +51,7 @@ pub struct Simulator {
 }
 
 /// A number of seconds or so.
-fn number(name: &str, given: Given, default: f64) -> PyResult<f64> {
+pub(super) fn number(name: &str, given: Given, default: f64) -> PyResult<f64> {
     let Some(given) = given else { return Ok(default) };
     given.extract().map_err(|error: PyErr| {
         if error.is_instance_of::<PyOverflowError>(given.py()) {
@@ -153,8 +153,9 @@ impl Simulator {
         self.inner.threads()
     }
 
-    /// str: instruction set of the kernel: "avx512", "avx2", "fma" or "plain"; the environment variable UVMS_LANES
-    /// chooses another than the widest. All but "plain" give the same results bit for bit.
+    /// str: instruction set of the kernel: "avx512", "avx2", "fma" or "plain"; the widest, but for one instance alone, for
+    /// which "fma" takes less time. The environment variable UVMS_LANES chooses another. All but "plain" give the same
+    /// results bit for bit.
     #[getter]
     fn lanes(&self) -> &'static str {
         self.inner.isa().name()

@@ -4,7 +4,7 @@
 //! control instant is written in lanes; episodes are drawn one by one, in f64.
 
 mod episode;
-mod keeper;
+mod kernel;
 mod layout;
 mod metrics;
 mod observation;
@@ -15,18 +15,18 @@ mod random;
 mod reference;
 mod stance;
 mod start;
-mod station_keep;
+mod task;
 
 #[cfg(test)]
 mod tests;
 
 pub use episode::{Episode, EpisodeRows};
-pub use keeper::{Command, Keeper};
+pub use kernel::{Command, TaskKernel};
 pub use layout::{Block, Layout};
 pub use metrics::{INFO, Judgement, Metrics, Outcome, RewardTerms};
-pub use options::{RewardWeights, StartOverride, StationKeepOptions};
+pub use options::{Goal, RewardWeights, StartOverride, TaskOptions};
 pub use pose::{Pose, PoseError};
 pub use random::{EpisodeKey, Purpose, Stream};
 pub use reference::{JointReference, METRES_PER_RADIAN, ReferencePoint, hermite};
 pub use stance::Stance;
-pub use station_keep::{DEFAULT_HORIZON, StationKeep};
+pub use task::{DEFAULT_HORIZON, Task};

@@ -1,9 +1,9 @@
-//! What station keeping shows of an episode, and the bounds beyond which it has diverged.
+//! What tasks show of an episode, and the bounds beyond which it has diverged.
 
 use super::layout::Layout;
 use super::pose::Pose;
 use super::reference::METRES_PER_RADIAN;
-use super::station_keep::StationKeep;
+use super::task::Task;
 use crate::description::{Joint, JointKind};
 use crate::system::State;
 
@@ -25,7 +25,7 @@ const JOINT_SHOWN: f64 = 10.0;
 /// Leak of the integral of the pose error, 1/s: `I' = e - LEAK I`.
 pub(super) const LEAK: f64 = 0.1;
 
-impl StationKeep {
+impl Task {
     /// The first bound that a state reaches, if any: name, value and bound.
     pub(super) fn violation(&self, target: &Pose, state: &State) -> Option<(&'static str, f64, f64)> {
         let n = self.joints.len();

@@ -1,14 +1,17 @@
-//! What a user may choose about station keeping.
+//! What a user may choose about a task.
 
 use serde::{Deserialize, Serialize};
+use toml::Value;
 
 use crate::control::ActionKind;
 use crate::error::TaskError;
 
-/// Options of station keeping; each has a default.
+/// Options of a task; each has a default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct StationKeepOptions {
+pub struct TaskOptions {
+    /// What is to be done.
+    pub task: Goal,
     /// What the entries of an action stand for.
     pub action: ActionKind,
     /// Physics step, s.
@@ -31,9 +34,10 @@ pub struct StationKeepOptions {
     pub reward: RewardWeights,
 }
 
-impl Default for StationKeepOptions {
+impl Default for TaskOptions {
     fn default() -> Self {
         Self {
+            task: Goal::StationKeep,
             action: ActionKind::Wrench,
             dt: 0.01,
             substeps: 5,
@@ -44,6 +48,24 @@ impl Default for StationKeepOptions {
             target_turn: 0.0,
             arm_amplitude: 0.4,
             reward: RewardWeights::default(),
+        }
+    }
+}
+
+/// What a task asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Goal {
+    /// The vehicle holds a pose while the arm moves.
+    #[default]
+    StationKeep,
+}
+
+impl Goal {
+    /// Name, as Gymnasium knows it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Goal::StationKeep => "UVMS-StationKeep",
         }
     }
 }
@@ -66,7 +88,23 @@ impl Default for RewardWeights {
     }
 }
 
-impl StationKeepOptions {
+impl TaskOptions {
+    /// From plain values, such as Python has them.
+    ///
+    /// # Errors
+    /// `TaskError::Options` for a key that there is not, or a value of the wrong kind.
+    pub fn from_value(value: Value) -> Result<Self, TaskError> {
+        serde_path_to_error::deserialize(value).map_err(|error| TaskError::Options(error.to_string()))
+    }
+
+    /// As plain values.
+    ///
+    /// # Errors
+    /// `TaskError::Options`, which does not happen.
+    pub fn to_value(&self) -> Result<Value, TaskError> {
+        Value::try_from(self).map_err(|error| TaskError::Options(error.to_string()))
+    }
+
     /// Control period `dt * substeps`, s.
     pub fn control_period(&self) -> f64 {
         self.dt * f64::from(self.substeps)

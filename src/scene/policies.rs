@@ -1,14 +1,11 @@
-//! Policies for station keeping.
+//! Policies for tasks.
 
-use super::StationKeep;
+use super::Task;
 use crate::control::{Pid, Purpose, Rest, Widths};
 use crate::description::VehicleServo;
 use crate::error::TaskError;
 
-impl StationKeep {
-    /// The task's name, as Gymnasium knows it.
-    pub const NAME: &'static str = "UVMS-StationKeep";
-
+impl Task {
     /// No control.
     pub fn rest(&self) -> Rest {
         Rest::new(Widths { observation: self.observation_len(), memory: 0, action: self.action_len() })
@@ -25,7 +22,7 @@ impl StationKeep {
     /// What a policy for this task says that it is for.
     pub fn purpose(&self) -> Purpose {
         Purpose {
-            task: Self::NAME.into(),
+            task: self.options().task.name().into(),
             scene: self.scene_name().into(),
             action: self.options().action,
             actions: self.action_len(),

@@ -1,4 +1,4 @@
-//! How episodes of station keeping start.
+//! How episodes start.
 
 use std::f64::consts::TAU;
 
@@ -9,14 +9,14 @@ use super::options::StartOverride;
 use super::pose::Pose;
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::JointReference;
-use super::station_keep::StationKeep;
+use super::task::Task;
 use crate::error::{ControlError, TaskError};
 use crate::system::State;
 
 /// Greatest angle of a drawn current against the horizontal, rad.
 const CURRENT_ELEVATION: f64 = 0.25;
 
-impl StationKeep {
+impl Task {
     /// The start of an episode and the state it starts from, all drawn.
     pub fn begin(&self, key: EpisodeKey) -> (Episode, State) {
         self.start(key, &StartOverride::default())
@@ -115,7 +115,7 @@ impl StationKeep {
         state.qd.iter_mut().zip(given.qd.iter().flatten()).for_each(|(qd, x)| *qd = *x);
 
         let draw = Stream::new(key, Purpose::Reference);
-        let mut episode = Episode::blank(key, *self.keeper().rows());
+        let mut episode = Episode::blank(key, *self.kernel().rows());
         episode.set_target(&target);
         let (rows, period) = (episode.rows, options.control_period());
         let mut memory = episode.memory();
@@ -124,7 +124,7 @@ impl StationKeep {
             let reference = JointReference::draw(joint, state.q[i], options.arm_amplitude, period, &draw, i as u32);
             memory.set_all(rows.reference + JointReference::<f64>::LEN * i, &reference.to_array());
         }
-        self.keeper().aim::<f64>(&mut memory);
+        self.kernel().aim::<f64>(&mut memory);
         (episode, state)
     }
 }

@@ -13,12 +13,12 @@ fn scene() -> Scene {
     Scene::shipped("bluerov2-heavy-alpha5").unwrap()
 }
 
-fn task_with(options: StationKeepOptions) -> StationKeep {
-    StationKeep::new(&scene(), options).unwrap()
+fn task_with(options: TaskOptions) -> Task {
+    Task::new(&scene(), options).unwrap()
 }
 
-fn task() -> StationKeep {
-    task_with(StationKeepOptions::default())
+fn task() -> Task {
+    task_with(TaskOptions::default())
 }
 
 fn key(seed: u64, episode: u64) -> EpisodeKey {
@@ -34,7 +34,7 @@ fn norm(v: crate::lie::Vector3<f64>) -> f64 {
 }
 
 /// Drawn references of an episode at its start.
-fn references(task: &StationKeep, episode: &Episode) -> Vec<JointReference> {
+fn references(task: &Task, episode: &Episode) -> Vec<JointReference> {
     let rows = task.episode_rows();
     let numbers = episode.numbers()[rows.reference..rows.now].as_chunks().0;
     numbers.iter().map(|numbers| JointReference::from_array(*numbers)).collect()
@@ -66,7 +66,7 @@ fn drift(state: &mut State, command: &Command<f64>, current: &Vector3<f64>, peri
 }
 
 /// Runs an episode under the PD, or without action; returns the last outcome.
-fn run(task: &StationKeep, key: EpisodeKey, controlled: bool) -> Outcome {
+fn run(task: &Task, key: EpisodeKey, controlled: bool) -> Outcome {
     let pd = task.pd(None).unwrap();
     let (mut episode, mut state) = task.begin(key);
     let mut row = vec![0.0; task.observation_len()];
@@ -87,7 +87,7 @@ fn run(task: &StationKeep, key: EpisodeKey, controlled: bool) -> Outcome {
 #[test]
 fn pd_holds_station_where_nothing_drifts_away() {
     for action in [ActionKind::Wrench, ActionKind::Thrusters] {
-        let task = task_with(StationKeepOptions { action, ..Default::default() });
+        let task = task_with(TaskOptions { action, ..Default::default() });
         for seed in 0..3 {
             let (held, adrift) = (run(&task, key(seed, 0), true), run(&task, key(seed, 0), false));
             let current = held.metrics.current.norm();
@@ -103,7 +103,7 @@ fn pd_holds_station_where_nothing_drifts_away() {
 
 #[test]
 fn pd_returns_to_the_target_in_still_water() {
-    let task = task_with(StationKeepOptions { max_current: 0.0, ..Default::default() });
+    let task = task_with(TaskOptions { max_current: 0.0, ..Default::default() });
     let outcome = run(&task, key(9, 0), true);
     assert!(outcome.metrics.position_error < 1e-4 && outcome.metrics.attitude_error < 1e-4, "{outcome:?}");
     // Joints and vehicle are where they should be, so the end effector is too.
@@ -129,7 +129,7 @@ fn an_episode_is_a_function_of_its_key() {
 proptest! {
     #[test]
     fn starts_are_near_the_target_and_currents_mostly_level(seed: u64, episode: u64) {
-        let options = StationKeepOptions { target_distance: 2.0, target_turn: 3.0, ..Default::default() };
+        let options = TaskOptions { target_distance: 2.0, target_turn: 3.0, ..Default::default() };
         let (task, options) = (task_with(options.clone()), options);
         let (episode, state) = task.begin(key(seed, episode));
         let error = PoseError::of(&Stance::from(&state).pose, &episode.target().in_lanes());
@@ -154,7 +154,7 @@ proptest! {
         action in prop::collection::vec(prop::num::f32::ANY, 8),
         kind in prop::sample::select(vec![ActionKind::Wrench, ActionKind::Thrusters]),
     ) {
-        let task = task_with(StationKeepOptions { action: kind, ..Default::default() });
+        let task = task_with(TaskOptions { action: kind, ..Default::default() });
         let (mut episode, mut state) = task.begin(key(1, 1));
         let command = task.act(&mut episode, &action[..task.action_len()]);
         prop_assert!(wrench(&command).iter().chain(&command.actuated.thrusts).chain(command.joints.iter().flatten()).all(|x| x.is_finite()));
@@ -254,8 +254,7 @@ fn observation_holds_what_the_layout_says() {
 
 #[test]
 fn layout_has_no_gaps_and_skips_absent_joints() {
-    let (with, without) =
-        (task(), StationKeep::new(&Scene::shipped("bluerov2-heavy").unwrap(), Default::default()).unwrap());
+    let (with, without) = (task(), Task::new(&Scene::shipped("bluerov2-heavy").unwrap(), Default::default()).unwrap());
     for task in [&with, &without] {
         let mut end = 0;
         for block in task.layout().blocks() {
@@ -273,7 +272,7 @@ fn layout_has_no_gaps_and_skips_absent_joints() {
 
 #[test]
 fn reward_is_the_documented_sum() {
-    let task = task_with(StationKeepOptions { max_current: 0.0, ..Default::default() });
+    let task = task_with(TaskOptions { max_current: 0.0, ..Default::default() });
     let given =
         StartOverride { position: Some([0.06, 0.0, 0.08]), attitude: Some([1.0, 0.0, 0.0, 0.0]), ..Default::default() };
     let (mut episode, state) = task.begin_with(key(0, 0), &given).unwrap();
@@ -385,7 +384,7 @@ fn impossible_starts_are_refused() {
 
 #[test]
 fn impossible_tasks_are_refused() {
-    let refused = |scene: &Scene| StationKeep::new(scene, Default::default()).unwrap_err().to_string();
+    let refused = |scene: &Scene| Task::new(scene, Default::default()).unwrap_err().to_string();
     assert!(refused(&Scene::shipped("free-body").unwrap()).contains("no thrusters"));
     let mut fixed = scene();
     fixed.vehicle.fixed = true;
@@ -395,20 +394,20 @@ fn impossible_tasks_are_refused() {
     link.joint.servo = None;
     let name = link.name.clone();
     assert!(refused(&limp).contains(&name));
-    let option = |options| StationKeep::new(&scene(), options).unwrap_err();
-    let slow = option(StationKeepOptions { dt: 0.0, ..Default::default() });
+    let option = |options| Task::new(&scene(), options).unwrap_err();
+    let slow = option(TaskOptions { dt: 0.0, ..Default::default() });
     assert_eq!(slow.to_string(), "option dt = 0: must be in (0, 1] s");
     for options in [
-        StationKeepOptions { substeps: 0, ..Default::default() },
-        StationKeepOptions { max_current: -1.0, ..Default::default() },
-        StationKeepOptions { start_distance: 10.0, ..Default::default() },
-        StationKeepOptions { reward: RewardWeights { effort: f64::NAN, ..Default::default() }, ..Default::default() },
+        TaskOptions { substeps: 0, ..Default::default() },
+        TaskOptions { max_current: -1.0, ..Default::default() },
+        TaskOptions { start_distance: 10.0, ..Default::default() },
+        TaskOptions { reward: RewardWeights { effort: f64::NAN, ..Default::default() }, ..Default::default() },
     ] {
         assert!(matches!(option(options), TaskError::Option { .. }));
     }
     let mut silent = scene();
     silent.vehicle.servo = None;
-    assert!(matches!(StationKeep::new(&silent, Default::default()).unwrap().pd(None), Err(TaskError::Scene { .. })));
+    assert!(matches!(Task::new(&silent, Default::default()).unwrap().pd(None), Err(TaskError::Scene { .. })));
 }
 
 #[test]
@@ -430,7 +429,7 @@ fn every_shipped_scene_with_thrusters_can_keep_station() {
             continue;
         }
         for action in [ActionKind::Wrench, ActionKind::Thrusters] {
-            let task = StationKeep::new(&scene, StationKeepOptions { action, ..Default::default() }).unwrap();
+            let task = Task::new(&scene, TaskOptions { action, ..Default::default() }).unwrap();
             assert!(task.pd(None).is_ok(), "{name}");
             assert!(task.allocation().unactuated().is_empty(), "{name}: {:?}", task.allocation().unactuated());
         }

@@ -35,13 +35,26 @@ impl EndEffector {
             (Some(arm), None) => placed(&arm.mount.frame).times(&placed(&arm.end_effector)),
             (None, _) => Pose::identity(),
         };
+        Self::at_end(&compiled.system.joints, &tip)
+    }
+
+    /// The frame of each moving link of a checked scene, by the chain that leads there: the arm's base first if it is
+    /// joint-loaded.
+    pub fn links(scene: &Scene) -> Vec<Self> {
+        let compiled = compile(scene);
+        let joints = &compiled.system.joints;
+        compiled.links.iter().enumerate().map(|(i, link)| Self::at_end(&joints[..=i], link)).collect()
+    }
+
+    /// What lies at `tip` in the frame of the last of these joints.
+    fn at_end(joints: &[JointTerms<Shared<f64>>], tip: &Pose<f64>) -> Self {
         let link = |joint: &JointTerms<Shared<f64>>| Link {
             stand: joint.stand,
             offset: joint.offset,
             constant: joint.constant,
         };
         let tip = (tip.rotation.0.map(|row| row.map(Shared)), tip.position.0.map(Shared));
-        Self { joints: compiled.system.joints.iter().map(link).collect(), tip }
+        Self { joints: joints.iter().map(link).collect(), tip }
     }
 
     /// Rotation to the vehicle frame and position in it, m, at joint coordinates `q`. `[MLS94 sec. 3.2]`

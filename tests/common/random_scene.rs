@@ -192,6 +192,7 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         tether: None,
         servo: Some(VehicleServo { kp: [40.0, 40.0, 40.0, 5.0, 5.0, 5.0], kd: [60.0, 60.0, 60.0, 8.0, 8.0, 8.0] }),
         body: random.body(30.0, 0.6, dry),
+        shape: None,
     };
     let has_base = random.coin() || q0;
     let arm = Arm {

@@ -1,12 +1,15 @@
 """Shared by the tests."""
 
 import copy
+import inspect
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+import gymnasium
 import numpy as np
 
+import uvms_gym
 from uvms_gym import MLP, PD, PID, Simulator, load_scene
 from uvms_gym.controllers import Rest
 
@@ -112,6 +115,23 @@ def fixed_base() -> dict[str, Any]:
     return scene
 
 
+#: At the edge of the bounds and on the way out: the episode ends by divergence soon.
+LEAVING = {"position": [9.9, 0.0, 0.0], "attitude": [1.0, 0.0, 0.0, 0.0], "twist": [4.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal bit for bit, types and all."""
+    if isinstance(a, dict):
+        return isinstance(b, dict) and a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, tuple | list):
+        return type(a) is type(b) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        if a.dtype == object:
+            return b.dtype == object and a.shape == b.shape and all(map(same, a.tolist(), b.tolist()))
+        return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    return type(a) is type(b) and a == b
+
+
 #: A scene without arm, and the layers of a network for it.
 SMALL = "bluerov2-heavy"
 SIZES = (24, 16, 8, 6)
@@ -140,3 +160,32 @@ def policy(**arguments: Any) -> MLP:
 def policies() -> list[Any]:
     """One controller of each kind, for the small scene."""
     return [Rest(scene=SMALL), PD(scene=SMALL), PID(scene=SMALL), policy(mean=np.ones(24), variance=np.ones(24))]
+
+
+def task_ids() -> list[str]:
+    """Ids of all environments that the package registers."""
+    return sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
+
+
+def small(task: str) -> str:
+    """A cheap scene that the task takes."""
+    return "bluerov2-heavy-alpha5" if "EETrack" in task else SMALL
+
+
+def scenes_for(task: str) -> list[str]:
+    """Shipped scenes that the task takes: those with thrusters, and with joints where an end effector is moved."""
+    counts = {name: Simulator(name) for name in uvms_gym.scenes()}
+    return [name for name, s in counts.items() if s.num_thrusters and (s.num_joints or "EETrack" not in task)]
+
+
+def choices(task: str, argument: str) -> list[str]:
+    """Names that an argument of a task's environments may have, by its annotation; [] if there is no such argument."""
+    annotation = get_type_hints(type(gymnasium.make(task).unwrapped).__init__).get(argument)
+    parts = [annotation, *get_args(annotation)]
+    return [name for part in parts if get_origin(part) is Literal for name in get_args(part)]
+
+
+def disturbances(task: str) -> list[str]:
+    """Names of the disturbances that the task's environments take."""
+    names = getattr(uvms_gym, "disturbances", list)()
+    return list(names) if "disturbance" in inspect.signature(type(gymnasium.make(task).unwrapped)).parameters else []

@@ -1,7 +1,10 @@
 """`Simulator`: options, the state in and out, errors, copies."""
 
 import copy
+import os
 import pickle
+import subprocess
+import sys
 from typing import Any
 
 import numpy as np
@@ -149,6 +152,37 @@ def test_lists_and_other_number_types_are_arrays_too() -> None:
     a.step(wrench=[1, 0, 0, 0, 0, 2])
     b.step(wrench=np.array([[1, 9, 0, 9, 0, 9, 0, 9, 0, 9, 2, 9]])[:, ::2])
     assert_same(state_of(a), state_of(b))
+
+
+@pytest.mark.parametrize("dtype", ["<f8", ">f8"])
+def test_the_place_of_numbers_in_memory_makes_no_difference(dtype: str) -> None:
+    def stepped(thrust: np.ndarray) -> dict[str, np.ndarray]:
+        s = moving("petasus-pum", 5)
+        before = thrust.copy()
+        s.step(thrust=thrust)
+        np.testing.assert_array_equal(thrust, before)
+        return state_of(s)
+
+    thrust = np.linspace(-9.0, 9.0, 30).reshape(5, 6).astype(dtype)
+    expected = stepped(thrust.astype(float))
+    odd = np.frombuffer(b"." + thrust.tobytes(), dtype=dtype, offset=1).reshape(5, 6)
+    assert not odd.flags.aligned
+    apart = np.zeros((10, 12), dtype)
+    apart[::2, ::2] = thrust
+    frozen = thrust.copy()
+    frozen.flags.writeable = False
+    masked = np.ma.masked_array(thrust, thrust > 0)
+    for other in (thrust, odd, apart[::2, ::2], np.asfortranarray(thrust), thrust[::-1].copy()[::-1], frozen, masked):
+        assert_same(stepped(other), expected)
+
+
+def test_one_instance_alone_needs_no_lanes() -> None:
+    code = "from uvms_gym import Simulator as S; print(S('free-body').lanes, S('free-body', 2).lanes)"
+    environment = {name: value for name, value in os.environ.items() if name != "UVMS_LANES"}
+    command = [sys.executable, "-c", code]
+    alone = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    one, two = alone.stdout.split()
+    assert one == ("plain" if two == "plain" else "fma")
 
 
 NAN = float("nan")

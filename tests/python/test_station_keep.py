@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym.envs._station_keep import DEFAULTS, RESET_OPTIONS, REWARD
+from uvms_gym.envs._base import DEFAULTS as ALL_DEFAULTS
+from uvms_gym.envs._base import RESET_OPTIONS, REWARD
 from uvms_gym.envs.station_keep import INFO, StationKeepEnv, StationKeepVectorEnv
 
 ENV = "UVMS-StationKeep-v0"
+DEFAULTS = ALL_DEFAULTS["station-keep"]
 SMALL = "bluerov2-heavy"
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"]
 
@@ -78,7 +80,7 @@ def test_weights_scale_their_terms():
     [
         ({"scene": "submarine"}, "petasus-pum"),
         ({"scene": "free-body"}, "no thrusters"),
-        ({"action": "torque"}, "'wrench', 'thrusters'"),
+        ({"action": "torque"}, "`wrench`"),
         ({"dt": 0.0}, "dt"),
         ({"substeps": 0}, "substeps"),
         ({"integrator": "euler"}, "mk4"),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
-from uvms_gym.envs._station_keep import Actions, Options, StationKeepBase
+from uvms_gym.envs._base import Actions, Options, TaskBase
 
 
 class Controller:
@@ -68,8 +68,9 @@ def options_of(controller: str, env: Any, given: Options) -> Options:
     if env is not None:
         if given:
             raise TypeError(f"env tells the options: {', '.join(given)} cannot be given besides")
-        given = _unwrapped(controller, env).options
-    matters = ("scene", "action", "dt", "substeps")
+        inner = _unwrapped(controller, env)
+        given = {**inner.options, "task": inner.task}
+    matters = ("task", "scene", "action", "dt", "substeps")
     return cast(Options, {key: value for key, value in given.items() if key in matters})
 
 
@@ -79,12 +80,12 @@ def _check_finite(name: str, rows: NDArray[Any]) -> None:
         raise ValueError(f"{name} in row {row}, entry {entry} is {rows[row, entry]}, but must be finite")
 
 
-def _unwrapped(controller: str, env: Any) -> StationKeepBase:
+def _unwrapped(controller: str, env: Any) -> TaskBase:
     """Find the environment inside wrappers and vector environments."""
     inner = getattr(env, "unwrapped", env)
-    if not isinstance(inner, StationKeepBase) and hasattr(env, "get_attr"):
+    if not isinstance(inner, TaskBase) and hasattr(env, "get_attr"):
         inner = env.get_attr("unwrapped")[0]
-    if not isinstance(inner, StationKeepBase):
+    if not isinstance(inner, TaskBase):
         kind = type(inner).__name__
         raise TypeError(f"{controller} takes a UVMS-StationKeep environment, single or vector, not a {kind}")
     return inner

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
 from uvms_gym.controllers.base import Controller, options_of
-from uvms_gym.envs._station_keep import Options, native
+from uvms_gym.envs._base import Options, native
 
 
 class MLP(Controller):
@@ -179,6 +179,6 @@ def _array(name: str, given: ArrayLike | None, dimensions: int) -> NDArray[np.fl
     return array
 
 
-def _task(controller: str, env: Any, given: Options) -> _core.StationKeep | None:
+def _task(controller: str, env: Any, given: Options) -> _core.Task | None:
     """The task that a policy is for, if that is told."""
     return native(options_of(controller, env, given)) if env is not None or given else None

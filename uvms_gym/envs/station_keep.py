@@ -1,41 +1,16 @@
 """Station keeping: `UVMS-StationKeep-v0`, single and vector."""
 
-from collections.abc import Sequence
-from typing import Any, Literal, Unpack, cast
+from typing import Literal, Unpack
 
-import gymnasium as gym
-import numpy as np
 from gymnasium.vector import AutoresetMode
-from gymnasium.vector.utils import batch_space
-from numpy.typing import ArrayLike, NDArray
 
-from uvms_gym._core import StationKeep
 from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._station_keep import (
-    Actions,
-    Observations,
-    Options,
-    RewardWeights,
-    Scene,
-    StationKeepBase,
-    as_actions,
-    native,
-    refuse_rendering,
-    starts,
-    warn_of_rendering,
-)
+from uvms_gym.envs._base import INFO, Options, RewardWeights, Scene, TaskEnv, TaskVectorEnv
 
-INFO = tuple(StationKeep.INFO)
-_MASKS = tuple(f"_{name}" for name in INFO)
-_SEEDS = 2**64
-_MODES = {
-    AutoresetMode.NEXT_STEP: "next_step",
-    AutoresetMode.SAME_STEP: "same_step",
-    AutoresetMode.DISABLED: "disabled",
-}
+__all__ = ["INFO", "StationKeepEnv", "StationKeepVectorEnv"]
 
 
-class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
+class StationKeepEnv(TaskEnv):
     """Hold an underwater vehicle at a pose while its arm moves and a current pushes.
 
     ## Description
@@ -137,7 +112,7 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
     - v0: first version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
+    task = "station-keep"
 
     def __init__(
         self,
@@ -157,9 +132,7 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
         threads: int | None = None,
         render_mode: str | None = None,
     ) -> None:
-        refuse_rendering(render_mode)
-        self.render_mode = render_mode
-        self.options: Options = {
+        options: Options = {
             "scene": scene,
             "action": action,
             "dt": dt,
@@ -175,48 +148,10 @@ class StationKeepEnv(StationKeepBase, gym.Env[Observations, Actions]):
             "reward": reward,
             "threads": threads,
         }
-        self._native = native(self.options)
-        self._seeded = False
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._native.control_period}
-        self.observation_space, self.action_space = self._spaces()
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, float]]:
-        """Start an episode: the first of `seed`, or without one the next of the stream.
-
-        Raises
-        ------
-        ValueError, TypeError
-            An unknown option (the message lists the known ones), or an impossible start; the running episode goes
-            on then.
-        """
-        given = starts(options)
-        super().reset(seed=seed)
-        if seed is None and not self._seeded:
-            seed = self.np_random_seed
-        observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
-        self._seeded = True
-        return observations[0], dict(zip(INFO, info[:, 0].tolist(), strict=True))
-
-    def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, float]]:
-        """Hold `action` for one control period.
-
-        Raises
-        ------
-        ValueError
-            The action is not finite or has the wrong shape.
-        gymnasium.error.ResetNeeded
-            There is no episode, or it has terminated.
-        """
-        return self._native.step_one(as_actions(action, self._action_shape))
-
-    def render(self) -> None:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
+        super().__init__(options, render_mode)
 
 
-class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
+class StationKeepVectorEnv(TaskVectorEnv):
     """Many `StationKeepEnv`, stepped together in one native call.
 
     It gives the same numbers as a `SyncVectorEnv` of single environments, bit for bit, whatever the number of
@@ -243,6 +178,8 @@ class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, A
         An argument is out of range or unknown.
     """
 
+    task = "station-keep"
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -253,105 +190,4 @@ class StationKeepVectorEnv(StationKeepBase, gym.vector.VectorEnv[Observations, A
         render_mode: str | None = None,
         **options: Unpack[Options],
     ) -> None:
-        refuse_rendering(render_mode)
-        self.render_mode = render_mode
-        self.copy = copy
-        self.options = options
-        self.num_envs = num_envs
-        mode = AutoresetMode(autoreset_mode)
-        self._native = native(options, num_envs=num_envs, autoreset=_MODES[mode], max_episode_steps=max_episode_steps)
-        self._seeded = False
-        self.metadata = {"render_modes": [], "render_fps": 1.0 / self._native.control_period, "autoreset_mode": mode}
-        self.single_observation_space, self.single_action_space = self._spaces()
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-
-    def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, Any]]:
-        """Start episodes of all instances, or of those in `options["reset_mask"]` (a bool array (N,)).
-
-        Parameters
-        ----------
-        seed : int, sequence or None
-            `seed + i` for instance i, or N seeds; where there is None the stream goes on.
-        options : dict or None
-            As `StationKeepEnv.reset`, each for all instances or with N rows, and `reset_mask`. It is not changed.
-
-        Raises
-        ------
-        ValueError, TypeError
-            An unknown option, an impossible start, or a mask that is none; all episodes go on then.
-        """
-        given = starts(options, "reset_mask")
-        mask = given.pop("reset_mask", None)
-        self._check_mask(mask)
-        if seed is None or isinstance(seed, (int, np.integer)):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = [None if s is None else int(s) for s in seed]
-            if len(seeds) != self.num_envs:
-                raise ValueError(f"{len(seeds)} seeds were given for num_envs={self.num_envs}")
-        if any(s is not None and s < 0 for s in seeds):
-            raise ValueError(f"seeds must not be negative: {seed}")
-        super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
-        if not self._seeded and None in seeds:
-            first = cast(int, self.np_random_seed)
-            seeds = [first + i if s is None else s for i, s in enumerate(seeds)]
-        observations, info = self._native.reset([None if s is None else s % _SEEDS for s in seeds], mask, **given)
-        self._seeded = True
-        return observations, self._infos(info, np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask)
-
-    def step(
-        self, actions: ArrayLike
-    ) -> tuple[Observations, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Hold `actions` (N, a) for one control period.
-
-        Raises
-        ------
-        ValueError
-            An action is not finite or there is a wrong shape; nothing has changed then.
-        gymnasium.error.ResetNeeded
-            There is no episode, or autoreset is disabled and one is over.
-        """
-        given = as_actions(actions, (self.num_envs, *self._action_shape))
-        observations, rewards, terminated, truncated, info, finals = self._native.step(given)
-        infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
-        if finals is not None:
-            where, last, measures = finals
-            ended = np.zeros(self.num_envs, dtype=np.bool_)
-            ended[where] = True
-            infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
-            for i, observation in zip(where.tolist(), last, strict=True):
-                infos["final_obs"][i] = observation
-            spread = np.zeros((len(INFO), self.num_envs))
-            spread[:, where] = measures
-            infos["final_info"] = self._infos(spread, ended)
-            infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
-        return observations, rewards, terminated, truncated, infos
-
-    def render(self) -> tuple[Any, ...]:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
-        return (None,) * self.num_envs
-
-    def _infos(self, info: NDArray[np.float64], mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """Measures (18, N) of the instances in `mask`, by name, each with a mask of its own."""
-        if not mask.all():
-            info[:, ~mask] = 0.0
-        masks = np.empty((len(INFO), self.num_envs), dtype=np.bool_)
-        masks[:] = mask
-        return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True))
-
-    def _check_mask(self, mask: Any) -> None:
-        """Check as SyncVectorEnv does."""
-        if mask is None:
-            return
-        if not isinstance(mask, np.ndarray):
-            raise TypeError(f"options['reset_mask'] must be a numpy array, not {type(mask).__name__}")
-        if mask.dtype != np.bool_:
-            raise TypeError(f"options['reset_mask'] must have dtype bool, not {mask.dtype}")
-        if mask.shape != (self.num_envs,):
-            raise ValueError(f"options['reset_mask'] must have shape ({self.num_envs},), not {mask.shape}")
-        if not mask.any():
-            raise ValueError("options['reset_mask'] must pick at least one instance")
+        super().__init__(num_envs, autoreset_mode, max_episode_steps, copy, render_mode, options)

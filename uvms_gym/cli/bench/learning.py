@@ -16,7 +16,7 @@ ROLLOUT, MINIBATCH = 16, 4096
 #: Iterations that are timed.
 ITERATIONS, QUICK_ITERATIONS = 5, 1
 #: What is said of the way the two are joined.
-WRAPPER = "a minimal VecEnv over make_vec with same-step autoreset, inside of this benchmark"
+WRAPPER = "uvms_gym.sb3.NativeVecEnv"
 
 
 def require() -> None:
@@ -33,7 +33,7 @@ def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed
     from stable_baselines3 import PPO
     from stable_baselines3.common.callbacks import BaseCallback
 
-    env = _adapter(scene, n, threads)
+    env = _timed(scene, n, threads)
 
     class Clock(BaseCallback):
         """Splits the time of an iteration; it ends where the next starts to collect."""
@@ -77,51 +77,20 @@ def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed
     }
 
 
-def _adapter(scene: dict[str, Any], n: int, threads: int) -> Any:
-    from stable_baselines3.common.vec_env import VecEnv
+def _timed(scene: dict[str, Any], n: int, threads: int) -> Any:
+    """The environment as Stable-Baselines3 has it; notes the time of its own in `spent`."""
+    from uvms_gym.sb3 import NativeVecEnv
 
-    class Adapter(VecEnv):
-        """The vector environment as Stable-Baselines3 wants it; notes the time of its own."""
-
-        def __init__(self) -> None:
-            self.env = gymnasium.make_vec(
-                ENV, num_envs=n, scene=scene, substeps=SUBSTEPS, threads=threads, autoreset_mode="SameStep"
-            )
-            self.spent = 0.0
-            super().__init__(n, self.env.single_observation_space, self.env.single_action_space)
-
-        def reset(self) -> Any:
-            return self.env.reset(seed=self._seeds[0])[0]
-
-        def step_async(self, actions: Any) -> None:
-            self.actions = actions
+    class Timed(NativeVecEnv):
+        spent = 0.0
 
         def step_wait(self) -> Any:
             begun = time.perf_counter()
-            observations, rewards, terminated, truncated, given = self.env.step(self.actions)
-            done = terminated | truncated
-            infos: list[dict[str, Any]] = [{} for _ in range(n)]
-            for i in np.flatnonzero(done):
-                infos[i] = {
-                    "terminal_observation": given["final_obs"][i],
-                    "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
-                }
+            result = super().step_wait()
             self.spent += time.perf_counter() - begun
-            return observations, rewards.astype(np.float32), done, infos
+            return result
 
-        def close(self) -> None:
-            self.env.close()
-
-        def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-            return [getattr(self, attr_name, None)] * n
-
-        def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-            raise NotImplementedError
-
-        def env_method(self, method_name: str, *arguments: Any, indices: Any = None, **given: Any) -> list[Any]:
-            raise NotImplementedError
-
-        def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-            return [False] * n
-
-    return Adapter()
+    envs = gymnasium.make_vec(
+        ENV, num_envs=n, scene=scene, substeps=SUBSTEPS, threads=threads, autoreset_mode="SameStep"
+    )
+    return Timed(envs)

@@ -1,13 +1,13 @@
-//! Station keeping: the vehicle holds a pose while the arm moves and a current pushes.
+//! A task on a scene. Station keeping: the vehicle holds a pose while the arm moves and a current pushes.
 
 use nalgebra::Vector3;
 
 use super::episode::{Episode, EpisodeRows};
-use super::keeper::{Command, Keeper};
+use super::kernel::{Command, TaskKernel};
 use super::layout::Layout;
 use super::metrics::Outcome;
 use super::observation::station_keep_layout;
-use super::options::StationKeepOptions;
+use super::options::TaskOptions;
 use super::stance::Stance;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, Reading};
 use crate::description::{Joint, Scene, VehicleServo};
@@ -18,15 +18,15 @@ use crate::system::{EndEffector, JOINTS, Joints, State};
 /// Control periods after which an episode is usually cut off: 20 s.
 pub const DEFAULT_HORIZON: u32 = 400;
 
-/// The station-keeping task on one scene; the same for all instances and episodes.
+/// A task on one scene; the same for all instances and episodes.
 ///
 /// A run goes: [`Self::begin`]; then per control period [`Self::observe`], [`Self::act`], the physics with that
 /// [`Command`], [`Self::advance`]. With the pose error `p = sqrt(|e|^2 + (0.5 m angle)^2)` the reward is
 /// `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean((T / T_max)^2) - 0.1 mean((a - a_prev)^2)`,
 /// its three weights being options. It is never positive, yet fleeing beyond the bounds to end an episode costs more than holding station.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StationKeep {
-    pub(super) options: StationKeepOptions,
+pub struct Task {
+    pub(super) options: TaskOptions,
     rig: Rig,
     thruster_names: Vec<String>,
     pub(super) joints: Vec<Joint>,
@@ -35,7 +35,7 @@ pub struct StationKeep {
     pub(super) scene_current: Vector3<f64>,
     /// Orthonormal, world axes: two horizontal ones and the one against gravity (world z without gravity).
     pub(super) level: [Vector3<f64>; 3],
-    keeper: Keeper<f64>,
+    kernel: TaskKernel<f64>,
 }
 
 /// What the task reads of a scene in lanes.
@@ -48,13 +48,13 @@ pub(super) struct Rig {
     pub joints: usize,
 }
 
-impl StationKeep {
+impl Task {
     /// The task on `scene`.
     ///
     /// # Errors
     /// `TaskError`: a vehicle that is fixed, has no thrusters or (for wrench actions) no axis they can push along, a
     /// joint without a servo, or an option out of its range.
-    pub fn new(scene: &Scene, options: StationKeepOptions) -> Result<Self, TaskError> {
+    pub fn new(scene: &Scene, options: TaskOptions) -> Result<Self, TaskError> {
         options.check()?;
         let refuse = |reason: String| Err(TaskError::Scene { scene: scene.name.clone(), reason });
         let vehicle = &scene.vehicle;
@@ -89,7 +89,7 @@ impl StationKeep {
             joints: joints.len(),
         };
         Ok(Self {
-            keeper: Keeper::new(&options, &rig),
+            kernel: TaskKernel::new(&options, &rig),
             rig,
             options,
             thruster_names: scene.thruster_names(),
@@ -106,7 +106,7 @@ impl StationKeep {
     }
 
     /// Options in use.
-    pub fn options(&self) -> &StationKeepOptions {
+    pub fn options(&self) -> &TaskOptions {
         &self.options
     }
 
@@ -192,41 +192,41 @@ impl StationKeep {
     }
 
     /// Numbers of the task for a group of instances.
-    pub fn in_lanes<T: Real>(&self) -> Keeper<T> {
-        Keeper::new(&self.options, &self.rig)
+    pub fn in_lanes<T: Real>(&self) -> TaskKernel<T> {
+        TaskKernel::new(&self.options, &self.rig)
     }
 
     /// The same for one instance.
-    pub(super) fn keeper(&self) -> &Keeper<f64> {
-        &self.keeper
+    pub(super) fn kernel(&self) -> &TaskKernel<f64> {
+        &self.kernel
     }
 
     /// Where the numbers of an episode lie.
     pub fn episode_rows(&self) -> EpisodeRows {
-        *self.keeper.rows()
+        *self.kernel.rows()
     }
 
-    /// [`Keeper::act`] for one instance.
+    /// [`TaskKernel::act`] for one instance.
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-        self.keeper().act(&mut episode.memory(), &entries)
+        self.kernel().act(&mut episode.memory(), &entries)
     }
 
-    /// [`Keeper::advance`] for one instance.
+    /// [`TaskKernel::advance`] for one instance.
     pub fn advance(&self, episode: &mut Episode, state: &State) -> Outcome {
         episode.step += 1;
         let (share, stance) = (1.0 / f64::from(episode.step), Stance::from(state));
         let mut memory = episode.memory();
-        let error = self.keeper().error(&memory, &stance);
-        Outcome::from(&self.keeper().advance(&mut memory, &stance, &error, share))
+        let error = self.kernel().error(&memory, &stance);
+        Outcome::from(&self.kernel().advance(&mut memory, &stance, &error, share))
     }
 
-    /// [`Keeper::observe`] for one instance.
+    /// [`TaskKernel::observe`] for one instance.
     pub fn observe(&self, episode: &Episode, state: &State, row: &mut [f32]) {
         let (mut episode, stance) = (episode.clone(), Stance::from(state));
         let memory = episode.memory();
-        let error = self.keeper().error(&memory, &stance);
-        self.keeper().observe(&memory, &stance, &error, row);
+        let error = self.kernel().error(&memory, &stance);
+        self.kernel().observe(&memory, &stance, &error, row);
     }
 }

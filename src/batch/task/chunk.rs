@@ -6,7 +6,7 @@ use super::slot::Slot;
 use super::{Autoreset, Final};
 use crate::batch::blocks::Part;
 use crate::lane::Real;
-use crate::scene::{Keeper, StationKeep};
+use crate::scene::{Task, TaskKernel};
 use crate::system::{Flow, State};
 
 /// How episodes end and follow each other.
@@ -18,8 +18,8 @@ pub(super) struct Rules {
 
 /// What all chunks have in common.
 pub(super) struct Duty<'a, T> {
-    pub task: &'a StationKeep,
-    pub keeper: &'a Keeper<T>,
+    pub task: &'a Task,
+    pub kernel: &'a TaskKernel<T>,
     pub rules: Rules,
     /// A state that steps harmlessly.
     pub home: &'a State,
@@ -101,7 +101,7 @@ impl<T: Real> Chunk<'_, '_, T> {
 
     fn blocks(&mut self) -> Blocks<'_, T> {
         Blocks {
-            keeper: self.duty.keeper,
+            kernel: self.duty.kernel,
             layout: &self.part.table.layout,
             physics: &mut *self.part.rows,
             episodes: &mut *self.episodes,

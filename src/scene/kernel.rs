@@ -1,15 +1,15 @@
-//! Station keeping in lanes: what happens to a group of instances at a control instant.
+//! Tasks in lanes: what happens to a group of instances at a control instant.
 
 use std::f64::consts::PI;
 
 use super::episode::EpisodeRows;
 use super::metrics::{INFO, Judgement};
 use super::observation::{LEAK, POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND};
-use super::options::StationKeepOptions;
+use super::options::TaskOptions;
 use super::pose::PoseError;
 use super::reference::{JointReference, hermite};
 use super::stance::Stance;
-use super::station_keep::Rig;
+use super::task::Rig;
 use crate::control::{ACTIONS, Actuated, Actuation};
 use crate::lane::{Lane, Real, Rows, Shared, ln_1p};
 use crate::lie::{Vector3, rotation_angle};
@@ -24,7 +24,7 @@ const COARSE: f64 = 0.3;
 
 /// Numbers of the task, in the precision of the lanes.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Keeper<T> {
+pub struct TaskKernel<T> {
     rows: EpisodeRows,
     actuation: Actuation<T>,
     end_effector: EndEffector<Shared<T>>,
@@ -49,9 +49,9 @@ pub struct Command<L> {
     pub joints: [[L; 4]; JOINTS],
 }
 
-impl<T: Real> Keeper<T> {
+impl<T: Real> TaskKernel<T> {
     /// Numbers of the task in this precision.
-    pub(super) fn new(options: &StationKeepOptions, rig: &Rig) -> Self {
+    pub(super) fn new(options: &TaskOptions, rig: &Rig) -> Self {
         let (period, number) = (options.control_period(), T::from_f64);
         let (keep, weights, actions) = ((-LEAK * period).exp(), &options.reward, rig.actions.len());
         Self {
@@ -219,7 +219,7 @@ impl<T: Real> Keeper<T> {
         }
     }
 
-    /// Where the state is finite and within the bounds of `StationKeep::violation`.
+    /// Where the state is finite and within the bounds of `Task::violation`.
     #[inline(always)]
     fn sound<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, stance: &Stance<L>) -> L::Mask {
         let target: [L; 3] = memory.get_all(self.rows.target + 9);

@@ -14,7 +14,7 @@ use crate::batch::step::Switches;
 use crate::control::Policy;
 use crate::error::ControlError;
 use crate::lane::Real;
-use crate::scene::{Keeper, StationKeep};
+use crate::scene::{Task, TaskKernel};
 use crate::system::State;
 
 /// The joints' servos are all that is on.
@@ -52,14 +52,14 @@ pub(super) trait Crew: Send + Sync {
 
 /// What a step is to do.
 pub(super) struct Orders<'a> {
-    pub task: &'a StationKeep,
+    pub task: &'a Task,
     pub rules: Rules,
     pub actions: &'a [f32],
 }
 
 /// What a run is to do.
 pub(super) struct Course<'a> {
-    pub task: &'a StationKeep,
+    pub task: &'a Task,
     pub rules: Rules,
     pub policy: &'a dyn Policy,
     pub steps: u32,
@@ -68,7 +68,7 @@ pub(super) struct Course<'a> {
 /// The numbers of all episodes.
 #[derive(Clone)]
 pub(super) struct Company<T> {
-    keeper: Keeper<T>,
+    kernel: TaskKernel<T>,
     /// Block by block.
     episodes: Vec<T>,
 }
@@ -80,10 +80,10 @@ impl<T: Real> Company<T> {
         Blocks::<T>::CHUNK
     };
 
-    pub fn new(task: &StationKeep, instances: usize) -> Self {
-        let keeper = task.in_lanes();
-        let episodes = vec![T::default(); instances.next_multiple_of(T::BLOCK) * keeper.rows().rows];
-        Self { keeper, episodes }
+    pub fn new(task: &Task, instances: usize) -> Self {
+        let kernel = task.in_lanes();
+        let episodes = vec![T::default(); instances.next_multiple_of(T::BLOCK) * kernel.rows().rows];
+        Self { kernel, episodes }
     }
 }
 
@@ -97,13 +97,13 @@ impl<T: Real> Crew for Company<T> {
     ) -> Vec<Final> {
         let &Orders { task, rules, actions } = orders;
         let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, home: &home };
         let chunk = Self::CHUNK;
         let finals = Mutex::new(Vec::new());
         let substeps = task.options().substeps as usize;
         let items = slots
             .chunks_mut(chunk)
-            .zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows))
+            .zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows))
             .zip(actions.chunks(chunk * task.action_len()))
             .zip(out.chunks(chunk));
         simulator.visit::<T, _>(substeps, SERVO, items, |part, (((slots, episodes), actions), mut out)| {
@@ -127,7 +127,7 @@ impl<T: Real> Crew for Company<T> {
     ) -> Result<(), ControlError> {
         let &Course { task, rules, policy, steps } = course;
         let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, keeper: &self.keeper, rules, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, home: &home };
         let chunk = Self::CHUNK;
         let mut traces = &mut rollout.traces[..];
         let mut memory = &mut rollout.memory[..];
@@ -142,7 +142,7 @@ impl<T: Real> Crew for Company<T> {
         let failure = Mutex::new(Ok(()));
         let substeps = task.options().substeps as usize;
         let items =
-            slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.keeper.rows().rows)).zip(&mut laps);
+            slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows)).zip(&mut laps);
         simulator.visit::<T, _>(substeps, SERVO, items, |part, ((slots, episodes), lap)| {
             if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
                 *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
@@ -154,12 +154,12 @@ impl<T: Real> Crew for Company<T> {
     fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>) {
         let all = vec![true; out.len()];
         let (layout, isa, physics) = simulator.blocks::<T>().parts();
-        let blocks = kernels::Blocks { keeper: &self.keeper, layout, physics, episodes: &mut self.episodes };
+        let blocks = kernels::Blocks { kernel: &self.kernel, layout, physics, episodes: &mut self.episodes };
         T::dispatch(isa, &mut kernels::Look { blocks, chosen: &all, out });
     }
 
     fn column(&self, i: usize) -> Vec<f64> {
-        column(&self.episodes, self.keeper.rows().rows, i)
+        column(&self.episodes, self.kernel.rows().rows, i)
     }
 
     fn set_column(&mut self, i: usize, numbers: &[f64]) {

@@ -1,4 +1,4 @@
-//! Episodes of station keeping, many at a time.
+//! Episodes of a task, many at a time.
 
 mod chunk;
 mod crew;
@@ -14,7 +14,7 @@ use crate::balance::Servos;
 use crate::control::{Policy, Widths};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
-use crate::scene::{Episode, EpisodeKey, INFO, StartOverride, StationKeep, StationKeepOptions};
+use crate::scene::{Episode, EpisodeKey, INFO, StartOverride, Task, TaskOptions};
 use chunk::Rules;
 use crew::{Company, Course, Crew, Orders};
 pub use outputs::{Outputs, Transition, Verdict};
@@ -29,7 +29,7 @@ pub enum Autoreset {
     NextStep,
     /// The same step starts the next episode; the last observation and measures are in [`Transition::finals`].
     SameStep,
-    /// Nothing, until [`StationKeepBatch::reset`].
+    /// Nothing, until [`TaskBatch::reset`].
     Disabled,
 }
 
@@ -74,17 +74,17 @@ pub struct Saved {
     pub episodes: Vec<f64>,
 }
 
-/// Instances of station keeping, stepped together. Each instance's results follow from the scene, the options, its seed
+/// Instances of a task, stepped together. Each instance's results follow from the scene, the options, its seed
 /// and its actions alone: not from the number of instances, of threads, or from what happens to its neighbours.
-pub struct StationKeepBatch {
-    task: StationKeep,
+pub struct TaskBatch {
+    task: Task,
     simulator: Simulator,
     rules: Rules,
     slots: Vec<Slot>,
     crew: Box<dyn Crew>,
 }
 
-impl Clone for StationKeepBatch {
+impl Clone for TaskBatch {
     fn clone(&self) -> Self {
         Self {
             task: self.task.clone(),
@@ -96,7 +96,7 @@ impl Clone for StationKeepBatch {
     }
 }
 
-impl StationKeepBatch {
+impl TaskBatch {
     /// A batch that waits for its first [`Self::reset`]. Instance `i` has the seed `i` until it is given another. The
     /// step is that of `options`; `simulator.dt` has no influence. Episodes are truncated after `max_steps`, if given.
     ///
@@ -104,12 +104,12 @@ impl StationKeepBatch {
     /// `TaskError` where the task or the simulator cannot be.
     pub fn new(
         scene: Scene,
-        options: StationKeepOptions,
+        options: TaskOptions,
         simulator: SimulatorOptions,
         autoreset: Autoreset,
         max_steps: Option<u32>,
     ) -> Result<Self, TaskError> {
-        let task = StationKeep::new(&scene, options)?;
+        let task = Task::new(&scene, options)?;
         let simulator = Simulator::new(scene, SimulatorOptions { dt: task.options().dt, ..simulator })?;
         let instances = simulator.instances();
         let crew: Box<dyn Crew> = match simulator.options().precision {
@@ -121,7 +121,7 @@ impl StationKeepBatch {
     }
 
     /// The task.
-    pub fn task(&self) -> &StationKeep {
+    pub fn task(&self) -> &Task {
         &self.task
     }
 

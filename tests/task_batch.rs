@@ -5,12 +5,12 @@ mod common;
 use common::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
 use uvms_gym::balance::Balance;
-use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, StationKeepBatch, Tally, Transition};
+use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, Tally, TaskBatch, Transition};
 use uvms_gym::control::{ActionKind, Policy};
 use uvms_gym::description::Scene;
 use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::lane::Isa;
-use uvms_gym::scene::{StartOverride, StationKeepOptions};
+use uvms_gym::scene::{StartOverride, TaskOptions};
 use uvms_gym::system::EndEffector;
 
 const SEEDS: [u64; 5] = [11, 3, 400, 7, u64::MAX];
@@ -31,15 +31,15 @@ impl Default for Made {
 }
 
 impl Made {
-    fn batch(&self) -> StationKeepBatch {
+    fn batch(&self) -> TaskBatch {
         let simulator = SimulatorOptions {
             instances: self.instances,
             threads: Some(self.threads),
             precision: self.precision,
             ..Default::default()
         };
-        let options = StationKeepOptions { substeps: 2, ..Default::default() };
-        StationKeepBatch::new(scene(), options, simulator, self.autoreset, self.max_steps).unwrap()
+        let options = TaskOptions { substeps: 2, ..Default::default() };
+        TaskBatch::new(scene(), options, simulator, self.autoreset, self.max_steps).unwrap()
     }
 }
 
@@ -52,17 +52,17 @@ fn seeds(n: usize) -> Vec<Option<u64>> {
 }
 
 /// Actions that depend on instance and step alone.
-fn actions(batch: &StationKeepBatch, step: usize) -> Vec<f32> {
+fn actions(batch: &TaskBatch, step: usize) -> Vec<f32> {
     let width = batch.task().action_len();
     (0..batch.instances() * width).map(|k| (1.3 * (k + 7 * step) as f32).sin()).collect()
 }
 
-fn idle(batch: &StationKeepBatch) -> Vec<f32> {
+fn idle(batch: &TaskBatch) -> Vec<f32> {
     vec![0.0; batch.instances() * batch.task().action_len()]
 }
 
 /// Rows of instance `i`, as bits.
-fn row(batch: &StationKeepBatch, step: &Transition, i: usize) -> (Vec<u32>, Vec<u64>, bool, bool) {
+fn row(batch: &TaskBatch, step: &Transition, i: usize) -> (Vec<u32>, Vec<u64>, bool, bool) {
     let d = batch.task().observation_len();
     let verdict = step.verdict(i);
     let numbers = verdict.info.iter().chain([&verdict.reward]).map(|x| x.to_bits()).collect();
@@ -156,15 +156,10 @@ fn lanes_do_what_the_task_does_to_one_instance() {
         return;
     }
     for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
-        let options = StationKeepOptions {
-            substeps: 2,
-            action: kind,
-            target_distance: 1.0,
-            target_turn: 2.0,
-            ..Default::default()
-        };
+        let options =
+            TaskOptions { substeps: 2, action: kind, target_distance: 1.0, target_turn: 2.0, ..Default::default() };
         let simulator = SimulatorOptions { instances: 11, ..Default::default() };
-        let mut batch = StationKeepBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
+        let mut batch = TaskBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
         batch.reset(&seeds(11), None, &[]).unwrap();
         let (d, a) = (batch.task().observation_len(), batch.task().action_len());
         let mut twins: Vec<_> = (0..11).map(|i| batch.episode(i).unwrap()).collect();
@@ -196,8 +191,8 @@ fn an_instance_takes_less_than_three_kilobytes() {
         for (precision, most) in [(Precision::Double, 3000), (Precision::Single, 1500)] {
             let simulator = SimulatorOptions { instances: 64, precision, ..Default::default() };
             let scene = Scene::shipped(name).unwrap();
-            let options = StationKeepOptions::default();
-            let batch = StationKeepBatch::new(scene, options, simulator, Autoreset::NextStep, None).unwrap();
+            let options = TaskOptions::default();
+            let batch = TaskBatch::new(scene, options, simulator, Autoreset::NextStep, None).unwrap();
             let bytes = batch.bytes_per_instance();
             assert!(bytes < most && bytes > batch.simulator().bytes_per_instance(), "{name}: {bytes}");
         }
@@ -372,9 +367,9 @@ fn a_seed_starts_a_stream_of_episodes() {
 fn the_pd_holds_station_and_no_action_does_not() {
     for action in [ActionKind::Wrench, ActionKind::Thrusters] {
         let run = |controlled: bool| {
-            let options = StationKeepOptions { action, ..Default::default() };
+            let options = TaskOptions { action, ..Default::default() };
             let simulator = SimulatorOptions { instances: 4, ..Default::default() };
-            let mut batch = StationKeepBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
+            let mut batch = TaskBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
             let pd = batch.task().pd(None).unwrap();
             let mut observations = batch.reset(&seeds(4), None, &[]).unwrap().observations;
             let mut actions = idle(&batch);
@@ -398,7 +393,7 @@ fn the_pd_holds_station_and_no_action_does_not() {
 }
 
 /// What stepping with a policy's actions brings in so many periods.
-fn stepped(batch: &mut StationKeepBatch, policy: &dyn Policy, steps: u32) -> Vec<Tally> {
+fn stepped(batch: &mut TaskBatch, policy: &dyn Policy, steps: u32) -> Vec<Tally> {
     let (n, widths) = (batch.instances(), policy.widths());
     let mut observations = batch.reset(&seeds(n), None, &[]).unwrap().observations;
     let mut memory = vec![0.0; n * widths.memory];
@@ -462,9 +457,9 @@ fn rollouts_that_do_not_fit_are_refused() {
     let mut rest = Rollout::new(&batch.task().rest(), 3, &[]).unwrap();
     let refused = batch.run(&pid, &mut rest, 1);
     assert!(matches!(refused, Err(TaskError::Control(ControlError::Shape { what: "memory", got: 0, expected: 18 }))));
-    let small = StationKeepBatch::new(
+    let small = TaskBatch::new(
         Scene::shipped("bluerov2-heavy").unwrap(),
-        StationKeepOptions::default(),
+        TaskOptions::default(),
         SimulatorOptions::default(),
         Autoreset::Disabled,
         None,

@@ -5,7 +5,7 @@ use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::scene::{Judgement, Keeper, Stance};
+use crate::scene::{Judgement, Stance, TaskKernel};
 use crate::system::{Factors, JOINTS};
 
 /// Greatest number of lanes.
@@ -15,7 +15,7 @@ const LONGEST: usize = 18 + 4 * JOINTS + ACTIONS;
 
 /// Blocks of instances, and their episodes' numbers.
 pub(super) struct Blocks<'a, T> {
-    pub keeper: &'a Keeper<T>,
+    pub kernel: &'a TaskKernel<T>,
     /// Rows of a block.
     pub layout: &'a Layout,
     pub physics: &'a mut [T],
@@ -29,7 +29,7 @@ impl<T: Real> Blocks<'_, T> {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
         let width = self.layout.rows * T::BLOCK;
         let physics = &mut self.physics[block * width..][..width];
-        let width = self.keeper.rows().rows * T::BLOCK;
+        let width = self.kernel.rows().rows * T::BLOCK;
         let episodes = &mut self.episodes[block * width..][..width];
         (Rows::of_block(physics, lane), Rows::of_block(episodes, lane))
     }
@@ -64,7 +64,7 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let (width, keeper) = (self.blocks.keeper.rows().actions, self.blocks.keeper);
+        let (width, kernel) = (self.blocks.kernel.rows().actions, self.blocks.kernel);
         let count = self.actions.len() / width;
         let mut page = [0.0; ACTIONS * WIDEST];
         for first in (0..count).step_by(L::LANES) {
@@ -82,7 +82,7 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
                 action[k] = L::load_single(&page[k * L::LANES..]);
             }
             let (mut physics, mut memory) = self.blocks.group(first);
-            let command = keeper.act(&mut memory, &action);
+            let command = kernel.act(&mut memory, &action);
             if layout.thrusters > 0 {
                 for k in 0..layout.thrusters {
                     physics.set(layout.command + k, command.actuated.thrusts[k]);
@@ -111,16 +111,16 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let keeper = self.blocks.keeper;
-        let (count, width) = (self.out.len(), keeper.observation_len());
+        let kernel = self.blocks.kernel;
+        let (count, width) = (self.out.len(), kernel.observation_len());
         let mut page = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let (physics, mut memory) = self.blocks.group(first);
             let stance = stance::<T, L>(layout, &physics);
-            let error = keeper.error(&memory, &stance);
+            let error = kernel.error(&memory, &stance);
             let share = L::c(1.0) / L::load(&self.counts[first..]);
-            let judgement = keeper.advance(&mut memory, &stance, &error, share);
-            keeper.observe(&memory, &stance, &error, &mut page);
+            let judgement = kernel.advance(&mut memory, &stance, &error, share);
+            kernel.observe(&memory, &stance, &error, &mut page);
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
             if lanes == L::LANES {
@@ -169,8 +169,8 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
-        let keeper = self.blocks.keeper;
-        let (count, width) = (self.out.len(), keeper.observation_len());
+        let kernel = self.blocks.kernel;
+        let (count, width) = (self.out.len(), kernel.observation_len());
         let mut page = [0.0; LONGEST * WIDEST];
         let mut all = [0.0; WIDEST];
         for first in (0..count).step_by(L::LANES) {
@@ -181,9 +181,9 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
             }
             let (physics, memory) = self.blocks.group(first);
             let stance = stance::<T, L>(layout, &physics);
-            let error = keeper.error(&memory, &stance);
-            keeper.observe(&memory, &stance, &error, &mut page);
-            let judgement = keeper.survey(&memory, &stance, &error);
+            let error = kernel.error(&memory, &stance);
+            kernel.observe(&memory, &stance, &error, &mut page);
+            let judgement = kernel.survey(&memory, &stance, &error);
             for (row, x) in self.out.info.iter_mut().zip(judgement.info) {
                 x.store_double(&mut all);
                 for lane in 0..lanes {

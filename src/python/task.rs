@@ -1,4 +1,4 @@
-//! `_core.StationKeep`.
+//! `_core.Task`.
 
 use numpy::ndarray::{Array1, Array2};
 use numpy::{
@@ -13,12 +13,11 @@ use super::arrays;
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
-use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, StationKeepBatch};
-use crate::control::{self, ActionKind};
+use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
+use crate::control;
 use crate::error::TaskError;
-use crate::scene::{INFO, Outcome, RewardWeights, StartOverride, StationKeepOptions};
+use crate::scene::{INFO, Outcome, StartOverride, TaskOptions};
 
-const ACTIONS: [(&str, ActionKind); 2] = [("wrench", ActionKind::Wrench), ("thrusters", ActionKind::Thrusters)];
 const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
     [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
@@ -34,65 +33,46 @@ type StepResult<'py> =
 /// Observation, reward, terminated, truncated, measures.
 type OneStep<'py> = (Row<'py, f32>, f64, bool, bool, Bound<'py, PyDict>);
 
-/// A batch of station-keeping episodes: physics, observations, rewards and resets in one call.
+/// A batch of episodes of a task: physics, observations, rewards and resets in one call.
 ///
 /// The environments in `uvms_gym.envs` wrap it and document its arguments.
 #[pyclass(module = "uvms_gym._core")]
-pub struct StationKeep {
-    pub(super) batch: StationKeepBatch,
+pub struct Task {
+    pub(super) batch: TaskBatch,
 }
 
 #[pymethods]
-impl StationKeep {
+impl Task {
     /// Names of the measures, in the order of the rows of `info`.
     #[classattr]
     const INFO: [&'static str; INFO] = Outcome::INFO;
 
     #[new]
     #[pyo3(signature = (
-        scene, *, num_envs, action, dt, substeps, integrator, dtype, max_current, start_distance, start_angle,
-        target_distance, target_turn, arm_amplitude, reward_pose, reward_effort, reward_rate, threads, autoreset,
-        max_episode_steps
+        scene, options, *, num_envs=1, integrator="mk4", dtype="float64", threads=None, autoreset="disabled",
+        max_episode_steps=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn new(
         scene: &Bound<'_, PyAny>,
+        options: &Bound<'_, PyDict>,
         num_envs: usize,
-        action: &str,
-        dt: f64,
-        substeps: u32,
-        integrator: String,
+        integrator: &str,
         dtype: &str,
-        max_current: f64,
-        start_distance: f64,
-        start_angle: f64,
-        target_distance: f64,
-        target_turn: f64,
-        arm_amplitude: f64,
-        reward_pose: f64,
-        reward_effort: f64,
-        reward_rate: f64,
         threads: Option<usize>,
         autoreset: &str,
         max_episode_steps: Option<u32>,
     ) -> PyResult<Self> {
-        let (action, precision) = (one_of("action", action, ACTIONS)?, one_of("dtype", dtype, DTYPES)?);
-        let autoreset = one_of("autoreset_mode", autoreset, MODES)?;
-        let options = StationKeepOptions {
-            action,
-            dt,
-            substeps,
-            max_current,
-            start_distance,
-            start_angle,
-            target_distance,
-            target_turn,
-            arm_amplitude,
-            reward: RewardWeights { pose: reward_pose, effort: reward_effort, rate: reward_rate },
+        let (precision, autoreset) = (one_of("dtype", dtype, DTYPES)?, one_of("autoreset_mode", autoreset, MODES)?);
+        let options = TaskOptions::from_value(scene::tree(options)?)?;
+        let simulator = SimulatorOptions {
+            instances: num_envs,
+            integrator: integrator.to_owned(),
+            precision,
+            threads,
+            ..SimulatorOptions::default()
         };
-        let simulator =
-            SimulatorOptions { instances: num_envs, integrator, precision, threads, ..SimulatorOptions::default() };
-        let batch = StationKeepBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps)?;
+        let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps)?;
         Ok(Self { batch })
     }
 
@@ -231,27 +211,16 @@ impl StationKeep {
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
-        let (batch, task, simulator) = (&self.batch, self.batch.task().options(), self.batch.simulator().options());
+        let (batch, simulator) = (&self.batch, self.batch.simulator().options());
         let options = PyDict::new(py);
         options.set_item("num_envs", batch.instances())?;
-        options.set_item("action", name_of(task.action, ACTIONS))?;
-        options.set_item("dt", task.dt)?;
-        options.set_item("substeps", task.substeps)?;
         options.set_item("integrator", &simulator.integrator)?;
         options.set_item("dtype", name_of(simulator.precision, DTYPES))?;
-        options.set_item("max_current", task.max_current)?;
-        options.set_item("start_distance", task.start_distance)?;
-        options.set_item("start_angle", task.start_angle)?;
-        options.set_item("target_distance", task.target_distance)?;
-        options.set_item("target_turn", task.target_turn)?;
-        options.set_item("arm_amplitude", task.arm_amplitude)?;
-        options.set_item("reward_pose", task.reward.pose)?;
-        options.set_item("reward_effort", task.reward.effort)?;
-        options.set_item("reward_rate", task.reward.rate)?;
         options.set_item("threads", simulator.threads)?;
         options.set_item("autoreset", name_of(batch.autoreset(), MODES))?;
         options.set_item("max_episode_steps", batch.max_steps())?;
-        Ok(((self.scene(py)?,).into_pyobject(py)?, options))
+        let task = scene::object(&batch.task().options().to_value()?, py)?;
+        Ok(((self.scene(py)?, task).into_pyobject(py)?, options))
     }
 
     /// What the episodes drew, and how far they are: seed, episode and step (N,), target_position (N, 3),
@@ -276,7 +245,7 @@ impl StationKeep {
     }
 }
 
-impl StationKeep {
+impl Task {
     /// A step, without the GIL, and the warnings that go with it.
     fn step_into(&mut self, py: Python<'_>, actions: &[f32], out: Outputs<'_>) -> PyResult<Vec<Final>> {
         let batch = &mut self.batch;

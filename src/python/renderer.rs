@@ -1,0 +1,240 @@
+//! `uvms_gym.Renderer`.
+
+use nalgebra::{Matrix3, Vector3};
+use numpy::ndarray::Array3;
+use numpy::{IntoPyArray, PyArray3};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::arrays::{Array, Given, array, count, read, rows, shape_text};
+use super::inputs::poses;
+use super::scene;
+use super::simulator::number;
+use crate::render::{self, Settings, Shot};
+
+/// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
+///
+/// A picture depends on the scene and the arguments alone, byte for byte. World z is up. What is not finite is left out.
+///
+/// Parameters
+/// ----------
+/// scene : str, os.PathLike or dict
+///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form. `vehicle.shape` says what
+///     the vehicle looks like; without it, it is the even box of its mass and inertia.
+/// width, height : int
+///     Pixels, 1 to 4096.
+/// azimuth, elevation : float
+///     Direction from what is looked at to the camera, rad: about the vertical from x, and above the horizontal.
+/// distance : float or None
+///     Distance of the camera, m; by the size of the scene where None.
+/// floor : float or None
+///     Height of the floor, m; below the scene at the origin where None.
+///
+/// Raises
+/// ------
+/// SceneError
+///     The scene cannot be read, or no physical system can be like that.
+/// ValueError, TypeError
+///     Another argument is out of range or of the wrong type.
+#[pyclass(module = "uvms_gym", name = "Renderer", frozen)]
+pub struct Renderer {
+    inner: render::Renderer,
+}
+
+/// Position and rotation, from the arguments of a call.
+type Pose = (Vector3<f64>, Matrix3<f64>);
+
+#[pymethods]
+impl Renderer {
+    #[new]
+    #[pyo3(
+        signature = (scene, *, width=None, height=None, azimuth=None, elevation=None, distance=None, floor=None),
+        text_signature = "(scene, *, width=640, height=480, azimuth=-0.95, elevation=0.32, distance=None, floor=None)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn new(
+        py: Python<'_>,
+        scene: &Bound<'_, PyAny>,
+        width: Given,
+        height: Given,
+        azimuth: Given,
+        elevation: Given,
+        distance: Given,
+        floor: Given,
+    ) -> PyResult<Self> {
+        let scene = scene::read(scene)?;
+        let default = Settings::default();
+        let settings = Settings {
+            size: [
+                width.map_or(Ok(default.size[0]), |n| count("width", n))?,
+                height.map_or(Ok(default.size[1]), |n| count("height", n))?,
+            ],
+            azimuth: number("azimuth", azimuth, default.azimuth)?,
+            elevation: number("elevation", elevation, default.elevation)?,
+            distance: distance.map(|x| number("distance", Some(x), 0.0)).transpose()?,
+            floor: floor.map(|x| number("floor", Some(x), 0.0)).transpose()?,
+        };
+        Ok(Self { inner: py.detach(|| render::Renderer::new(&scene, &settings))? })
+    }
+
+    /// int: pixels along.
+    #[getter]
+    fn width(&self) -> usize {
+        self.inner.size()[0]
+    }
+
+    /// int: pixels down.
+    #[getter]
+    fn height(&self) -> usize {
+        self.inner.size()[1]
+    }
+
+    /// float: distance of the camera, m.
+    #[getter]
+    fn distance(&self) -> f64 {
+        self.inner.distance()
+    }
+
+    /// float: height of the floor, m.
+    #[getter]
+    fn floor(&self) -> f64 {
+        self.inner.floor()
+    }
+
+    /// float: width of the cells of the floor's grid, m.
+    #[getter]
+    fn cell(&self) -> f64 {
+        self.inner.cell()
+    }
+
+    /// Draw the scene in a state.
+    ///
+    /// The camera looks at the target, or at the vehicle without one; and not so far from the vehicle that this would
+    /// leave the picture. The GIL is released.
+    ///
+    /// Parameters
+    /// ----------
+    /// position : array_like (3,)
+    ///     Vehicle origin in the world, m.
+    /// rotation : array_like (3, 3)
+    ///     Body to world.
+    /// q : array_like (n,)
+    ///     Joint coordinates, rad or m; home where None.
+    /// thrust : array_like (m,)
+    ///     Thrust per thruster, N: drawn as jets, whose length and colour go with the share of the limit.
+    /// target : (array_like (3,), array_like (3, 3)) or array_like (4, 4)
+    ///     Pose that the vehicle is to have: brackets.
+    /// path : array_like (k, 3)
+    ///     Points that the end effector is to pass, in the world, m.
+    /// point : as target
+    ///     Pose that the end effector is to have now: axes, x red, y green, z blue.
+    /// trail : array_like (k, 3)
+    ///     Points where the end effector was, in the world, m.
+    /// current : array_like (3,)
+    ///     Velocity of the water in the world, m/s: drifting motes.
+    /// payload : float
+    ///     Mass at the end effector besides the scene's own, kg.
+    /// time : float
+    ///     Time, s: motes and the light on the floor go by it.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (height, width, 3), uint8
+    ///     Red, green, blue, by rows from the top; a fresh array.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     An argument has another shape, or is no array of real numbers.
+    #[pyo3(
+        signature = (position, rotation, q=None, *, thrust=None, target=None, path=None, point=None, trail=None, current=None, payload=None, time=None),
+        text_signature = "($self, position, rotation, q=None, *, thrust=None, target=None, path=None, point=None, trail=None, current=None, payload=0.0, time=0.0)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn draw<'py>(
+        &self,
+        py: Python<'py>,
+        position: &Bound<'py, PyAny>,
+        rotation: &Bound<'py, PyAny>,
+        q: Given<'_, 'py>,
+        thrust: Given<'_, 'py>,
+        target: Given<'_, 'py>,
+        path: Given<'_, 'py>,
+        point: Given<'_, 'py>,
+        trail: Given<'_, 'py>,
+        current: Given<'_, 'py>,
+        payload: Given<'_, 'py>,
+        time: Given<'_, 'py>,
+    ) -> PyResult<Bound<'py, PyArray3<u8>>> {
+        let optional = |name: &str, given: Given, width: usize| {
+            given.map_or_else(|| Ok(Vec::new()), |given| rows(name, given, 1, &[width]))
+        };
+        let (position, rotation) = vehicle(position, rotation)?;
+        let q = optional("q", q, self.inner.joints())?;
+        let thrust = optional("thrust", thrust, self.inner.thrusters())?;
+        let (path, trail) = (points("path", path)?, points("trail", trail)?);
+        let current = current.map(|given| rows("current", given, 1, &[3])).transpose()?;
+        let shot = Shot {
+            position,
+            rotation,
+            q: &q,
+            thrust: &thrust,
+            target: target.map(|given| pose("target", given)).transpose()?,
+            path: &path,
+            point: point.map(|given| pose("point", given)).transpose()?,
+            trail: &trail,
+            current: current.map_or_else(Vector3::zeros, |c| Vector3::from_column_slice(&c)),
+            payload: number("payload", payload, 0.0)?,
+            time: number("time", time, 0.0)?,
+        };
+        let picture = py.detach(|| self.inner.draw(&shot));
+        let picture = Array3::from_shape_vec((self.height(), self.width(), 3), picture);
+        Ok(picture.map_err(|e| PyValueError::new_err(e.to_string()))?.into_pyarray(py))
+    }
+
+    /// Where points of the world are in the picture that `draw` makes of the same pose and target.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (k, 3)
+    ///     Pixels from the left and from the top (the middle of the first is 0.5), and the distance ahead of the camera, m.
+    ///     NaN for what is behind the camera.
+    #[pyo3(signature = (points, position, rotation, *, target=None))]
+    fn project<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = given_points)] points: Vec<Vector3<f64>>,
+        position: &Bound<'py, PyAny>,
+        rotation: &Bound<'py, PyAny>,
+        target: Given<'_, 'py>,
+    ) -> PyResult<Array<'py>> {
+        let (position, rotation) = vehicle(position, rotation)?;
+        let target = target.map(|given| pose("target", given)).transpose()?;
+        let shot = Shot { position, rotation, target, ..Shot::default() };
+        let pixels = points.iter().flat_map(|p| self.inner.project(&shot, p).unwrap_or([f64::NAN; 3]));
+        array(py, &[points.len(), 3], pixels.collect())
+    }
+}
+
+fn vehicle(position: &Bound<'_, PyAny>, rotation: &Bound<'_, PyAny>) -> PyResult<Pose> {
+    let (position, rotation) = (rows("position", position, 1, &[3])?, rows("rotation", rotation, 1, &[3, 3])?);
+    Ok((Vector3::from_column_slice(&position), Matrix3::from_row_slice(&rotation)))
+}
+
+fn pose(name: &str, given: &Bound<'_, PyAny>) -> PyResult<Pose> {
+    let numbers = poses(name, given, 1)?;
+    Ok((Vector3::from_column_slice(&numbers[..3]), Matrix3::from_row_slice(&numbers[3..])))
+}
+
+fn points(name: &str, given: Given) -> PyResult<Vec<Vector3<f64>>> {
+    let Some(given) = given else { return Ok(Vec::new()) };
+    let (shape, numbers) = read(name, given)?;
+    if !matches!(shape[..], [_, 3]) {
+        return Err(PyValueError::new_err(format!("{name} has shape {}, but must have (k, 3)", shape_text(&shape))));
+    }
+    Ok(numbers.chunks_exact(3).map(Vector3::from_column_slice).collect())
+}
+
+fn given_points(given: &Bound<'_, PyAny>) -> PyResult<Vec<Vector3<f64>>> {
+    points("points", Some(given))
+}

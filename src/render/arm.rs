@@ -1,0 +1,138 @@
+//! The arm, from joint to joint.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Vector;
+use super::hull::single;
+use super::mesh::{Mesh, across};
+use super::paint::Paint;
+use crate::description::{Body, JointKind, Scene, Water};
+use crate::system::{EndEffector, JOINTS, Joints};
+
+const LINK: Paint = Paint::new(0xD9DCDD).glossy(0.3);
+const JOINT: Paint = Paint::new(0x363C45).glossy(0.3);
+const RING: Paint = Paint::new(0xF07A22).glossy(0.3);
+const FINGER: Paint = Paint::new(0x4A525C).glossy(0.4);
+const LOAD: Paint = Paint::new(0xA8483A).glossy(0.1);
+/// The end effector itself: nothing else has this colour.
+pub const TIP: Paint = Paint::new(0xFF2FD0).glowing(1.0);
+/// Density that payloads are drawn with, kg/m3.
+const LOAD_DENSITY: f64 = 2500.0;
+
+/// What draws the arm.
+#[derive(Debug)]
+pub struct Arm {
+    /// Where the arm stands on the vehicle.
+    mount: Vector,
+    /// Frame of each link at the joint that moves it.
+    links: Vec<EndEffector>,
+    /// Axis of each joint in its link's frame, and whether it slides.
+    axes: Vec<(Vector3<f64>, bool)>,
+    tip: EndEffector,
+    /// Radius of each link.
+    radii: Vec<f32>,
+    /// Mass of the scene's payload, kg.
+    payload: f64,
+}
+
+impl Arm {
+    /// The arm of a scene, if it has one.
+    pub fn new(scene: &Scene) -> Option<Self> {
+        let arm = scene.arm.as_ref()?;
+        let (links, tip) = (EndEffector::links(scene), EndEffector::new(scene));
+        let joints: Vec<_> = scene.joints().collect();
+        let axes = joints.iter().map(|joint| (joint.axis, joint.kind == JointKind::Prismatic)).collect();
+        let bodies = arm.base.iter().filter(|_| arm.mount.joint.is_some());
+        let bodies = bodies.chain(arm.links.iter().map(|link| &link.body));
+        let mount = single(&arm.mount.frame.position);
+        let payload = scene.payload.as_ref().map_or(0.0, |p| p.body.mass);
+        let mut this = Self { mount, links, axes, tip, radii: Vec::new(), payload };
+        // How long links are does not depend on the joints, but for sliding ones.
+        let (points, end) = this.points(&scene.home());
+        let ends = points.iter().skip(1).copied().chain([end.1]);
+        let lengths: Vec<f32> = points.iter().zip(ends).map(|(a, b)| (b - a).norm()).collect();
+        let total = lengths.iter().sum::<f32>() + (end.1 - this.mount).norm() * 1e-3;
+        this.radii = bodies.zip(&lengths).map(|(body, length)| radius(body, &scene.water, *length, total)).collect();
+        Some(this)
+    }
+
+    /// Origins of the links, and the end effector, in the vehicle frame.
+    fn points(&self, q: &Joints) -> (Vec<Vector>, (Matrix3<f64>, Vector)) {
+        let (rotation, tip) = self.tip.pose(q);
+        (self.links.iter().map(|link| single(&link.pose(q).1)).collect(), (rotation, single(&tip)))
+    }
+
+    /// Draws it in the vehicle frame, holding `payload` kg more than the scene has it.
+    pub fn draw(&self, mesh: &mut Mesh, q: &[f64], payload: f64) {
+        let mut joints = [0.0; JOINTS];
+        joints.iter_mut().zip(q).for_each(|(joint, q)| *joint = *q);
+        let (points, (attitude, tip)) = self.points(&joints);
+        let thick = self.radii.first().copied().unwrap_or(0.03);
+        // A foot where it is screwed on.
+        let base = points.first().copied().unwrap_or(tip);
+        mesh.capsule(self.mount, base, 1.05 * thick, 16, JOINT);
+        for (i, from) in points.iter().enumerate() {
+            let r = self.radii[i];
+            let (rotation, _) = self.links[i].pose(&joints);
+            let (axis, slides) = self.axes[i];
+            let axis = single(&(rotation * axis));
+            if slides {
+                mesh.beam(from - axis * (2.0 * r), from + axis * (2.0 * r), 1.15 * r, JOINT);
+            } else {
+                mesh.cylinder(from - axis * (1.35 * r), from + axis * (1.35 * r), 1.18 * r, 18, JOINT);
+                for side in [-1.0, 1.0] {
+                    let at = from + axis * (side * 1.35 * r);
+                    mesh.cylinder(at - axis * (0.08 * r), at + axis * (0.08 * r), 0.8 * r, 14, RING);
+                }
+            }
+            match points.get(i + 1) {
+                Some(to) => mesh.capsule(*from, *to, 0.86 * r, 16, LINK),
+                None => gripper(mesh, *from, tip, &attitude, r),
+            }
+        }
+        let r = 0.3 * self.radii.last().copied().unwrap_or(thick);
+        mesh.ellipsoid(tip, Vector::repeat(r), 12, |_| TIP);
+        let load = self.payload + payload;
+        if load > 0.0 && load.is_finite() {
+            let radius = (load / LOAD_DENSITY * 0.75 / std::f64::consts::PI).cbrt() as f32;
+            let ahead = points.last().map_or(-Vector::z(), |p| (tip - p).try_normalize(1e-6).unwrap_or(-Vector::z()));
+            mesh.ellipsoid(tip + ahead * (0.9 * radius + r), Vector::repeat(radius), 18, |_| LOAD);
+        }
+    }
+}
+
+/// Radius of the cylinder of this volume and length; neither thread nor ball.
+fn radius(body: &Body, water: &Water, length: f32, total: f32) -> f32 {
+    let volume = body.displaced_volume(water);
+    let volume = if volume > 0.0 { volume } else { body.mass / 1000.0 };
+    let length = length.max(0.06 * total).max(1e-3);
+    let even = (volume as f32 / (std::f32::consts::PI * length)).sqrt();
+    let (least, most) = (0.025 * total.max(1e-3), 0.08 * total.max(1e-3));
+    even.max(least).min(most)
+}
+
+/// Two fingers that open towards the end effector.
+fn gripper(mesh: &mut Mesh, from: Vector, tip: Vector, attitude: &Matrix3<f64>, r: f32) {
+    let reach = tip - from;
+    let length = reach.norm();
+    if length < 1e-6 {
+        return;
+    }
+    let ahead = reach / length;
+    // Fingers turn with the end effector.
+    let aside = (0..3).map(|k| single(&attitude.column(k).into_owned()));
+    let aside = aside.map(|e| e - ahead * e.dot(&ahead)).max_by(|a, b| a.norm().total_cmp(&b.norm()));
+    let aside = aside.and_then(|e| e.try_normalize(1e-3)).unwrap_or_else(|| across(&ahead)[0]);
+    let up = ahead.cross(&aside);
+    let palm = from + reach * 0.5;
+    mesh.capsule(from, palm, 0.86 * r, 16, LINK);
+    mesh.slab(palm, [ahead * (0.35 * r), aside * (1.2 * r), up * (0.6 * r)], JOINT);
+    for side in [-1.0, 1.0] {
+        let out = aside * side;
+        let (root, knee) = (palm + out * (0.85 * r), palm + reach * 0.22 + out * (1.15 * r));
+        let nail = from + reach * 0.99 + out * (0.42 * r);
+        mesh.beam(root, knee, 0.24 * r, FINGER);
+        mesh.capsule(knee, knee, 0.3 * r, 8, JOINT);
+        mesh.beam(knee, nail, 0.2 * r, FINGER);
+    }
+}

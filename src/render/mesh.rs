@@ -1,0 +1,237 @@
+//! Triangles, and the solids that they make.
+
+use super::Vector;
+use super::paint::Paint;
+use crate::lane::sin_cos;
+
+/// A corner of triangles.
+#[derive(Debug, Clone, Copy)]
+pub struct Vertex {
+    /// Where.
+    pub position: Vector,
+    /// Outward direction of the surface, of unit length.
+    pub normal: Vector,
+    /// What it looks like.
+    pub paint: Paint,
+}
+
+/// Triangles whose corners run counterclockwise as seen from outside.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// Corners.
+    pub vertices: Vec<Vertex>,
+    /// Indices of three corners each.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// Unit vectors at right angles to `axis` and each other: `e1 x e2 = axis`.
+pub fn across(axis: &Vector) -> [Vector; 2] {
+    let least = axis.iamin();
+    let mut e = Vector::zeros();
+    e[least] = 1.0;
+    let e1 = (e - axis * axis[least]).normalize();
+    [e1, axis.cross(&e1)]
+}
+
+/// Points of the unit circle.
+fn circle(count: usize) -> Vec<[f32; 2]> {
+    (0..count)
+        .map(|k| {
+            let (sin, cos) = sin_cos(std::f64::consts::TAU * k as f64 / count as f64);
+            [cos as f32, sin as f32]
+        })
+        .collect()
+}
+
+impl Mesh {
+    /// A flat convex polygon.
+    pub fn polygon(&mut self, corners: &[Vector], paint: Paint) {
+        let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+        let normal = normal.try_normalize(1e-20).unwrap_or_else(Vector::z);
+        let first = self.vertices.len() as u32;
+        self.vertices.extend(corners.iter().map(|&position| Vertex { position, normal, paint }));
+        for k in 2..corners.len() as u32 {
+            self.triangles.push([first, first + k - 1, first + k]);
+        }
+    }
+
+    /// A box with these half edges, as vectors that make a right-handed frame.
+    pub fn slab(&mut self, middle: Vector, half: [Vector; 3], paint: Paint) {
+        for k in 0..3 {
+            let [n, u, v] = [half[k], half[(k + 1) % 3], half[(k + 2) % 3]];
+            for (n, u) in [(n, u), (-n, -u)] {
+                let at = |a: f32, b: f32| middle + n + u * a + v * b;
+                self.polygon(&[at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0)], paint);
+            }
+        }
+    }
+
+    /// A box along the axes.
+    pub fn cuboid(&mut self, middle: Vector, half: Vector, paint: Paint) {
+        self.slab(middle, [Vector::x() * half.x, Vector::y() * half.y, Vector::z() * half.z], paint);
+    }
+
+    /// A box along the axes whose edges are cut off by `cut`.
+    pub fn chamfered(&mut self, middle: Vector, half: Vector, cut: f32, paint: Paint) {
+        let inner = half.map(|h| (h - cut).max(0.0));
+        let signs = [-1.0_f32, 1.0];
+        // The corner on the face along axis k.
+        let corner = |s: [f32; 3], k: usize| {
+            let mut p = inner;
+            p[k] = half[k];
+            middle + Vector::new(s[0] * p.x, s[1] * p.y, s[2] * p.z)
+        };
+        for k in 0..3 {
+            let (u, v) = ((k + 1) % 3, (k + 2) % 3);
+            for s in signs {
+                let at = |a: f32, b: f32| {
+                    let mut signs = [s; 3];
+                    (signs[u], signs[v]) = (a, b);
+                    signs
+                };
+                let ring = [at(-s, -1.0), at(s, -1.0), at(s, 1.0), at(-s, 1.0)];
+                self.polygon(&ring.map(|signs| corner(signs, k)), paint);
+                // The edge between this face and the next axis's.
+                for t in signs {
+                    let edge = |b: f32| {
+                        let mut signs = [s; 3];
+                        (signs[u], signs[v]) = (t, b);
+                        signs
+                    };
+                    let quad =
+                        [corner(edge(-1.0), k), corner(edge(-1.0), u), corner(edge(1.0), u), corner(edge(1.0), k)];
+                    let mut quad = quad;
+                    if s * t < 0.0 {
+                        quad.reverse();
+                    }
+                    self.polygon(&quad, paint);
+                }
+            }
+        }
+        for bits in 0..8 {
+            let s = [0, 1, 2].map(|k| signs[bits >> k & 1]);
+            let mut tip = [0, 1, 2].map(|k| corner(s, k));
+            if s[0] * s[1] * s[2] < 0.0 {
+                tip.reverse();
+            }
+            self.polygon(&tip, paint);
+        }
+    }
+
+    /// A beam with a square section of half width `half`.
+    pub fn beam(&mut self, from: Vector, to: Vector, half: f32, paint: Paint) {
+        let along = to - from;
+        let length = along.norm();
+        if length > 1e-9 {
+            let axis = along / length;
+            let [u, v] = across(&axis);
+            self.slab((from + to) * 0.5, [along * 0.5, u * half, v * half], paint);
+        }
+    }
+
+    /// A surface of revolution about `axis` (of unit length), its profile given by (height, radius) from the bottom up
+    /// outside; rounded where `smooth`.
+    pub fn lathe(
+        &mut self,
+        origin: Vector,
+        axis: Vector,
+        profile: &[(f32, f32)],
+        segments: usize,
+        smooth: bool,
+        paint: impl Fn(usize) -> Paint,
+    ) {
+        let [e1, e2] = across(&axis);
+        let circle = circle(segments);
+        let normals: Vec<(f32, f32)> = profile
+            .windows(2)
+            .map(|pair| {
+                let (dz, dr) = (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1);
+                let length = dz.hypot(dr).max(1e-20);
+                (-dr / length, dz / length)
+            })
+            .collect();
+        let at = |i: usize, side: usize| {
+            if !smooth {
+                return normals[side];
+            }
+            let (before, after) = (normals[i.max(1) - 1], normals[i.min(normals.len() - 1)]);
+            let (z, r) = (before.0 + after.0, before.1 + after.1);
+            let length = z.hypot(r).max(1e-20);
+            (z / length, r / length)
+        };
+        let n = segments as u32;
+        for side in 0..normals.len() {
+            let first = self.vertices.len() as u32;
+            for i in [side, side + 1] {
+                let ((height, radius), (nz, nr)) = (profile[i], at(i, side));
+                let paint = paint(i);
+                for [cos, sin] in &circle {
+                    let out = e1 * *cos + e2 * *sin;
+                    let position = origin + axis * height + out * radius;
+                    self.vertices.push(Vertex { position, normal: axis * nz + out * nr, paint });
+                }
+            }
+            for j in 0..n {
+                let k = (j + 1) % n;
+                let [a, b, c, d] = [first + j, first + k, first + n + k, first + n + j];
+                if profile[side].1 > 0.0 {
+                    self.triangles.push([a, b, c]);
+                }
+                if profile[side + 1].1 > 0.0 {
+                    self.triangles.push([a, c, d]);
+                }
+            }
+        }
+    }
+
+    /// A cylinder.
+    pub fn cylinder(&mut self, from: Vector, to: Vector, radius: f32, segments: usize, paint: Paint) {
+        let along = to - from;
+        let length = along.norm();
+        if length > 1e-9 {
+            let profile = [(0.0, 0.0), (0.0, radius), (length, radius), (length, 0.0)];
+            self.lathe(from, along / length, &profile, segments, false, |_| paint);
+        }
+    }
+
+    /// A cylinder with round ends about the two points; a ball where they meet.
+    pub fn capsule(&mut self, from: Vector, to: Vector, radius: f32, segments: usize, paint: Paint) {
+        let along = to - from;
+        let length = along.norm();
+        let axis = if length > 1e-9 { along / length } else { Vector::z() };
+        let rings = segments / 4;
+        let quarter = &circle(4 * rings)[..=rings];
+        let bottom = quarter.iter().map(|[cos, sin]| (-radius * cos, radius * sin));
+        let top = quarter.iter().rev().map(|[cos, sin]| (length + radius * cos, radius * sin));
+        let mut profile: Vec<(f32, f32)> = bottom.chain(top).collect();
+        // Exactly closed at the poles.
+        profile[0].1 = 0.0;
+        profile.last_mut().expect("two ends").1 = 0.0;
+        self.lathe(from, axis, &profile, segments, true, |_| paint);
+    }
+
+    /// An ellipsoid with half axes along the coordinate axes; `paint` by the share of the way from -x to +x.
+    pub fn ellipsoid(&mut self, middle: Vector, half: Vector, segments: usize, paint: impl Fn(f32) -> Paint) {
+        let first = self.vertices.len();
+        let rings = segments;
+        let points = circle(2 * rings);
+        let mut profile: Vec<(f32, f32)> = points[..=rings].iter().map(|[cos, sin]| (-cos, *sin)).collect();
+        profile[0].1 = 0.0;
+        profile[rings].1 = 0.0;
+        let paint = |i: usize| paint(0.5 + 0.5 * profile[i].0);
+        self.lathe(Vector::zeros(), Vector::x(), &profile, segments, true, paint);
+        for vertex in &mut self.vertices[first..] {
+            // On the unit ball the normal is the position; the ellipsoid's is that over the half axes.
+            let on_ball = vertex.position;
+            vertex.position = middle + on_ball.component_mul(&half);
+            vertex.normal = on_ball.component_div(&half).try_normalize(1e-20).unwrap_or_else(Vector::x);
+        }
+    }
+
+    /// The triangles of another mesh, moved.
+    pub fn append(&mut self, other: &Self, place: impl Fn(&Vertex) -> Vertex) {
+        let first = self.vertices.len() as u32;
+        self.vertices.extend(other.vertices.iter().map(place));
+        self.triangles.extend(other.triangles.iter().map(|t| t.map(|k| first + k)));
+    }
+}

@@ -1,0 +1,263 @@
+//! Triangles to samples to pixels.
+//!
+//! Corners are put on a grid of 1/16 pixel, and whether a sample is inside is decided in integers, with the top-left
+//! rule: of two triangles with a common edge exactly one has each sample there.
+
+use super::Vector;
+use super::camera::Camera;
+
+/// Samples per pixel.
+const SAMPLES: usize = 4;
+/// Steps of the grid per pixel.
+const GRID: i64 = 16;
+/// The samples of a pixel, in steps of the grid from its corner.
+const OFFSETS: [[i64; 2]; SAMPLES] = [[6, 2], [14, 6], [2, 10], [10, 14]];
+/// Pixels beyond the picture to which triangles may reach before they are cut.
+const MARGIN: f32 = 2048.0;
+
+/// A corner: right, up and ahead of the camera, m; colour for the screen, 0 to 1, and opacity.
+#[derive(Debug, Clone, Copy)]
+pub struct Corner {
+    /// Where.
+    pub view: Vector,
+    /// Red, green, blue, alpha.
+    pub colour: [f32; 4],
+}
+
+/// A corner on the screen.
+#[derive(Debug, Clone, Copy)]
+struct Pin {
+    x: i64,
+    y: i64,
+    /// One over the distance ahead.
+    nearness: f32,
+    colour: [f32; 4],
+}
+
+/// A picture in the making.
+#[derive(Debug, Default)]
+pub struct Canvas {
+    width: usize,
+    height: usize,
+    /// One over the distance ahead; 0 where nothing is.
+    nearness: Vec<[f32; SAMPLES]>,
+    colours: Vec<[u32; SAMPLES]>,
+}
+
+/// A colour of a sample.
+pub fn pack(colour: [f32; 3]) -> u32 {
+    let [r, g, b] = colour.map(|c| (c * 255.0 + 0.5) as u32);
+    r | g << 8 | b << 16
+}
+
+fn unpack(colour: u32) -> [f32; 3] {
+    [0, 8, 16].map(|shift| (colour >> shift & 255) as f32 * (1.0 / 255.0))
+}
+
+impl Canvas {
+    /// Makes it this large, with nothing on it; [`Self::row`] wants to be called for every row then.
+    pub fn clear(&mut self, [width, height]: [usize; 2]) {
+        (self.width, self.height) = (width, height);
+        self.nearness.clear();
+        self.nearness.resize(width * height, [0.0; SAMPLES]);
+        self.colours.resize(width * height, [0; SAMPLES]);
+    }
+
+    /// Pixels of a row.
+    pub fn row(&mut self, y: usize) -> &mut [[u32; SAMPLES]] {
+        &mut self.colours[y * self.width..(y + 1) * self.width]
+    }
+
+    /// The picture: red, green, blue by rows.
+    pub fn resolve(&self) -> Vec<u8> {
+        let mut out = vec![0; 3 * self.colours.len()];
+        for (pixel, samples) in out.chunks_exact_mut(3).zip(&self.colours) {
+            // Two channels at a time: neither sum of four bytes reaches the other.
+            let (mut red_blue, mut green) = (0, 0);
+            for sample in samples {
+                red_blue += sample & 0xFF00FF;
+                green += sample & 0xFF00;
+            }
+            pixel[0] = ((red_blue + 2 >> 2) & 255) as u8;
+            pixel[1] = ((green + 0x200 >> 10) & 255) as u8;
+            pixel[2] = ((red_blue + 0x20000 >> 18) & 255) as u8;
+        }
+        out
+    }
+
+    /// Draws a triangle whose corners run counterclockwise; others show their back, and are not drawn. What is seen
+    /// through is to be drawn last and from far to near.
+    pub fn triangle(&mut self, camera: &Camera, corners: [&Corner; 3]) {
+        if corners.iter().all(|c| self.is_safe(camera, &c.view)) {
+            let pins = corners.map(|corner| self.pin(camera, corner));
+            self.fill(pins);
+            return;
+        }
+        let mut polygon: Vec<Corner> = corners.map(|c| *c).to_vec();
+        let (wide, high) = ((camera.centre[0] + MARGIN) / camera.focal, (camera.centre[1] + MARGIN) / camera.focal);
+        let planes = [
+            [0.0, 0.0, 1.0, camera.near],
+            [-1.0, 0.0, wide, 0.0],
+            [1.0, 0.0, wide, 0.0],
+            [0.0, -1.0, high, 0.0],
+            [0.0, 1.0, high, 0.0],
+        ];
+        for plane in planes {
+            polygon = cut(&polygon, plane);
+            if polygon.len() < 3 {
+                return;
+            }
+        }
+        let pins: Vec<Pin> = polygon.iter().map(|corner| self.pin(camera, corner)).collect();
+        for k in 2..pins.len() {
+            self.fill([pins[0], pins[k - 1], pins[k]]);
+        }
+    }
+
+    /// Whether a corner is ahead and on the screen or near it.
+    fn is_safe(&self, camera: &Camera, view: &Vector) -> bool {
+        let [x, y] = [view.x.abs(), view.y.abs()];
+        view.z >= camera.near
+            && x * camera.focal <= view.z * (camera.centre[0] + MARGIN)
+            && y * camera.focal <= view.z * (camera.centre[1] + MARGIN)
+    }
+
+    fn pin(&self, camera: &Camera, corner: &Corner) -> Pin {
+        let [x, y] = camera.project(&corner.view);
+        let grid = |t: f32| (t * GRID as f32 + 0.5).floor() as i64;
+        Pin { x: grid(x), y: grid(y), nearness: 1.0 / corner.view.z, colour: corner.colour }
+    }
+
+    fn fill(&mut self, [a, b, c]: [Pin; 3]) {
+        // Counterclockwise for people is clockwise where y points down.
+        let [b, c] = [c, b];
+        let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
+        if area <= 0 {
+            return;
+        }
+        let bound = |of: fn(&Pin) -> i64, size: usize| {
+            let (least, most) = (of(&a).min(of(&b)).min(of(&c)), of(&a).max(of(&b)).max(of(&c)));
+            (least.div_euclid(GRID).max(0), (most.div_euclid(GRID) + 1).min(size as i64))
+        };
+        let ((left, right), (top, bottom)) = (bound(|p| p.x, self.width), bound(|p| p.y, self.height));
+        if left >= right || top >= bottom {
+            return;
+        }
+        // An edge from p to q: at least 0 at a sample that is inside.
+        let edge = |p: &Pin, q: &Pin| {
+            let (dx, dy) = (q.x - p.x, q.y - p.y);
+            let ours = dy < 0 || dy == 0 && dx > 0;
+            let at = dx * (top * GRID - p.y) - dy * (left * GRID - p.x) - i64::from(!ours);
+            (OFFSETS.map(|[x, y]| at + dx * y - dy * x), -dy * GRID, dx * GRID)
+        };
+        let edges = [edge(&a, &b), edge(&b, &c), edge(&c, &a)];
+
+        // Linear over the screen, from corner a: value there, step along x, step along y, per step of the grid.
+        let (bx, by, cx, cy) = ((b.x - a.x) as f32, (b.y - a.y) as f32, (c.x - a.x) as f32, (c.y - a.y) as f32);
+        let inverse = 1.0 / area as f32;
+        let plane = |a: f32, b: f32, c: f32| {
+            let (b, c) = (b - a, c - a);
+            [a, (b * cy - c * by) * inverse, (c * bx - b * cx) * inverse]
+        };
+        let [n0, nx, ny] = plane(a.nearness, b.nearness, c.nearness);
+        let spread = OFFSETS.map(|[x, y]| nx * x as f32 + ny * y as f32);
+        let shades: [[f32; 3]; 4] = std::array::from_fn(|k| plane(a.colour[k], b.colour[k], c.colour[k]));
+        let range: [[f32; 2]; 4] = std::array::from_fn(|k| {
+            let [x, y, z] = [a.colour[k], b.colour[k], c.colour[k]];
+            [x.min(y).min(z), x.max(y).max(z)]
+        });
+        let opaque = range[3][0] >= 1.0;
+        let step = GRID as f32;
+
+        let mut starts = edges.map(|(at, _, _)| at);
+        for y in top..bottom {
+            let fy = (y * GRID - a.y) as f32;
+            let mut at = starts;
+            let row = y as usize * self.width;
+            for x in left..right {
+                let outside: [i64; SAMPLES] = std::array::from_fn(|s| at[0][s] | at[1][s] | at[2][s]);
+                for (at, (_, along, _)) in at.iter_mut().zip(&edges) {
+                    for value in at {
+                        *value += along;
+                    }
+                }
+                if outside.iter().all(|o| *o < 0) {
+                    continue;
+                }
+                let fx = (x * GRID - a.x) as f32;
+                let nearness = n0 + nx * fx + ny * fy;
+                let pixel = row + x as usize;
+                let depths = &mut self.nearness[pixel];
+                let seen: [bool; SAMPLES] =
+                    std::array::from_fn(|s| outside[s] >= 0 && nearness + spread[s] > depths[s]);
+                if !seen.iter().any(|s| *s) {
+                    continue;
+                }
+                let middle = [fx + 0.5 * step, fy + 0.5 * step];
+                // The middle of the pixel may lie outside of the triangle.
+                let colour: [f32; 4] = std::array::from_fn(|k| {
+                    let [at, along, down] = shades[k];
+                    (at + along * middle[0] + down * middle[1]).max(range[k][0]).min(range[k][1])
+                });
+                let [r, g, b, alpha] = colour;
+                let colours = &mut self.colours[pixel];
+                if opaque {
+                    let packed = pack([r, g, b]);
+                    for s in 0..SAMPLES {
+                        if seen[s] {
+                            depths[s] = nearness + spread[s];
+                            colours[s] = packed;
+                        }
+                    }
+                } else {
+                    for s in 0..SAMPLES {
+                        if seen[s] {
+                            let under = unpack(colours[s]);
+                            let over = [r, g, b];
+                            colours[s] = pack(std::array::from_fn(|k| under[k] + (over[k] - under[k]) * alpha));
+                        }
+                    }
+                }
+            }
+            for (start, (_, _, down)) in starts.iter_mut().zip(&edges) {
+                for value in start {
+                    *value += down;
+                }
+            }
+        }
+    }
+
+    /// How many samples of each pixel hold something.
+    #[cfg(test)]
+    pub fn coverage(&self) -> Vec<usize> {
+        self.nearness.iter().map(|n| n.iter().filter(|n| **n > 0.0).count()).collect()
+    }
+
+    /// Samples of a pixel.
+    #[cfg(test)]
+    pub fn samples(&self, x: usize, y: usize) -> [u32; SAMPLES] {
+        self.colours[y * self.width + x]
+    }
+}
+
+/// The part of a polygon where `n . view >= d`. A common edge of two polygons is cut at the same point.
+fn cut(polygon: &[Corner], [x, y, z, d]: [f32; 4]) -> Vec<Corner> {
+    let height = |c: &Corner| x * c.view.x + y * c.view.y + z * c.view.z - d;
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for (i, from) in polygon.iter().enumerate() {
+        let to = &polygon[(i + 1) % polygon.len()];
+        let (h, g) = (height(from), height(to));
+        if h >= 0.0 {
+            kept.push(*from);
+        }
+        if (h >= 0.0) != (g >= 0.0) {
+            // From the inner to the outer end, whichever way round the polygon runs.
+            let (inner, outer, share) = if h >= 0.0 { (from, to, h / (h - g)) } else { (to, from, g / (g - h)) };
+            kept.push(Corner {
+                view: inner.view + (outer.view - inner.view) * share,
+                colour: std::array::from_fn(|k| inner.colour[k] + (outer.colour[k] - inner.colour[k]) * share),
+            });
+        }
+    }
+    kept
+}

@@ -1,0 +1,357 @@
+//! From a state to a picture.
+
+use std::sync::Mutex;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::Vector;
+use super::arm::Arm;
+use super::backdrop::{self, Caustics, Floor};
+use super::camera::Camera;
+use super::hull::{Envelope, Thruster, hull, single};
+use super::marks;
+use super::mesh::{Mesh, Vertex};
+use super::paint::{Water, display};
+use super::raster::{Canvas, Corner};
+use super::shadow::Shadow;
+use crate::description::Scene;
+use crate::error::RenderError;
+
+/// Greatest width and height, pixels.
+const MOST_PIXELS: usize = 4096;
+/// Coordinates beyond this are as good as infinite, m.
+const FAR: f64 = 1e5;
+/// Where the light comes from, as seen by the camera: to the left of it and high up.
+const SUN: (f64, f64) = (-0.75, 1.05);
+
+/// How pictures are taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Pixels along and down.
+    pub size: [usize; 2],
+    /// Direction from what is looked at to the camera: angle about the vertical from x, rad.
+    pub azimuth: f64,
+    /// Its angle above the horizontal, rad.
+    pub elevation: f64,
+    /// Distance of the camera, m; by the size of the scene where None.
+    pub distance: Option<f64>,
+    /// Height of the floor, m; below the scene at the origin where None.
+    pub floor: Option<f64>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { size: [640, 480], azimuth: -0.95, elevation: 0.32, distance: None, floor: None }
+    }
+}
+
+impl Settings {
+    fn check(&self) -> Result<(), RenderError> {
+        for (what, got) in ["width", "height"].into_iter().zip(self.size) {
+            if !(1..=MOST_PIXELS).contains(&got) {
+                return Err(RenderError::Size { what, got, most: MOST_PIXELS });
+            }
+        }
+        let within = |what, value: f64, least: f64, most: f64, rule| {
+            let fine = (least..=most).contains(&value);
+            if fine { Ok(()) } else { Err(RenderError::Setting { what, value, rule }) }
+        };
+        within("azimuth", self.azimuth, -100.0, 100.0, "-100 to 100 rad")?;
+        within("elevation", self.elevation, -1.5, 1.5, "-1.5 to 1.5 rad")?;
+        within("distance", self.distance.unwrap_or(1.0), 1e-3, 1e4, "0.001 to 10000 m")?;
+        within("floor", self.floor.unwrap_or(0.0), -1e4, 1e4, "-10000 to 10000 m")
+    }
+}
+
+/// What a picture shows.
+#[derive(Debug, Clone, Copy)]
+pub struct Shot<'a> {
+    /// Vehicle origin, m, and body to world rotation.
+    pub position: Vector3<f64>,
+    /// Body to world rotation.
+    pub rotation: Matrix3<f64>,
+    /// Joint coordinates, rad or m.
+    pub q: &'a [f64],
+    /// Thrusts, N; none or one per thruster.
+    pub thrust: &'a [f64],
+    /// Pose that the vehicle is to have.
+    pub target: Option<(Vector3<f64>, Matrix3<f64>)>,
+    /// Points that the end effector is to pass, in the world, m.
+    pub path: &'a [Vector3<f64>],
+    /// Pose that it is to have now.
+    pub point: Option<(Vector3<f64>, Matrix3<f64>)>,
+    /// Points where it was.
+    pub trail: &'a [Vector3<f64>],
+    /// Velocity of the water in the world, m/s.
+    pub current: Vector3<f64>,
+    /// Payload at the end effector besides the scene's, kg.
+    pub payload: f64,
+    /// Time, s: what moves by itself goes by it.
+    pub time: f64,
+}
+
+impl Default for Shot<'_> {
+    fn default() -> Self {
+        Self {
+            position: Vector3::zeros(),
+            rotation: Matrix3::identity(),
+            q: &[],
+            thrust: &[],
+            target: None,
+            path: &[],
+            point: None,
+            trail: &[],
+            current: Vector3::zeros(),
+            payload: 0.0,
+            time: 0.0,
+        }
+    }
+}
+
+/// Draws one scene.
+#[derive(Debug)]
+pub struct Renderer {
+    size: [usize; 2],
+    camera: Camera,
+    water: Water,
+    hull: Mesh,
+    envelope: Envelope,
+    thrusters: Vec<Thruster>,
+    arm: Option<Arm>,
+    home: Vec<f64>,
+    /// Middle of vehicle and arm at home, in the vehicle frame, and the radius about it.
+    middle: Vector,
+    reach: f32,
+    distance: f64,
+    floor: f64,
+    cell: f64,
+    caustics: Caustics,
+    /// Memory of drawings that are over.
+    scratch: Mutex<Vec<Scratch>>,
+}
+
+#[derive(Debug, Default)]
+struct Scratch {
+    canvas: Canvas,
+    corners: Vec<Corner>,
+}
+
+impl Renderer {
+    /// For a checked scene.
+    ///
+    /// # Errors
+    /// `RenderError` names the setting that is out of range.
+    pub fn new(scene: &Scene, settings: &Settings) -> Result<Self, RenderError> {
+        settings.check()?;
+        let (envelope, hull, thrusters) = hull(scene);
+        let arm = Arm::new(scene);
+        let home: Vec<f64> = scene.joints().map(|joint| joint.home).collect();
+        let mut whole = hull.clone();
+        if let Some(arm) = &arm {
+            arm.draw(&mut whole, &home, 0.0);
+        }
+        let mut bounds = [envelope.middle - envelope.half, envelope.middle + envelope.half];
+        for vertex in &whole.vertices {
+            bounds = [bounds[0].inf(&vertex.position), bounds[1].sup(&vertex.position)];
+        }
+        let middle = (bounds[0] + bounds[1]) * 0.5;
+        let reach = ((bounds[1] - bounds[0]).norm() * 0.5).clamp(1e-3, 1e4);
+        let distance = settings.distance.unwrap_or_else(|| 1.12 * Camera::distance_of(f64::from(reach)));
+        let camera = Camera::new(settings.azimuth, settings.elevation, distance, settings.size);
+        let (sun_azimuth, sun_elevation) = (settings.azimuth + SUN.0, SUN.1);
+        let sun = Camera::new(sun_azimuth, sun_elevation, 1.0, [1, 1]).eye;
+        Ok(Self {
+            size: settings.size,
+            camera,
+            water: Water::new(scene.water.density > 0.0, distance as f32, sun),
+            floor: settings.floor.unwrap_or(f64::from(bounds[0].z - 0.45 * reach)),
+            cell: nice(0.6 * f64::from(reach)),
+            hull,
+            envelope,
+            thrusters,
+            arm,
+            home,
+            middle,
+            reach,
+            distance,
+            caustics: Caustics::new(),
+            scratch: Mutex::new(Vec::new()),
+        })
+    }
+
+    /// Pixels along and down.
+    pub fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// Joints of the scene.
+    pub fn joints(&self) -> usize {
+        self.home.len()
+    }
+
+    /// Thrusters of the scene.
+    pub fn thrusters(&self) -> usize {
+        self.thrusters.len()
+    }
+
+    /// Distance of the camera, m.
+    pub fn distance(&self) -> f64 {
+        self.distance
+    }
+
+    /// Height of the floor, m.
+    pub fn floor(&self) -> f64 {
+        self.floor
+    }
+
+    /// Width of the floor's cells, m.
+    pub fn cell(&self) -> f64 {
+        self.cell
+    }
+
+    /// What the camera looks at: the target, or the vehicle without one; and not so far from the vehicle that this
+    /// would leave the picture.
+    fn focus(&self, shot: &Shot<'_>) -> Vector3<f64> {
+        let place = |(p, r): (Vector3<f64>, Matrix3<f64>)| {
+            let at = p + r * self.middle.map(f64::from);
+            (at.iter().all(|x| x.abs() < FAR)).then_some(at)
+        };
+        let vehicle = place((shot.position, shot.rotation));
+        match (shot.target.and_then(place), vehicle) {
+            (Some(target), Some(vehicle)) => {
+                let (apart, most) = ((vehicle - target).norm(), 0.5 * f64::from(self.reach));
+                if apart > most { vehicle + (target - vehicle) * (most / apart) } else { target }
+            }
+            (Some(at), None) | (None, Some(at)) => at,
+            (None, None) => Vector3::zeros(),
+        }
+    }
+
+    /// Pixel (along, down) of a point of the world in the picture of `shot`, and its distance ahead of the camera, m;
+    /// none if it is behind it.
+    pub fn project(&self, shot: &Shot<'_>, point: &Vector3<f64>) -> Option<[f64; 3]> {
+        let view = self.camera.view(&single(&(point - self.focus(shot))));
+        let [x, y] = self.camera.project(&view);
+        (view.z >= self.camera.near).then(|| [x, y, view.z].map(f64::from))
+    }
+
+    /// The picture: red, green, blue by rows from the top.
+    pub fn draw(&self, shot: &Shot<'_>) -> Vec<u8> {
+        let focus = self.focus(shot);
+        let (solid, clear) = self.meshes(shot, &focus);
+        let mut scratch = self.scratch.lock().ok().and_then(|mut pool| pool.pop()).unwrap_or_default();
+        let Scratch { canvas, corners } = &mut scratch;
+        canvas.clear(self.size);
+        let height = (self.floor - focus.z) as f32;
+        let middle = single(&(shot.position - focus));
+        let middle = if middle.iter().all(|x| x.abs() < FAR as f32) { middle } else { Vector::zeros() };
+        let shadow = Shadow::new(&solid, height, &self.water.sun, &middle, 2.2 * self.reach);
+        let origin = [0, 1].map(|k| (-focus[k]).rem_euclid(20.0 * self.cell) as f32);
+        let drift = (0.03 * shot.time).rem_euclid(10.0) as f32;
+        let floor = Floor {
+            height,
+            origin,
+            cell: self.cell as f32,
+            shadow: &shadow,
+            caustics: &self.caustics,
+            drift: if drift.is_finite() { drift } else { 0.0 },
+        };
+        backdrop::paint(canvas, self.size, &self.camera, &self.water, &floor);
+
+        self.shade(&solid, corners);
+        for triangle in &solid.triangles {
+            canvas.triangle(&self.camera, triangle.map(|k| &corners[k as usize]));
+        }
+        self.shade(&clear, corners);
+        let depth = |t: &[u32; 3]| -t.iter().map(|k| corners[*k as usize].view.z).sum::<f32>();
+        let mut order: Vec<(f32, &[u32; 3])> = clear.triangles.iter().map(|t| (depth(t), t)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, triangle) in order {
+            canvas.triangle(&self.camera, triangle.map(|k| &corners[k as usize]));
+        }
+        let picture = canvas.resolve();
+        if let Ok(mut pool) = self.scratch.lock() {
+            pool.push(scratch);
+        }
+        picture
+    }
+
+    /// What hides and what is seen through, about the focus.
+    fn meshes(&self, shot: &Shot<'_>, focus: &Vector3<f64>) -> (Mesh, Mesh) {
+        let (mut solid, mut clear) = (Mesh::default(), Mesh::default());
+        let thin = 0.006 * self.reach;
+        if let Some(place) = placed(&shot.position, &shot.rotation, focus) {
+            solid.append(&self.hull, &place);
+            if let Some(arm) = &self.arm {
+                let q = if shot.q.len() == self.home.len() { shot.q } else { &self.home };
+                if q.iter().all(|q| q.abs() < FAR) {
+                    let mut mesh = Mesh::default();
+                    arm.draw(&mut mesh, q, shot.payload);
+                    solid.append(&mesh, &place);
+                }
+            }
+            let mut jets = Mesh::default();
+            for (thruster, thrust) in self.thrusters.iter().zip(shot.thrust) {
+                marks::jet(&mut jets, thruster, *thrust);
+            }
+            clear.append(&jets, &place);
+        }
+        if let Some(place) = shot.target.and_then(|(p, r)| placed(&p, &r, focus)) {
+            let mut mesh = Mesh::default();
+            marks::target(&mut mesh, &self.envelope);
+            solid.append(&mesh, &place);
+        }
+        if let Some(place) = shot.point.and_then(|(p, r)| placed(&p, &r, focus)) {
+            let mut mesh = Mesh::default();
+            marks::axes(&mut mesh, 0.22 * self.reach);
+            marks::point(&mut mesh, 3.0 * thin);
+            solid.append(&mesh, &place);
+        }
+        for (points, trail) in [(shot.path, false), (shot.trail, true)] {
+            let points: Vec<Vector> = points.iter().map(|p| single(&(p - focus))).collect();
+            marks::line(&mut solid, &points, thin, trail);
+        }
+        if shot.current.iter().all(|x| x.abs() < FAR) && shot.time.abs() < 1e12 {
+            let origin = single(&(-focus));
+            let floor = (self.floor - focus.z) as f32;
+            marks::flow(&mut clear, &single(&shot.current), shot.time, &origin, 1.9 * self.reach, floor);
+        }
+        (solid, clear)
+    }
+
+    /// Puts light on the corners of a mesh, and in front of the camera.
+    fn shade(&self, mesh: &Mesh, corners: &mut Vec<Corner>) {
+        corners.clear();
+        corners.extend(mesh.vertices.iter().map(|vertex| {
+            let Vertex { position, normal, paint } = vertex;
+            let to_eye = self.camera.eye - position;
+            let way = to_eye.norm();
+            let to_eye = to_eye / way.max(1e-6);
+            let [r, g, b] = self.water.shade(paint, normal, &to_eye, way).map(display);
+            Corner { view: self.camera.view(position), colour: [r, g, b, paint.alpha] }
+        }));
+    }
+}
+
+/// How vertices of a frame go to the camera's coordinates; none if they are not finite.
+fn placed(
+    position: &Vector3<f64>,
+    rotation: &Matrix3<f64>,
+    focus: &Vector3<f64>,
+) -> Option<impl Fn(&Vertex) -> Vertex + use<>> {
+    let finite = position.iter().chain(rotation.iter()).all(|x| x.abs() < FAR);
+    let (r, p) = (rotation.map(|x| x as f32), single(&(position - focus)));
+    finite.then_some(move |v: &Vertex| Vertex { position: r * v.position + p, normal: r * v.normal, paint: v.paint })
+}
+
+/// The largest of 1, 2, 5, 10, ... that is not above.
+fn nice(x: f64) -> f64 {
+    let mut step = 1e-3;
+    for factor in [2.0, 2.5, 2.0].into_iter().cycle() {
+        if step * factor > x || step > 1e6 {
+            break;
+        }
+        step *= factor;
+    }
+    step
+}

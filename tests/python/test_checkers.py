@@ -1,0 +1,66 @@
+"""Gymnasium's and Stable-Baselines3's own checkers on every id, scene, action and disturbance, warnings as errors."""
+
+import importlib.util
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from helpers import choices, disturbances, scenes_for, small, task_ids
+
+HAS_SB3 = importlib.util.find_spec("stable_baselines3") is not None
+
+
+def cases():
+    """Every task with every scene and action, and with every disturbance."""
+    for task in task_ids():
+        for scene in scenes_for(task):
+            for action in choices(task, "action"):
+                yield task, {"scene": scene, "action": action}
+        for disturbance in disturbances(task):
+            yield task, {"scene": small(task), "disturbance": disturbance}
+
+
+CASES = [pytest.param(task, kwargs, id="-".join([task, *kwargs.values()])) for task, kwargs in cases()]
+
+
+@pytest.mark.parametrize(("task", "kwargs"), CASES)
+def test_gymnasium_is_content(task, kwargs):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gym.make(task, **kwargs).unwrapped)
+
+
+@pytest.mark.skipif(not HAS_SB3, reason="needs stable-baselines3")
+@pytest.mark.parametrize(("task", "kwargs"), CASES)
+def test_stable_baselines3_is_content(task, kwargs):
+    from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env_for_sb3(gym.make(task, **kwargs))
+
+
+def test_all_that_is_shipped_is_checked():
+    seen = [param.values for param in CASES]
+    assert {"petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"} <= {k["scene"] for _, k in seen}
+    assert {"wrench", "thrusters"} <= {k.get("action") for _, k in seen}
+    assert {task for task, _ in seen} == set(task_ids()) >= {"UVMS-StationKeep-v0"}
+
+
+def test_warnings_count_as_errors():
+    class Careless(gym.Env):
+        observation_space = action_space = gym.spaces.Box(-np.inf, np.inf, (2,), np.float32)
+
+        def reset(self, *, seed=None, options=None):
+            super().reset(seed=seed)
+            return np.zeros(2, np.float32), {}
+
+        def step(self, action):
+            return np.zeros(2, np.float32), 0.0, False, False, {}
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(UserWarning, match="infinity"):
+            check_env(Careless())

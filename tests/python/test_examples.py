@@ -1,0 +1,62 @@
+"""The examples do what they say."""
+
+import importlib.util
+import sys
+import warnings
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from helpers import same, small, task_ids
+
+from uvms_gym.testing import check_vector_env
+
+FILE = Path(__file__).parents[2] / "examples" / "own_task.py"
+spec = importlib.util.spec_from_file_location("own_task", FILE)
+own_task = importlib.util.module_from_spec(spec)
+# Its spec names it by module.
+sys.modules["own_task"] = own_task
+spec.loader.exec_module(own_task)
+
+pytestmark = pytest.mark.parametrize("task", task_ids())
+
+
+def options(task):
+    return {"scene": small(task), "max_episode_steps": 5}
+
+
+def test_an_own_task_keeps_the_contract(task):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # Gymnasium's checker wants no wrappers; they are meant here.
+        warnings.filterwarnings("ignore", message=".*is different from the unwrapped version.*")
+        check_env(own_task.OwnTask(gym.make(task, **options(task))))
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "Disabled"])
+def test_own_tasks_keep_it_too_and_are_alike(task, mode):
+    envs = own_task.OwnTasks(gym.make_vec(task, 3, autoreset_mode=mode, **options(task)))
+    check_vector_env(envs, single=lambda: own_task.OwnTask(gym.make(task, **options(task))), steps=14)
+
+
+def test_an_own_task_is_another_one(task):
+    env, plain = own_task.OwnTask(gym.make(task, **options(task))), gym.make(task, **options(task))
+    assert env.reset(seed=0)[0].shape == (9,)
+    assert same(env.unwrapped.get_state(), (plain.reset(seed=0), plain.unwrapped.get_state())[1])
+    action = np.full(env.action_space.shape, 0.5, dtype=np.float32)
+    got, expected = env.step(action), plain.step(action)
+    assert got[1] != expected[1]
+    assert same(got[4], expected[4])
+    with pytest.raises(ValueError, match="SameStep"):
+        own_task.OwnTasks(gym.make_vec(task, 2, autoreset_mode="SameStep"))
+
+
+def test_own_tasks_train(task):
+    sb3 = pytest.importorskip("stable_baselines3")
+    from uvms_gym.sb3 import NativeVecEnv
+
+    venv = NativeVecEnv(own_task.OwnTasks(gym.make_vec(task, 4, autoreset_mode="Disabled", **options(task))))
+    model = sb3.PPO("MlpPolicy", venv, n_steps=16, batch_size=32, n_epochs=1, device="cpu").learn(64)
+    assert len(model.ep_info_buffer) > 0

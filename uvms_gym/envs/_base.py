@@ -1,0 +1,432 @@
+"""What all environments have in common: arguments, spaces, state; single and vector."""
+
+import math
+import operator
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Literal, TypedDict, cast
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import logger, spaces
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from uvms_gym._core import Simulator, Task
+
+Scene = str | os.PathLike[str] | dict[str, Any]
+Observations = NDArray[np.float32]
+Actions = NDArray[np.float32]
+
+INFO = tuple(Task.INFO)
+_MASKS = tuple(f"_{name}" for name in INFO)
+_SEEDS = 2**64
+_MODES = {
+    AutoresetMode.NEXT_STEP: "next_step",
+    AutoresetMode.SAME_STEP: "same_step",
+    AutoresetMode.DISABLED: "disabled",
+}
+
+#: Parts of an episode's start that `reset(options=...)` takes instead of drawing them.
+RESET_OPTIONS = ("position", "attitude", "twist", "q", "qd", "target_position", "target_attitude", "current")
+
+
+class RewardWeights(TypedDict, total=False):
+    """Weights of the reward's terms; what is left out keeps its default."""
+
+    pose: float
+    effort: float
+    rate: float
+
+
+class Options(TypedDict, total=False):
+    """Arguments that single and vector environments take; the single ones document them."""
+
+    task: str
+    scene: Scene
+    action: Literal["wrench", "thrusters"]
+    dt: float
+    substeps: int
+    integrator: str
+    dtype: Literal["float64", "float32"]
+    max_current: float
+    start_distance: float
+    start_angle: float
+    target_distance: float
+    target_turn: float
+    arm_amplitude: float
+    reward: RewardWeights | None
+    threads: int | None
+
+
+#: Arguments of each task's environments, and their defaults.
+DEFAULTS: dict[str, Options] = {
+    "station-keep": {
+        "scene": "petasus-pum",
+        "action": "wrench",
+        "dt": 0.01,
+        "substeps": 5,
+        "integrator": "mk4",
+        "dtype": "float64",
+        "max_current": 0.3,
+        "start_distance": 0.05,
+        "start_angle": 0.05,
+        "target_distance": 0.0,
+        "target_turn": 0.0,
+        "arm_amplitude": 0.4,
+        "reward": None,
+        "threads": None,
+    }
+}
+REWARD: RewardWeights = {"pose": 0.1, "effort": 0.02, "rate": 0.1}
+_WORDS = ("action", "integrator", "dtype")
+#: Those that are not the task's own business.
+_PHYSICS = ("integrator", "dtype", "threads")
+#: Greatest count that is handed on.
+_MOST = 2**31 - 1
+
+
+def native(
+    options: Options, *, num_envs: int = 1, autoreset: str = "disabled", max_episode_steps: int | None = None
+) -> Task:
+    """Make the native batch; what `options` lacks has its default. Their `task` is station keeping by default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An unknown argument, or one out of its range (`uvms_gym.SceneError` for the scene).
+    """
+    task = options.get("task", "station-keep")
+    if task not in DEFAULTS:
+        raise ValueError(f"task is {task!r}, but must be one of {', '.join(map(repr, DEFAULTS))}")
+    defaults = DEFAULTS[task]
+    given: dict[str, Any] = {**defaults, **options, "task": task}
+    if unknown := given.keys() - defaults.keys() - {"task"}:
+        raise TypeError(f"unexpected keyword argument {min(unknown)!r}; known: {', '.join(defaults)}")
+    _check(given, num_envs, max_episode_steps)
+    weights = given.pop("reward") or {}
+    if unknown := weights.keys() - REWARD.keys():
+        raise ValueError(f"unknown reward weight {min(unknown)!r}; known: {', '.join(REWARD)}")
+    for term, weight in weights.items():
+        _check_number(f"reward[{term!r}]", weight)
+    scene, physics = given.pop("scene"), {name: given.pop(name) for name in _PHYSICS}
+    return Task(
+        scene,
+        {**given, "reward": weights},
+        **physics,
+        num_envs=num_envs,
+        autoreset=autoreset,
+        max_episode_steps=max_episode_steps or None,
+    )
+
+
+def _check(given: Mapping[str, Any], num_envs: Any, max_episode_steps: Any) -> None:
+    """Check types, and that counts are such; ranges are checked further down."""
+    for name in _WORDS:
+        if not isinstance(given[name], str):
+            raise TypeError(f"{name} is {given[name]!r}, but must be a string")
+    for name, value in DEFAULTS[given["task"]].items():
+        if isinstance(value, float):
+            _check_number(name, given[name])
+    _check_count("substeps", given["substeps"])
+    _check_count("num_envs", num_envs)
+    if given["threads"] is not None:
+        _check_count("threads", given["threads"])
+    if max_episode_steps is not None:
+        _check_count("max_episode_steps", max_episode_steps, least=0)
+    if not isinstance(given["reward"], Mapping | None):
+        raise TypeError(f"reward is {given['reward']!r}, but must be a dict or None")
+
+
+def _check_number(name: str, value: Any) -> None:
+    try:
+        math.isfinite(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, but must be a real number") from None
+    except OverflowError:
+        raise ValueError(f"{name} is an integer of {value.bit_length()} bits, which is too large") from None
+
+
+def _check_count(name: str, value: Any, least: int = 1) -> None:
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, but must be an integer") from None
+    if count < least:
+        raise ValueError(f"{name} is {count}, but must be at least {least}")
+    if count > _MOST:
+        raise ValueError(f"{name} is {count}, but must be at most {_MOST}")
+
+
+class TaskBase:
+    """Spaces, state and read access."""
+
+    #: Name of the task.
+    task: ClassVar[str]
+
+    _native: Task
+    options: Options
+
+    _action_shape: tuple[int, ...]
+
+    def _spaces(self) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        """Spaces of one instance's observation and action."""
+        bound = self._native.observation_bound
+        action = np.ones(len(self._native.action_layout), dtype=np.float32)
+        self._action_shape = action.shape
+        return spaces.Box(-bound, bound, dtype=np.float32), spaces.Box(-action, action, dtype=np.float32)
+
+    @property
+    def simulator(self) -> Simulator:
+        """A copy of the physics at this instant: the true state to read, and a simulator to look ahead with."""
+        return self._native.simulator
+
+    @property
+    def layout(self) -> Sequence[Mapping[str, Any]]:
+        """Blocks of an observation: name, offset, scale, bound, unit, description."""
+        return self._native.layout
+
+    @property
+    def action_layout(self) -> list[tuple[str, list[float], str]]:
+        """Entries of an action: name, what -1 and +1 ask for, unit."""
+        return self._native.action_layout
+
+    @property
+    def episode(self) -> dict[str, NDArray[Any]]:
+        """What the running episodes drew, one row per instance: seed, target, current, joint reference, step."""
+        return self._native.episodes()
+
+    def get_state(self) -> dict[str, NDArray[np.float64]]:
+        """Everything that makes the environment go on as if it had not been interrupted."""
+        physics, episodes = self._native.__getstate__()
+        return {"physics": physics, "episodes": episodes}
+
+    def set_state(self, state: Mapping[str, ArrayLike]) -> None:
+        """Continue, bit for bit, from what `get_state` of an environment with the same arguments gave.
+
+        Raises
+        ------
+        ValueError, TypeError
+            The state is not one of such an environment; nothing has changed then.
+        """
+        if not isinstance(state, Mapping):
+            raise TypeError(f"state must be a dict as get_state gives it, not {type(state).__name__}")
+        for part in ("physics", "episodes"):
+            if part not in state:
+                raise ValueError(f"state lacks {part!r}, which get_state gives")
+        self._native.__setstate__((state["physics"], state["episodes"]))
+
+
+class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
+    """One instance of a task."""
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
+
+    def __init__(self, options: Options, render_mode: str | None) -> None:
+        refuse_rendering(render_mode)
+        self.render_mode = render_mode
+        self.options = options
+        self._native = native({**options, "task": self.task})
+        self._seeded = False
+        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._native.control_period}
+        self.observation_space, self.action_space = self._spaces()
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, float]]:
+        """Start an episode: the first of `seed`, or without one the next of the stream.
+
+        Raises
+        ------
+        ValueError, TypeError
+            An unknown option (the message lists the known ones), or an impossible start; the running episode goes
+            on then.
+        """
+        given = starts(options)
+        super().reset(seed=seed)
+        if seed is None and not self._seeded:
+            seed = self.np_random_seed
+        observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
+        self._seeded = True
+        return observations[0], dict(zip(INFO, info[:, 0].tolist(), strict=True))
+
+    def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, float]]:
+        """Hold `action` for one control period.
+
+        Raises
+        ------
+        ValueError
+            The action is not finite or has the wrong shape.
+        gymnasium.error.ResetNeeded
+            There is no episode, or it has terminated.
+        """
+        return self._native.step_one(as_actions(action, self._action_shape))
+
+    def render(self) -> None:
+        """Warn, as there is nothing to render with."""
+        warn_of_rendering()
+
+
+class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
+    """Many instances of a task."""
+
+    def __init__(
+        self,
+        num_envs: int,
+        autoreset_mode: AutoresetMode | str,
+        max_episode_steps: int | None,
+        copy: bool,
+        render_mode: str | None,
+        options: Options,
+    ) -> None:
+        refuse_rendering(render_mode)
+        self.render_mode = render_mode
+        self.copy = copy
+        self.options = options
+        self.num_envs = num_envs
+        mode = AutoresetMode(autoreset_mode)
+        self._native = native(
+            {**options, "task": self.task},
+            num_envs=num_envs,
+            autoreset=_MODES[mode],
+            max_episode_steps=max_episode_steps,
+        )
+        self._seeded = False
+        self.metadata = {"render_modes": [], "render_fps": 1.0 / self._native.control_period, "autoreset_mode": mode}
+        self.single_observation_space, self.single_action_space = self._spaces()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Start episodes of all instances, or of those in `options["reset_mask"]` (a bool array (N,)).
+
+        Parameters
+        ----------
+        seed : int, sequence or None
+            `seed + i` for instance i, or N seeds; where there is None the stream goes on.
+        options : dict or None
+            As that of the single environment, each for all instances or with N rows, and `reset_mask`. It is not
+            changed.
+
+        Raises
+        ------
+        ValueError, TypeError
+            An unknown option, an impossible start, or a mask that is none; all episodes go on then.
+        """
+        given = starts(options, "reset_mask")
+        mask = given.pop("reset_mask", None)
+        self._check_mask(mask)
+        if seed is None or isinstance(seed, (int, np.integer)):
+            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = [None if s is None else int(s) for s in seed]
+            if len(seeds) != self.num_envs:
+                raise ValueError(f"{len(seeds)} seeds were given for num_envs={self.num_envs}")
+        if any(s is not None and s < 0 for s in seeds):
+            raise ValueError(f"seeds must not be negative: {seed}")
+        super().reset(seed=int(seed) if isinstance(seed, (int, np.integer)) else None)
+        if not self._seeded and None in seeds:
+            first = cast(int, self.np_random_seed)
+            seeds = [first + i if s is None else s for i, s in enumerate(seeds)]
+        observations, info = self._native.reset([None if s is None else s % _SEEDS for s in seeds], mask, **given)
+        self._seeded = True
+        return observations, self._infos(info, np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask)
+
+    def step(
+        self, actions: ArrayLike
+    ) -> tuple[Observations, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Hold `actions` (N, a) for one control period.
+
+        Raises
+        ------
+        ValueError
+            An action is not finite or there is a wrong shape; nothing has changed then.
+        gymnasium.error.ResetNeeded
+            There is no episode, or autoreset is disabled and one is over.
+        """
+        given = as_actions(actions, (self.num_envs, *self._action_shape))
+        observations, rewards, terminated, truncated, info, finals = self._native.step(given)
+        infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
+        if finals is not None:
+            where, last, measures = finals
+            ended = np.zeros(self.num_envs, dtype=np.bool_)
+            ended[where] = True
+            infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
+            for i, observation in zip(where.tolist(), last, strict=True):
+                infos["final_obs"][i] = observation
+            spread = np.zeros((len(INFO), self.num_envs))
+            spread[:, where] = measures
+            infos["final_info"] = self._infos(spread, ended)
+            infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
+        return observations, rewards, terminated, truncated, infos
+
+    def render(self) -> tuple[Any, ...]:
+        """Warn, as there is nothing to render with."""
+        warn_of_rendering()
+        return (None,) * self.num_envs
+
+    def _infos(self, info: NDArray[np.float64], mask: NDArray[np.bool_]) -> dict[str, Any]:
+        """Measures (18, N) of the instances in `mask`, by name, each with a mask of its own."""
+        if not mask.all():
+            info[:, ~mask] = 0.0
+        masks = np.empty((len(INFO), self.num_envs), dtype=np.bool_)
+        masks[:] = mask
+        return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True))
+
+    def _check_mask(self, mask: Any) -> None:
+        """Check as SyncVectorEnv does."""
+        if mask is None:
+            return
+        if not isinstance(mask, np.ndarray):
+            raise TypeError(f"options['reset_mask'] must be a numpy array, not {type(mask).__name__}")
+        if mask.dtype != np.bool_:
+            raise TypeError(f"options['reset_mask'] must have dtype bool, not {mask.dtype}")
+        if mask.shape != (self.num_envs,):
+            raise ValueError(f"options['reset_mask'] must have shape ({self.num_envs},), not {mask.shape}")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] must pick at least one instance")
+
+
+_FLOAT32 = np.dtype(np.float32)
+
+
+def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
+    """Check shape and type, and clip what float32 may not hold; whether it is finite is checked further down."""
+    if type(given) is np.ndarray and given.dtype is _FLOAT32 and given.shape == shape:
+        return given
+    try:
+        array = np.asarray(given)
+    except ValueError:
+        raise ValueError(f"action must be an array of shape {shape}, but its rows differ in length") from None
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"action must be an array of real numbers of shape {shape}, not of dtype {array.dtype}")
+    if array.shape != shape:
+        raise ValueError(f"action has shape {array.shape}, but must have {shape}")
+    if array.dtype != np.float32:
+        array = np.where(np.isfinite(array), np.clip(array, -1.0, 1.0), array)
+    return array.astype(np.float32, copy=False)
+
+
+def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
+    """Check the names of reset options; a new dict without those whose value is None."""
+    if not isinstance(options, Mapping | None):
+        raise TypeError(f"options must be a dict or None, not {type(options).__name__}")
+    known = (*RESET_OPTIONS, *extra)
+    for name in options or {}:
+        if name not in known:
+            raise ValueError(f"unknown reset option {name!r}; known: {', '.join(known)}")
+    return {name: value for name, value in (options or {}).items() if value is not None}
+
+
+def refuse_rendering(render_mode: str | None) -> None:
+    """There is no renderer."""
+    if render_mode is not None:
+        raise ValueError(f"render_mode is {render_mode!r}, but must be None: there is nothing to render with")
+
+
+def warn_of_rendering() -> None:
+    """Say what Gymnasium says of an environment without render mode."""
+    logger.warn("You are calling render method without specifying any render mode.")
