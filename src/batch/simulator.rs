@@ -149,6 +149,7 @@ impl Simulator {
             SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
         })?;
         let isa = Isa::best_for(options.instances)?;
+        let allocation = Allocation::new(&scene.vehicle)?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
         let flow = Flow::from(scene.water.current);
@@ -163,7 +164,7 @@ impl Simulator {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self {
             balance: Balance::new(&scene)?,
-            allocation: Allocation::new(&scene.vehicle)?,
+            allocation,
             threads: options.threads.unwrap_or_else(cores),
             scene,
             compiled,
