@@ -193,6 +193,15 @@ class Simulator:
     def thruster_configuration(self) -> NDArray[np.float64]:
         """(6, m) wrench on the vehicle per thrust. [HC eq. 25]"""
     @property
+    def num_fins(self) -> int:
+        """Number of fins k."""
+    @property
+    def fin_names(self) -> list[str]:
+        """Names of the fins."""
+    @property
+    def fin_limits(self) -> NDArray[np.float64]:
+        """(k, 2) least and greatest deflection, rad."""
+    @property
     def bytes_per_env(self) -> int:
         """Bytes of memory per instance."""
     @property
@@ -213,6 +222,9 @@ class Simulator:
     @property
     def qd(self) -> NDArray[np.float64]:
         """(N, n) joint rates, rad/s or m/s."""
+    @property
+    def thrust(self) -> NDArray[np.float64]:
+        """(N, m) thrusts in still water, N: the state of thrusters with dynamics, else 0."""
     @property
     def time(self) -> NDArray[np.float64]:
         """(N,) time, s."""
@@ -239,6 +251,7 @@ class Simulator:
         time: ArrayLike | None = None,
         current: ArrayLike | None = None,
         current_acceleration: ArrayLike | None = None,
+        thrust: ArrayLike | None = None,
     ) -> None:
         """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
     def reset(self) -> None:
@@ -252,12 +265,13 @@ class Simulator:
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
         substeps: int = 1,
     ) -> None:
         """Step all instances under held inputs, one row for all or one per instance (leading N).
 
         thrust (m,), wrench (6,), joint_torque (n,), joint_target (n,) or polynomials (N, n, k <= 4), external
-        (n + 1, 6), station (position (3,), rotation (3, 3)) or pose (4, 4).
+        (n + 1, 6), station (position (3,), rotation (3, 3)) or pose (4, 4), fin (k,).
         """
     def forward_dynamics(
         self,
@@ -268,6 +282,7 @@ class Simulator:
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
         """(N, 6 + n) accelerations [V'; q''] under the inputs of `step`."""
     def mass_matrix(self) -> NDArray[np.float64]:
@@ -285,8 +300,9 @@ class Simulator:
         wrench: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N, n + 1, 6) each: drag, restoring, flow, thrust, external, sum; N and N m."""
+        """(N, n + 1, 6) each: drag, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
     def joint_torques(
         self, *, joint_torque: ArrayLike | None = None, joint_target: ArrayLike | None = None
     ) -> dict[str, NDArray[np.float64]]:
@@ -302,8 +318,9 @@ class Simulator:
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N,) each: drag, friction, end_stop, flow, thrust, external, joint_command, total; W."""
+        """(N,) each: drag, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
     def momentum(self) -> NDArray[np.float64]:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
     def momentum_terms(self) -> dict[str, NDArray[np.float64]]:
@@ -325,11 +342,12 @@ class Simulator:
         wrench: ArrayLike | None = None,
         joint_torque: ArrayLike | None = None,
         external: ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
     @property
     def parameters(self) -> dict[str, NDArray[np.float64]]:
-        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag, volume, thrust; payload, kg."""
+        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag, volume, thrust, thruster_lag; payload, kg."""
     def set_parameters(
         self,
         *,
@@ -340,6 +358,7 @@ class Simulator:
         volume: ArrayLike | None = None,
         payload: ArrayLike | None = None,
         thrust: ArrayLike | None = None,
+        thruster_lag: ArrayLike | None = None,
     ) -> None:
         """Set factors, () or (N,), on each instance's parameters, and its payload, kg; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
