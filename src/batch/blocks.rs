@@ -119,7 +119,8 @@ impl<T: Real> Blocks<T> {
         let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
         let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
         let scene = Parameters { system, ingredients, grip, rigid };
-        let layout = Layout::new(compiled.links.len(), integrator);
+        let layout =
+            Layout::new(compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -133,6 +134,7 @@ impl<T: Real> Blocks<T> {
             blocks.set_state(i, state);
             blocks.set_flow(i, flow);
             blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
+            blocks.table.set_fins(&mut blocks.rows, i, &compiled.system.deflections());
         }
         Ok(blocks)
     }

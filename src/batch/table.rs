@@ -4,6 +4,7 @@ use nalgebra as na;
 
 use super::layout::Layout;
 use super::monitor::Watched;
+use crate::hydro::{FINS, THRUSTERS, Thrusts};
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
@@ -14,6 +15,10 @@ use crate::system::{FACTORS, Factors, Flow, JOINTS, State, quaternion, roll_pitc
 pub struct InstanceLoads {
     /// Wrench on the vehicle, body frame at its origin.
     pub wrench: [f64; 6],
+    /// Commanded thrusts, where thrusters have dynamics; else their wrench is part of `wrench`.
+    pub command: Thrusts,
+    /// Deflections of the fins.
+    pub fins: [f64; FINS],
     /// Actuator torques.
     pub torque: [f64; JOINTS],
     /// Servo targets: polynomials in the time since the step's call, constant term first.
@@ -28,6 +33,8 @@ impl Default for InstanceLoads {
     fn default() -> Self {
         Self {
             wrench: [0.0; 6],
+            command: [0.0; THRUSTERS],
+            fins: [0.0; FINS],
             torque: [0.0; JOINTS],
             target: [[0.0; 4]; JOINTS],
             links: [[0.0; 6]; JOINTS],
@@ -79,6 +86,9 @@ impl Table {
             state.q[k] = self.get(rows, i, layout.q + k);
             state.qd[k] = self.get(rows, i, layout.qd + k);
         }
+        for k in 0..layout.thrusters {
+            state.thrust[k] = self.get(rows, i, layout.thrust + k);
+        }
         state
     }
 
@@ -92,6 +102,7 @@ impl Table {
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
+        self.set_all(rows, i, layout.thrust, state.thrust[..layout.thrusters].iter().copied());
         let time = T::from_f64(state.time).to_f64();
         self.set_all(rows, i, layout.time, [time, state.time - time]);
         match layout.keeps {
@@ -167,6 +178,11 @@ impl Table {
     /// Sets the factors on the parameters.
     pub fn set_factors<T: Real>(&self, rows: &mut [T], i: usize, factors: &Factors<f64>) {
         self.set_all(rows, i, self.layout.factors, factors.to_array());
+    }
+
+    /// Sets the deflections of the fins.
+    pub fn set_fins<T: Real>(&self, rows: &mut [T], i: usize, fins: &[f64; FINS]) {
+        self.set_all(rows, i, self.layout.fin, fins[..self.layout.fins].iter().copied());
     }
 
     /// Sets the wrenches on the links, each given in its link frame.

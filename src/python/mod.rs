@@ -11,6 +11,7 @@ mod motion;
 mod parameters;
 mod policies;
 mod renderer;
+mod robots;
 mod rollout;
 mod scene;
 mod simulator;
@@ -33,6 +34,8 @@ mod core {
     use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
     #[pymodule_export]
     use super::renderer::Renderer;
+    #[pymodule_export]
+    use super::robots::{dump_scene, estimate, import_urdf, scene_doubts, scene_template};
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::disturbance::{Disturbance, DisturbanceRows, Site};
 use super::options::Goal;
-use super::path::PATH;
+use super::path::{PATH, path_places};
 use super::pose::Pose;
 use super::random::EpisodeKey;
 use super::reference::{JointReference, ReferencePoint};
@@ -187,6 +187,21 @@ impl Episode {
     /// Current in world axes over the last control period (at the start: over the first), m/s.
     pub fn current(&self) -> Vector3<f64> {
         Vector3::from_column_slice(&self.numbers[self.rows.current..][..3])
+    }
+
+    /// The last action, as clipped; 0 before the first.
+    pub fn action(&self) -> &[f64] {
+        &self.numbers[self.rows.action..][..self.rows.actions]
+    }
+
+    /// Places all along the path of the end effector, the first and the last the same; none without a path.
+    pub fn path(&self, count: usize) -> Vec<[f64; 3]> {
+        if self.rows.goal != Goal::Track {
+            return Vec::new();
+        }
+        let mut numbers = self.numbers.clone();
+        let around = (0..count).map(|k| k as f64 / (count - 1).max(1) as f64);
+        path_places(&Rows::of_one(&mut numbers), self.rows.path, around)
     }
 
     /// Joint reference at the current control instant, one point per joint that follows one.

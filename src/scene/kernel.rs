@@ -38,7 +38,7 @@ pub struct TaskKernel<T> {
     /// One over the scale, and the bound, of each entry of an observation.
     scaling: Vec<[T; 2]>,
     /// Of the reward's terms.
-    weights: [T; 3],
+    weights: [T; 4],
     /// Errors of position and attitude below which a pose counts as reached.
     tolerance: [T; 2],
     /// Control period, s.
@@ -79,7 +79,7 @@ impl<T: Real> TaskKernel<T> {
             leak: [keep, (1.0 - keep) / LEAK].map(number),
             home: rig.home.map(number),
             scaling: rig.layout.scaling().map(|entry| entry.map(number)).collect(),
-            weights: [-weights.pose, -weights.effort, -weights.rate / actions as f64].map(number),
+            weights: [-weights.pose, -weights.effort, -weights.rate / actions as f64, -weights.diverged].map(number),
             tolerance: [options.tolerance.position, options.tolerance.attitude].map(number),
             period: number(period),
             residual: (options.action == ActionKind::Residual).then(|| number(options.residual)),
@@ -242,7 +242,7 @@ impl<T: Real> TaskKernel<T> {
         info[20] = L::select(within, clock, was_astray.mul_add(clock, L::splat(self.period)));
         memory.set_all(rows.astray, &[L::select(within, zero, one), info[20]]);
 
-        let [pose, effort, rate] = self.weights;
+        let [pose, effort, rate, diverged] = self.weights;
         let angle = info[1] * L::c(RADIAN);
         let square = info[0].mul_add(info[0], angle * angle);
         let cost = square.sqrt().mul_add(L::c(1.0 / COARSE), ln_1p(square * L::c(1.0 / (FINE * FINE))));
@@ -250,7 +250,8 @@ impl<T: Real> TaskKernel<T> {
         info[16] = memory.get::<L>(rows.effort) * L::splat(effort);
         info[17] = memory.get::<L>(rows.change) * L::splat(rate);
         info[21] = L::select(sound, zero, one);
-        Judgement { reward: info[15] + info[16] + info[17], info, sound }
+        info[22] = L::select(sound, zero, L::splat(diverged));
+        Judgement { reward: info[15] + info[16] + info[17] + info[22], info, sound }
     }
 
     /// What there is to say of episodes where they stand: measures as they are, no reward, no running means.
@@ -409,10 +410,10 @@ impl<T: Real> TaskKernel<T> {
         let [position, attitude] = self.tolerance;
         let reached = L::and(info[0].lt(L::splat(position)), info[1].lt(L::splat(attitude)));
         info[18] = L::select(reached, L::c(1.0), L::zero());
-        info[24] = L::c(1.0);
+        info[25] = L::c(1.0);
         if let Some(disturbance) = rows.disturbance {
             for k in 0..3 {
-                info[22 + k] = memory.get(disturbance.shown + k);
+                info[23 + k] = memory.get(disturbance.shown + k);
             }
         }
         info

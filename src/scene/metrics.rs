@@ -13,6 +13,8 @@ pub struct RewardTerms {
     pub effort: f64,
     /// Change of the action.
     pub rate: f64,
+    /// Divergence.
+    pub diverged: f64,
 }
 
 /// Measures at a control instant, and their running means over the episode's instants so far (the start excluded).
@@ -66,7 +68,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 25] = [
+    pub const INFO: [&'static str; 26] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -89,6 +91,7 @@ impl Outcome {
         "mean_success",
         "recovery_time",
         "diverged",
+        "reward_diverged",
         "disturbance_force",
         "payload",
         "thruster_gain",
@@ -111,8 +114,9 @@ impl Outcome {
         info[12..15].copy_from_slice(m.current.as_slice());
         info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
         let flag = |yes: bool| f64::from(u8::from(yes));
-        info[18..22].copy_from_slice(&[flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged)]);
-        info[22..].copy_from_slice(&[m.disturbance_force, m.payload, m.thruster_gain]);
+        let last = [flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged), t.diverged];
+        info[18..23].copy_from_slice(&last);
+        info[23..].copy_from_slice(&[m.disturbance_force, m.payload, m.thruster_gain]);
         info
     }
 }
@@ -132,11 +136,11 @@ impl From<&Judgement<f64>> for Outcome {
             success: info[18] != 0.0,
             mean_success: info[19],
             recovery_time: info[20],
-            disturbance_force: info[22],
-            payload: info[23],
-            thruster_gain: info[24],
+            disturbance_force: info[23],
+            payload: info[24],
+            thruster_gain: info[25],
         };
-        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
+        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17], diverged: info[22] };
         let diverged = !judgement.sound;
         Self { reward: judgement.reward, terms, terminated: diverged, diverged, metrics }
     }

@@ -151,11 +151,13 @@ pub struct RewardWeights {
     pub effort: f64,
     /// Of the mean squared change of the action.
     pub rate: f64,
+    /// What divergence costs.
+    pub diverged: f64,
 }
 
 impl Default for RewardWeights {
     fn default() -> Self {
-        Self { pose: 0.1, effort: 0.02, rate: 0.1 }
+        Self { pose: 0.1, effort: 0.02, rate: 0.1, diverged: 0.0 }
     }
 }
 
@@ -208,6 +210,7 @@ impl TaskOptions {
             ("reward.pose", self.reward.pose),
             ("reward.effort", self.reward.effort),
             ("reward.rate", self.reward.rate),
+            ("reward.diverged", self.reward.diverged),
             ("tolerance.position", self.tolerance.position),
             ("tolerance.attitude", self.tolerance.attitude),
         ] {

@@ -182,6 +182,7 @@ mod tests {
             friction: Friction::default(),
             limits: limits.map(|[lower, upper]| JointLimits { lower, upper, stiffness: 100.0, damping: 0.0 }),
             effort: None,
+            actuator: None,
             speed,
             servo: None,
             home,

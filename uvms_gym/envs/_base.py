@@ -9,13 +9,14 @@ from typing import Any, ClassVar, Literal, TypedDict, cast
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import logger, spaces
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._core import Simulator, Task
 from uvms_gym.envs import EPISODE_STEPS
+from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering, check_mode
 
 Scene = str | os.PathLike[str] | dict[str, Any]
 #: Name of a level, or components by name: see `uvms_gym.disturbances`.
@@ -54,6 +55,7 @@ class RewardWeights(TypedDict, total=False):
     pose: float
     effort: float
     rate: float
+    diverged: float
 
 
 class Tolerance(TypedDict, total=False):
@@ -132,11 +134,19 @@ DEFAULTS: dict[str, Options] = {
         "preview": None,
     },
 }
-REWARD: RewardWeights = {"pose": 0.1, "effort": 0.02, "rate": 0.1}
+#: Weights of each task's reward.
+REWARD: dict[str, RewardWeights] = {
+    "station-keep": {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 0.0},
+    "ee-track": {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 100.0},
+}
 TOLERANCE: Tolerance = {"position": 0.05, "attitude": 0.1}
 PREVIEW: Preview = {"points": 3, "spacing": 0.2}
 #: Arguments that are dicts, and the defaults of what these hold.
-_GROUPS: dict[str, Mapping[str, Any]] = {"reward": REWARD, "tolerance": TOLERANCE, "preview": PREVIEW}
+_GROUPS: dict[str, Mapping[str, Any]] = {
+    "reward": REWARD["station-keep"],
+    "tolerance": TOLERANCE,
+    "preview": PREVIEW,
+}
 #: Those that are not the task's own business.
 _PHYSICS = ("integrator", "dtype", "threads")
 #: Greatest count that is handed on.
@@ -171,6 +181,7 @@ def native(
         del given["randomize"]
     elif isinstance(given["randomize"], Mapping):
         given["randomize"] = {name: span for name, span in given["randomize"].items() if span is not None}
+    given["reward"] = {**REWARD[task], **given["reward"]}
     scene, physics = given.pop("scene"), {name: given.pop(name) for name in _PHYSICS}
     del given["privileged"]
     return Task(
@@ -236,7 +247,7 @@ def _check_count(name: str, value: Any, least: int = 1) -> None:
         raise ValueError(f"{name} is {count}, but must be at most {_MOST}")
 
 
-class TaskBase:
+class TaskBase(Rendering):
     """Spaces, state and read access."""
 
     #: Name of the task.
@@ -326,16 +337,16 @@ class TaskBase:
 class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
     """One instance of a task."""
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
 
     def __init__(self, options: Options, render_mode: str | None) -> None:
-        refuse_rendering(render_mode)
+        check_mode(render_mode)
         self.render_mode = render_mode
         self.options = options
         self._native = native({**options, "task": self.task})
         self._privileged = bool(options.get("privileged"))
         self._seeded = False
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._native.control_period}
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
         self.observation_space, self.action_space = self._spaces()
 
     def reset(
@@ -375,9 +386,10 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
             info["privileged"] = self._native.privileged()[0]
         return info
 
-    def render(self) -> None:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
+    def render(self) -> Picture | None:  # type: ignore[override]
+        """Draw (480, 640, 3) uint8; without a render mode warn and return None."""
+        pictures = self._pictures()
+        return None if pictures is None else pictures[0]
 
 
 class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
@@ -392,7 +404,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         render_mode: str | None,
         options: Options,
     ) -> None:
-        refuse_rendering(render_mode)
+        check_mode(render_mode)
         self.render_mode = render_mode
         self.copy = copy
         self.options = options
@@ -406,7 +418,11 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         )
         self._privileged = bool(options.get("privileged"))
         self._seeded = False
-        self.metadata = {"render_modes": [], "render_fps": 1.0 / self._native.control_period, "autoreset_mode": mode}
+        self.metadata = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": 1.0 / self._native.control_period,
+            "autoreset_mode": mode,
+        }
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -478,10 +494,10 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
             infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
         return observations, rewards, terminated, truncated, infos
 
-    def render(self) -> tuple[Any, ...]:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
-        return (None,) * self.num_envs
+    def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
+        """Give a sequence of N pictures, each drawn when first looked at; without a render mode warn, and N times None."""
+        pictures = self._pictures()
+        return (None,) * self.num_envs if pictures is None else pictures
 
     def _infos(
         self, info: NDArray[np.float64], mask: NDArray[np.bool_], truth: NDArray[np.float64] | None = None
@@ -569,14 +585,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return dict(value)
     raise TypeError(f"{type(value).__name__} is none")
-
-
-def refuse_rendering(render_mode: str | None) -> None:
-    """There is no renderer."""
-    if render_mode is not None:
-        raise ValueError(f"render_mode is {render_mode!r}, but must be None: there is nothing to render with")
-
-
-def warn_of_rendering() -> None:
-    """Say what Gymnasium says of an environment without render mode."""
-    logger.warn("You are calling render method without specifying any render mode.")

@@ -72,8 +72,8 @@ class StationKeepEnv(TaskEnv):
 
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), relative thrusts u in [-1, 1] and actions a the reward is
-    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. The three weights are
-    the argument `reward`.
+    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Its weights are the
+    argument `reward`, whose `diverged` may have divergence cost something, too.
 
     ## Disturbances
     Without `disturbance` there is a steady current of up to `max_current`. Otherwise it is the name of a level:
@@ -116,8 +116,8 @@ class StationKeepEnv(TaskEnv):
     `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) and the same of the end
     effector against where target and arm reference would have it; `effort` (mean of |u|^1.5) and `saturation`; their
     root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`,
-    `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`. None but these
-    three depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
+    `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`, `reward_diverged`.
+    None but these depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
     `mean_success` its mean; `recovery_time` is for how long they were not, s: since they last left it, up to now or to
     when they came back (from the episode's start, if they were outside then). `diverged` is 1 where the run has
     diverged, else 0. Over the period that passed, `disturbance_force` is that of pushes, tether and script (N),
@@ -140,14 +140,14 @@ class StationKeepEnv(TaskEnv):
       factors of 0.7 to 1.3 on `mass`, `added_mass`, `linear_drag`, `quadratic_drag` and `thrust`, a number for another
       share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass, which it goes with, so
       that what floats still does) and `payload` (kg). `False` takes away what the disturbance has of it.
-    - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02) and `rate` (0.1).
+    - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02), `rate` (0.1) and `diverged` (0).
     - `tolerance` (None): a dict with any of `position` (0.05 m) and `attitude` (0.1 rad); the reward does not know it.
     - `residual` (0.3): greatest correction of `action="residual"`, over the actuators' limits.
     - `privileged` (False): whether `info["privileged"]` has the true state, current, parameters and target, (m,), for
       asymmetric critics: parts by the names and lengths in `env.unwrapped.privileged_layout`, SI units, world axes but
       for the twist.
     - `threads` (None): most threads; one instance never uses more than one.
-    - `render_mode` (None): there is nothing to render with.
+    - `render_mode` (None): `"rgb_array"`, or through `gymnasium.make` also `"human"`: pictures drawn in Rust.
 
     `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
@@ -232,8 +232,8 @@ class StationKeepVectorEnv(TaskVectorEnv):
         Episodes are truncated after so many steps; None or 0: never.
     copy : bool
         Taken for compatibility: all arrays returned are fresh, and the caller's own.
-    render_mode : None
-        There is nothing to render with.
+    render_mode : str or None
+        `"rgb_array"`: `render()` gives a sequence of N pictures, each drawn when first looked at.
     **options
         As `StationKeepEnv` has them.
 

@@ -67,7 +67,7 @@ impl Final {
 pub struct Beginning {
     /// Observations of all instances, (N, d), whether reset or not.
     pub observations: Vec<f32>,
-    /// Measures of all instances, (25, N): of those that were not reset, at the instant where they stand.
+    /// Measures of all instances, (k, N): of those that were not reset, at the instant where they stand.
     pub info: Vec<f64>,
 }
 
