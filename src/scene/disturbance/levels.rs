@@ -59,7 +59,7 @@ pub const LEVELS: [Level; 13] = [
     },
     Level {
         name: "thruster-loss-hard",
-        description: "One thruster fades to nothing, another one to half.",
+        description: "Two thrusters fade to between 0 and 50 % of their thrust.",
         make: thruster_loss_hard,
     },
     Level {
