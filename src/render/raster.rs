@@ -55,11 +55,11 @@ pub fn byte(x: f32) -> u32 {
 /// A colour of a sample, from 0 to 1.
 pub fn pack(colour: [f32; 3]) -> u32 {
     let [r, g, b] = colour.map(byte);
-    r | g << 8 | b << 16
+    r | (g << 8) | (b << 16)
 }
 
 fn unpack(colour: u32) -> [f32; 3] {
-    [0, 8, 16].map(|shift| (colour >> shift & 255) as f32 * (1.0 / 255.0))
+    [0, 8, 16].map(|shift| ((colour >> shift) & 255) as f32 * (1.0 / 255.0))
 }
 
 impl Canvas {
@@ -86,9 +86,9 @@ impl Canvas {
                 red_blue += sample & 0xFF00FF;
                 green += sample & 0xFF00;
             }
-            pixel[0] = ((red_blue + 2 >> 2) & 255) as u8;
-            pixel[1] = ((green + 0x200 >> 10) & 255) as u8;
-            pixel[2] = ((red_blue + 0x20000 >> 18) & 255) as u8;
+            pixel[0] = (((red_blue + 2) >> 2) & 255) as u8;
+            pixel[1] = (((green + 0x200) >> 10) & 255) as u8;
+            pixel[2] = (((red_blue + 0x20000) >> 18) & 255) as u8;
         }
         out
     }
@@ -102,8 +102,7 @@ impl Canvas {
             return;
         }
         let mut polygon: Vec<Corner> = corners.map(|c| *c).to_vec();
-        let (wide, high) =
-            ((camera.centre[0] + MARGIN) / camera.focal, (camera.centre[1] + MARGIN) / camera.focal);
+        let (wide, high) = ((camera.centre[0] + MARGIN) / camera.focal, (camera.centre[1] + MARGIN) / camera.focal);
         let planes = [
             [0.0, 0.0, 1.0, camera.near],
             [-1.0, 0.0, wide, 0.0],
@@ -157,7 +156,7 @@ impl Canvas {
         // An edge from p to q: at least 0 at a sample that is inside.
         let edge = |p: &Pin, q: &Pin| {
             let (dx, dy) = (q.x - p.x, q.y - p.y);
-            let ours = dy < 0 || dy == 0 && dx > 0;
+            let ours = dy < 0 || (dy == 0 && dx > 0);
             let at = dx * (top * GRID - p.y) - dy * (left * GRID - p.x) - i64::from(!ours);
             Edge { samples: OFFSETS.map(|[x, y]| at + dx * y - dy * x), along: -dy * GRID, down: dx * GRID }
         };

@@ -336,7 +336,11 @@ impl Renderer {
 }
 
 /// How vertices of a frame go to the camera's coordinates; none if they are not finite.
-fn placed(position: &Vector3<f64>, rotation: &Matrix3<f64>, focus: &Vector3<f64>) -> Option<impl Fn(&Vertex) -> Vertex + use<>> {
+fn placed(
+    position: &Vector3<f64>,
+    rotation: &Matrix3<f64>,
+    focus: &Vector3<f64>,
+) -> Option<impl Fn(&Vertex) -> Vertex + use<>> {
     let finite = position.iter().chain(rotation.iter()).all(|x| x.abs() < FAR);
     let (r, p) = (rotation.map(|x| x as f32), single(&(position - focus)));
     finite.then_some(move |v: &Vertex| Vertex { position: r * v.position + p, normal: r * v.normal, paint: v.paint })

@@ -47,7 +47,8 @@ impl Shadow {
 
     /// Blackens what a triangle, either way round, covers.
     fn fill(&mut self, mut p: [[f32; 2]; 3]) {
-        let cross = |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let cross =
+            |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if cross(p[0], p[1], p[2]) < 0.0 {
             p.swap(1, 2);
         }
@@ -60,9 +61,8 @@ impl Shadow {
             for x in left..right {
                 let at = [x as f32 + 0.5, y as f32 + 0.5];
                 // Thin things count too: half a texel more on every side.
-                let near = |a: [f32; 2], b: [f32; 2]| {
-                    cross(a, b, at) >= -0.5 * ((b[0] - a[0]).abs() + (b[1] - a[1]).abs())
-                };
+                let near =
+                    |a: [f32; 2], b: [f32; 2]| cross(a, b, at) >= -0.5 * ((b[0] - a[0]).abs() + (b[1] - a[1]).abs());
                 if near(p[0], p[1]) && near(p[1], p[2]) && near(p[2], p[0]) {
                     self.texels[y * SIDE + x] = 1.0;
                 }

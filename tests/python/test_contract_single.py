@@ -416,7 +416,7 @@ def test_pictures_are_those_of_the_state(task):
     other.reset(seed=0)
     assert same(other.render(), frame)
     for _ in range(10):
-        env.step(np.ones(env.action_space.shape))
+        env.step(np.full(env.action_space.shape, 0.1))
     assert not same(env.render(), frame)
 
 
@@ -474,7 +474,7 @@ def test_videos_are_recorded(task, tmp_path, monkeypatch):
     for name in names:
         monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
     sys.modules[names[-1]].ImageSequenceClip = Clip
-    env = gym.wrappers.RecordVideo(env, str(tmp_path), episode_trigger=lambda episode: episode == 0)
+    env = gym.wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: episode == 0)
     env.reset(seed=0)
     for _ in range(4):
         env.step(idle(env))
