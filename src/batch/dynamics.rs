@@ -1,7 +1,8 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
-use crate::balance::articulated::{Instant, Loads, Scratch, configure, respond};
+use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::balance::implicit::{Ahead, implicit_accelerations};
+use crate::hydro::Surfaces;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -58,6 +59,8 @@ pub struct Dynamics<'a, L: Lane, P> {
     pub wrench: Vector6<L>,
     /// Station, if one is kept.
     pub station: Option<Station<L>>,
+    /// Fins, where there are any.
+    pub surfaces: &'a Surfaces<L>,
     /// Time of the step's start on the clock of the servo targets.
     pub time: L,
     /// Working memory.
@@ -94,6 +97,10 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }
+        if system.has_appendages() {
+            let gravity = gravity + at.to_body(self.acceleration);
+            wrench = wrench + system.appendages(self.surfaces, twist, gravity);
+        }
         Instant { gravity, twist, q, qd, wrench, held_rate, time: self.time + elapsed }
     }
 }
@@ -116,8 +123,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     ) {
         let system = self.system_afresh();
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
-        configure(system, instant.gravity, q, self.scratch);
-        respond(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
+        accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }
 

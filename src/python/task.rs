@@ -10,6 +10,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
+use super::disturbance::set_starts;
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
@@ -24,9 +25,9 @@ const MODES: [(&str, Autoreset); 3] =
 
 pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
 pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
-/// Instances, their last observations, their last measures (22, k), what these did not tell (k, m).
+/// Instances, their last observations, their last measures (k, k), what these did not tell (k, m).
 type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>, Rows<'py, f64>);
-/// Observations, rewards, terminated, truncated, measures (22, N), ends of episodes.
+/// Observations, rewards, terminated, truncated, measures (k, N), ends of episodes.
 type StepResult<'py> =
     (Rows<'py, f32>, Row<'py, f64>, Row<'py, bool>, Row<'py, bool>, Rows<'py, f64>, Option<Finals<'py>>);
 
@@ -141,7 +142,7 @@ impl Task {
     }
 
     /// Starts episodes: of all instances, or of those that `mask` picks. Keywords give what is not to be drawn, (N, .).
-    /// Returns observations (N, d) and measures (22, N).
+    /// Returns observations (N, d) and measures (k, N).
     #[pyo3(signature = (seeds, mask=None, **given))]
     fn reset<'py>(
         &mut self,
@@ -294,6 +295,10 @@ impl Task {
         let mut starts = vec![StartOverride::default(); n];
         for (name, values) in given.iter() {
             let name: String = name.extract()?;
+            if name == "disturbance" {
+                set_starts(&mut starts, &values)?;
+                continue;
+            }
             let Some(width) = start_width(&name, joints) else {
                 return Err(PyValueError::new_err(format!("there is no start of the name '{name}'")));
             };

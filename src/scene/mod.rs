@@ -3,6 +3,9 @@
 //! Everything is per instance and depends on the task, the seed and the number of the episode alone. What happens at every
 //! control instant is written in lanes; episodes are drawn one by one, in f64.
 
+mod authority;
+pub mod disturbance;
+mod disturbed;
 mod episode;
 mod kernel;
 mod layout;

@@ -175,13 +175,15 @@ fn coordinates<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, pha
     (x, slope)
 }
 
-/// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `period` the control period, s.
+/// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the greatest amplitude of turns
+/// out of the horizontal, rad, `period` the control period, s.
 ///
 /// It goes at 50 to 100 % of the greatest speed where it is fastest, and turns by at most [`TURN_SPEED`].
 pub(super) fn draw_path(
     options: &TaskOptions,
     start: &Pose,
     up: &Vector3<f64>,
+    tilt: f64,
     period: f64,
     draw: &Stream,
 ) -> [f64; PATH] {
@@ -200,10 +202,11 @@ pub(super) fn draw_path(
     let other = draw.unit_vector(3);
     let across = along.cross(&other).try_normalize(1e-9).unwrap_or_else(|| along.cross(up));
     // About the vertical, and less out of it.
+    let greatest = tilt.min(TILT * options.reference_turn);
     let turn = |at: u32| {
-        let tilt = draw.unit_vector(at);
-        let tilt = (tilt - up * tilt.dot(up)) * TILT;
-        (up * draw.uniform_in(at + 1, -1.0, 1.0) + tilt) * options.reference_turn
+        let axis = draw.unit_vector(at);
+        (axis - up * axis.dot(up)) * greatest
+            + up * draw.uniform_in(at + 1, -options.reference_turn, options.reference_turn)
     };
     let six = |x: Vector3<f64>, w: Vector3<f64>| Vector6::new(x.x, x.y, x.z, w.x, w.y, w.z);
     let zero = Vector3::zeros();
@@ -266,7 +269,7 @@ mod tests {
 
     fn drawn(reference: PathKind, seed: u64, period: f64) -> [f64; PATH] {
         let stream = Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::Reference);
-        draw_path(&options(reference), &start(), &Vector3::z(), period, &stream)
+        draw_path(&options(reference), &start(), &Vector3::z(), 1.0, period, &stream)
     }
 
     fn at(path: &[f64; PATH], ahead: f64) -> PathPoint<f64> {

@@ -1,7 +1,9 @@
 //! A task on a scene. Station keeping: the vehicle holds a pose while the arm moves and a current pushes.
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::Vector3;
 
+use super::authority::{greatest_tilt, greatest_torques};
+use super::disturbance::{Column, Disturbance, Profile, Site};
 use super::episode::{Episode, EpisodeRows};
 use super::kernel::{Command, TaskKernel};
 use super::layout::Layout;
@@ -9,10 +11,7 @@ use super::metrics::Outcome;
 use super::observation::layout;
 use super::options::{Goal, TaskOptions};
 use super::pose::Pose;
-use super::random::{EpisodeKey, Purpose, Stream};
-use super::reference::METRES_PER_RADIAN;
 use super::stance::Stance;
-use crate::balance::Balance;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, Reading};
 use crate::description::{Joint, JointKind, Scene, VehicleServo};
 use crate::error::{ControlError, TaskError};
@@ -21,11 +20,6 @@ use crate::system::{EndEffector, JOINTS, Joints, State};
 
 /// Control periods after which an episode is usually cut off: 20 s.
 pub const DEFAULT_HORIZON: u32 = 400;
-
-/// Acceleration of a joint for which an action of 1 is enough, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2).
-const ACCELERATION: f64 = 10.0;
-/// Poses at which the arm's weight and inertia are looked at.
-const POSES: u32 = 64;
 
 /// A task on one scene; the same for all instances and episodes.
 ///
@@ -43,6 +37,8 @@ pub struct Task {
     pub(super) scene: Scene,
     /// Orthonormal, world axes: two horizontal ones and the one against gravity (world z without gravity).
     pub(super) level: [Vector3<f64>; 3],
+    /// Greatest amplitude of a path's turns out of the horizontal, rad.
+    pub(super) tilt: f64,
     kernel: TaskKernel<f64>,
 }
 
@@ -56,6 +52,8 @@ pub(super) struct Rig {
     pub joints: usize,
     /// World axis against gravity (world z without gravity).
     pub up: [f64; 3],
+    pub disturbance: Disturbance,
+    pub site: Site,
 }
 
 impl Task {
@@ -92,7 +90,17 @@ impl Task {
         let up = (-scene.water.gravity).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let forward = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
         let forward = (forward - up * up.dot(&forward)).normalize();
-        let torques = if tracks { greatest_torques(scene, &joints, &up)? } else { Vec::new() };
+        let level = [forward, up.cross(&forward), up];
+        let site = Site::new(scene, &allocation, level, options.control_period()).that_tracks(tracks);
+        let disturbance = options.disturbance();
+        if options.disturbance.is_some() || options.randomize.is_some() {
+            disturbance.check(&site)?;
+        }
+        let (torques, tilt) = if tracks {
+            (greatest_torques(scene, &up)?, greatest_tilt(scene, &up, allocation.wrench_limits())?)
+        } else {
+            (Vec::new(), 0.0)
+        };
         let actions = ActionMap::new(options.action, allocation, torques);
         let rig = Rig {
             layout: layout(&options, &joints, actions.len()),
@@ -101,8 +109,11 @@ impl Task {
             home: scene.home(),
             joints: joints.len(),
             up: up.into(),
+            disturbance,
+            site,
         };
         Ok(Self {
+            tilt,
             kernel: TaskKernel::new(&options, &rig),
             rig,
             options,
@@ -110,8 +121,35 @@ impl Task {
             joint_names: scene.joint_names(),
             joints,
             scene: scene.clone(),
-            level: [forward, up.cross(&forward), up],
+            level,
         })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What disturbs episodes.
+    pub fn disturbance(&self) -> &Disturbance {
+        &self.rig.disturbance
+    }
+
+    pub(super) fn site(&self) -> &Site {
+        &self.rig.site
+    }
+
+    /// What disturbances will come to from where the episode stands, one entry per control period, for a vehicle that
+    /// stays at rest in `pose`.
+    pub fn profile(&self, episode: &Episode, pose: &Pose, steps: u32) -> Profile {
+        let (mut numbers, pose) = (episode.numbers().to_vec(), pose.in_lanes());
+        match self.kernel.weather() {
+            Some(weather) => {
+                let thrusters = self.rig.site.thrusters;
+                weather.profile(&mut numbers, episode.key(), episode.step(), steps, &pose, thrusters)
+            }
+            None => Profile::steady(&episode.current(), steps, self.rig.site.thrusters),
+        }
     }
 
     /// The frame whose pose counts: the vehicle's, or that of the end effector that follows a path.
@@ -275,6 +313,10 @@ impl Task {
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
+        if let Some(weather) = self.kernel().weather() {
+            let (key, step) = (episode.key(), episode.step());
+            weather.stir(&mut Column::of_one(&mut episode.numbers), key, step);
+        }
         self.kernel().act(&mut episode.memory(), &entries, None)
     }
 
@@ -295,40 +337,4 @@ impl Task {
         let error = self.kernel().error(&memory, &stance);
         self.kernel().observe(&memory, &stance, &error, row);
     }
-}
-
-/// Torque that an action of 1 stands for at each joint, N m or N: the joint's effort or, where that is less, twice what
-/// holds the arm in any pose, with what friction takes at 1 rad/s and an acceleration of [`ACCELERATION`]. So a light
-/// joint does not fly apart within a control period.
-fn greatest_torques(scene: &Scene, joints: &[Joint], up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
-    let refuse = |reason: String| TaskError::Scene { scene: scene.name.clone(), reason };
-    let balance = Balance::new(scene).map_err(|error| refuse(error.to_string()))?;
-    let draw = Stream::new(EpisodeKey::default(), Purpose::Start);
-    let mut holding = vec![0.0f64; joints.len()];
-    let mut mobility = vec![0.0f64; joints.len()];
-    for pose in 0..POSES {
-        let index = 16 * pose;
-        let tilt = Rotation3::rotation_between(up, &(up + draw.unit_vector(index) * 0.5)).unwrap_or_default();
-        let mut state = State { rotation: tilt.into_inner(), q: scene.home(), ..State::default() };
-        for (k, joint) in joints.iter().enumerate() {
-            let [lower, upper] = joint.limits.as_ref().map_or([-1.0, 1.0], |limits| [limits.lower, limits.upper]);
-            state.q[k] = draw.uniform_in(index + 1 + k as u32, lower, upper);
-        }
-        let effort = balance.trim(&state, Vector3::zeros()).map_err(|error| refuse(error.to_string()))?;
-        let inverse = balance.at(&state, Vector3::zeros()).mass_matrix().clone().cholesky().map(|m| m.inverse());
-        for k in 0..joints.len() {
-            holding[k] = holding[k].max(effort.joint_torques[k].abs());
-            mobility[k] = mobility[k].max(inverse.as_ref().map_or(0.0, |m| m[(6 + k, 6 + k)]));
-        }
-    }
-    let torque = |(k, joint): (usize, &Joint)| {
-        let unit = match joint.kind {
-            JointKind::Revolute => 1.0,
-            JointKind::Prismatic => METRES_PER_RADIAN,
-        };
-        let friction = joint.friction.viscous * unit + joint.friction.coulomb;
-        let enough = 2.0 * holding[k] + friction + ACCELERATION * unit / mobility[k];
-        joint.effort.map_or(enough, |effort| effort.min(enough))
-    };
-    Ok(joints.iter().enumerate().map(torque).collect())
 }
