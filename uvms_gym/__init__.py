@@ -4,6 +4,7 @@ Importing it registers the environments with Gymnasium.
 """
 
 from uvms_gym._core import (
+    Renderer,
     SceneError,
     Simulator,
     StepWarning,
@@ -17,6 +18,7 @@ from uvms_gym._core import (
     scenes,
 )
 from uvms_gym.controllers import MLP, PD, PID, ResolvedMotion
+from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
 from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
@@ -25,12 +27,14 @@ __all__ = [
     "MLP",
     "PD",
     "PID",
+    "Renderer",
     "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",
     "StepWarning",
     "__version__",
+    "disturbances",
     "dump_scene",
     "estimate",
     "import_urdf",

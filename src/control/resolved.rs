@@ -28,7 +28,7 @@ pub struct ResolvedGains {
 
 impl Default for ResolvedGains {
     fn default() -> Self {
-        Self { error: 1.5, vehicle: 5.0, joint: 8.0, home: 0.5, level: 0.5, arm: 2.0 }
+        Self { error: 2.5, vehicle: 6.0, joint: 10.0, home: 0.5, level: 0.5, arm: 2.0 }
     }
 }
 

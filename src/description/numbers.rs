@@ -105,6 +105,19 @@ pub mod array {
     }
 }
 
+/// The same, or nothing.
+pub mod optional_array {
+    use super::*;
+
+    pub fn serialize<S: Serializer, const N: usize>(a: &Option<[f64; N]>, s: S) -> Result<S::Ok, S::Error> {
+        a.as_ref().map(|a| a.as_slice()).serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<[f64; N]>, D::Error> {
+        array::deserialize(d).map(Some)
+    }
+}
+
 /// Three numbers, as a vector.
 pub mod vector3 {
     use nalgebra::Vector3;

@@ -9,12 +9,13 @@ use super::{Fault, Scene, check, path};
 use crate::error::{DescriptionError, Problem};
 
 /// Scenes that come with the package.
-const SHIPPED: [(&str, &str); 5] = [
+const SHIPPED: [(&str, &str); 6] = [
     ("petasus-pum", include_str!("../../uvms_gym/scenes/petasus-pum.toml")),
     ("bluerov2-heavy-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5.toml")),
     ("bluerov2-heavy", include_str!("../../uvms_gym/scenes/bluerov2-heavy.toml")),
     ("free-body", include_str!("../../uvms_gym/scenes/free-body.toml")),
     ("rexrov", include_str!("../../uvms_gym/scenes/rexrov.toml")),
+    ("remus-100", include_str!("../../uvms_gym/scenes/remus-100.toml")),
 ];
 
 impl Scene {

@@ -1,6 +1,7 @@
 //! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
 
 mod arrays;
+mod disturbance;
 mod errors;
 mod inputs;
 mod integrators;
@@ -23,6 +24,8 @@ use pyo3::prelude::*;
 /// The native part of `uvms_gym`.
 #[pymodule(name = "_core")]
 mod core {
+    #[pymodule_export]
+    use super::disturbance::{disturbances, read_disturbance};
     #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
     #[pymodule_export]

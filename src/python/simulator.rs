@@ -209,6 +209,25 @@ impl Simulator {
         self.inner.scene().thruster_names()
     }
 
+    /// int: number of fins k.
+    #[getter]
+    fn num_fins(&self) -> usize {
+        self.inner.scene().vehicle.fins.len()
+    }
+
+    /// list of str: names of the fins.
+    #[getter]
+    fn fin_names(&self) -> Vec<String> {
+        self.inner.scene().fin_names()
+    }
+
+    /// numpy.ndarray (k, 2): least and greatest deflection, rad.
+    #[getter]
+    fn fin_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let fins = &self.inner.scene().vehicle.fins;
+        array(py, &[fins.len(), 2], fins.iter().flat_map(|fin| fin.range()).collect())
+    }
+
     /// numpy.ndarray (m, 2): least and greatest thrust, N.
     #[getter]
     fn thruster_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {

@@ -13,6 +13,8 @@ pub struct RewardTerms {
     pub effort: f64,
     /// Change of the action.
     pub rate: f64,
+    /// Divergence.
+    pub diverged: f64,
 }
 
 /// Measures at a control instant, and their running means over the episode's instants so far (the start excluded).
@@ -41,6 +43,12 @@ pub struct Metrics {
     /// For how long they have not been, s: since they last left their tolerances, up to now or to when they came back.
     /// What an episode needs from its start counts too.
     pub recovery_time: f64,
+    /// Force of other disturbances than the water, N.
+    pub disturbance_force: f64,
+    /// Payload, kg.
+    pub payload: f64,
+    /// What is left of the thrust of the weakest thruster.
+    pub thruster_gain: f64,
 }
 
 /// What a control period brought.
@@ -60,7 +68,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 22] = [
+    pub const INFO: [&'static str; 26] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -83,6 +91,10 @@ impl Outcome {
         "mean_success",
         "recovery_time",
         "diverged",
+        "reward_diverged",
+        "disturbance_force",
+        "payload",
+        "thruster_gain",
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
@@ -102,7 +114,9 @@ impl Outcome {
         info[12..15].copy_from_slice(m.current.as_slice());
         info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
         let flag = |yes: bool| f64::from(u8::from(yes));
-        info[18..].copy_from_slice(&[flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged)]);
+        let last = [flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged), t.diverged];
+        info[18..23].copy_from_slice(&last);
+        info[23..].copy_from_slice(&[m.disturbance_force, m.payload, m.thruster_gain]);
         info
     }
 }
@@ -122,8 +136,11 @@ impl From<&Judgement<f64>> for Outcome {
             success: info[18] != 0.0,
             mean_success: info[19],
             recovery_time: info[20],
+            disturbance_force: info[23],
+            payload: info[24],
+            thruster_gain: info[25],
         };
-        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
+        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17], diverged: info[22] };
         let diverged = !judgement.sound;
         Self { reward: judgement.reward, terms, terminated: diverged, diverged, metrics }
     }

@@ -168,7 +168,8 @@ proptest! {
         let outcome = task.advance(&mut episode, &state);
         prop_assert!(outcome.reward.is_finite() && outcome.info().iter().all(|x| x.is_finite()), "{outcome:?}");
         // The arm reaches less than a metre.
-        prop_assert!(outcome.diverged || state.position.norm() <= if goal == Goal::Track { 11.0 } else { 10.0 });
+        let bound = if goal == Goal::Track { 11.0 } else { 10.0 };
+        prop_assert!(outcome.diverged || state.position.norm() <= bound);
         let mut row = vec![f32::NAN; task.observation_len()];
         task.observe(&episode, &state, &mut row);
         for (x, bound) in row.iter().zip(task.layout().bound()) {

@@ -167,6 +167,7 @@ fn taken_over(joint: &file::Joint, frame: Frame) -> Joint {
         effort: joint.effort,
         speed: joint.speed,
         servo: None,
+        actuator: None,
         home,
     }
 }

@@ -20,9 +20,9 @@ class ResolvedMotion(Controller):
     env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
         A `UVMS-EETrack` environment; wrappers do not matter, but those that change observations or actions do.
     error : float or None
-        Of the pose error on the commanded twist, 1/s (1.5).
+        Of the pose error on the commanded twist, 1/s (2.5).
     vehicle, joint : float or None
-        Of the errors of the vehicle's twist and of the joints' rates on their accelerations, 1/s (5 and 8).
+        Of the errors of the vehicle's twist and of the joints' rates on their accelerations, 1/s (6 and 10).
     home, level : float or None
         Of the joints' distance from home and of the vehicle's tilt on their rates, 1/s (0.5 and 0.5).
     arm : float or None

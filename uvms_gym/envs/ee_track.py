@@ -7,8 +7,10 @@ from gymnasium.vector import AutoresetMode
 from uvms_gym.envs import EPISODE_STEPS
 from uvms_gym.envs._base import (
     INFO,
+    Disturbance,
     Options,
     Preview,
+    Randomize,
     RewardWeights,
     Scene,
     TaskEnv,
@@ -42,7 +44,17 @@ class EETrackEnv(TaskEnv):
 
     | Num | Action | -1   | +1  | Unit |
     | --- | ------ | ---- | --- | ---- |
-    @ACTIONS@
+    | 0 | surge | -200 | 200 | N |
+    | 1 | sway | -200 | 200 | N |
+    | 2 | heave | -200 | 200 | N |
+    | 3 | roll | -60 | 60 | N m |
+    | 4 | pitch | -60 | 60 | N m |
+    | 5 | yaw | -60 | 60 | N m |
+    | 6 | yaw | -10.93 | 10.93 | N m |
+    | 7 | upper-arm | -13.41 | 13.41 | N m |
+    | 8 | forearm | -3.203 | 3.203 | N m |
+    | 9 | wrist | -0.5109 | 0.5109 | N m |
+    | 10 | gripper | -0.0329 | 0.0329 | N m |
 
     With `action="thrusters"` (a = m + n) each of the first entries is a thruster's thrust over its limit on that side,
     in the order of the scene. With `action="residual"` (a = 6 + n) it is a correction to the action of
@@ -56,15 +68,25 @@ class EETrackEnv(TaskEnv):
 
     | Num | Observation | Scale | Bound | Unit |
     | --- | ----------- | ----- | ----- | ---- |
-    @OBSERVATIONS@
+    | 0-2 | `position_error`: R_e^T (r_e - r_d), end-effector axes | 0.1 | 100 | m |
+    | 3-5 | `attitude_error`: rotation vector log(R_d^T R_e), end-effector axes | 0.1 | 31.42 | rad |
+    | 6-8 | `linear_velocity`: absolute velocity of the vehicle origin, body axes | 0.2 | 50 | m/s |
+    | 9-11 | `angular_velocity`: absolute angular velocity, body axes | 0.2 | 100 | rad/s |
+    | 12-14 | `up`: direction against gravity, body axes | 1 | 1.001 | 1 |
+    | 15-19 | `joint_position`: joint coordinates relative to home | 0.5 | 20 to 24.8 | rad or m |
+    | 20-24 | `joint_rate`: joint rates | 0.5 | 40 | rad/s or m/s |
+    | 25-30 | `reference_twist`: velocity and angular velocity of the reference, end-effector axes | 0.2 | 50 to 100 | m/s and rad/s |
+    | 31-48 | `preview`: both errors against each point of the reference ahead | 0.1 | 31.42 to 101.2 | m and rad |
+    | 49-59 | `previous_action`: the last action, as clipped | 1 | 1 | 1 |
+    | 60-65 | `error_integral`: leaky integral of both errors, I' = e - 0.1 I | 0.2 | 157.1 to 500 | m s and rad s |
 
     `env.unwrapped.layout` has the same as data, for any scene.
 
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2) of the end effector, relative thrusts and torques u in
     [-1, 1] and actions a the reward is
-    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. The three weights are
-    the argument `reward`.
+    `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`, less 100 where the run
+    diverges: as much as 100 steps a metre away, so that nobody flees. The four weights are the argument `reward`.
 
     ## Starting State
     Vehicle at rest up to 0.05 m and 0.05 rad from where it has the end effector on the reference (world origin, level,
@@ -79,10 +101,11 @@ class EETrackEnv(TaskEnv):
     `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) of the end effector (and
     the same as `end_effector_...`); `effort` (mean of |u|^1.5) and `saturation` over thrusters and joints; their root
     mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`, `current_z`
-    (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`. None but these three depends on
-    the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and `mean_success` its mean;
+    (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`, `reward_diverged`. None but these
+    depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and `mean_success` its mean;
     `recovery_time` is for how long they were not, s: since they last left it, up to now or to when they came back (from
     the episode's start, if they were outside then). `diverged` is 1 where the run has diverged, else 0.
+    `disturbance_force`, `payload` and `thruster_gain` tell of the disturbance, as in `StationKeepEnv`.
 
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
@@ -95,15 +118,17 @@ class EETrackEnv(TaskEnv):
       third of it.
     - `preview` (None): a dict with any of `points` (3), the number of points of the reference seen ahead, up to 8, and
       `spacing` (0.2 s), the time between them.
+    - `disturbance` (None), `randomize` (None): as `StationKeepEnv` has them; noise and delay of the pose error are
+      those of the end effector, what is seen ahead is off by as much, and `arm` has no effect.
     - `dt` (0.01), `substeps` (5), `integrator` (`"mk4"`), `dtype` (`"float64"`), `max_current` (0.3), `start_distance`
       (0.05), `start_angle` (0.05), `target_distance` (0), `target_turn` (0), `reward` (None: `pose` 0.1, `effort` 0.02,
-      `rate` 0.1), `tolerance` (None: `position` 0.05, `attitude` 0.1), `residual` (0.3), `privileged` (False),
+      `rate` 0.1, `diverged` 100), `tolerance` (None: `position` 0.05, `attitude` 0.1), `residual` (0.3), `privileged` (False),
       `threads` (None), `render_mode` (None): as `StationKeepEnv` has them; the target is where the vehicle would be at
       the start.
 
     `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude` (of the vehicle, where
-    the reference starts), and `current` (3, world, the scene's own included). SI units.
+    the reference starts), `current` (3, world, the scene's own included), and `disturbance`. SI units.
 
     ```python
     >>> import gymnasium, uvms_gym
@@ -138,6 +163,8 @@ class EETrackEnv(TaskEnv):
         start_angle: float = 0.05,
         target_distance: float = 0.0,
         target_turn: float = 0.0,
+        disturbance: Disturbance | None = None,
+        randomize: Randomize | None = None,
         reward: RewardWeights | None = None,
         tolerance: Tolerance | None = None,
         residual: float = 0.3,
@@ -162,6 +189,8 @@ class EETrackEnv(TaskEnv):
             "start_angle": start_angle,
             "target_distance": target_distance,
             "target_turn": target_turn,
+            "disturbance": disturbance,
+            "randomize": randomize,
             "reward": reward,
             "tolerance": tolerance,
             "residual": residual,
