@@ -26,7 +26,6 @@ __all__ = [
     "import_urdf",
     "integrators",
     "load_scene",
-    "read_disturbance",
     "scene_doubts",
     "scene_template",
     "scenes",
@@ -72,9 +71,6 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 
 def disturbances() -> list[tuple[str, str, str]]:
     """Levels of disturbances: name, a sentence for people, and the components as JSON."""
-
-def read_disturbance(json: str) -> str:
-    """A disturbance, checked and with its defaults filled in, as JSON."""
 
 def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
     """A scene as TOML text, which reads back as an equal scene."""

@@ -16,17 +16,6 @@ pub fn disturbances() -> Vec<(&'static str, &'static str, String)> {
     LEVELS.iter().map(|level| (level.name, level.description, level.disturbance().to_json())).collect()
 }
 
-/// A disturbance, checked and with its defaults filled in, as JSON.
-///
-/// Raises
-/// ------
-/// ValueError
-///     It is the name of no level, or it has keys or values that there are not.
-#[pyfunction]
-pub fn read_disturbance(json: &str) -> PyResult<String> {
-    Ok(Disturbance::from_json(json)?.to_json())
-}
-
 /// Most control periods that are looked ahead.
 const FARTHEST: u32 = 1_000_000;
 

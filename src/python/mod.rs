@@ -25,7 +25,7 @@ use pyo3::prelude::*;
 #[pymodule(name = "_core")]
 mod core {
     #[pymodule_export]
-    use super::disturbance::{disturbances, read_disturbance};
+    use super::disturbance::disturbances;
     #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
     #[pymodule_export]

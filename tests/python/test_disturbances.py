@@ -59,6 +59,7 @@ def test_an_instance_is_the_same_in_any_company(disturbance, dtype):
 
 @pytest.mark.parametrize("disturbance", ["storm-hard", {"delay": 0.1}, {"noise": {"bias": 1}}])
 @pytest.mark.parametrize("mode", ["next_step", "same_step"])
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 def test_trackers_are_disturbed_alike(disturbance, mode):
     make = {"scene": ARM, "disturbance": disturbance}
     envs = EETrackVectorEnv(3, max_episode_steps=25, autoreset_mode=mode.title().replace("_", ""), **make)

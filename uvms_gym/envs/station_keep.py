@@ -137,9 +137,10 @@ class StationKeepEnv(TaskEnv):
     - `arm_amplitude` (0.4): greatest swing of the arm's reference about home, rad (0.25 m per rad if prismatic).
     - `disturbance` (None): see above.
     - `randomize` (None): parameters that differ from the scene's in every episode, for all bodies alike: `True` for
-      factors of 0.7 to 1.3 on `mass`, `added_mass`, `linear_drag`, `quadratic_drag` and `thrust`, a number for another
-      share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass, which it goes with, so
-      that what floats still does) and `payload` (kg). `False` takes away what the disturbance has of it.
+      factors of 0.7 to 1.3 on `mass`, `added_mass`, `linear_drag`, `quadratic_drag`, `thrust` and `thruster_lag`, a
+      number for another share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass,
+      which it goes with, so that what floats still does) and `payload` (kg). `False` takes away what the disturbance
+      has of it.
     - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02), `rate` (0.1) and `diverged` (0).
     - `tolerance` (None): a dict with any of `position` (0.05 m) and `attitude` (0.1 rad); the reward does not know it.
     - `residual` (0.3): greatest correction of `action="residual"`, over the actuators' limits.

@@ -22,7 +22,7 @@ pub struct Parameters {
 /// What `true` stands for: factors from 0.7 to 1.3.
 const USUAL: f64 = 0.3;
 /// What a single share is for.
-const SHARED: [&str; 5] = ["mass", "added_mass", "linear_drag", "quadratic_drag", "thrust"];
+const SHARED: [&str; 6] = ["mass", "added_mass", "linear_drag", "quadratic_drag", "thrust", "thruster_lag"];
 const PAYLOAD: &str = "payload";
 const VOLUME: &str = "volume";
 const MASS: &str = "mass";
@@ -96,7 +96,11 @@ impl Parameters {
 
     pub(super) fn check(&self) -> Result<(), TaskError> {
         for (name, range) in Factors::<f64>::NAMES.into_iter().zip(self.ranges) {
-            let (least, most) = if name == PAYLOAD { (0.0, 1e6) } else { (if name == MASS { 0.1 } else { 0.0 }, 10.0) };
+            let (least, most) = match name {
+                PAYLOAD => (0.0, 1e6),
+                MASS => (0.1, 10.0),
+                _ => (0.0, 10.0),
+            };
             if let Some(range) = range {
                 check(&format!("parameters.{name}"), range.low, least, most)?;
                 range.check(&format!("parameters.{name}"), least, most)?;

@@ -390,7 +390,7 @@ fn parameters_keep_what_floats_afloat() {
     seen.sort_by(f64::total_cmp);
     assert!(seen[0] < 0.72 && seen[199] > 1.28 && (seen[100] - 1.0).abs() < 0.1);
     let all = read(json!({ "parameters": true })).factors(key(1)).to_array();
-    assert!(all.iter().filter(|x| **x != 1.0 && **x != 0.0).count() == 6, "{all:?}");
+    assert!(all.iter().filter(|x| **x != 1.0 && **x != 0.0).count() == 7, "{all:?}");
     let none: Parameters = serde_json::from_value(json!(false)).unwrap();
     assert_eq!(none.any(), None);
     let wrong = refusal(json!({ "parameters": { "mas": 0.1 } }));
