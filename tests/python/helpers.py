@@ -173,9 +173,9 @@ def small(task: str) -> str:
 
 
 def scenes_for(task: str) -> list[str]:
-    """Shipped scenes that the task takes: those with thrusters, and with joints where an end effector is moved."""
+    """Shipped scenes that the task takes: those with thrusters for all six axes, and with joints where an end effector is moved."""
     counts = {name: Simulator(name) for name in uvms_gym.scenes()}
-    return [name for name, s in counts.items() if s.num_thrusters and (s.num_joints or "EETrack" not in task)]
+    return [name for name, s in counts.items() if s.num_thrusters >= 6 and (s.num_joints or "EETrack" not in task)]
 
 
 def choices(task: str, argument: str) -> list[str]:
