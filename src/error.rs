@@ -29,6 +29,18 @@ pub enum DescriptionError {
         /// The parser's message, with line and column.
         message: String,
     },
+    /// An element of a URDF file that is wrong, or that no scene can have.
+    #[error("{source_name}: line {line}: {element}: {problem}")]
+    Urdf {
+        /// File.
+        source_name: String,
+        /// Of the element.
+        line: u32,
+        /// Path of the element, such as `joint "elbow" <limit>`.
+        element: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// One key has a value that cannot be.
     #[error("{source_name}: {key}: {problem}")]
     Value {
@@ -438,6 +450,9 @@ pub enum ControlError {
     /// More than the arrays hold.
     #[error("{count} thrusters: at most {greatest} are supported")]
     TooManyThrusters { count: usize, greatest: usize },
+    /// A scene that no model can be made of.
+    #[error("{0}")]
+    Model(String),
     /// A gain that is no number, or that would drive the vehicle away.
     #[error("gain {name}[{index}] = {value}: must be finite and not negative")]
     Gain { name: &'static str, index: usize, value: f64 },
@@ -472,6 +487,9 @@ pub enum TaskError {
     /// A start override that is no start.
     #[error("start {name} = {value}: must be {allowed}")]
     Start { name: &'static str, value: f64, allowed: String },
+    /// A disturbance that is none: where, and why.
+    #[error("{key}: {reason}")]
+    Disturbance { key: String, reason: String },
     /// An action that is no number; out of range is clipped instead.
     #[error("action {index} of instance {instance} is {value}: must be finite")]
     Action { instance: usize, index: usize, value: f32 },

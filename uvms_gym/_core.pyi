@@ -12,14 +12,23 @@ __all__ = [
     "Pd",
     "Pid",
     "Policy",
+    "Renderer",
+    "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",
     "StepWarning",
     "Task",
     "__version__",
+    "disturbances",
+    "dump_scene",
+    "estimate",
+    "import_urdf",
     "integrators",
     "load_scene",
+    "read_disturbance",
+    "scene_doubts",
+    "scene_template",
     "scenes",
 ]
 
@@ -60,6 +69,46 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 
     Raises SceneError, whose message names file, key and value.
     """
+
+def disturbances() -> list[tuple[str, str, str]]:
+    """Levels of disturbances: name, a sentence for people, and the components as JSON."""
+
+def read_disturbance(json: str) -> str:
+    """A disturbance, checked and with its defaults filled in, as JSON."""
+
+def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
+    """A scene as TOML text, which reads back as an equal scene."""
+
+def scene_doubts(scene: str | PathLike[str] | dict[str, Any]) -> list[str]:
+    """What is possible in a scene, but hardly meant: one line each, with key and numbers."""
+
+def scene_template() -> str:
+    """TOML text of a scene with every key that there is, its unit and default in comments."""
+
+@type_check_only
+class _Estimate(TypedDict):
+    body: dict[str, Any]
+    formulas: dict[str, str]
+    toml: str
+
+def estimate(outline: str | PathLike[str] | dict[str, Any], *, table: str = "vehicle.body") -> _Estimate:
+    """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.
+
+    `outline`: {"density", "speed": [m/s, rad/s], "shapes": [...]}, or path of a TOML file of that form. Each shape has
+    one of box, cylinder, capsule, ellipsoid, and may have name, position, rpy, ends ("free", "joined"), perforation,
+    solidity, displaced, mass, relative_density. SceneError names file, key and value.
+    """
+
+def import_urdf(
+    path: str | PathLike[str],
+    *,
+    vehicle: str | PathLike[str] | dict[str, Any],
+    position: ArrayLike | None = None,
+    rpy: ArrayLike | None = None,
+    base: str | None = None,
+    tip: str | None = None,
+) -> tuple[dict[str, Any], list[str]]:
+    """A vehicle with the arm of a URDF file, and what should be known about it; see `uvms_gym.import_urdf`."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
@@ -333,6 +382,71 @@ class Simulator:
     def __getstate__(self) -> NDArray[np.float64]: ...
     def __setstate__(self, state: ArrayLike, /) -> None: ...
 
+@final
+class Renderer:
+    """Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
+
+    `vehicle.shape` of the scene says what the vehicle looks like. Camera at `azimuth` about the vertical from x and
+    `elevation`, rad, and at `distance`, m; `floor` is the height of the floor, m.
+    """
+
+    def __new__(
+        cls,
+        scene: str | PathLike[str] | dict[str, Any],
+        *,
+        width: int = 640,
+        height: int = 480,
+        azimuth: float = -0.95,
+        elevation: float = 0.32,
+        distance: float | None = None,
+        floor: float | None = None,
+    ) -> Renderer: ...
+    @property
+    def width(self) -> int:
+        """Pixels along."""
+    @property
+    def height(self) -> int:
+        """Pixels down."""
+    @property
+    def distance(self) -> float:
+        """Distance of the camera, m."""
+    @property
+    def floor(self) -> float:
+        """Height of the floor, m."""
+    @property
+    def cell(self) -> float:
+        """Width of the cells of the floor's grid, m."""
+    def draw(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        q: ArrayLike | None = None,
+        *,
+        thrust: ArrayLike | None = None,
+        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        path: ArrayLike | None = None,
+        point: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        trail: ArrayLike | None = None,
+        current: ArrayLike | None = None,
+        payload: float = 0.0,
+        time: float = 0.0,
+    ) -> NDArray[np.uint8]:
+        """(height, width, 3) picture of the vehicle at position (3,) and rotation (3, 3) with joints at q (n,).
+
+        thrust (m,) N; target and point: poses (4, 4) or (position, rotation) of vehicle and end effector; path and
+        trail (k, 3) of the end effector; current (3,) m/s; payload kg; time s. World frame.
+        """
+    def project(
+        self,
+        points: ArrayLike,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        *,
+        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+    ) -> NDArray[np.float64]:
+        """(k, 3) pixels from left and top, and distance ahead, of points (k, 3) in the picture with that pose and target."""
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
+
 @type_check_only
 class _Block(TypedDict):
     name: str
@@ -342,7 +456,7 @@ class _Block(TypedDict):
     unit: str
     description: str
 
-_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
+_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
 
 @final
 class Task:
@@ -394,10 +508,17 @@ class Task:
     def action_layout(self) -> list[tuple[str, list[float], str]]:
         """Entries of an action, each with name, what -1 and +1 ask for, and unit."""
 
+    def privileged(self) -> NDArray[np.float64]:
+        """What observations do not tell: true state, flow, parameters and target, (N, m)."""
+
+    @property
+    def privileged_layout(self) -> list[tuple[str, int]]:
+        """Names and lengths of the parts of a row of `privileged`."""
+
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (18, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (k, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -414,8 +535,8 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (18, N), and of episodes that ended and were
-        replaced the instances, last observations and last measures.
+        Gives observations, rewards, terminated, truncated, measures (k, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (k, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -427,10 +548,19 @@ class Task:
     def episodes(self) -> dict[str, NDArray[Any]]:
         """What the episodes drew, and how far they are.
 
-        seed, episode and step (N,), target_position (N, 3), target_rotation (N, 3, 3), current (N, 3),
-        joint_reference and joint_reference_rate (N, n).
+        seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
+        (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
 
+    def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
+        """What disturbances will come to in the next `steps` control periods of instance `i`.
+
+        For a vehicle that stays where it is: time (T,), current and acceleration (T, 3), wrench (T, 6), gains
+        (T, thrusters) and payload (T,).
+        """
+
+    def paths(self, count: int) -> NDArray[np.float64]:
+        """(N, count, 3) places all along the paths of the end effectors; count is 0 for tasks without."""
     def rest(self) -> Policy:
         """No control: every action is 0."""
 
@@ -439,6 +569,18 @@ class Task:
 
     def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
         """The PD with an integral; its gains follow from the others where they are not given."""
+
+    def resolved_motion(
+        self,
+        *,
+        error: float | None = None,
+        vehicle: float | None = None,
+        joint: float | None = None,
+        home: float | None = None,
+        level: float | None = None,
+        arm: float | None = None,
+    ) -> ResolvedMotion:
+        """Resolved motion with these gains; the usual ones where they are not given."""
 
     def rollout(self, policy: Policy, trace: list[int] = ...) -> Rollout:
         """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
@@ -475,17 +617,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (18, N)."""
+        """Sums of the measures, (k, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (18, N)."""
+        """Sums of their squares, (k, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 18).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, k).
         """
 
     def count_anew(self) -> None:
@@ -531,6 +673,14 @@ class Pid(Policy):
     @property
     def ki(self) -> list[float]:
         """Integral gains, N/(m s) and N m/(rad s)."""
+
+@final
+class ResolvedMotion(Policy):
+    """Resolved motion and inverse dynamics, for an end effector that follows a path."""
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """Gains by name, 1/s but for `arm`."""
 
 @final
 class Mlp(Policy):

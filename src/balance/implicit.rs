@@ -67,9 +67,11 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let Ahead { h, station } = ahead;
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
-    place(joints, gravity, q, links);
-    let mut moving = twist;
+    place(joints, q, links);
+    let (mut pull, mut moving) = (gravity, twist);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        pull = link.rotate_back(joint, pull);
+        link.gravity = pull;
         moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
         link.twist = moving;
         link.across = velocity_product(joint.slides(), moving, qd[i]);

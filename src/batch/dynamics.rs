@@ -1,6 +1,6 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
-use crate::balance::articulated::{Instant, Loads, Scratch, configure, respond};
+use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::balance::implicit::{Ahead, implicit_accelerations};
 use crate::hydro::Surfaces;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
@@ -123,8 +123,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     ) {
         let system = self.system_afresh();
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
-        configure(system, instant.gravity, q, self.scratch);
-        respond(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
+        accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }
 

@@ -421,6 +421,11 @@ impl Simulator {
         Ok(())
     }
 
+    /// Sets those of instance `i`, which are sound.
+    pub(super) fn set_factors_of(&mut self, i: usize, factors: &Factors<f64>) {
+        self.storage.set_factors(i, factors);
+    }
+
     /// The composed scene with the parameters of instance `i`.
     pub fn balance_of(&self, i: usize) -> Cow<'_, Balance> {
         let factors = self.factors(i);

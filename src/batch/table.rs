@@ -8,7 +8,7 @@ use crate::hydro::{FINS, THRUSTERS, Thrusts};
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
+use crate::system::{FACTORS, Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
 
 /// What is applied to one instance until it is changed.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,6 +123,12 @@ impl Table {
         }
     }
 
+    /// Sets the velocities of a state that is the same but for them.
+    pub fn set_velocities<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
+        self.set_all(rows, i, self.layout.twist, state.twist.iter().copied());
+        self.set_all(rows, i, self.layout.qd, state.qd[..self.layout.joints].iter().copied());
+    }
+
     /// `h |rate|` of the fastest rate that the motion excites, and the share of its speed that its last steps got wrong.
     pub fn watched<T: Real>(&self, rows: &[T], i: usize, h: f64) -> Watched {
         let [places, speeds, changes, slip @ ..]: [f64; 6] = self.get_all(rows, i, self.layout.contrast);
@@ -154,6 +160,19 @@ impl Table {
     /// Factors on the parameters.
     pub fn factors<T: Real>(&self, rows: &[T], i: usize) -> Factors<f64> {
         Factors::from_array(self.get_all(rows, i, self.layout.factors))
+    }
+
+    /// Whether any instance has factors that are not all 1, and whether any has a payload.
+    pub fn varied<T: Real>(&self, rows: &[T]) -> [bool; 2] {
+        let whole = Factors::ONE.to_array().map(T::from_f64);
+        let mut differs = [false; FACTORS];
+        for block in rows.chunks_exact(self.layout.rows * T::BLOCK) {
+            let factors = block[self.layout.factors * T::BLOCK..].chunks_exact(T::BLOCK);
+            for ((differs, row), one) in differs.iter_mut().zip(factors).zip(whole) {
+                *differs |= row.iter().fold(false, |any, x| any | (*x != one));
+            }
+        }
+        [differs.contains(&true), Factors::from_array(differs).payload]
     }
 
     /// Sets the factors on the parameters.

@@ -1,4 +1,4 @@
-//! What an action in [-1, 1] means to the thrusters.
+//! What an action in [-1, 1] means to thrusters and joints.
 
 use nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
@@ -14,6 +14,8 @@ pub enum ActionKind {
     Wrench,
     /// Each thrust over the thruster's limit on that side: m entries.
     Thrusters,
+    /// As a wrench, but a correction to what a classical controller does.
+    Residual,
 }
 
 impl ActionKind {
@@ -22,6 +24,7 @@ impl ActionKind {
         match self {
             ActionKind::Wrench => "wrench",
             ActionKind::Thrusters => "thrusters",
+            ActionKind::Residual => "residual",
         }
     }
 }
@@ -29,7 +32,7 @@ impl ActionKind {
 /// Physical meaning of one entry of an action.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActionRange {
-    /// Axis of the wrench or name of the thruster.
+    /// Axis of the wrench, name of the thruster or of the joint.
     pub name: String,
     /// What -1 and +1 ask for; 0 asks for 0, and each side is linear.
     pub limits: [f64; 2],
@@ -37,17 +40,19 @@ pub struct ActionRange {
     pub unit: &'static str,
 }
 
-/// The map between actions and thrusts of one vehicle, in both directions.
+/// The map between actions and thrusts of one vehicle, and torques of its joints, in both directions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActionMap {
     kind: ActionKind,
     allocation: Allocation,
+    /// Torque of 1, per joint that is acted on; they come after the vehicle's entries.
+    torques: Vec<f64>,
 }
 
 impl ActionMap {
-    /// Actions of this kind for this vehicle.
-    pub fn new(kind: ActionKind, allocation: Allocation) -> Self {
-        Self { kind, allocation }
+    /// Actions of this kind for this vehicle, and for joints with these greatest torques, N m or N.
+    pub fn new(kind: ActionKind, allocation: Allocation, torques: Vec<f64>) -> Self {
+        Self { kind, allocation, torques }
     }
 
     /// What the entries of an action stand for.
@@ -57,10 +62,20 @@ impl ActionMap {
 
     /// Entries of an action.
     pub fn len(&self) -> usize {
+        self.vehicle_len() + self.torques.len()
+    }
+
+    /// Entries of the vehicle.
+    fn vehicle_len(&self) -> usize {
         match self.kind {
-            ActionKind::Wrench => 6,
+            ActionKind::Wrench | ActionKind::Residual => 6,
             ActionKind::Thrusters => self.allocation.count(),
         }
+    }
+
+    /// Torque of 1, per joint that is acted on, N m or N.
+    pub fn torques(&self) -> &[f64] {
+        &self.torques
     }
 
     /// Whether there is nothing to act with.
@@ -73,28 +88,39 @@ impl ActionMap {
         &self.allocation
     }
 
-    /// Meaning of each entry; thrusters are named by `names`.
+    /// Meaning of each entry of the vehicle; thrusters are named by `names`.
     pub fn ranges<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Vec<ActionRange> {
         match self.kind {
-            ActionKind::Wrench => (AXES.iter().zip(self.allocation.wrench_limits()).enumerate())
+            ActionKind::Wrench | ActionKind::Residual => (AXES.iter().zip(self.allocation.wrench_limits()).enumerate())
                 .map(|(k, (name, limit))| ActionRange {
                     name: (*name).to_owned(),
                     limits: [-limit, limit],
                     unit: if k < 3 { "N" } else { "N m" },
                 })
                 .collect(),
-            ActionKind::Thrusters => (names.into_iter().take(self.len()).enumerate())
+            ActionKind::Thrusters => (names.into_iter().take(self.allocation.count()).enumerate())
                 .map(|(i, name)| ActionRange { name: name.to_owned(), limits: self.allocation.limits(i), unit: "N" })
                 .collect(),
         }
     }
 
-    /// The action, clipped to [-1, 1], that asks for `wrench`; 0 along what cannot be actuated.
+    /// The action, clipped to [-1, 1], that asks for `wrench` and no torques; 0 along what cannot be actuated.
     #[inline(always)]
     pub fn normalise(&self, wrench: &Vector6<f64>, action: &mut [f32]) {
+        self.normalise_all(wrench, &[], action);
+    }
+
+    /// As [`Self::normalise`], with the first of the joints' torques, N m or N.
+    #[inline(always)]
+    pub fn normalise_all(&self, wrench: &Vector6<f64>, torques: &[f64], action: &mut [f32]) {
         let over = |value: f64, limit: f64| if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 };
+        let (action, joints) = action.split_at_mut(self.vehicle_len());
+        joints.fill(0.0);
+        for ((a, torque), limit) in joints.iter_mut().zip(torques).zip(&self.torques) {
+            *a = over(*torque, *limit);
+        }
         match self.kind {
-            ActionKind::Wrench => {
+            ActionKind::Wrench | ActionKind::Residual => {
                 let limits = self.allocation.wrench_limits();
                 for (k, a) in action.iter_mut().enumerate() {
                     *a = over(wrench[k], limits[k]);

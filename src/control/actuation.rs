@@ -6,9 +6,10 @@ use super::action::{ActionKind, ActionMap};
 use super::allocation::{ROUNDING, THRUSTERS};
 use crate::lane::{Lane, Real};
 use crate::lie::Vector6;
+use crate::system::JOINTS;
 
 /// Greatest number of entries of an action.
-pub const ACTIONS: usize = THRUSTERS;
+pub const ACTIONS: usize = THRUSTERS + JOINTS;
 
 /// The numbers by which a group of instances acts: those of an [`ActionMap`], as far as the kernel reads them.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +20,11 @@ pub struct Actuation<T> {
     thrusters: Vec<Drive<T>>,
     /// Whether a thruster hardly pushes one way, so that rounding alone may exceed its limit there.
     lopsided: bool,
-    /// 1 / number of thrusters.
+    /// Torque of 1, per joint that is acted on, N m or N; the joints' entries come last.
+    torques: Vec<T>,
+    /// Share of its torque from which on a joint counts as at its limit.
+    near: T,
+    /// 1 / number of thrusters and joints.
     share: T,
 }
 
@@ -59,11 +64,13 @@ pub struct Actuated<L> {
     pub thrusts: [L; THRUSTERS],
     /// Their body wrench `T_tcm T` at the vehicle origin, N and N m. `[HC eq. 25]`
     pub wrench: Vector6<L>,
-    /// Means over the thrusters, of the square of the relative thrust `|T| / T_max`,
+    /// Torques of the joints that are acted on, N m or N; 0 for all others.
+    pub torques: [L; JOINTS],
+    /// Means over thrusters and these joints, of the square of the relative thrust or torque `|T| / T_max`,
     pub square: L,
     /// of its power 3/2, as shaft power grows with thrust,
     pub power: L,
-    /// and share of thrusters that push as hard as they can.
+    /// and share of those that push as hard as they can.
     pub saturation: L,
 }
 
@@ -87,14 +94,16 @@ impl<T: Real> Actuation<T> {
                 wrench: allocation.column(i).map(number).into(),
             }
         };
-        let count = allocation.count();
+        let (count, torques) = (allocation.count(), map.torques());
         Self {
             kind: map.kind(),
             len: map.len(),
             thrusters: (0..count).map(drive).collect(),
             lopsided: (0..count)
                 .any(|i| allocation.limits(i).into_iter().any(|x| x.abs() < LOPSIDED * allocation.range(i))),
-            share: number(1.0 / count.max(1) as f64),
+            torques: torques.iter().copied().map(number).collect(),
+            near: number(near),
+            share: number(1.0 / (count + torques.len()).max(1) as f64),
         }
     }
 
@@ -129,6 +138,19 @@ impl<T: Real> Actuation<T> {
         excess
     }
 
+    /// What is left of thrusts that do not reach the water in full, by what does of each; they count as asked for.
+    #[inline(always)]
+    pub fn weaken<L: Lane<Real = T>>(&self, actuated: &mut Actuated<L>, gains: &[L; THRUSTERS]) {
+        let mut wrench = [L::zero(); 6];
+        for (i, drive) in self.thrusters.iter().enumerate() {
+            actuated.thrusts[i] = actuated.thrusts[i] * gains[i];
+            for k in 0..6 {
+                wrench[k] = actuated.thrusts[i].mul_add(L::splat(drive.wrench[k]), wrench[k]);
+            }
+        }
+        actuated.wrench = Vector6::from_array(wrench);
+    }
+
     /// What an action comes to, its entries in [-1, 1]: as [`super::Allocation::allocate`] has it, to rounding.
     #[inline(always)]
     pub fn act<L: Lane<Real = T>>(&self, action: &[L; ACTIONS]) -> Actuated<L> {
@@ -136,7 +158,7 @@ impl<T: Real> Actuation<T> {
         let mut thrusts = [zero; THRUSTERS];
         let count = self.thrusters.len();
         match self.kind {
-            ActionKind::Wrench => {
+            ActionKind::Wrench | ActionKind::Residual => {
                 for i in 0..count {
                     let drive = &self.thrusters[i];
                     let mut thrust = action[0] * L::splat(drive.demand[0]);
@@ -174,9 +196,19 @@ impl<T: Real> Actuation<T> {
             let full = L::select(zero.lt(thrust), L::splat(upper), L::splat(lower));
             saturation = L::select(size.lt(full), saturation, saturation + one);
         }
+        let mut torques = [zero; JOINTS];
+        let first = self.len - self.torques.len();
+        for (i, greatest) in self.torques.iter().enumerate() {
+            let (a, u) = (action[first + i], action[first + i].abs());
+            torques[i] = a * L::splat(*greatest);
+            square = u.mul_add(u, square);
+            power = u.mul_add(u.sqrt(), power);
+            saturation = L::select(u.lt(L::splat(self.near)), saturation, saturation + one);
+        }
         let share = L::splat(self.share);
         Actuated {
             thrusts,
+            torques,
             wrench: Vector6::from_array(wrench),
             square: square * share,
             power: power * share,

@@ -105,7 +105,7 @@ proptest! {
         let limits = Vector6::from(a.wrench_limits());
         let reached = a.wrench(&a.allocate(&wrench.component_div(&Vector6::repeat(300.0)).component_mul(&limits)));
         for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
-            let map = ActionMap::new(kind, a.clone());
+            let map = ActionMap::new(kind, a.clone(), Vec::new());
             let mut action = vec![0.0f32; map.len()];
             map.normalise(&reached, &mut action);
             prop_assert!(action.iter().all(|x| x.abs() <= 1.0));
@@ -193,7 +193,7 @@ proptest! {
             thruster.limits = [back, 60.0];
         }
         let a = Allocation::new(&vehicle).unwrap();
-        let map = ActionMap::new(ActionKind::Wrench, a.clone());
+        let map = ActionMap::new(ActionKind::Wrench, a.clone(), Vec::new());
         let asked = Vector6::from_fn(|k, _| action[k] * a.wrench_limits()[k]);
         let expected = a.allocate(&asked);
         for (got, near) in [(in_lanes::<f64>(&map, &action), 1e-10), (in_lanes::<f32>(&map, &action), 1e-2)] {
@@ -235,7 +235,7 @@ fn pd(kind: ActionKind) -> Pd {
     let reading =
         Reading { width: 12, error: std::array::from_fn(|k| (k, 0.1)), twist: std::array::from_fn(|k| (6 + k, 0.2)) };
     let gains = VehicleServo { kp: [100.0; 6], kd: [30.0; 6] };
-    Pd::new(reading, gains, ActionMap::new(kind, allocation())).unwrap()
+    Pd::new(reading, gains, ActionMap::new(kind, allocation(), Vec::new())).unwrap()
 }
 
 #[test]
@@ -247,7 +247,7 @@ fn pd_pushes_back_along_every_axis() {
         let expected = if k < 6 { -100.0 * 0.05 } else { -30.0 * 0.1 };
         assert!((asked - Vector6::ith(k % 6, expected)).norm() < 1e-12);
         for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
-            let map = ActionMap::new(kind, allocation());
+            let map = ActionMap::new(kind, allocation(), Vec::new());
             let mut action = vec![0.0; map.len()];
             pd(kind).act(&observation, &mut [], &mut action).unwrap();
             assert!((allocation().wrench(&thrusts(&map, &action)) - asked).norm() < 1e-4);
@@ -282,7 +282,7 @@ fn gains_that_push_away_are_refused() {
     let reading = Reading { width: 12, error: [(0, 1.0); 6], twist: [(0, 1.0); 6] };
     let mut gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
     gains.kd[2] = -1.0;
-    let refused = Pd::new(reading, gains, ActionMap::new(ActionKind::Wrench, allocation()));
+    let refused = Pd::new(reading, gains, ActionMap::new(ActionKind::Wrench, allocation(), Vec::new()));
     assert_eq!(refused, Err(ControlError::Gain { name: "kd", index: 2, value: -1.0 }));
 }
 
@@ -308,7 +308,7 @@ fn held(pid: &Pid, observation: &[f32; 12], periods: usize, integral: &mut [f64;
 fn pid_without_integral_gains_is_the_pd() {
     let observation: [f32; 12] = std::array::from_fn(|k| (k as f32 - 5.0) * 0.03);
     for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
-        let mut action = vec![0.0; ActionMap::new(kind, allocation()).len()];
+        let mut action = vec![0.0; ActionMap::new(kind, allocation(), Vec::new()).len()];
         pd(kind).act(&observation, &mut [], &mut action).unwrap();
         assert_eq!(held(&pid(kind, 0.0), &observation, 30, &mut [0.0; 6]), action);
     }
@@ -353,7 +353,7 @@ fn integral_waits_while_its_axis_falls_short_and_turns_at_once() {
 #[test]
 fn integral_does_not_wind_up_on_an_axis_without_thrust() {
     let sides = [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
-    let map = ActionMap::new(ActionKind::Wrench, Allocation::new(&with_thrusters(&sides)).unwrap());
+    let map = ActionMap::new(ActionKind::Wrench, Allocation::new(&with_thrusters(&sides)).unwrap(), Vec::new());
     let gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
     let pd = Pd::new(pd(ActionKind::Wrench).reading().clone(), gains, map).unwrap();
     let pid = Pid::new(pd, Some([1.0; 6]), 0.1).unwrap();

@@ -64,11 +64,12 @@ impl<P: Copy> Principal<P> {
     {
         let [mx, my, mz, jx, jy, jz]: [L; 6] = get_all(&self.inertia);
         let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
-        let spin = Vector3([jx * w.0[0], jy * w.0[1], jz * w.0[2]]);
-        Vector6 {
-            linear: w.cross_add(momentum, self.along(0, v)),
-            angular: v.cross_add(momentum, w.cross_add(spin, self.along(3, w))),
-        }
+        // omega x J omega
+        let mut moment = self.along(3, w).0;
+        moment[0] = (w.0[1] * w.0[2]).mul_add(jz - jy, moment[0]);
+        moment[1] = (w.0[2] * w.0[0]).mul_add(jx - jz, moment[1]);
+        moment[2] = (w.0[0] * w.0[1]).mul_add(jy - jx, moment[2]);
+        Vector6 { linear: w.cross_add(momentum, self.along(0, v)), angular: v.cross_add(momentum, Vector3(moment)) }
     }
 
     /// `(D_L + D_Q |v|) v` of the three entries from `first` on.

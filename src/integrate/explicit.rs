@@ -62,12 +62,12 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
             let weights = Weights { time: tableau.c[i], speed: &tableau.a[i], place: &tableau.place[i] };
             stages.weigh(&weights, i, n, h, keeps, from)
         };
-        let (whole, rate);
+        let whole;
         let at = if keeps {
             let (rotation, [w, x, y, z]) = kinematics(chart, attitude_at(&point, from), point.twist.angular);
             whole = Pose { rotation, position: from.pose.position + point.pose.linear };
             stages.scalar[i] = w;
-            rate = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
+            stages.pose[i] = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
             Increment { start: &whole, theta: None }
         } else {
             if i == 2 && chart == Chart::Commutators {
@@ -75,15 +75,16 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
                 point.pose = ad(stages.pose[0], stages.pose[1]).scale_add(h * h * L::c(0.125), point.pose);
             }
             turn = turn.max(point.pose.angular.dot(point.pose.angular));
-            rate = match chart {
-                Chart::Exponential(form) if i > 0 => dexp_inverse_negative(form, point.pose, point.twist),
-                _ => point.twist,
-            };
             Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
         let time = elapsed + h * L::c(tableau.c[i]);
         derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
-        stages.pose[i] = rate;
+        // Here, as there is time for it while the last accelerations are waited for.
+        match chart {
+            _ if keeps => {}
+            Chart::Exponential(form) if i > 0 => stages.pose[i] = dexp_inverse_negative(form, point.pose, point.twist),
+            _ => stages.pose[i] = point.twist,
+        }
     }
     let contrast = match &tableau.contrast {
         Some(contrast) => stages.contrast(contrast, n, h, from),

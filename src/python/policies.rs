@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use super::task::{Rows, Task, name_of, one_of, rows};
-use crate::control::{self, Activation, Layer, Network, Normalisation, Output};
+use crate::control::{self, Activation, Layer, Network, Normalisation, Output, ResolvedGains};
 use crate::description::VehicleServo;
 use crate::error::PolicyError;
 
@@ -112,6 +112,14 @@ impl Pid {
     fn ki(&self) -> [f64; 6] {
         self.ki
     }
+}
+
+/// Resolved motion and inverse dynamics, for an end effector that follows a path.
+#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+pub struct ResolvedMotion {
+    /// Gains by name, 1/s but for `arm`.
+    #[pyo3(get)]
+    gains: BTreeMap<&'static str, f64>,
 }
 
 /// A multilayer perceptron in single precision.
@@ -230,6 +238,40 @@ impl Task {
         let pd = self.batch.task().pd(Some(self.gains(kp, kd)?))?;
         let gains = pd.gains().clone();
         Py::new(py, Policy::of(pd).add_subclass(Pd { gains }))
+    }
+
+    /// Resolved motion with these gains; the usual ones where they are not given.
+    #[pyo3(signature = (*, error=None, vehicle=None, joint=None, home=None, level=None, arm=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
+    fn resolved_motion(
+        &self,
+        py: Python<'_>,
+        error: Option<f64>,
+        vehicle: Option<f64>,
+        joint: Option<f64>,
+        home: Option<f64>,
+        level: Option<f64>,
+        arm: Option<f64>,
+    ) -> PyResult<Py<ResolvedMotion>> {
+        let usual = ResolvedGains::default();
+        let gains = ResolvedGains {
+            error: error.unwrap_or(usual.error),
+            vehicle: vehicle.unwrap_or(usual.vehicle),
+            joint: joint.unwrap_or(usual.joint),
+            home: home.unwrap_or(usual.home),
+            level: level.unwrap_or(usual.level),
+            arm: arm.unwrap_or(usual.arm),
+        };
+        let policy = self.batch.task().resolved_motion(Some(gains))?;
+        let named = [
+            ("error", gains.error),
+            ("vehicle", gains.vehicle),
+            ("joint", gains.joint),
+            ("home", gains.home),
+            ("level", gains.level),
+            ("arm", gains.arm),
+        ];
+        Py::new(py, Policy::of(policy).add_subclass(ResolvedMotion { gains: named.into() }))
     }
 
     /// The PD with an integral; its gains follow from the others where they are not given.

@@ -10,13 +10,14 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
+use super::disturbance::set_starts;
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
 use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
 use crate::control;
 use crate::error::TaskError;
-use crate::scene::{INFO, Outcome, StartOverride, TaskOptions};
+use crate::scene::{INFO, Outcome, StartOverride, TaskOptions, truth_layout};
 
 const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
@@ -24,9 +25,9 @@ const MODES: [(&str, Autoreset); 3] =
 
 pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
 pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
-/// Instances, their last observations, their last measures (18, k).
-type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>);
-/// Observations, rewards, terminated, truncated, measures (18, N), ends of episodes.
+/// Instances, their last observations, their last measures (k, k), what these did not tell (k, m).
+type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>, Rows<'py, f64>);
+/// Observations, rewards, terminated, truncated, measures (k, N), ends of episodes.
 type StepResult<'py> =
     (Rows<'py, f32>, Row<'py, f64>, Row<'py, bool>, Row<'py, bool>, Rows<'py, f64>, Option<Finals<'py>>);
 
@@ -129,8 +130,19 @@ impl Task {
         self.batch.task().action_ranges().into_iter().map(|r| (r.name, r.limits, r.unit)).collect()
     }
 
+    /// What observations do not tell: true state, flow, parameters and target, (N, m).
+    fn privileged<'py>(&self, py: Python<'py>) -> PyResult<Rows<'py, f64>> {
+        rows(py, self.batch.truth(), self.batch.instances())
+    }
+
+    /// Names and lengths of the parts of a row of `privileged`.
+    #[getter]
+    fn privileged_layout(&self) -> Vec<(&'static str, usize)> {
+        truth_layout(self.batch.task().joint_count()).into()
+    }
+
     /// Starts episodes: of all instances, or of those that `mask` picks. Keywords give what is not to be drawn, (N, .).
-    /// Returns observations (N, d) and measures (18, N).
+    /// Returns observations (N, d) and measures (k, N).
     #[pyo3(signature = (seeds, mask=None, **given))]
     fn reset<'py>(
         &mut self,
@@ -173,7 +185,8 @@ impl Task {
             let instances: Array1<i64> = finals.iter().map(|end| end.instance as i64).collect();
             let last: Vec<f32> = finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
             let info = Array2::from_shape_fn((INFO, finals.len()), |(k, i)| finals[i].info[k]);
-            Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py)))
+            let truth = rows(py, finals.iter().flat_map(|end| end.truth.iter().copied()).collect(), finals.len())?;
+            Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py), truth))
         };
         Ok((observations, rewards, terminated, truncated, info, finals))
     }
@@ -224,7 +237,7 @@ impl Task {
     }
 
     /// What the episodes drew, and how far they are: seed, episode and step (N,), target_position (N, 3),
-    /// target_rotation (N, 3, 3), current (N, 3), joint_reference and joint_reference_rate (N, n).
+    /// target_rotation (N, 3, 3), current (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n).
     fn episodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let n = self.batch.instances();
         let all = (0..n).map(|i| self.batch.episode(i).ok_or(TaskError::NotBegun { instance: i }));
@@ -238,10 +251,19 @@ impl Task {
         let rotation = gather(&|e| e.target().rotation.transpose().iter().copied().collect())?;
         result.set_item("target_rotation", rotation.call_method1("reshape", (n, 3, 3))?)?;
         result.set_item("current", gather(&|e| e.current().iter().copied().collect())?)?;
+        result.set_item("action", gather(&|e| e.action().to_vec())?)?;
         result.set_item("joint_reference", gather(&|e| e.reference().iter().map(|r| r.value).collect())?)?;
         let rates = gather(&|e| e.reference().iter().map(|r| r.rate).collect())?;
         result.set_item("joint_reference_rate", rates)?;
         Ok(result)
+    }
+
+    /// Places all along the paths of the end effectors, (N, count, 3); count is 0 for tasks without.
+    fn paths<'py>(&self, py: Python<'py>, count: usize) -> PyResult<arrays::Array<'py>> {
+        let n = self.batch.instances();
+        let places = (0..n).filter_map(|i| self.batch.episode(i)).flat_map(|e| e.path(count).into_flattened());
+        let places: Vec<f64> = places.collect();
+        arrays::array(py, &[n, places.len() / (3 * n), 3], places)
     }
 }
 
@@ -273,6 +295,10 @@ impl Task {
         let mut starts = vec![StartOverride::default(); n];
         for (name, values) in given.iter() {
             let name: String = name.extract()?;
+            if name == "disturbance" {
+                set_starts(&mut starts, &values)?;
+                continue;
+            }
             let Some(width) = start_width(&name, joints) else {
                 return Err(PyValueError::new_err(format!("there is no start of the name '{name}'")));
             };

@@ -65,12 +65,13 @@ pub fn jet(mesh: &mut Mesh, thruster: &Thruster, thrust: f64) {
     }
     let away = if thrust > 0.0 { -thruster.axis } else { thruster.axis };
     let r = thruster.radius;
-    let length = r * (0.5 + 5.0 * share);
-    let paint = if share < 0.7 { WEAK.mix(STRONG, share / 0.7) } else { STRONG.mix(FULL, (share - 0.7) / 0.28) };
+    let length = r * (0.8 + 9.0 * share);
+    let paint =
+        if share < 0.8 { WEAK.mix(STRONG, (2.5 * share - 1.0).max(0.0)) } else { STRONG.mix(FULL, (share - 0.8) / 0.18) };
     let rings: [(f32, f32); 5] = [(0.0, 0.72), (0.15, 0.78), (0.45, 0.7), (0.8, 0.5), (1.0, 0.3)];
-    let fade = [0.62, 0.62, 0.4, 0.14, 0.0];
+    let fade = [0.8, 0.8, 0.6, 0.25, 0.0];
     let profile: Vec<_> = rings.iter().map(|(z, width)| (z * length, width * r)).collect();
-    let strength = 0.55 + 0.45 * share;
+    let strength = 0.6 + 0.4 * share;
     mesh.lathe(thruster.position + away * (0.3 * r), away, &profile, 16, true, |i| paint.clear(fade[i] * strength));
 }
 

@@ -3,6 +3,8 @@
 //! Corners are put on a grid of 1/16 pixel, and whether a sample is inside is decided in integers, with the top-left
 //! rule: of two triangles with a common edge exactly one has each sample there.
 
+use std::ops::{AddAssign, BitOr};
+
 use super::Vector;
 use super::camera::Camera;
 
@@ -44,9 +46,15 @@ pub struct Canvas {
     colours: Vec<[u32; SAMPLES]>,
 }
 
-/// A colour of a sample.
+/// 0 to 1 as 0 to 255: the last bits of a number in which steps are whole.
+#[inline]
+pub fn byte(x: f32) -> u32 {
+    (x * 255.0 + 8_388_608.0).to_bits() & 255
+}
+
+/// A colour of a sample, from 0 to 1.
 pub fn pack(colour: [f32; 3]) -> u32 {
-    let [r, g, b] = colour.map(|c| (c * 255.0 + 0.5) as u32);
+    let [r, g, b] = colour.map(byte);
     r | g << 8 | b << 16
 }
 
@@ -124,7 +132,9 @@ impl Canvas {
 
     fn pin(&self, camera: &Camera, corner: &Corner) -> Pin {
         let [x, y] = camera.project(&corner.view);
-        let grid = |t: f32| (t * GRID as f32 + 0.5).floor() as i64;
+        // Positive, so that cutting off is rounding down.
+        const MOST: i64 = 1 << 20;
+        let grid = |t: f32| ((f64::from(t) * GRID as f64 + (MOST as f64 + 0.5)) as i64).clamp(0, 2 * MOST) - MOST;
         Pin { x: grid(x), y: grid(y), nearness: 1.0 / corner.view.z, colour: corner.colour }
     }
 
@@ -151,57 +161,57 @@ impl Canvas {
             (OFFSETS.map(|[x, y]| at + dx * y - dy * x), -dy * GRID, dx * GRID)
         };
         let edges = [edge(&a, &b), edge(&b, &c), edge(&c, &a)];
+        let area = Area { columns: [left, right], rows: [top, bottom], from: [a.x, a.y] };
+        let shading = Shading::new(&a, &b, &c);
+        // Within 1000 pixels of each other no product of differences exceeds 2^29.
+        let small = [&a, &b, &c].iter().all(|p| {
+            let (x, y) = (p.x - left * GRID, p.y - top * GRID);
+            x.abs().max(y.abs()) < 1000 * GRID
+        }) && (right - left).max(bottom - top) < 1000;
+        if small {
+            let narrow = |x: i64| x as i32;
+            let edges = edges.map(|(at, along, down)| (at.map(narrow), narrow(along), narrow(down)));
+            self.scan(&area, edges, 0, &shading);
+        } else {
+            self.scan(&area, edges, 0, &shading);
+        }
+    }
 
-        // Linear over the screen, from corner a: value there, step along x, step along y, per step of the grid.
-        let (bx, by, cx, cy) = ((b.x - a.x) as f32, (b.y - a.y) as f32, (c.x - a.x) as f32, (c.y - a.y) as f32);
-        let inverse = 1.0 / area as f32;
-        let plane = |a: f32, b: f32, c: f32| {
-            let (b, c) = (b - a, c - a);
-            [a, (b * cy - c * by) * inverse, (c * bx - b * cx) * inverse]
-        };
-        let [n0, nx, ny] = plane(a.nearness, b.nearness, c.nearness);
-        let spread = OFFSETS.map(|[x, y]| nx * x as f32 + ny * y as f32);
-        let shades: [[f32; 3]; 4] = std::array::from_fn(|k| plane(a.colour[k], b.colour[k], c.colour[k]));
-        let range: [[f32; 2]; 4] = std::array::from_fn(|k| {
-            let [x, y, z] = [a.colour[k], b.colour[k], c.colour[k]];
-            [x.min(y).min(z), x.max(y).max(z)]
-        });
-        let opaque = range[3][0] >= 1.0;
-        let step = GRID as f32;
-
+    /// Draws the samples within an area where all three edges have at least 0; they are given by their values at the
+    /// samples of the first pixel, and by what they gain along and down.
+    fn scan<T>(&mut self, area: &Area, edges: [([T; SAMPLES], T, T); 3], zero: T, shading: &Shading)
+    where
+        T: Copy + AddAssign + BitOr<Output = T> + PartialOrd,
+    {
+        let Area { columns: [left, right], rows: [top, bottom], from } = *area;
+        let Shading { nearness: [n0, nx, ny], spread, .. } = *shading;
         let mut starts = edges.map(|(at, _, _)| at);
         for y in top..bottom {
-            let fy = (y * GRID - a.y) as f32;
+            let fy = (y * GRID - from[1]) as f32;
             let mut at = starts;
             let row = y as usize * self.width;
             for x in left..right {
-                let outside: [i64; SAMPLES] = std::array::from_fn(|s| at[0][s] | at[1][s] | at[2][s]);
+                let outside: [T; SAMPLES] = std::array::from_fn(|s| at[0][s] | at[1][s] | at[2][s]);
                 for (at, (_, along, _)) in at.iter_mut().zip(&edges) {
                     for value in at {
-                        *value += along;
+                        *value += *along;
                     }
                 }
-                if outside.iter().all(|o| *o < 0) {
+                if outside.iter().all(|o| *o < zero) {
                     continue;
                 }
-                let fx = (x * GRID - a.x) as f32;
+                let fx = (x * GRID - from[0]) as f32;
                 let nearness = n0 + nx * fx + ny * fy;
                 let pixel = row + x as usize;
                 let depths = &mut self.nearness[pixel];
                 let seen: [bool; SAMPLES] =
-                    std::array::from_fn(|s| outside[s] >= 0 && nearness + spread[s] > depths[s]);
+                    std::array::from_fn(|s| outside[s] >= zero && nearness + spread[s] > depths[s]);
                 if !seen.iter().any(|s| *s) {
                     continue;
                 }
-                let middle = [fx + 0.5 * step, fy + 0.5 * step];
-                // The middle of the pixel may lie outside of the triangle.
-                let colour: [f32; 4] = std::array::from_fn(|k| {
-                    let [at, along, down] = shades[k];
-                    (at + along * middle[0] + down * middle[1]).max(range[k][0]).min(range[k][1])
-                });
-                let [r, g, b, alpha] = colour;
+                let [r, g, b, alpha] = shading.colour(fx, fy);
                 let colours = &mut self.colours[pixel];
-                if opaque {
+                if shading.opaque {
                     let packed = pack([r, g, b]);
                     for s in 0..SAMPLES {
                         if seen[s] {
@@ -210,10 +220,10 @@ impl Canvas {
                         }
                     }
                 } else {
+                    let over = [r, g, b];
                     for s in 0..SAMPLES {
                         if seen[s] {
                             let under = unpack(colours[s]);
-                            let over = [r, g, b];
                             colours[s] = pack(std::array::from_fn(|k| under[k] + (over[k] - under[k]) * alpha));
                         }
                     }
@@ -221,7 +231,7 @@ impl Canvas {
             }
             for (start, (_, _, down)) in starts.iter_mut().zip(&edges) {
                 for value in start {
-                    *value += down;
+                    *value += *down;
                 }
             }
         }
@@ -237,6 +247,61 @@ impl Canvas {
     #[cfg(test)]
     pub fn samples(&self, x: usize, y: usize) -> [u32; SAMPLES] {
         self.colours[y * self.width + x]
+    }
+}
+
+/// Pixels that a triangle may touch, and the corner that its numbers count from, in steps of the grid.
+struct Area {
+    columns: [i64; 2],
+    rows: [i64; 2],
+    from: [i64; 2],
+}
+
+/// What is linear over a triangle: its value at the first corner, and its gain along and down, per step of the grid.
+struct Shading {
+    nearness: [f32; 3],
+    /// Of the samples against their pixel's corner.
+    spread: [f32; SAMPLES],
+    colour: [[f32; 3]; 4],
+    /// Least and greatest of the corners.
+    range: [[f32; 2]; 4],
+    opaque: bool,
+}
+
+impl Shading {
+    fn new(a: &Pin, b: &Pin, c: &Pin) -> Self {
+        let (bx, by, cx, cy) = ((b.x - a.x) as f32, (b.y - a.y) as f32, (c.x - a.x) as f32, (c.y - a.y) as f32);
+        let inverse = 1.0 / (bx * cy - by * cx);
+        let plane = |a: f32, b: f32, c: f32| {
+            let (b, c) = (b - a, c - a);
+            [a, (b * cy - c * by) * inverse, (c * bx - b * cx) * inverse]
+        };
+        let nearness = plane(a.nearness, b.nearness, c.nearness);
+        let [_, nx, ny] = nearness;
+        let of = |k: usize| [a.colour[k], b.colour[k], c.colour[k]];
+        let range = [0, 1, 2, 3].map(|k| {
+            let [x, y, z] = of(k);
+            [x.min(y).min(z), x.max(y).max(z)]
+        });
+        Self {
+            nearness,
+            spread: OFFSETS.map(|[x, y]| nx * x as f32 + ny * y as f32),
+            colour: [0, 1, 2, 3].map(|k| {
+                let [x, y, z] = of(k);
+                plane(x, y, z)
+            }),
+            range,
+            opaque: range[3][0] >= 1.0,
+        }
+    }
+
+    /// Colour in the middle of a pixel; where that is outside of the triangle, no more than the corners have.
+    fn colour(&self, x: f32, y: f32) -> [f32; 4] {
+        let (x, y) = (x + 0.5 * GRID as f32, y + 0.5 * GRID as f32);
+        std::array::from_fn(|k| {
+            let ([at, along, down], [least, most]) = (self.colour[k], self.range[k]);
+            (at + along * x + down * y).max(least).min(most)
+        })
     }
 }
 

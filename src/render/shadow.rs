@@ -54,7 +54,7 @@ impl Shadow {
         }
         let range = |k: usize| {
             let (least, most) = (p[0][k].min(p[1][k]).min(p[2][k]), p[0][k].max(p[1][k]).max(p[2][k]));
-            (least.max(0.0) as usize, (most.max(0.0) as usize + 1).min(SIDE))
+            (least.max(0.0) as usize, (most.max(0.0).min(SIDE as f32) as usize + 1).min(SIDE))
         };
         let ((left, right), (top, bottom)) = (range(0), range(1));
         for y in top..bottom {
@@ -93,6 +93,12 @@ impl Shadow {
                 }
             }
         }
+    }
+
+    /// Whether any place between two may be within the square.
+    pub fn reaches(&self, from: [f32; 2], to: [f32; 2]) -> bool {
+        let (from, to) = (self.texel(from), self.texel(to));
+        (0..2).all(|k| from[k].max(to[k]) > 0.0 && from[k].min(to[k]) < SIDE as f32)
     }
 
     /// Share of the light that is missing at a place of the floor.

@@ -2,6 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::disturbance::{Disturbance, DisturbanceRows, Site};
+use super::options::Goal;
+use super::path::{PATH, path_places};
 use super::pose::Pose;
 use super::random::EpisodeKey;
 use super::reference::{JointReference, ReferencePoint};
@@ -12,15 +15,21 @@ use crate::lie;
 /// Where the numbers of an episode lie in a table that has a column per instance: first row of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EpisodeRows {
+    /// What is to be done.
+    pub goal: Goal,
     /// Number of joints.
     pub joints: usize,
     /// Entries of an action.
     pub actions: usize,
-    /// Pose to hold: rotation by rows (9), position (3).
+    /// Pose to hold, or to be at now: rotation by rows (9), position (3).
     pub target: usize,
+    /// Its velocity and angular velocity in world axes, 6; only where there is a path.
+    pub motion: usize,
+    /// Path of the end effector, [`PATH`]; only where it follows one.
+    pub path: usize,
     /// Current in world axes, 3.
     pub current: usize,
-    /// Joint references, [`JointReference::LEN`] per joint.
+    /// Joint references, [`JointReference::LEN`] per joint; as the next two, only where the joints follow them.
     pub reference: usize,
     /// Value and rate of each joint's reference at the current control instant,
     pub now: usize,
@@ -30,37 +39,54 @@ pub struct EpisodeRows {
     pub action: usize,
     /// Square of its change, 1.
     pub change: usize,
-    /// Means over the thrusters, 3: square and power 3/2 of relative thrust, share at full thrust.
+    /// Means over the actuators, 3: square and power 3/2 of relative thrust, share at full thrust.
     pub effort: usize,
     /// Leaky integral of the pose error, 6.
     pub integral: usize,
-    /// Running means of the measures (of the squares of the first four), 6.
+    /// Running means of the measures (of the squares of the first four), 7.
     pub means: usize,
+    /// Whether the pose was off its tolerances at the last instant (1) or not (0), and for how long the last time it was, s.
+    pub astray: usize,
+    /// What disturbances remember, if they change within episodes.
+    pub disturbance: Option<DisturbanceRows>,
     /// Rows in all.
     pub rows: usize,
 }
 
 impl EpisodeRows {
+    /// With room for a disturbance.
+    pub(super) fn with(self, disturbance: &Disturbance, site: &Site) -> Self {
+        let disturbance = disturbance.rows(site, self.rows);
+        Self { disturbance, rows: disturbance.map_or(self.rows, |rows| rows.end), ..self }
+    }
+
     /// For this number of joints and of entries of an action.
-    pub fn new(joints: usize, actions: usize) -> Self {
+    pub fn new(goal: Goal, joints: usize, actions: usize) -> Self {
+        let tracks = goal == Goal::Track;
+        let (following, path) = if tracks { (0, 1) } else { (joints, 0) };
         let mut rows = 0;
         let mut take = |count: usize| {
             rows += count;
             rows - count
         };
         Self {
+            goal,
             joints,
             actions,
             target: take(12),
+            motion: take(6 * path),
+            path: take(PATH * path),
             current: take(3),
-            reference: take(JointReference::<f64>::LEN * joints),
-            now: take(2 * joints),
-            next: take(2 * joints),
+            reference: take(JointReference::<f64>::LEN * following),
+            now: take(2 * following),
+            next: take(2 * following),
             action: take(actions),
             change: take(1),
             effort: take(3),
             integral: take(6),
-            means: take(6),
+            means: take(7),
+            astray: take(2),
+            disturbance: None,
             rows: take(0),
         }
     }
@@ -73,6 +99,13 @@ impl EpisodeRows {
             rotation: lie::Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]),
             position: lie::Vector3(memory.get_all(self.target + 9)),
         }
+    }
+
+    #[inline(always)]
+    pub(super) fn set_target<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, target: &lie::Pose<L>) {
+        let [x, y, z] = target.rotation.0;
+        memory.set_all(self.target, &[x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]]);
+        memory.set_all(self.target + 9, &target.position.0);
     }
 
     #[inline(always)]
@@ -145,18 +178,33 @@ impl Episode {
         &self.numbers
     }
 
-    /// Pose to hold.
+    /// Pose to hold, or to be at now.
     pub fn target(&self) -> Pose {
         let numbers = &self.numbers[self.rows.target..];
         Pose { position: Vector3::from_column_slice(&numbers[9..12]), rotation: Matrix3::from_row_slice(&numbers[..9]) }
     }
 
-    /// Current in world axes, m/s.
+    /// Current in world axes over the last control period (at the start: over the first), m/s.
     pub fn current(&self) -> Vector3<f64> {
         Vector3::from_column_slice(&self.numbers[self.rows.current..][..3])
     }
 
-    /// Joint reference at the current control instant, one point per joint.
+    /// The last action, as clipped; 0 before the first.
+    pub fn action(&self) -> &[f64] {
+        &self.numbers[self.rows.action..][..self.rows.actions]
+    }
+
+    /// Places all along the path of the end effector, the first and the last the same; none without a path.
+    pub fn path(&self, count: usize) -> Vec<[f64; 3]> {
+        if self.rows.goal != Goal::Track {
+            return Vec::new();
+        }
+        let mut numbers = self.numbers.clone();
+        let around = (0..count).map(|k| k as f64 / (count - 1).max(1) as f64);
+        path_places(&Rows::of_one(&mut numbers), self.rows.path, around)
+    }
+
+    /// Joint reference at the current control instant, one point per joint that follows one.
     pub fn reference(&self) -> Vec<ReferencePoint> {
         let points = self.numbers[self.rows.now..self.rows.next].chunks_exact(2);
         points.map(|point| ReferencePoint { value: point[0], rate: point[1] }).collect()

@@ -13,27 +13,42 @@ pub struct RewardTerms {
     pub effort: f64,
     /// Change of the action.
     pub rate: f64,
+    /// Divergence.
+    pub diverged: f64,
 }
 
 /// Measures at a control instant, and their running means over the episode's instants so far (the start excluded).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Metrics {
-    /// Distance from the target, m.
+    /// Distance of the vehicle, or of the end effector that follows a path, from where it is to be, m.
     pub position_error: f64,
-    /// Angle from the target, rad.
+    /// Angle likewise, rad.
     pub attitude_error: f64,
-    /// Distance of the end effector from where target and joint reference would have it, m.
+    /// Distance of the end effector from its path, or from where target and joint reference would have it, m.
     pub end_effector_position_error: f64,
     /// Angle of the end effector likewise, rad.
     pub end_effector_attitude_error: f64,
-    /// Mean over thrusters of `(|T_i| / T_max)^1.5`, as shaft power grows with thrust: 1 is all at full power.
+    /// Mean over thrusters, and joints that are acted on, of `(|T_i| / T_max)^1.5`, as shaft power grows with thrust: 1 is all at full power.
     pub effort: f64,
-    /// Share of thrusters at full thrust.
+    /// Share of them at their limit.
     pub saturation: f64,
     /// Root mean square or, for the last two, mean of the six above, in their order.
     pub running: [f64; 6],
     /// Current in world axes, m/s.
     pub current: Vector3<f64>,
+    /// Whether both errors are within their tolerances.
+    pub success: bool,
+    /// Share of the instants so far at which they were.
+    pub mean_success: f64,
+    /// For how long they have not been, s: since they last left their tolerances, up to now or to when they came back.
+    /// What an episode needs from its start counts too.
+    pub recovery_time: f64,
+    /// Force of other disturbances than the water, N.
+    pub disturbance_force: f64,
+    /// Payload, kg.
+    pub payload: f64,
+    /// What is left of the thrust of the weakest thruster.
+    pub thruster_gain: f64,
 }
 
 /// What a control period brought.
@@ -53,7 +68,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 18] = [
+    pub const INFO: [&'static str; 26] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -72,6 +87,14 @@ impl Outcome {
         "reward_pose",
         "reward_effort",
         "reward_rate",
+        "success",
+        "mean_success",
+        "recovery_time",
+        "diverged",
+        "reward_diverged",
+        "disturbance_force",
+        "payload",
+        "thruster_gain",
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
@@ -89,7 +112,11 @@ impl Outcome {
         info[..6].copy_from_slice(&instant);
         info[6..12].copy_from_slice(&m.running);
         info[12..15].copy_from_slice(m.current.as_slice());
-        info[15..].copy_from_slice(&[t.pose, t.effort, t.rate]);
+        info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
+        let flag = |yes: bool| f64::from(u8::from(yes));
+        let last = [flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged), t.diverged];
+        info[18..23].copy_from_slice(&last);
+        info[23..].copy_from_slice(&[m.disturbance_force, m.payload, m.thruster_gain]);
         info
     }
 }
@@ -106,8 +133,14 @@ impl From<&Judgement<f64>> for Outcome {
             saturation: info[5],
             running: std::array::from_fn(|k| info[6 + k]),
             current: Vector3::new(info[12], info[13], info[14]),
+            success: info[18] != 0.0,
+            mean_success: info[19],
+            recovery_time: info[20],
+            disturbance_force: info[23],
+            payload: info[24],
+            thruster_gain: info[25],
         };
-        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17] };
+        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17], diverged: info[22] };
         let diverged = !judgement.sound;
         Self { reward: judgement.reward, terms, terminated: diverged, diverged, metrics }
     }

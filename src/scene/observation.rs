@@ -1,6 +1,7 @@
 //! What tasks show of an episode, and the bounds beyond which it has diverged.
 
 use super::layout::Layout;
+use super::options::{Goal, TaskOptions};
 use super::pose::Pose;
 use super::reference::METRES_PER_RADIAN;
 use super::task::Task;
@@ -22,6 +23,9 @@ const INTEGRAL_SCALE: f64 = 0.2;
 /// Joint coordinates are shown within this angle of home, rad, or within twice the joint's travel.
 const JOINT_SHOWN: f64 = 10.0;
 
+/// Greatest entry of a unit vector: rounding included.
+const UP_BOUND: f64 = 1.001;
+
 /// Leak of the integral of the pose error, 1/s: `I' = e - LEAK I`.
 pub(super) const LEAK: f64 = 0.1;
 
@@ -31,7 +35,7 @@ impl Task {
         let n = self.joints.len();
         let twist = &state.twist;
         let bounded = [
-            ("distance from the target", (state.position - target.position).norm(), POSITION_BOUND),
+            ("distance from the target", (self.frame(state).position - target.position).norm(), POSITION_BOUND),
             ("linear speed", twist.fixed_rows::<3>(0).norm(), SPEED_BOUND),
             ("angular speed", twist.fixed_rows::<3>(3).norm(), TURN_BOUND),
         ];
@@ -43,8 +47,14 @@ impl Task {
     }
 }
 
-/// Blocks of a station-keeping observation for these joints and this number of action entries.
-pub(super) fn station_keep_layout(joints: &[Joint], actions: usize) -> Layout {
+/// Greatest distance of each joint coordinate from home.
+pub(super) fn joint_bounds(layout: &Layout) -> Vec<f64> {
+    let block = layout.block("joint_position");
+    block.into_iter().flat_map(|b| b.bound.iter().zip(&b.scale).map(|(bound, scale)| bound * scale)).collect()
+}
+
+/// Blocks of an observation for these joints and this number of action entries.
+pub(super) fn layout(options: &TaskOptions, joints: &[Joint], actions: usize) -> Layout {
     use std::f64::consts::PI;
     let joint_entries = |entry: &dyn Fn(&Joint, f64) -> (f64, f64)| -> Vec<(f64, f64)> {
         let unit = |joint: &Joint| match joint.kind {
@@ -59,10 +69,16 @@ pub(super) fn station_keep_layout(joints: &[Joint], actions: usize) -> Layout {
     });
     let rates = joint_entries(&|_, unit| (JOINT_SCALE * unit, RATE_BOUND));
     let integral = [[(INTEGRAL_SCALE, POSITION_BOUND / LEAK); 3], [(INTEGRAL_SCALE, PI / LEAK); 3]].concat();
+    let tracks = options.task == Goal::Track;
+    let [position, attitude] = if tracks {
+        ["R_e^T (r_e - r_d), end-effector axes", "rotation vector log(R_d^T R_e), end-effector axes"]
+    } else {
+        ["R^T (r - r_d), body axes", "rotation vector log(R_d^T R), body axes"]
+    };
 
     let mut layout = Layout::default();
-    layout.push("position_error", "m", "R^T (r - r_d), body axes", &[(ERROR_SCALE, POSITION_BOUND); 3]);
-    layout.push("attitude_error", "rad", "rotation vector log(R_d^T R), body axes", &[(ERROR_SCALE, PI); 3]);
+    layout.push("position_error", "m", position, &[(ERROR_SCALE, POSITION_BOUND); 3]);
+    layout.push("attitude_error", "rad", attitude, &[(ERROR_SCALE, PI); 3]);
     layout.push(
         "linear_velocity",
         "m/s",
@@ -70,10 +86,33 @@ pub(super) fn station_keep_layout(joints: &[Joint], actions: usize) -> Layout {
         &[(TWIST_SCALE, SPEED_BOUND); 3],
     );
     layout.push("angular_velocity", "rad/s", "absolute angular velocity, body axes", &[(TWIST_SCALE, TURN_BOUND); 3]);
+    if tracks {
+        layout.push("up", "1", "direction against gravity, body axes", &[(1.0, UP_BOUND); 3]);
+    }
     layout.push("joint_position", "rad or m", "joint coordinates relative to home", &coordinates);
     layout.push("joint_rate", "rad/s or m/s", "joint rates", &rates);
-    layout.push("joint_reference", "rad or m", "reference at the next control instant, relative to home", &coordinates);
-    layout.push("joint_reference_rate", "rad/s or m/s", "rate of the reference at the next control instant", &rates);
+    if tracks {
+        let (speed, ahead) = (options.reference_speed, f64::from(options.preview.points) * options.preview.spacing);
+        let motion = [[(TWIST_SCALE, SPEED_BOUND); 3], [(TWIST_SCALE, TURN_BOUND); 3]].concat();
+        layout.push(
+            "reference_twist",
+            "m/s and rad/s",
+            "velocity and angular velocity of the reference, end-effector axes",
+            &motion,
+        );
+        let point = [[(ERROR_SCALE, POSITION_BOUND + 1.01 * speed * ahead); 3], [(ERROR_SCALE, PI); 3]].concat();
+        layout.push(
+            "preview",
+            "m and rad",
+            "both errors against each point of the reference ahead",
+            &point.repeat(options.preview.points as usize),
+        );
+    } else {
+        let next = "reference at the next control instant, relative to home";
+        layout.push("joint_reference", "rad or m", next, &coordinates);
+        let rate = "rate of the reference at the next control instant";
+        layout.push("joint_reference_rate", "rad/s or m/s", rate, &rates);
+    }
     layout.push("previous_action", "1", "the last action, as clipped", &vec![(1.0, 1.0); actions]);
     layout.push("error_integral", "m s and rad s", "leaky integral of both errors, I' = e - 0.1 I", &integral);
     layout

@@ -3,8 +3,13 @@
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
+use super::disturbance::{Disturbance, Parameters};
+use super::path::PathKind;
 use crate::control::ActionKind;
 use crate::error::TaskError;
+
+/// Most points that are seen ahead.
+pub const PREVIEW: usize = 8;
 
 /// Options of a task; each has a default.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -18,8 +23,15 @@ pub struct TaskOptions {
     pub dt: f64,
     /// Physics steps per control period.
     pub substeps: u32,
-    /// Greatest speed of the drawn current, m/s. It comes on top of the scene's own current.
+    /// Greatest speed of the drawn current, m/s, where no disturbance is given. It comes on top of the scene's own
+    /// current.
     pub max_current: f64,
+    /// What disturbs episodes; a steady current where it is absent. Plain values have it as JSON.
+    #[serde(with = "as_json", skip_serializing_if = "Option::is_none")]
+    pub disturbance: Option<Disturbance>,
+    /// Factors on the scene's parameters, in place of those of the disturbance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub randomize: Option<Parameters>,
     /// Greatest initial distance from the target, m.
     pub start_distance: f64,
     /// Greatest initial attitude error, rad.
@@ -32,6 +44,52 @@ pub struct TaskOptions {
     pub arm_amplitude: f64,
     /// Reward weights.
     pub reward: RewardWeights,
+    /// Errors below which a pose counts as reached.
+    pub tolerance: Tolerance,
+    /// Greatest correction to the classical controller's action, where that is what actions are; 1 is an actuator's limit.
+    pub residual: f64,
+    /// Kind of path that an end effector follows.
+    pub reference: PathKind,
+    /// Its amplitude or radius, m; 50 to 100 % of it are drawn.
+    pub reference_size: f64,
+    /// Its greatest speed, m/s; 50 to 100 % of it are drawn.
+    pub reference_speed: f64,
+    /// Its greatest amplitude of turns about the vertical, rad; less than a third of it out of the horizontal.
+    pub reference_turn: f64,
+    /// Points seen ahead.
+    pub preview: Preview,
+}
+
+/// Points of a reference that are seen ahead.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Preview {
+    /// Their number.
+    pub points: u32,
+    /// Time between them, and from now to the first, s.
+    pub spacing: f64,
+}
+
+impl Default for Preview {
+    fn default() -> Self {
+        Self { points: 3, spacing: 0.2 }
+    }
+}
+
+/// Errors below which a pose counts as reached.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tolerance {
+    /// m.
+    pub position: f64,
+    /// rad.
+    pub attitude: f64,
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Self { position: 0.05, attitude: 0.1 }
+    }
 }
 
 impl Default for TaskOptions {
@@ -42,12 +100,21 @@ impl Default for TaskOptions {
             dt: 0.01,
             substeps: 5,
             max_current: 0.3,
+            disturbance: None,
+            randomize: None,
             start_distance: 0.05,
             start_angle: 0.05,
             target_distance: 0.0,
             target_turn: 0.0,
             arm_amplitude: 0.4,
             reward: RewardWeights::default(),
+            tolerance: Tolerance::default(),
+            residual: 0.3,
+            reference: PathKind::Mixed,
+            reference_size: 0.4,
+            reference_speed: 0.2,
+            reference_turn: 0.4,
+            preview: Preview::default(),
         }
     }
 }
@@ -56,9 +123,12 @@ impl Default for TaskOptions {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Goal {
-    /// The vehicle holds a pose while the arm moves.
+    /// The vehicle holds a pose while its arm moves.
     #[default]
     StationKeep,
+    /// The end effector follows a path; vehicle and joints are acted on.
+    #[serde(rename = "ee-track")]
+    Track,
 }
 
 impl Goal {
@@ -66,6 +136,7 @@ impl Goal {
     pub fn name(self) -> &'static str {
         match self {
             Goal::StationKeep => "UVMS-StationKeep",
+            Goal::Track => "UVMS-EETrack",
         }
     }
 }
@@ -80,11 +151,13 @@ pub struct RewardWeights {
     pub effort: f64,
     /// Of the mean squared change of the action.
     pub rate: f64,
+    /// What divergence costs.
+    pub diverged: f64,
 }
 
 impl Default for RewardWeights {
     fn default() -> Self {
-        Self { pose: 0.1, effort: 0.02, rate: 0.1 }
+        Self { pose: 0.1, effort: 0.02, rate: 0.1, diverged: 0.0 }
     }
 }
 
@@ -103,6 +176,15 @@ impl TaskOptions {
     /// `TaskError::Options`, which does not happen.
     pub fn to_value(&self) -> Result<Value, TaskError> {
         Value::try_from(self).map_err(|error| TaskError::Options(error.to_string()))
+    }
+
+    /// What disturbs episodes.
+    pub fn disturbance(&self) -> Disturbance {
+        let given = self.disturbance.clone().unwrap_or_else(|| Disturbance::steady(self.max_current));
+        match &self.randomize {
+            Some(parameters) => Disturbance { parameters: parameters.any(), ..given },
+            None => given,
+        }
     }
 
     /// Control period `dt * substeps`, s.
@@ -128,9 +210,24 @@ impl TaskOptions {
             ("reward.pose", self.reward.pose),
             ("reward.effort", self.reward.effort),
             ("reward.rate", self.reward.rate),
+            ("reward.diverged", self.reward.diverged),
+            ("tolerance.position", self.tolerance.position),
+            ("tolerance.attitude", self.tolerance.attitude),
         ] {
             if !(value.is_finite() && value >= 0.0) {
                 return refuse(name, value, "finite and >= 0");
+            }
+        }
+        for (name, value, greatest, allowed) in [
+            ("residual", self.residual, 1.0, "in [0, 1]"),
+            ("reference_size", self.reference_size, 5.0, "in [0, 5] m"),
+            ("reference_speed", self.reference_speed, 2.0, "in [0, 2] m/s"),
+            ("reference_turn", self.reference_turn, 0.6, "in [0, 0.6] rad"),
+            ("preview.points", f64::from(self.preview.points), PREVIEW as f64, "0 to 8"),
+            ("preview.spacing", self.preview.spacing, 10.0, "in [0, 10] s"),
+        ] {
+            if !(0.0..=greatest).contains(&value) {
+                return refuse(name, value, allowed);
             }
         }
         if !(self.start_distance >= 0.0 && self.start_distance < super::observation::POSITION_BOUND) {
@@ -158,6 +255,27 @@ pub struct StartOverride {
     pub target_position: Option<[f64; 3]>,
     /// Target attitude as a quaternion [w, x, y, z].
     pub target_attitude: Option<[f64; 4]>,
-    /// Whole current, m/s, the scene's own included.
+    /// Steady current, m/s, the scene's own included.
     pub current: Option<[f64; 3]>,
+    /// Disturbance in place of the task's; it has no components that the task's has not.
+    pub disturbance: Option<Disturbance>,
+}
+
+/// Disturbances as JSON among plain values.
+mod as_json {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    use super::Disturbance;
+
+    pub fn serialize<S: Serializer>(given: &Option<Disturbance>, to: S) -> Result<S::Ok, S::Error> {
+        match given {
+            Some(disturbance) => to.serialize_str(&disturbance.to_json()),
+            None => to.serialize_none(),
+        }
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Disturbance>, D::Error> {
+        let text = String::deserialize(from)?;
+        Disturbance::from_json(&text).map(Some).map_err(Error::custom)
+    }
 }

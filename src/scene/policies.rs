@@ -1,7 +1,11 @@
 //! Policies for tasks.
 
-use super::Task;
-use crate::control::{Pid, Purpose, Rest, Widths};
+use std::sync::Arc;
+
+use super::{Goal, Task};
+use crate::control::{
+    ActionKind, Entries, Pid, Policy, Purpose, ResolvedGains, ResolvedMotion, Rest, TrackReading, Widths,
+};
 use crate::description::VehicleServo;
 use crate::error::TaskError;
 
@@ -9,6 +13,62 @@ impl Task {
     /// No control.
     pub fn rest(&self) -> Rest {
         Rest::new(Widths { observation: self.observation_len(), memory: 0, action: self.action_len() })
+    }
+
+    /// Resolved motion, for an end effector that follows a path, with these gains or the usual ones.
+    ///
+    /// # Errors
+    /// `TaskError` for another task, where actions are corrections to it, or for a gain that is not finite or is negative.
+    pub fn resolved_motion(&self, gains: Option<ResolvedGains>) -> Result<ResolvedMotion, TaskError> {
+        self.refuse_residual()?;
+        self.tracker(gains)
+    }
+
+    /// What actions are corrections to, where they are: the PD with the scene's gains, or resolved motion.
+    ///
+    /// # Errors
+    /// `TaskError` where there is no such controller.
+    pub fn base(&self) -> Result<Option<Arc<dyn Policy>>, TaskError> {
+        if self.options().action != ActionKind::Residual {
+            return Ok(None);
+        }
+        Ok(Some(match self.options().task {
+            Goal::StationKeep => Arc::new(self.feedback(None)?),
+            Goal::Track => Arc::new(self.tracker(None)?),
+        }))
+    }
+
+    fn tracker(&self, gains: Option<ResolvedGains>) -> Result<ResolvedMotion, TaskError> {
+        if self.options().task != Goal::Track {
+            return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
+        }
+        let find = |names: &[&str]| {
+            let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
+            let first =
+                blocks.next().map_or_else(Entries::default, |b| Entries { offset: b.offset, scale: b.scale.clone() });
+            blocks.fold(first, |mut entries, block| {
+                entries.scale.extend(&block.scale);
+                entries
+            })
+        };
+        let spacing = self.options().preview.spacing;
+        let ahead = self
+            .layout()
+            .block("preview")
+            .filter(|_| spacing > 0.0)
+            .map(|block| (Entries { offset: block.offset, scale: block.scale[..6].to_vec() }, spacing));
+        let reading = TrackReading {
+            width: self.observation_len(),
+            error: find(&["position_error", "attitude_error"]),
+            twist: find(&["linear_velocity", "angular_velocity"]),
+            up: find(&["up"]),
+            q: find(&["joint_position"]),
+            qd: find(&["joint_rate"]),
+            reference: find(&["reference_twist"]),
+            ahead,
+        };
+        let [.., up] = self.level;
+        Ok(ResolvedMotion::new(&self.scene, up, reading, gains.unwrap_or_default(), self.actions().clone())?)
     }
 
     /// [`Self::pd`] with an integral, whose gains follow from the others where `ki` does not give them: see [`Pid`].

@@ -2,15 +2,18 @@
 
 use nalgebra::Vector3;
 
+use super::authority::{greatest_tilt, greatest_torques};
+use super::disturbance::{Column, Disturbance, Profile, Site};
 use super::episode::{Episode, EpisodeRows};
 use super::kernel::{Command, TaskKernel};
 use super::layout::Layout;
 use super::metrics::Outcome;
-use super::observation::station_keep_layout;
-use super::options::TaskOptions;
+use super::observation::layout;
+use super::options::{Goal, TaskOptions};
+use super::pose::Pose;
 use super::stance::Stance;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, Reading};
-use crate::description::{Joint, Scene, VehicleServo};
+use crate::description::{Joint, JointKind, Scene, VehicleServo};
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::system::{EndEffector, JOINTS, Joints, State};
@@ -29,12 +32,13 @@ pub struct Task {
     pub(super) options: TaskOptions,
     rig: Rig,
     thruster_names: Vec<String>,
+    joint_names: Vec<String>,
     pub(super) joints: Vec<Joint>,
-    servo: Option<VehicleServo>,
-    scene_name: String,
-    pub(super) scene_current: Vector3<f64>,
+    pub(super) scene: Scene,
     /// Orthonormal, world axes: two horizontal ones and the one against gravity (world z without gravity).
     pub(super) level: [Vector3<f64>; 3],
+    /// Greatest amplitude of a path's turns out of the horizontal, rad.
+    pub(super) tilt: f64,
     kernel: TaskKernel<f64>,
 }
 
@@ -46,6 +50,10 @@ pub(super) struct Rig {
     pub end_effector: EndEffector,
     pub home: Joints,
     pub joints: usize,
+    /// World axis against gravity (world z without gravity).
+    pub up: [f64; 3],
+    pub disturbance: Disturbance,
+    pub site: Site,
 }
 
 impl Task {
@@ -65,7 +73,7 @@ impl Task {
             return refuse("its vehicle has no thrusters".into());
         }
         let allocation = Allocation::new(vehicle)?;
-        if options.action == ActionKind::Wrench && allocation.unactuated().len() == 6 {
+        if options.action != ActionKind::Thrusters && allocation.unactuated().len() == 6 {
             let hint = "no axis of the wrench can be actuated alone (action \"thrusters\" may work)";
             return refuse(hint.into());
         }
@@ -73,32 +81,89 @@ impl Task {
         if joints.len() > JOINTS {
             return refuse(format!("it has {} joints, at most {JOINTS} are supported", joints.len()));
         }
-        if let Some((_, name)) = joints.iter().zip(scene.joint_names()).find(|(joint, _)| joint.servo.is_none()) {
+        let tracks = options.task == Goal::Track;
+        let mut named = joints.iter().zip(scene.joint_names());
+        if let Some((_, name)) = named.find(|(joint, _)| !tracks && joint.servo.is_none()) {
             return refuse(format!("joint \"{name}\" has no servo to follow its reference with"));
         }
 
         let up = (-scene.water.gravity).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let forward = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
         let forward = (forward - up * up.dot(&forward)).normalize();
-        let actions = ActionMap::new(options.action, allocation);
+        let level = [forward, up.cross(&forward), up];
+        let site = Site::new(scene, &allocation, level, options.control_period()).that_tracks(tracks);
+        let disturbance = options.disturbance();
+        if options.disturbance.is_some() || options.randomize.is_some() {
+            disturbance.check(&site)?;
+        }
+        let (torques, tilt) = if tracks {
+            (greatest_torques(scene, &up)?, greatest_tilt(scene, &up, allocation.wrench_limits())?)
+        } else {
+            (Vec::new(), 0.0)
+        };
+        let actions = ActionMap::new(options.action, allocation, torques);
         let rig = Rig {
-            layout: station_keep_layout(&joints, actions.len()),
+            layout: layout(&options, &joints, actions.len()),
             actions,
             end_effector: EndEffector::new(scene),
             home: scene.home(),
             joints: joints.len(),
+            up: up.into(),
+            disturbance,
+            site,
         };
         Ok(Self {
+            tilt,
             kernel: TaskKernel::new(&options, &rig),
             rig,
             options,
             thruster_names: scene.thruster_names(),
+            joint_names: scene.joint_names(),
             joints,
-            servo: vehicle.servo.clone(),
-            scene_name: scene.name.clone(),
-            scene_current: scene.water.current,
-            level: [forward, up.cross(&forward), up],
+            scene: scene.clone(),
+            level,
         })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What disturbs episodes.
+    pub fn disturbance(&self) -> &Disturbance {
+        &self.rig.disturbance
+    }
+
+    pub(super) fn site(&self) -> &Site {
+        &self.rig.site
+    }
+
+    /// What disturbances will come to from where the episode stands, one entry per control period, for a vehicle that
+    /// stays at rest in `pose`.
+    pub fn profile(&self, episode: &Episode, pose: &Pose, steps: u32) -> Profile {
+        let (mut numbers, pose) = (episode.numbers().to_vec(), pose.in_lanes());
+        match self.kernel.weather() {
+            Some(weather) => {
+                let thrusters = self.rig.site.thrusters;
+                weather.profile(&mut numbers, episode.key(), episode.step(), steps, &pose, thrusters)
+            }
+            None => Profile::steady(&episode.current(), steps, self.rig.site.thrusters),
+        }
+    }
+
+    /// The frame whose pose counts: the vehicle's, or that of the end effector that follows a path.
+    pub(super) fn frame(&self, state: &State) -> Pose {
+        match self.options.task {
+            Goal::StationKeep => Pose::of_vehicle(state),
+            Goal::Track => self.end_effector(&Pose::of_vehicle(state), &state.q),
+        }
+    }
+
+    /// The end effector of a vehicle at that pose.
+    pub(super) fn end_effector(&self, vehicle: &Pose, q: &Joints) -> Pose {
+        let (rotation, position) = self.rig.end_effector.pose(q);
+        Pose { position: vehicle.position + vehicle.rotation * position, rotation: vehicle.rotation * rotation }
     }
 
     pub(super) fn home(&self) -> &Joints {
@@ -112,7 +177,7 @@ impl Task {
 
     /// Name of the scene.
     pub fn scene_name(&self) -> &str {
-        &self.scene_name
+        &self.scene.name
     }
 
     /// What each entry of an observation is.
@@ -132,7 +197,19 @@ impl Task {
 
     /// What each entry of an action is.
     pub fn action_ranges(&self) -> Vec<ActionRange> {
-        self.rig.actions.ranges(self.thruster_names.iter().map(String::as_str))
+        let actions = &self.rig.actions;
+        let mut ranges = actions.ranges(self.thruster_names.iter().map(String::as_str));
+        for ((torque, name), joint) in actions.torques().iter().zip(&self.joint_names).zip(&self.joints) {
+            let unit = match joint.kind {
+                JointKind::Revolute => "N m",
+                JointKind::Prismatic => "N",
+            };
+            ranges.push(ActionRange { name: name.clone(), limits: [-torque, *torque], unit });
+        }
+        if self.options.action == ActionKind::Residual {
+            ranges.iter_mut().for_each(|range| range.limits = range.limits.map(|limit| limit * self.options.residual));
+        }
+        ranges
     }
 
     /// The thruster allocation.
@@ -150,9 +227,35 @@ impl Task {
     /// # Errors
     /// `TaskError` if there are no gains, or one is not finite or is negative.
     pub fn pd(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
-        let Some(gains) = gains.or_else(|| self.servo.clone()) else {
-            let reason = "it gives no gains (vehicle.servo) for the PD".into();
-            return Err(TaskError::Scene { scene: self.scene_name.clone(), reason });
+        self.refuse_residual()?;
+        self.feedback(gains)
+    }
+
+    /// Refuses controllers where actions are corrections to one.
+    pub(super) fn refuse_residual(&self) -> Result<(), TaskError> {
+        match self.options.action {
+            ActionKind::Residual => {
+                Err(self.unfit("its actions are corrections to a controller: use Rest for that alone"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// A refusal of something for this task.
+    pub(super) fn unfit(&self, reason: &str) -> TaskError {
+        TaskError::Scene { scene: self.scene.name.clone(), reason: reason.to_owned() }
+    }
+
+    pub(super) fn actions(&self) -> &ActionMap {
+        &self.rig.actions
+    }
+
+    pub(super) fn feedback(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
+        if self.options.task != Goal::StationKeep {
+            return Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"));
+        }
+        let Some(gains) = gains.or_else(|| self.scene.vehicle.servo.clone()) else {
+            return Err(self.unfit("it gives no gains (vehicle.servo) for the PD"));
         };
         let find = |names: [&str; 2]| {
             let mut found = names
@@ -210,7 +313,11 @@ impl Task {
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-        self.kernel().act(&mut episode.memory(), &entries)
+        if let Some(weather) = self.kernel().weather() {
+            let (key, step) = (episode.key(), episode.step());
+            weather.stir(&mut Column::of_one(&mut episode.numbers), key, step);
+        }
+        self.kernel().act(&mut episode.memory(), &entries, None)
     }
 
     /// [`TaskKernel::advance`] for one instance.
@@ -218,8 +325,9 @@ impl Task {
         episode.step += 1;
         let (share, stance) = (1.0 / f64::from(episode.step), Stance::from(state));
         let mut memory = episode.memory();
+        self.kernel().advance::<f64>(&mut memory);
         let error = self.kernel().error(&memory, &stance);
-        Outcome::from(&self.kernel().advance(&mut memory, &stance, &error, share))
+        Outcome::from(&self.kernel().judge(&mut memory, &stance, &error, share))
     }
 
     /// [`TaskKernel::observe`] for one instance.

@@ -151,12 +151,14 @@ proptest! {
             1 => prop::num::f64::ANY,
             1 => prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE]),
         ], 18 + 2 * JOINTS),
-        action in prop::collection::vec(prop::num::f32::ANY, 8),
+        action in prop::collection::vec(prop::num::f32::ANY, 12),
         kind in prop::sample::select(vec![ActionKind::Wrench, ActionKind::Thrusters]),
+        goal in prop::sample::select(vec![Goal::StationKeep, Goal::Track]),
     ) {
-        let task = task_with(TaskOptions { action: kind, ..Default::default() });
+        let task = task_with(TaskOptions { task: goal, action: kind, ..Default::default() });
         let (mut episode, mut state) = task.begin(key(1, 1));
         let command = task.act(&mut episode, &action[..task.action_len()]);
+        prop_assert!(command.actuated.torques.iter().all(|x| x.abs() <= 9.0));
         prop_assert!(wrench(&command).iter().chain(&command.actuated.thrusts).chain(command.joints.iter().flatten()).all(|x| x.is_finite()));
         let mut numbers = numbers.into_iter();
         state.position.iter_mut().for_each(|x| *x = numbers.next().unwrap());
@@ -165,7 +167,9 @@ proptest! {
         state.q.iter_mut().chain(&mut state.qd).for_each(|x| *x = numbers.next().unwrap());
         let outcome = task.advance(&mut episode, &state);
         prop_assert!(outcome.reward.is_finite() && outcome.info().iter().all(|x| x.is_finite()), "{outcome:?}");
-        prop_assert!(outcome.diverged || state.position.norm() <= 10.0);
+        // The arm reaches less than a metre.
+        let bound = if goal == Goal::Track { 11.0 } else { 10.0 };
+        prop_assert!(outcome.diverged || state.position.norm() <= bound);
         let mut row = vec![f32::NAN; task.observation_len()];
         task.observe(&episode, &state, &mut row);
         for (x, bound) in row.iter().zip(task.layout().bound()) {
@@ -432,6 +436,45 @@ fn every_shipped_scene_with_six_thrusters_can_keep_station() {
             let task = Task::new(&scene, TaskOptions { action, ..Default::default() }).unwrap();
             assert!(task.pd(None).is_ok(), "{name}");
             assert!(task.allocation().unactuated().is_empty(), "{name}: {:?}", task.allocation().unactuated());
+        }
+    }
+}
+
+#[test]
+fn tracking_starts_on_its_path_and_counts_the_end_effectors_error() {
+    let options = TaskOptions { task: Goal::Track, start_distance: 0.0, start_angle: 0.0, ..Default::default() };
+    for seed in 0..20 {
+        let task = task_with(options.clone());
+        let (mut episode, mut state) = task.begin(key(seed, 0));
+        assert!((task.frame(&state).position - episode.target().position).norm() < 1e-12);
+        let start = episode.target();
+        for _ in 0..100 {
+            task.act(&mut episode, &[0.0; 10]);
+            state.position += Vector3::new(0.001, 0.0, 0.0);
+            let outcome = task.advance(&mut episode, &state);
+            let apart = (task.frame(&state).position - episode.target().position).norm();
+            assert!((outcome.metrics.position_error - apart).abs() < 1e-12);
+            assert_eq!(outcome.metrics.success, apart < 0.05 && outcome.metrics.attitude_error < 0.1);
+        }
+        assert!((episode.target().position - start.position).norm() < 1.2);
+    }
+}
+
+#[test]
+fn joints_are_driven_by_no_more_than_their_effort_and_enough_to_hold_the_arm() {
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
+        let scene = Scene::shipped(name).unwrap();
+        let task = Task::new(&scene, TaskOptions { task: Goal::Track, ..Default::default() }).unwrap();
+        let trim = crate::balance::Balance::new(&scene).unwrap();
+        let home = State { q: scene.home(), ..State::default() };
+        let holding = trim.trim(&home, Vector3::zeros()).unwrap().joint_torques;
+        let ranges = task.action_ranges();
+        for ((range, joint), hold) in ranges[6..].iter().zip(scene.joints()).zip(holding.iter()) {
+            let greatest = range.limits[1];
+            assert!(
+                greatest <= joint.effort.unwrap() && greatest > 1.5 * hold.abs() && greatest > 0.0,
+                "{name}: {range:?}"
+            );
         }
     }
 }

@@ -178,32 +178,44 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
         self.move_inertia::<true>(inertia)
     }
 
-    /// Shift along the axis, `H' = H - M [r]`, `J' = J - H^T [r] + [r] H'`, then turn about it; `TURNING` where
-    /// the entries of the rotation along the axis are known to be zero.
+    /// Shift along the axis, then turn about it; `TURNING` where the entries of the rotation along the axis are known to be
+    /// zero. (Both ways to the end: numbers that meet after a branch would go through memory.)
     #[inline(always)]
     fn move_inertia<const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L> {
+        match self.shift {
+            Some(d) => self.turn_inertia::<TURNING>(&Self::shift_inertia::<TURNING>(a, d)),
+            None => self.turn_inertia::<TURNING>(a),
+        }
+    }
+
+    /// `H' = H - M [r]`, `J' = J - H^T [r] + [r] H'`
+    #[inline(always)]
+    fn shift_inertia<const TURNING: bool>(a: &SpatialInertia<L>, d: L) -> SpatialInertia<L> {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let (mut h, mut j) = (a.h, a.j);
-        if let Some(d) = self.shift {
-            let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
-            h[i][i] = a.m[ik].neg_mul_add(d, a.h[i][i]);
-            h[i][k] = a.m[ii].mul_add(d, a.h[i][k]);
-            h[k][i] = a.m[kk].neg_mul_add(d, a.h[k][i]);
-            h[k][k] = a.m[ik].mul_add(d, a.h[k][k]);
-            h[n][i] = a.m[kn].neg_mul_add(d, a.h[n][i]);
-            h[n][k] = a.m[inn].mul_add(d, a.h[n][k]);
-            j[ii] = (a.h[k][i] + h[k][i]).neg_mul_add(d, a.j[ii]);
-            j[ik] = (a.h[i][i] - h[k][k]).mul_add(d, a.j[ik]);
-            j[kk] = (a.h[i][k] + h[i][k]).mul_add(d, a.j[kk]);
-            if !TURNING {
-                j[inn] = h[k][n].neg_mul_add(d, a.j[inn]);
-                j[kn] = h[i][n].mul_add(d, a.j[kn]);
-            }
+        let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
+        h[i][i] = a.m[ik].neg_mul_add(d, a.h[i][i]);
+        h[i][k] = a.m[ii].mul_add(d, a.h[i][k]);
+        h[k][i] = a.m[kk].neg_mul_add(d, a.h[k][i]);
+        h[k][k] = a.m[ik].mul_add(d, a.h[k][k]);
+        h[n][i] = a.m[kn].neg_mul_add(d, a.h[n][i]);
+        h[n][k] = a.m[inn].mul_add(d, a.h[n][k]);
+        j[ii] = (a.h[k][i] + h[k][i]).neg_mul_add(d, a.j[ii]);
+        j[ik] = (a.h[i][i] - h[k][k]).mul_add(d, a.j[ik]);
+        j[kk] = (a.h[i][k] + h[i][k]).mul_add(d, a.j[kk]);
+        if !TURNING {
+            j[inn] = h[k][n].neg_mul_add(d, a.j[inn]);
+            j[kn] = h[i][n].mul_add(d, a.j[kn]);
         }
+        SpatialInertia { m: a.m, h, j }
+    }
+
+    #[inline(always)]
+    fn turn_inertia<const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L> {
         SpatialInertia {
             m: self.turn_symmetric::<false>(&a.m),
-            h: self.turn_full::<TURNING>(&h),
-            j: self.turn_symmetric::<TURNING>(&j),
+            h: self.turn_full::<TURNING>(&a.h),
+            j: self.turn_symmetric::<TURNING>(&a.j),
         }
     }
 

@@ -251,29 +251,22 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m, h, j }
     }
 
-    /// `A c + p` for an inertia left by [`Self::free_to_turn`] and a c without components along or about z: x and y of both
-    /// its parts.
+    /// Adds `A c` to p for an inertia left by [`Self::free_to_turn`] and a c without components along or about z: x and y of
+    /// both its parts.
     #[inline(always)]
-    pub fn apply_across(&self, [cx, cy, dx, dy]: [L; 4], p: Vector6<L>) -> Vector6<L> {
+    pub fn apply_across(&self, [cx, cy, dx, dy]: [L; 4], p: &mut Vector6<L>) {
         let (m, h, j) = (&self.m, &self.h, &self.j);
-        let (f, t) = (p.linear.0, p.angular.0);
+        let (f, t) = (&mut p.linear.0, &mut p.angular.0);
         // sum + a x + b y
         #[inline(always)]
         fn plus<L: Lane>(sum: L, a: L, x: L, b: L, y: L) -> L {
             a.mul_add(x, b.mul_add(y, sum))
         }
-        Vector6 {
-            linear: Vector3([
-                plus(plus(f[0], m[0], cx, m[1], cy), h[0][0], dx, h[0][1], dy),
-                plus(plus(f[1], m[1], cx, m[3], cy), h[1][0], dx, h[1][1], dy),
-                plus(plus(f[2], m[2], cx, m[4], cy), h[2][0], dx, h[2][1], dy),
-            ]),
-            angular: Vector3([
-                plus(plus(t[0], h[0][0], cx, h[1][0], cy), j[0], dx, j[1], dy),
-                plus(plus(t[1], h[0][1], cx, h[1][1], cy), j[1], dx, j[3], dy),
-                t[2],
-            ]),
-        }
+        f[0] = plus(plus(f[0], m[0], cx, m[1], cy), h[0][0], dx, h[0][1], dy);
+        f[1] = plus(plus(f[1], m[1], cx, m[3], cy), h[1][0], dx, h[1][1], dy);
+        f[2] = plus(plus(f[2], m[2], cx, m[4], cy), h[2][0], dx, h[2][1], dy);
+        t[0] = plus(plus(t[0], h[0][0], cx, h[1][0], cy), j[0], dx, j[1], dy);
+        t[1] = plus(plus(t[1], h[0][1], cx, h[1][1], cy), j[1], dx, j[3], dy);
     }
 
     /// `Ad_T^-T A Ad_T^-1`: the inertia of a child frame at `T`, seen from the parent frame.
@@ -363,7 +356,8 @@ impl<L: Lane> Factored<L> {
         }
         for k in (0..6).rev() {
             x[k] = x[k] * self.over_d[k];
-            for i in k + 1..6 {
+            // The latest last: it is waited for.
+            for i in (k + 1..6).rev() {
                 x[k] = self.l[i][k].neg_mul_add(x[i], x[k]);
             }
         }

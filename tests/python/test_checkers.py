@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from helpers import choices, disturbances, scenes_for, small, task_ids
+from helpers import choices, disturbances, scenes_with_thrusters, small, task_ids
 
 HAS_SB3 = importlib.util.find_spec("stable_baselines3") is not None
 
@@ -15,7 +15,7 @@ HAS_SB3 = importlib.util.find_spec("stable_baselines3") is not None
 def cases():
     """Every task with every scene and action, and with every disturbance."""
     for task in task_ids():
-        for scene in scenes_for(task):
+        for scene in scenes_with_thrusters():
             for action in choices(task, "action"):
                 yield task, {"scene": scene, "action": action}
         for disturbance in disturbances(task):

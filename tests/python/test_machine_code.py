@@ -53,8 +53,6 @@ AROUND_STEPS = {
     r"4step.*Memory.*3new": "working memory, before the first instance",
     r"8variable": "memory for parameters of single instances, before the first of them",
     r"drop_in_place.*System": "frees that memory, after the last",
-    r"9panicking18panic_bounds_check": "one check that the compiler did not see through; never taken",
-    r"^_Unwind_Resume$": "frees memory after that",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {

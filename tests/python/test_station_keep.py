@@ -13,11 +13,13 @@ import pytest
 
 import uvms_gym
 from uvms_gym.envs._base import DEFAULTS as ALL_DEFAULTS
-from uvms_gym.envs._base import RESET_OPTIONS, REWARD
+from uvms_gym.envs._base import RESET_OPTIONS
+from uvms_gym.envs._base import REWARD as REWARDS
 from uvms_gym.envs.station_keep import INFO, StationKeepEnv, StationKeepVectorEnv
 
 ENV = "UVMS-StationKeep-v0"
 DEFAULTS = ALL_DEFAULTS["station-keep"]
+REWARD = REWARDS["station-keep"]
 SMALL = "bluerov2-heavy"
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"]
 
@@ -86,7 +88,7 @@ def test_weights_scale_their_terms():
         ({"integrator": "euler"}, "mk4"),
         ({"dtype": "float16"}, "'float64', 'float32'"),
         ({"max_current": -1.0}, "max_current"),
-        ({"reward": {"speed": 1.0}}, "pose, effort, rate"),
+        ({"reward": {"speed": 1.0}}, "pose, effort, rate, diverged"),
         ({"reward": {"pose": float("nan")}}, "reward.pose"),
         ({"threads": 0}, "threads"),
         ({"render_mode": "human"}, "render_mode"),
@@ -203,7 +205,7 @@ def test_actions_of_any_real_type_are_clipped_alike(dtype):
     ],
 )
 def test_a_pd_for_something_else_is_refused(make, name):
-    with pytest.raises(TypeError, match=f"PD takes a UVMS-StationKeep environment.* {name}$"):
+    with pytest.raises(TypeError, match=f"PD takes a UVMS environment.* {name}$"):
         uvms_gym.PD(make())
 
 

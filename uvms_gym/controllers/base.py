@@ -70,8 +70,13 @@ def options_of(controller: str, env: Any, given: Options) -> Options:
             raise TypeError(f"env tells the options: {', '.join(given)} cannot be given besides")
         inner = _unwrapped(controller, env)
         given = {**inner.options, "task": inner.task}
-    matters = ("task", "scene", "action", "dt", "substeps")
+    matters = ("task", "scene", "action", "dt", "substeps", "preview")
     return cast(Options, {key: value for key, value in given.items() if key in matters})
+
+
+def remade(kind: type[Any], options: Options, gains: dict[str, Any]) -> Any:
+    """Make a controller again after pickling."""
+    return kind(**gains, **options)
 
 
 def _check_finite(name: str, rows: NDArray[Any]) -> None:
@@ -87,5 +92,5 @@ def _unwrapped(controller: str, env: Any) -> TaskBase:
         inner = env.get_attr("unwrapped")[0]
     if not isinstance(inner, TaskBase):
         kind = type(inner).__name__
-        raise TypeError(f"{controller} takes a UVMS-StationKeep environment, single or vector, not a {kind}")
+        raise TypeError(f"{controller} takes a UVMS environment, single or vector, not a {kind}")
     return inner

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
-from uvms_gym.controllers.base import Controller, options_of
+from uvms_gym.controllers.base import Controller, options_of, remade
 from uvms_gym.envs._base import Options, native
 
 Floats = NDArray[np.float64]
@@ -26,7 +26,7 @@ class Rest(Controller):
         self.policy = native(self._options).rest()
 
     def __reduce__(self) -> Any:
-        return _remade, (type(self), self._options, {})
+        return remade, (type(self), self._options, {})
 
 
 class PD(Controller):
@@ -72,7 +72,7 @@ class PD(Controller):
         return np.array(self.policy.kd)
 
     def __reduce__(self) -> Any:
-        return _remade, (type(self), self._options, {"kp": self.kp, "kd": self.kd})
+        return remade, (type(self), self._options, {"kp": self.kp, "kd": self.kd})
 
 
 class PID(Controller):
@@ -132,12 +132,7 @@ class PID(Controller):
         return np.array(self.policy.ki)
 
     def __reduce__(self) -> Any:
-        return _remade, (type(self), self._options, {"kp": self.kp, "kd": self.kd, "ki": self.ki})
-
-
-def _remade(kind: type[Any], options: Options, gains: dict[str, Any]) -> Any:
-    """Make a controller again after pickling."""
-    return kind(**gains, **options)
+        return remade, (type(self), self._options, {"kp": self.kp, "kd": self.kd, "ki": self.ki})
 
 
 def _gains(given: ArrayLike | None) -> list[float] | None:

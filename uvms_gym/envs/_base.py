@@ -1,5 +1,6 @@
 """What all environments have in common: arguments, spaces, state; single and vector."""
 
+import json
 import math
 import operator
 import os
@@ -8,14 +9,20 @@ from typing import Any, ClassVar, Literal, TypedDict, cast
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import logger, spaces
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._core import Simulator, Task
+from uvms_gym.envs import EPISODE_STEPS
+from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering, check_mode
 
 Scene = str | os.PathLike[str] | dict[str, Any]
+#: Name of a level, or components by name: see `uvms_gym.disturbances`.
+Disturbance = str | Mapping[str, Any]
+#: Whether, by what share, or ranges by the name of the parameter.
+Randomize = bool | float | Mapping[str, Any]
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 
@@ -29,7 +36,17 @@ _MODES = {
 }
 
 #: Parts of an episode's start that `reset(options=...)` takes instead of drawing them.
-RESET_OPTIONS = ("position", "attitude", "twist", "q", "qd", "target_position", "target_attitude", "current")
+RESET_OPTIONS = (
+    "position",
+    "attitude",
+    "twist",
+    "q",
+    "qd",
+    "target_position",
+    "target_attitude",
+    "current",
+    "disturbance",
+)
 
 
 class RewardWeights(TypedDict, total=False):
@@ -38,6 +55,21 @@ class RewardWeights(TypedDict, total=False):
     pose: float
     effort: float
     rate: float
+    diverged: float
+
+
+class Tolerance(TypedDict, total=False):
+    """Errors below which a pose counts as reached, m and rad; what is left out keeps its default."""
+
+    position: float
+    attitude: float
+
+
+class Preview(TypedDict, total=False):
+    """Points of a reference that are seen ahead, and the time between them, s; what is left out keeps its default."""
+
+    points: int
+    spacing: float
 
 
 class Options(TypedDict, total=False):
@@ -45,7 +77,7 @@ class Options(TypedDict, total=False):
 
     task: str
     scene: Scene
-    action: Literal["wrench", "thrusters"]
+    action: Literal["wrench", "thrusters", "residual"]
     dt: float
     substeps: int
     integrator: str
@@ -56,31 +88,65 @@ class Options(TypedDict, total=False):
     target_distance: float
     target_turn: float
     arm_amplitude: float
+    disturbance: Disturbance | None
+    randomize: Randomize | None
+    reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"]
+    reference_size: float
+    reference_speed: float
+    reference_turn: float
+    preview: Preview | None
     reward: RewardWeights | None
+    tolerance: Tolerance | None
+    residual: float
+    privileged: bool
     threads: int | None
 
 
+_COMMON: Options = {
+    "scene": "petasus-pum",
+    "action": "wrench",
+    "dt": 0.01,
+    "substeps": 5,
+    "integrator": "mk4",
+    "dtype": "float64",
+    "max_current": 0.3,
+    "start_distance": 0.05,
+    "start_angle": 0.05,
+    "target_distance": 0.0,
+    "target_turn": 0.0,
+    "disturbance": None,
+    "randomize": None,
+    "reward": None,
+    "tolerance": None,
+    "residual": 0.3,
+    "privileged": False,
+    "threads": None,
+}
 #: Arguments of each task's environments, and their defaults.
 DEFAULTS: dict[str, Options] = {
-    "station-keep": {
-        "scene": "petasus-pum",
-        "action": "wrench",
-        "dt": 0.01,
-        "substeps": 5,
-        "integrator": "mk4",
-        "dtype": "float64",
-        "max_current": 0.3,
-        "start_distance": 0.05,
-        "start_angle": 0.05,
-        "target_distance": 0.0,
-        "target_turn": 0.0,
-        "arm_amplitude": 0.4,
-        "reward": None,
-        "threads": None,
-    }
+    "station-keep": {**_COMMON, "arm_amplitude": 0.4},
+    "ee-track": {
+        **_COMMON,
+        "reference": "mixed",
+        "reference_size": 0.4,
+        "reference_speed": 0.2,
+        "reference_turn": 0.4,
+        "preview": None,
+    },
 }
-REWARD: RewardWeights = {"pose": 0.1, "effort": 0.02, "rate": 0.1}
-_WORDS = ("action", "integrator", "dtype")
+#: Weights of each task's reward.
+REWARD: dict[str, RewardWeights] = {
+    "station-keep": {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 0.0},
+    "ee-track": {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 100.0},
+}
+TOLERANCE: Tolerance = {"position": 0.05, "attitude": 0.1}
+PREVIEW: Preview = {"points": 3, "spacing": 0.2}
+#: Arguments that are dicts, and the defaults of what these hold.
+_GROUPS: dict[str, Mapping[str, Any]] = {
+    "reward": REWARD["station-keep"],
+    "tolerance": TOLERANCE,
+    "preview": PREVIEW,
+}
 #: Those that are not the task's own business.
 _PHYSICS = ("integrator", "dtype", "threads")
 #: Greatest count that is handed on.
@@ -105,15 +171,22 @@ def native(
     if unknown := given.keys() - defaults.keys() - {"task"}:
         raise TypeError(f"unexpected keyword argument {min(unknown)!r}; known: {', '.join(defaults)}")
     _check(given, num_envs, max_episode_steps)
-    weights = given.pop("reward") or {}
-    if unknown := weights.keys() - REWARD.keys():
-        raise ValueError(f"unknown reward weight {min(unknown)!r}; known: {', '.join(REWARD)}")
-    for term, weight in weights.items():
-        _check_number(f"reward[{term!r}]", weight)
+    for group in _GROUPS.keys() & given.keys():
+        given[group] = _group(group, given[group])
+    if given["disturbance"] is None:
+        del given["disturbance"]
+    else:
+        given["disturbance"] = as_json("disturbance", given["disturbance"])
+    if given["randomize"] is None:
+        del given["randomize"]
+    elif isinstance(given["randomize"], Mapping):
+        given["randomize"] = {name: span for name, span in given["randomize"].items() if span is not None}
+    given["reward"] = {**REWARD[task], **given["reward"]}
     scene, physics = given.pop("scene"), {name: given.pop(name) for name in _PHYSICS}
+    del given["privileged"]
     return Task(
         scene,
-        {**given, "reward": weights},
+        given,
         **physics,
         num_envs=num_envs,
         autoreset=autoreset,
@@ -123,10 +196,11 @@ def native(
 
 def _check(given: Mapping[str, Any], num_envs: Any, max_episode_steps: Any) -> None:
     """Check types, and that counts are such; ranges are checked further down."""
-    for name in _WORDS:
-        if not isinstance(given[name], str):
-            raise TypeError(f"{name} is {given[name]!r}, but must be a string")
     for name, value in DEFAULTS[given["task"]].items():
+        if isinstance(value, str) and name != "scene" and not isinstance(given[name], str):
+            raise TypeError(f"{name} is {given[name]!r}, but must be a string")
+        if isinstance(value, bool) and not isinstance(given[name], (bool, np.bool_)):
+            raise TypeError(f"{name} is {given[name]!r}, but must be True or False")
         if isinstance(value, float):
             _check_number(name, given[name])
     _check_count("substeps", given["substeps"])
@@ -135,8 +209,22 @@ def _check(given: Mapping[str, Any], num_envs: Any, max_episode_steps: Any) -> N
         _check_count("threads", given["threads"])
     if max_episode_steps is not None:
         _check_count("max_episode_steps", max_episode_steps, least=0)
-    if not isinstance(given["reward"], Mapping | None):
-        raise TypeError(f"reward is {given['reward']!r}, but must be a dict or None")
+
+
+def _group(name: str, given: Any) -> dict[str, Any]:
+    """Check a dict of numbers; a new one."""
+    if not isinstance(given, Mapping | None):
+        raise TypeError(f"{name} is {given!r}, but must be a dict or None")
+    known = _GROUPS[name]
+    for key, value in (given or {}).items():
+        if key not in known:
+            kind = "reward weight" if name == "reward" else f"entry of {name}"
+            raise ValueError(f"unknown {kind} {key!r}; known: {', '.join(known)}")
+        if isinstance(known[key], int):
+            _check_count(f"{name}[{key!r}]", value, least=0)
+        else:
+            _check_number(f"{name}[{key!r}]", value)
+    return dict(given or {})
 
 
 def _check_number(name: str, value: Any) -> None:
@@ -159,13 +247,14 @@ def _check_count(name: str, value: Any, least: int = 1) -> None:
         raise ValueError(f"{name} is {count}, but must be at most {_MOST}")
 
 
-class TaskBase:
+class TaskBase(Rendering):
     """Spaces, state and read access."""
 
     #: Name of the task.
     task: ClassVar[str]
 
     _native: Task
+    _privileged: bool
     options: Options
 
     _action_shape: tuple[int, ...]
@@ -193,9 +282,36 @@ class TaskBase:
         return self._native.action_layout
 
     @property
+    def privileged_layout(self) -> list[tuple[str, int]]:
+        """Names and lengths of the parts of `info["privileged"]`."""
+        return self._native.privileged_layout
+
+    @property
     def episode(self) -> dict[str, NDArray[Any]]:
-        """What the running episodes drew, one row per instance: seed, target, current, joint reference, step."""
+        """What the running episodes drew, and where their references are; one row per instance."""
         return self._native.episodes()
+
+    def disturbance(self, instance: int = 0, steps: int = EPISODE_STEPS) -> dict[str, NDArray[np.float64]]:
+        """What will disturb an instance in its next `steps` control periods, if it stays where it is.
+
+        Called after `reset` it tells of the whole episode. Waves, tether and pushes depend on where the vehicle is, a
+        little; all else is exact.
+
+        Returns
+        -------
+        dict of numpy.ndarray
+            time (T,), s since the episode's start; current (T, 3), m/s, and its acceleration (T, 3), m/s^2, world axes;
+            wrench (T, 6), N and N m, body axes, thrusters excluded; gains (T, thrusters), what is left of each
+            thruster's thrust; payload (T,), kg.
+
+        Raises
+        ------
+        IndexError, ValueError, gymnasium.error.ResetNeeded
+            There is no such instance, `steps` is out of range, or there is no episode.
+        """
+        _check_count("instance", instance, least=0)
+        _check_count("steps", steps, least=0)
+        return self._native.disturbance(instance, steps)
 
     def get_state(self) -> dict[str, NDArray[np.float64]]:
         """Everything that makes the environment go on as if it had not been interrupted."""
@@ -221,20 +337,21 @@ class TaskBase:
 class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
     """One instance of a task."""
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
 
     def __init__(self, options: Options, render_mode: str | None) -> None:
-        refuse_rendering(render_mode)
+        check_mode(render_mode)
         self.render_mode = render_mode
         self.options = options
         self._native = native({**options, "task": self.task})
+        self._privileged = bool(options.get("privileged"))
         self._seeded = False
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._native.control_period}
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
         self.observation_space, self.action_space = self._spaces()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observations, dict[str, float]]:
+    ) -> tuple[Observations, dict[str, Any]]:
         """Start an episode: the first of `seed`, or without one the next of the stream.
 
         Raises
@@ -249,9 +366,9 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
             seed = self.np_random_seed
         observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
         self._seeded = True
-        return observations[0], dict(zip(INFO, info[:, 0].tolist(), strict=True))
+        return observations[0], self._with_truth(dict(zip(INFO, info[:, 0].tolist(), strict=True)))
 
-    def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, float]]:
+    def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
         """Hold `action` for one control period.
 
         Raises
@@ -261,11 +378,18 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         gymnasium.error.ResetNeeded
             There is no episode, or it has terminated.
         """
-        return self._native.step_one(as_actions(action, self._action_shape))
+        observation, reward, terminated, truncated, info = self._native.step_one(as_actions(action, self._action_shape))
+        return observation, reward, terminated, truncated, self._with_truth(info)
 
-    def render(self) -> None:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
+    def _with_truth(self, info: dict[str, Any]) -> dict[str, Any]:
+        if self._privileged:
+            info["privileged"] = self._native.privileged()[0]
+        return info
+
+    def render(self) -> Picture | None:  # type: ignore[override]
+        """Draw (480, 640, 3) uint8; without a render mode warn and return None."""
+        pictures = self._pictures()
+        return None if pictures is None else pictures[0]
 
 
 class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
@@ -280,7 +404,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         render_mode: str | None,
         options: Options,
     ) -> None:
-        refuse_rendering(render_mode)
+        check_mode(render_mode)
         self.render_mode = render_mode
         self.copy = copy
         self.options = options
@@ -292,8 +416,13 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
             autoreset=_MODES[mode],
             max_episode_steps=max_episode_steps,
         )
+        self._privileged = bool(options.get("privileged"))
         self._seeded = False
-        self.metadata = {"render_modes": [], "render_fps": 1.0 / self._native.control_period, "autoreset_mode": mode}
+        self.metadata = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": 1.0 / self._native.control_period,
+            "autoreset_mode": mode,
+        }
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -351,7 +480,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         observations, rewards, terminated, truncated, info, finals = self._native.step(given)
         infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
         if finals is not None:
-            where, last, measures = finals
+            where, last, measures, truth = finals
             ended = np.zeros(self.num_envs, dtype=np.bool_)
             ended[where] = True
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
@@ -359,22 +488,31 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
                 infos["final_obs"][i] = observation
             spread = np.zeros((len(INFO), self.num_envs))
             spread[:, where] = measures
-            infos["final_info"] = self._infos(spread, ended)
+            truths = np.zeros((self.num_envs, truth.shape[1]))
+            truths[where] = truth
+            infos["final_info"] = self._infos(spread, ended, truths)
             infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
         return observations, rewards, terminated, truncated, infos
 
-    def render(self) -> tuple[Any, ...]:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
-        return (None,) * self.num_envs
+    def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
+        """Give a sequence of N pictures, each drawn when first looked at; without a render mode warn, and N times None."""
+        pictures = self._pictures()
+        return (None,) * self.num_envs if pictures is None else pictures
 
-    def _infos(self, info: NDArray[np.float64], mask: NDArray[np.bool_]) -> dict[str, Any]:
-        """Measures (18, N) of the instances in `mask`, by name, each with a mask of its own."""
+    def _infos(
+        self, info: NDArray[np.float64], mask: NDArray[np.bool_], truth: NDArray[np.float64] | None = None
+    ) -> dict[str, Any]:
+        """Measures (k, N) of the instances in `mask`, by name, each with a mask of its own; and the truth (N, m)."""
+        extra: dict[str, Any] = {}
+        if self._privileged:
+            truth = self._native.privileged() if truth is None else truth
+            truth[~mask] = 0.0
+            extra = {"privileged": truth, "_privileged": mask.copy()}
         if not mask.all():
             info[:, ~mask] = 0.0
         masks = np.empty((len(INFO), self.num_envs), dtype=np.bool_)
         masks[:] = mask
-        return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True))
+        return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True)) | extra
 
     def _check_mask(self, mask: Any) -> None:
         """Check as SyncVectorEnv does."""
@@ -418,15 +556,32 @@ def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
     for name in options or {}:
         if name not in known:
             raise ValueError(f"unknown reset option {name!r}; known: {', '.join(known)}")
-    return {name: value for name, value in (options or {}).items() if value is not None}
+    given = {name: value for name, value in (options or {}).items() if value is not None}
+    if "disturbance" in given:
+        given["disturbance"] = _disturbances(given["disturbance"])
+    return given
 
 
-def refuse_rendering(render_mode: str | None) -> None:
-    """There is no renderer."""
-    if render_mode is not None:
-        raise ValueError(f"render_mode is {render_mode!r}, but must be None: there is nothing to render with")
+def _disturbances(given: Any) -> str | list[str]:
+    """One disturbance for all instances, or a list with one for each."""
+    if isinstance(given, list | tuple):
+        return [as_json("disturbance", one) for one in given]
+    return as_json("disturbance", given)
 
 
-def warn_of_rendering() -> None:
-    """Say what Gymnasium says of an environment without render mode."""
-    logger.warn("You are calling render method without specifying any render mode.")
+def as_json(name: str, given: Any) -> str:
+    """Write a name or a dict of plain values and arrays as JSON."""
+    if not isinstance(given, str | Mapping):
+        raise TypeError(f"{name} is {given!r}, but must be the name of a level or a dict of components")
+    try:
+        return json.dumps(given, allow_nan=False, default=_plain)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{name} must hold plain values: {error}") from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(f"{type(value).__name__} is none")

@@ -15,15 +15,13 @@ pub(crate) struct Link<L> {
     /// `U / D` and `1 / D`. Along the joint `U / D` is 1, and not kept.
     pub share: Vector6<L>,
     pub over_d: L,
-    /// `A - U U^T / D`
-    pub rest: SpatialInertia<L>,
     /// V: for the implicit passes alone.
     pub twist: Vector6<L>,
     /// c, without the entries that vanish.
     pub across: [L; 4],
-    /// p without what the links further out ask for.
+    /// p without what the links further out ask for, later with `(A - U U^T / D) c`.
     pub bias: Vector6<L>,
-    /// Joint torque, later `u / D`.
+    /// `u / D`.
     pub torque: L,
 }
 
@@ -44,7 +42,6 @@ impl<L: Lane> Scratch<L> {
             gravity: Vector3::zero(),
             share: none,
             over_d: zero,
-            rest: SpatialInertia::zero(),
             twist: none,
             across: [zero; 4],
             bias: none,
@@ -68,6 +65,12 @@ impl<L: Lane> Link<L> {
             Constant::Shift(d) => screw_z(self.screw[0], self.screw[1], get_option(d)),
             Constant::Turn(sin, cos) => screw_z(sin.get(), cos.get(), Some(self.screw[0])),
         }
+    }
+
+    /// A vector of the parent, in this link's axes.
+    #[inline(always)]
+    pub fn rotate_back<P: Param<L>>(&self, joint: &JointTerms<P>, v: Vector3<L>) -> Vector3<L> {
+        self.screw(joint).rotate_back(Base::of(&joint.stand).rotate_back(v))
     }
 
     /// A twist of the parent, in this link's frame.

@@ -6,14 +6,16 @@
 //! place of g, in weight as in buoyancy.
 //!
 //! ```text
-//! configure   inward    U = A E,  D = E^T U,   A_p += Ad^-T (A - U U^T / D) Ad^-1
-//! respond     outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
-//!             inward    u = tau - E^T p,   p_p += Ad^-T (p + (A - U U^T / D) c + U u / D)
-//!             base      A_0 V_0' = -p_0
-//!             outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
+//! outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
+//! inward    U = A E,   D = E^T U,   R = A - U U^T / D,   p_i += R c,   A_p += Ad^-T R Ad^-1
+//! inward    u = tau - E^T p,   p_p += Ad^-T (p + U u / D)
+//! base      A_0 V_0' = -p_0
+//! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 //!
-//! What depends on the configuration alone is a pass of its own.
+//! R c has no part along the joint, so that u does not tell when it was added. It is added while R is at hand, which spares
+//! R the way through memory; inertias and wrenches go inward one after the other, as both at once would not fit in
+//! registers.
 
 mod link;
 
@@ -146,65 +148,21 @@ pub(super) fn body_bias<L: Lane, P: Param<L>>(
     }
 }
 
-/// Places the links: their screws and gravity.
+/// Places the links: their screws.
 #[inline(always)]
-pub(super) fn place<L: Lane, P: Param<L>>(
-    joints: &[JointTerms<P>],
-    gravity: Vector3<L>,
-    q: &[L; JOINTS],
-    links: &mut [Link<L>],
-) {
-    let mut gravity = gravity;
+pub(super) fn place<L: Lane, P: Param<L>>(joints: &[JointTerms<P>], q: &[L; JOINTS], links: &mut [Link<L>]) {
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         let coordinate = joint.offset.get() + q[i];
         link.screw = match joint.constant {
             Constant::Shift(_) => sin_cos(coordinate).into(),
             Constant::Turn(..) => [coordinate; 2],
         };
-        gravity = link.screw(joint).rotate_back(Base::of(&joint.stand).rotate_back(gravity));
-        link.gravity = gravity;
     }
 }
 
-/// The part that depends on the configuration alone.
+/// Works out `V'`, V relative to the water, and `q''`; entries of `qdd` past the joint count are untouched.
 #[inline(always)]
-pub fn configure<L: Lane, P: Param<L>>(
-    system: &System<P>,
-    gravity: Vector3<L>,
-    q: &[L; JOINTS],
-    scratch: &mut Scratch<L>,
-) {
-    let joints = system.chain();
-    let links = &mut scratch.links[..joints.len()];
-    place(joints, gravity, q, links);
-    // Inertia of the links already done, as the body at hand feels it.
-    let mut carried = SpatialInertia::zero();
-    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
-        let own: SpatialInertia<L> = joint.body.inertia.get();
-        let inertia = own.plus(&carried);
-        let screw = link.screw(joint);
-        let felt = match joint.constant {
-            Constant::Shift(_) => {
-                (link.rest, link.share, link.over_d) = inertia.free_to_turn();
-                screw.turning_inertia_to_parent(&link.rest)
-            }
-            Constant::Turn(..) => {
-                (link.rest, link.share, link.over_d) = inertia.free_to_slide();
-                screw.inertia_to_parent(&link.rest)
-            }
-        };
-        carried = Base::of(&joint.stand).inertia(&felt);
-    }
-    if !system.fixed {
-        let own: SpatialInertia<L> = system.vehicle.inertia.get();
-        scratch.base.factor(&own.plus(&carried));
-    }
-}
-
-/// Accelerations in the configuration that was last handed to [`configure`]: `V'`, V relative to the water, and `q''`;
-/// entries of `qdd` past the joint count are untouched.
-#[inline(always)]
-pub fn respond<L: Lane, P: Param<L>>(
+pub fn accelerations<L: Lane, P: Param<L>>(
     system: &System<P>,
     at: &Instant<L>,
     loads: &Loads<L>,
@@ -216,39 +174,67 @@ pub fn respond<L: Lane, P: Param<L>>(
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
 
-    let mut moving = twist;
+    place(joints, q, links);
+    let (mut pull, mut moving) = (gravity, twist);
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        pull = link.rotate_back(joint, pull);
         moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
         link.across = velocity_product(joint.slides(), moving, qd[i]);
-        body_bias(&joint.body, moving, link.gravity, &mut link.bias);
+        body_bias(&joint.body, moving, pull, &mut link.bias);
         if loads.on_links {
             link.bias = link.bias - loads.links[i];
         }
-        link.torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
+    }
+
+    // Inertia of the links already done, as the body at hand feels it.
+    let mut carried = SpatialInertia::zero();
+    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
+        let own: SpatialInertia<L> = joint.body.inertia.get();
+        let inertia = own.plus(&carried);
+        let screw = link.screw(joint);
+        let felt = match joint.constant {
+            Constant::Shift(_) => {
+                let (rest, share, over_d) = inertia.free_to_turn();
+                link.over_d = over_d;
+                link.share.linear = share.linear;
+                (link.share.angular.0[0], link.share.angular.0[1]) = (share.angular.0[0], share.angular.0[1]);
+                rest.apply_across(link.across, &mut link.bias);
+                screw.turning_inertia_to_parent(&rest)
+            }
+            Constant::Turn(..) => {
+                let rest;
+                (rest, link.share, link.over_d) = inertia.free_to_slide();
+                link.bias = rest.apply(whole(link.across)) + link.bias;
+                screw.inertia_to_parent(&rest)
+            }
+        };
+        carried = Base::of(&joint.stand).inertia(&felt);
+    }
+    if !system.fixed {
+        let own: SpatialInertia<L> = system.vehicle.inertia.get();
+        scratch.base.factor(&own.plus(&carried));
     }
 
     // What the links already done ask of the body at hand.
-    let mut carried = Vector6::zero();
-    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
-        let bias = link.bias + carried;
-        let wrench = match joint.constant {
-            Constant::Shift(_) => {
-                let u = link.torque - bias.angular.0[2];
-                let mut wrench = link.share.scale_add(u, bias);
-                // Nothing but its torque passes a joint along its axis.
-                wrench.angular.0[2] = link.torque;
-                link.torque = u * link.over_d;
-                link.rest.apply_across(link.across, wrench)
-            }
-            Constant::Turn(..) => {
-                let u = link.torque - bias.linear.0[2];
-                let mut wrench = link.share.scale_add(u, bias);
-                wrench.linear.0[2] = link.torque;
-                link.torque = u * link.over_d;
-                link.rest.apply(whole(link.across)) + wrench
-            }
+    let mut asked = Vector6::zero();
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
+        let torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
+        let bias = link.bias + asked;
+        // Nothing but its torque passes a joint along its axis.
+        let wrench = if joint.slides() {
+            let u = torque - bias.linear.0[2];
+            link.torque = u * link.over_d;
+            let mut wrench = link.share.scale_add(u, bias);
+            wrench.linear.0[2] = torque;
+            wrench
+        } else {
+            let u = torque - bias.angular.0[2];
+            link.torque = u * link.over_d;
+            let mut wrench = link.share.scale_add(u, bias);
+            wrench.angular.0[2] = torque;
+            wrench
         };
-        carried = link.wrench_to_parent(joint, wrench);
+        asked = link.wrench_to_parent(joint, wrench);
     }
 
     *twist_rate = if system.fixed {
@@ -256,7 +242,7 @@ pub fn respond<L: Lane, P: Param<L>>(
     } else {
         let mut bias = Vector6::zero();
         body_bias(&system.vehicle, twist, gravity, &mut bias);
-        scratch.base.solve(wrench - (bias + carried))
+        scratch.base.solve(wrench - (bias + asked))
     };
 
     let mut rate = *twist_rate;
@@ -266,31 +252,14 @@ pub fn respond<L: Lane, P: Param<L>>(
         let (v, w) = (&mut rate.linear.0, &mut rate.angular.0);
         (v[0], v[1], w[0], w[1]) = (v[0] + vx, v[1] + vy, w[0] + wx, w[1] + wy);
         let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
-        // In two sums, as the joints wait for each other here. What a link does along its joint is `(u - U^T ...) / D`,
-        // whatever its parent does there.
-        let rest = sy.neg_mul_add(v[1], sx.neg_mul_add(v[0], link.torque)) - ty.mul_add(w[1], tx * w[0]);
-        let (moved, does) = if joint.slides() {
-            (&mut v[2], tz.neg_mul_add(w[2], rest))
-        } else {
-            (&mut w[2], sz.neg_mul_add(v[2], rest))
-        };
+        // What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there. In two sums, and first what
+        // the joint does not turn, as the joints wait for each other here.
+        let first = if joint.slides() { tz.neg_mul_add(w[2], link.torque) } else { sz.neg_mul_add(v[2], link.torque) };
+        let does = tx.neg_mul_add(w[0], sx.neg_mul_add(v[0], first)) - ty.mul_add(w[1], sy * v[1]);
+        let moved = if joint.slides() { &mut v[2] } else { &mut w[2] };
         *qdd = does - *moved;
         *moved = does;
     }
-}
-
-/// Works out `V'` and `q''`: [`configure`], then [`respond`].
-#[inline(always)]
-pub fn accelerations<L: Lane, P: Param<L>>(
-    system: &System<P>,
-    at: &Instant<L>,
-    loads: &Loads<L>,
-    scratch: &mut Scratch<L>,
-    twist_rate: &mut Vector6<L>,
-    qdd: &mut [L; JOINTS],
-) {
-    configure(system, at.gravity, at.q, scratch);
-    respond(system, at, loads, scratch, twist_rate, qdd);
 }
 
 /// Twist of each link in its joint's frame, relative to what `twist` of the vehicle is relative to.
@@ -305,7 +274,7 @@ pub fn link_twists<L: Lane, P: Param<L>>(
 ) {
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
-    place(joints, Vector3::zero(), q, links);
+    place(joints, q, links);
     let mut twist = twist;
     for (i, ((joint, link), to)) in joints.iter().zip(links.iter()).zip(twists).enumerate() {
         twist = along(joint, link.twist_from_parent(joint, twist), qd[i]);

@@ -14,11 +14,13 @@ use crate::batch::step::Switches;
 use crate::control::Policy;
 use crate::error::ControlError;
 use crate::lane::Real;
-use crate::scene::{Task, TaskKernel};
+use crate::scene::{Goal, Task, TaskKernel};
 use crate::system::State;
 
-/// The joints' servos are all that is on.
-const SERVO: Switches = Switches { servo: true, on_links: false, station: false };
+/// The joints' servos are all that is on, where joints follow references; else nothing is.
+fn switches(task: &Task) -> Switches {
+    Switches { servo: task.options().task == Goal::StationKeep, on_links: false, station: false }
+}
 
 /// The numbers of all episodes, whatever the precision.
 pub(super) trait Crew: Send + Sync {
@@ -54,6 +56,7 @@ pub(super) trait Crew: Send + Sync {
 pub(super) struct Orders<'a> {
     pub task: &'a Task,
     pub rules: Rules,
+    pub base: Option<&'a dyn Policy>,
     pub actions: &'a [f32],
 }
 
@@ -61,6 +64,7 @@ pub(super) struct Orders<'a> {
 pub(super) struct Course<'a> {
     pub task: &'a Task,
     pub rules: Rules,
+    pub base: Option<&'a dyn Policy>,
     pub policy: &'a dyn Policy,
     pub steps: u32,
 }
@@ -95,9 +99,9 @@ impl<T: Real> Crew for Company<T> {
         orders: &Orders<'_>,
         out: Outputs<'_>,
     ) -> Vec<Final> {
-        let &Orders { task, rules, actions } = orders;
+        let &Orders { task, rules, base, actions } = orders;
         let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, kernel: &self.kernel, rules, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
         let chunk = Self::CHUNK;
         let finals = Mutex::new(Vec::new());
         let substeps = task.options().substeps as usize;
@@ -106,7 +110,7 @@ impl<T: Real> Crew for Company<T> {
             .zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows))
             .zip(actions.chunks(chunk * task.action_len()))
             .zip(out.chunks(chunk));
-        simulator.visit::<T, _>(substeps, SERVO, items, |part, (((slots, episodes), actions), mut out)| {
+        simulator.visit::<T, _>(substeps, switches(task), items, |part, (((slots, episodes), actions), mut out)| {
             let mut ended = Vec::new();
             Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
             if !ended.is_empty() {
@@ -125,9 +129,9 @@ impl<T: Real> Crew for Company<T> {
         course: &Course<'_>,
         rollout: &mut Rollout,
     ) -> Result<(), ControlError> {
-        let &Course { task, rules, policy, steps } = course;
+        let &Course { task, rules, base, policy, steps } = course;
         let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, kernel: &self.kernel, rules, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
         let chunk = Self::CHUNK;
         let mut traces = &mut rollout.traces[..];
         let mut memory = &mut rollout.memory[..];
@@ -143,7 +147,7 @@ impl<T: Real> Crew for Company<T> {
         let substeps = task.options().substeps as usize;
         let items =
             slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows)).zip(&mut laps);
-        simulator.visit::<T, _>(substeps, SERVO, items, |part, ((slots, episodes), lap)| {
+        simulator.visit::<T, _>(substeps, switches(task), items, |part, ((slots, episodes), lap)| {
             if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
                 *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
             }

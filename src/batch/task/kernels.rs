@@ -5,13 +5,13 @@ use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::scene::{Judgement, Stance, TaskKernel};
+use crate::scene::{Judgement, PREVIEW, Stance, TaskKernel};
 use crate::system::{Factors, JOINTS};
 
 /// Greatest number of lanes.
 const WIDEST: usize = 16;
 /// Greatest number of entries of an observation.
-const LONGEST: usize = 18 + 4 * JOINTS + ACTIONS;
+const LONGEST: usize = 27 + 4 * JOINTS + ACTIONS + 6 * PREVIEW;
 
 /// Blocks of instances, and their episodes' numbers.
 pub(super) struct Blocks<'a, T> {
@@ -58,6 +58,8 @@ pub(super) struct Act<'a, T> {
     pub blocks: Blocks<'a, T>,
     /// (n, a) for the first n instances of the blocks; the rest does nothing.
     pub actions: &'a [f32],
+    /// Likewise what these correct, if they do.
+    pub base: Option<&'a [f32]>,
 }
 
 impl<T: Real> Kernel<T> for Act<'_, T> {
@@ -69,33 +71,63 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
         let mut page = [0.0; ACTIONS * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
-            let rows = &self.actions[first * width..];
-            if lanes == L::LANES {
-                transpose(rows, L::LANES, width, &mut page);
-            } else {
-                let mut some = [0.0; ACTIONS * WIDEST];
-                some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
-                transpose(&some, L::LANES, width, &mut page);
-            }
-            let mut action = [L::zero(); ACTIONS];
-            for k in 0..width {
-                action[k] = L::load_single(&page[k * L::LANES..]);
-            }
+            let action: [L; ACTIONS] = entries(&self.actions[first * width..], lanes, width, &mut page);
+            let base: Option<[L; ACTIONS]> = match self.base {
+                Some(base) => Some(entries(&base[first * width..], lanes, width, &mut page)),
+                None => None,
+            };
             let (mut physics, mut memory) = self.blocks.group(first);
-            let command = kernel.act(&mut memory, &action);
+            let mut command = kernel.act(&mut memory, &action, base.as_ref());
+            let mut disturbing = Vector6::zero();
+            if let Some(weather) = kernel.weather() {
+                let stance = stance::<T, L>(layout, &physics);
+                let forcing = kernel.disturb(weather, &mut memory, &stance, &mut command.actuated);
+                if weather.flows() {
+                    physics.set_all(layout.current, &forcing.velocity.0);
+                }
+                if weather.accelerates() {
+                    physics.set_all(layout.acceleration, &forcing.acceleration.0);
+                }
+                disturbing = forcing.wrench;
+            }
             if layout.thrusters > 0 {
+                // What they come to, the physics finds out.
                 for k in 0..layout.thrusters {
                     physics.set(layout.command + k, command.actuated.thrusts[k]);
                 }
+                physics.set_all(layout.wrench, &disturbing.to_array());
             } else {
                 let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
-                physics.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array());
+                physics.set_all(layout.wrench, &command.actuated.wrench.scale_add(thrust, disturbing).to_array());
             }
-            for k in 0..layout.joints {
-                physics.set_all(layout.target + 4 * k, &command.joints[k]);
+            if kernel.drives_joints() {
+                for k in 0..layout.joints {
+                    physics.set(layout.torque + k, command.actuated.torques[k]);
+                }
+            } else {
+                for k in 0..layout.joints {
+                    physics.set_all(layout.target + 4 * k, &command.joints[k]);
+                }
             }
         }
     }
+}
+
+/// Rows (lanes, width) of actions as lanes; `page` is to work on.
+#[inline(always)]
+fn entries<L: Lane>(rows: &[f32], lanes: usize, width: usize, page: &mut [f32; ACTIONS * WIDEST]) -> [L; ACTIONS] {
+    if lanes == L::LANES {
+        transpose(rows, L::LANES, width, page);
+    } else {
+        let mut some = [0.0; ACTIONS * WIDEST];
+        some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
+        transpose(&some, L::LANES, width, page);
+    }
+    let mut entries = [L::zero(); ACTIONS];
+    for k in 0..width {
+        entries[k] = L::load_single(&page[k * L::LANES..]);
+    }
+    entries
 }
 
 /// Judges what the steps have come to, and observes.
@@ -117,9 +149,10 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
         for first in (0..count).step_by(L::LANES) {
             let (physics, mut memory) = self.blocks.group(first);
             let stance = stance::<T, L>(layout, &physics);
+            kernel.advance::<L>(&mut memory);
             let error = kernel.error(&memory, &stance);
             let share = L::c(1.0) / L::load(&self.counts[first..]);
-            let judgement = kernel.advance(&mut memory, &stance, &error, share);
+            let judgement = kernel.judge(&mut memory, &stance, &error, share);
             kernel.observe(&memory, &stance, &error, &mut page);
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];

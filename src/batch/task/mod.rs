@@ -7,6 +7,8 @@ mod outputs;
 mod rollout;
 mod slot;
 
+use std::sync::Arc;
+
 use super::monitor::Stray;
 use super::rates::Unstable;
 use super::simulator::{Precision, Simulator, SimulatorOptions};
@@ -14,7 +16,8 @@ use crate::balance::Servos;
 use crate::control::{Policy, Widths};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
-use crate::scene::{Episode, EpisodeKey, INFO, StartOverride, Task, TaskOptions};
+use crate::scene::disturbance::Profile;
+use crate::scene::{Episode, EpisodeKey, Goal, INFO, Pose, StartOverride, Task, TaskOptions, truth};
 use chunk::Rules;
 use crew::{Company, Course, Crew, Orders};
 pub use outputs::{Outputs, Transition, Verdict};
@@ -42,16 +45,19 @@ pub struct Final {
     pub observation: Vec<f32>,
     /// Last measures.
     pub info: [f64; INFO],
+    /// What it did not tell, as [`TaskBatch::truth`] has it.
+    pub truth: Vec<f64>,
 }
 
 impl Final {
     /// Of instance `k` of a chunk that begins with instance `first`.
-    fn of(first: usize, k: usize, out: &Outputs<'_>) -> Self {
+    fn of(first: usize, k: usize, out: &Outputs<'_>, truth: Vec<f64>) -> Self {
         let width = out.observations.len() / out.len();
         Self {
             instance: first + k,
             observation: out.observations[k * width..(k + 1) * width].to_vec(),
             info: out.info.each_ref().map(|row| row[k]),
+            truth,
         }
     }
 }
@@ -61,7 +67,7 @@ impl Final {
 pub struct Beginning {
     /// Observations of all instances, (N, d), whether reset or not.
     pub observations: Vec<f32>,
-    /// Measures of all instances, (18, N): of those that were not reset, at the instant where they stand.
+    /// Measures of all instances, (k, N): of those that were not reset, at the instant where they stand.
     pub info: Vec<f64>,
 }
 
@@ -78,6 +84,8 @@ pub struct Saved {
 /// and its actions alone: not from the number of instances, of threads, or from what happens to its neighbours.
 pub struct TaskBatch {
     task: Task,
+    /// What actions are corrections to, where they are.
+    base: Option<Arc<dyn Policy>>,
     simulator: Simulator,
     rules: Rules,
     slots: Vec<Slot>,
@@ -88,6 +96,7 @@ impl Clone for TaskBatch {
     fn clone(&self) -> Self {
         Self {
             task: self.task.clone(),
+            base: self.base.clone(),
             simulator: self.simulator.clone(),
             rules: self.rules,
             slots: self.slots.clone(),
@@ -110,6 +119,7 @@ impl TaskBatch {
         max_steps: Option<u32>,
     ) -> Result<Self, TaskError> {
         let task = Task::new(&scene, options)?;
+        let base = task.base()?;
         let simulator = Simulator::new(scene, SimulatorOptions { dt: task.options().dt, ..simulator })?;
         let instances = simulator.instances();
         let crew: Box<dyn Crew> = match simulator.options().precision {
@@ -117,7 +127,7 @@ impl TaskBatch {
             Precision::Single => Box::new(Company::<f32>::new(&task, instances)),
         };
         let slots = (0..instances as u64).map(|seed| Slot::before(EpisodeKey { seed, episode: 0 })).collect();
-        Ok(Self { task, simulator, rules: Rules { autoreset, max_steps }, slots, crew })
+        Ok(Self { task, base, simulator, rules: Rules { autoreset, max_steps }, slots, crew })
     }
 
     /// The task.
@@ -132,7 +142,7 @@ impl TaskBatch {
 
     /// What to warn of before a step, once: as [`Simulator::warn_of_step`] with the servos of the joints on.
     pub fn warn_of_step(&mut self) -> Option<Unstable> {
-        self.simulator.warn_of_step(Servos { joints: true, station: false })
+        self.simulator.warn_of_step(Servos { joints: self.task.options().task == Goal::StationKeep, station: false })
     }
 
     /// What to warn of after a step, once: as [`Simulator::warn_of_motion`].
@@ -163,6 +173,22 @@ impl TaskBatch {
     fn episode_numbers(&self, i: usize) -> Episode {
         let Slot { key, step, .. } = self.slots[i];
         Episode::from_parts(key, step, self.task.episode_rows(), self.crew.column(i))
+    }
+
+    /// What disturbances will come to from where instance `i` stands, for a vehicle that stays as it is, once it was reset.
+    pub fn profile(&self, i: usize, steps: u32) -> Option<Profile> {
+        let pose = Pose::of_vehicle(&self.simulator.state(i));
+        self.episode(i).map(|episode| self.task.profile(&episode, &pose, steps))
+    }
+
+    /// What observations do not tell of any instance: [`truth`] of each, (N, .).
+    pub fn truth(&self) -> Vec<f64> {
+        let joints = self.task.joint_count();
+        let of = |i: usize| {
+            let (state, flow, factors) = (self.simulator.state(i), self.simulator.flow(i), self.simulator.factors(i));
+            truth(joints, &state, &flow, &factors, &self.episode_numbers(i).target())
+        };
+        (0..self.instances()).flat_map(of).collect()
     }
 
     /// Bytes of memory per instance.
@@ -202,11 +228,15 @@ impl TaskBatch {
                 continue;
             }
             let key = seeds[i].map_or(slot.next, |seed| EpisodeKey { seed, episode: 0 });
-            begun.push((i, key, self.task.begin_with(key, given.get(i).unwrap_or(&none))?));
+            let given = given.get(i).unwrap_or(&none);
+            begun.push((i, key, self.task.begin_with(key, given)?, self.task.factors(key, given)));
         }
-        for (i, key, (episode, state)) in begun {
+        for (i, key, (episode, state), factors) in begun {
             self.simulator.set_state(i, &state);
             self.simulator.set_flow(i, episode.current());
+            if let Some(factors) = factors {
+                self.simulator.set_factors_of(i, &factors);
+            }
             self.slots[i] = Slot::of(key);
             self.crew.set_column(i, episode.numbers());
         }
@@ -240,7 +270,7 @@ impl TaskBatch {
                 return Err(TaskError::Over { instance });
             }
         }
-        let orders = Orders { task: &self.task, rules: self.rules, actions };
+        let orders = Orders { task: &self.task, rules: self.rules, base: self.base.as_deref(), actions };
         Ok(self.crew.step(&mut self.simulator, &mut self.slots, &orders, out))
     }
 
@@ -268,7 +298,7 @@ impl TaskBatch {
             return Err(TaskError::NotBegun { instance });
         }
         let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
-        let course = Course { task: &self.task, rules, policy, steps };
+        let course = Course { task: &self.task, rules, base: self.base.as_deref(), policy, steps };
         Ok(self.crew.run(&mut self.simulator, &mut self.slots, &course, rollout)?)
     }
 

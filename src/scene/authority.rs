@@ -1,0 +1,86 @@
+//! What actuators are asked for, from what a scene takes to hold and to move.
+
+use nalgebra::{Rotation3, Vector3};
+
+use super::random::{EpisodeKey, Purpose, Stream};
+use super::reference::METRES_PER_RADIAN;
+use crate::balance::Balance;
+use crate::description::{Joint, JointKind, Scene};
+use crate::error::{BalanceError, TaskError};
+use crate::system::State;
+
+/// Accelerations of a joint for which an action of 1 is enough, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2): where
+/// nothing else is held, and where all else is.
+const ACCELERATION: [f64; 2] = [10.0, 2.0];
+/// Poses at which the arm's weight and inertia are looked at.
+const POSES: u32 = 64;
+/// Share of the greatest moments that a path's turns out of the horizontal take, at most.
+const TILTING: f64 = 0.4;
+/// Tilt at which that is looked at, rad.
+const SMALL_TILT: f64 = 0.05;
+
+/// Torque that an action of 1 stands for at each joint, N m or N: the joint's effort or, where that is less, twice what
+/// holds the arm in any pose, with what friction takes at 1 rad/s and the [`ACCELERATION`]s. So a light joint does not fly
+/// apart within a control period.
+pub(super) fn greatest_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
+    let (balance, joints) = (model(scene)?, scene.joints().collect::<Vec<_>>());
+    let draw = Stream::new(EpisodeKey::default(), Purpose::Start);
+    let mut holding = vec![0.0f64; joints.len()];
+    let mut mobility = vec![0.0f64; joints.len()];
+    let mut inertia = vec![0.0f64; joints.len()];
+    for pose in 0..POSES {
+        let index = 16 * pose;
+        let tilt = Rotation3::rotation_between(up, &(up + draw.unit_vector(index) * 0.5)).unwrap_or_default();
+        let mut state = State { rotation: tilt.into_inner(), q: scene.home(), ..State::default() };
+        for (k, joint) in joints.iter().enumerate() {
+            let [lower, upper] = joint.limits.as_ref().map_or([-1.0, 1.0], |limits| [limits.lower, limits.upper]);
+            state.q[k] = draw.uniform_in(index + 1 + k as u32, lower, upper);
+        }
+        let effort = balance.trim(&state, Vector3::zeros()).map_err(|error| unfit(scene, &error))?;
+        let mass = balance.at(&state, Vector3::zeros()).mass_matrix().clone();
+        let inverse = mass.clone().cholesky().map(|m| m.inverse());
+        for k in 0..joints.len() {
+            holding[k] = holding[k].max(effort.joint_torques[k].abs());
+            inertia[k] = inertia[k].max(mass[(6 + k, 6 + k)]);
+            mobility[k] = mobility[k].max(inverse.as_ref().map_or(0.0, |m| m[(6 + k, 6 + k)]));
+        }
+    }
+    let torque = |(k, joint): (usize, &&Joint)| {
+        let unit = match joint.kind {
+            JointKind::Revolute => 1.0,
+            JointKind::Prismatic => METRES_PER_RADIAN,
+        };
+        let friction = joint.friction.viscous * unit + joint.friction.coulomb;
+        let [free, held] = ACCELERATION.map(|acceleration| acceleration * unit);
+        let enough = 2.0 * holding[k] + friction + (free / mobility[k]).max(held * inertia[k]);
+        joint.effort.map_or(enough, |effort| effort.min(enough))
+    };
+    Ok(joints.iter().enumerate().map(torque).collect())
+}
+
+/// Greatest amplitude of turns out of the horizontal, rad: twice that, the greatest distance from the start, takes a
+/// [`TILTING`] of the thrusters' moments about either axis to hold the vehicle. 0 where they have none.
+pub(super) fn greatest_tilt(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<f64, TaskError> {
+    let balance = model(scene)?;
+    let hold = |rotation: Rotation3<f64>| {
+        let state = State { rotation: rotation.into_inner(), q: scene.home(), ..State::default() };
+        balance.trim(&state, Vector3::zeros()).map(|effort| effort.wrench).map_err(|error| unfit(scene, &error))
+    };
+    let upright = Rotation3::rotation_between(&Vector3::z(), up).unwrap_or_default();
+    let level = hold(upright)?;
+    let mut greatest = f64::INFINITY;
+    for (axis, limit) in [(Vector3::x(), limits[3]), (Vector3::y(), limits[4])] {
+        let tilted = hold(upright * Rotation3::from_scaled_axis(axis * SMALL_TILT))?;
+        let stiffness = (tilted - level).fixed_rows::<3>(3).norm() / SMALL_TILT;
+        greatest = greatest.min(if limit > 0.0 { 0.5 * TILTING * limit / stiffness } else { 0.0 });
+    }
+    Ok(greatest)
+}
+
+fn model(scene: &Scene) -> Result<Balance, TaskError> {
+    Balance::new(scene).map_err(|error| unfit(scene, &error))
+}
+
+fn unfit(scene: &Scene, error: &BalanceError) -> TaskError {
+    TaskError::Scene { scene: scene.name.clone(), reason: error.to_string() }
+}

@@ -1,0 +1,361 @@
+//! Paths that an end effector is to follow, with attitude.
+//!
+//! One formula covers all kinds, so that instances on different ones share a kernel:
+//!
+//! ```text
+//! X(theta) = shift + sum_(h = 1, 2) (a_h sin(h theta) + b_h cos(h theta)) + sum_k c_k B(K theta / 2 pi - k)
+//! ```
+//!
+//! with the cubic B-spline B and six coordinates X: position and rotation vector against the start, both in world axes.
+//! A path is closed and twice continuously differentiable. Its phase theta leaves rest by a smooth ramp.
+
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+
+use super::options::TaskOptions;
+use super::pose::Pose;
+use super::random::Stream;
+use crate::lane::{Lane, Real, Rows, sin_cos};
+use crate::lie::{self, exp_se3};
+
+/// Kinds of paths.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PathKind {
+    /// The end effector's pose at home.
+    Point,
+    /// Back and forth along a line.
+    Line,
+    /// A circle.
+    Circle,
+    /// A lying eight.
+    FigureEight,
+    /// A closed spline through random places.
+    Spline,
+    /// One of the others, drawn for each episode.
+    #[default]
+    Mixed,
+}
+
+/// Time over which a path gathers speed, s.
+const RAMP: f64 = 3.0;
+/// Harmonics of the phase.
+const HARMONICS: usize = 2;
+/// Control points of the spline.
+const KNOTS: usize = 8;
+/// Radius of the ball that the spline's control points are drawn from, over the path's size: the curve stays well within.
+const KNOT_RADIUS: f64 = 1.5;
+/// Greatest turn out of the horizontal, over that about the vertical.
+const TILT: f64 = 0.3;
+/// Greatest turning speed, rad/s.
+const TURN_SPEED: f64 = 0.3;
+/// Places at which the greatest speed is looked for.
+const SAMPLES: u32 = 256;
+
+/// Where the numbers of a path lie, from its first row on.
+const BASE: usize = 0;
+const SHIFT: usize = BASE + 9;
+const PHASE: usize = SHIFT + 6;
+const REACH: usize = PHASE + 1;
+const PROGRESS: usize = REACH + 1;
+const RATE: usize = PROGRESS + 1;
+const WAVES: usize = RATE + 1;
+const SPLINE: usize = WAVES + 12 * HARMONICS;
+/// Numbers of a path.
+pub const PATH: usize = SPLINE + 6 * KNOTS;
+
+/// A point of a path.
+#[derive(Debug, Clone, Copy)]
+pub struct PathPoint<L> {
+    /// Pose in the world.
+    pub pose: lie::Pose<L>,
+    /// Velocity of its origin, world axes, m/s.
+    pub velocity: lie::Vector3<L>,
+    /// Angular velocity, world axes, rad/s.
+    pub turning: lie::Vector3<L>,
+}
+
+/// The path in rows from `row` on, `ahead` periods from now, of which `frequency` make a second.
+#[inline(always)]
+pub fn path_point<T: Real, L: Lane<Real = T>>(
+    memory: &Rows<'_, T>,
+    row: usize,
+    ahead: L,
+    frequency: L,
+) -> PathPoint<L> {
+    let (phase, pace) = phase::<T, L>(memory, row, ahead);
+    let (x, slope) = coordinates::<T, L>(memory, row, phase);
+    let pace = pace * frequency;
+    let (x, slope) = (lie::Vector6::from_array(x), lie::Vector6::from_array(slope));
+    // The left Jacobian of the rotation vector turns its rate into an angular velocity, as it does in the exponential.
+    let turn = exp_se3(lie::Vector6 { linear: slope.angular.scale(pace), angular: x.angular });
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = memory.get_all(row + BASE);
+    let base = lie::Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]);
+    PathPoint {
+        pose: lie::Pose { rotation: turn.rotation.times(&base), position: x.linear },
+        velocity: slope.linear.scale(pace),
+        turning: turn.position,
+    }
+}
+
+/// Places all along the closed path in rows from `row` on, each this many times around from its start.
+pub fn path_places(memory: &Rows<'_, f64>, row: usize, around: impl Iterator<Item = f64>) -> Vec<[f64; 3]> {
+    let place = |turns: f64| {
+        let ([x, y, z, ..], _) = coordinates::<f64, f64>(memory, row, TAU * turns);
+        [x, y, z]
+    };
+    around.map(place).collect()
+}
+
+/// Moves the path in rows from `row` on by a period.
+#[inline(always)]
+pub fn path_advance<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize) {
+    let one = L::c(1.0);
+    let (phase, _) = phase::<T, L>(memory, row, one);
+    // Within half a turn, so that no length of an episode blurs it, even in single precision.
+    let turns = (phase * L::c(1.0 / TAU)).round();
+    memory.set(row + PHASE, turns.neg_mul_add(L::c(TAU), phase));
+    let progress = memory.get::<L>(row + PROGRESS) + memory.get::<L>(row + RATE);
+    memory.set(row + PROGRESS, progress.min(one));
+}
+
+/// Phase, and what it grows by in a period at that time.
+#[inline(always)]
+fn phase<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, ahead: L) -> (L, L) {
+    let [phase, reach, progress, rate] = memory.get_all(row + PHASE);
+    let later = ahead.mul_add(rate, progress);
+    let x = later.min(L::c(1.0));
+    let slope = x * x * x * x.mul_add(x.mul_add(L::c(6.0), L::c(-15.0)), L::c(10.0));
+    ((climb(later) - climb(progress)).mul_add(reach, phase), reach * rate * slope)
+}
+
+/// Antiderivative of the ramp `10 x^3 - 15 x^4 + 6 x^5`, which is 1 from x = 1 on.
+#[inline(always)]
+fn climb<L: Lane>(x: L) -> L {
+    let one = L::c(1.0);
+    let y = x.min(one);
+    let square = y * y;
+    square * square * y.mul_add(y + L::c(-3.0), L::c(2.5)) + (x - one).max(L::zero())
+}
+
+/// The six coordinates at a phase, and their derivatives by it.
+#[inline(always)]
+fn coordinates<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, phase: L) -> ([L; 6], [L; 6]) {
+    let mut x: [L; 6] = memory.get_all(row + SHIFT);
+    let mut slope = [L::zero(); 6];
+    for h in 0..HARMONICS {
+        let order = L::c((h + 1) as f64);
+        let (sine, cosine) = sin_cos(phase * order);
+        let a: [L; 6] = memory.get_all(row + WAVES + 12 * h);
+        let b: [L; 6] = memory.get_all(row + WAVES + 12 * h + 6);
+        let (up, down) = (cosine * order, -(sine * order));
+        for k in 0..6 {
+            x[k] = a[k].mul_add(sine, b[k].mul_add(cosine, x[k]));
+            slope[k] = a[k].mul_add(up, b[k].mul_add(down, slope[k]));
+        }
+    }
+    let (zero, count) = (L::zero(), KNOTS as f64);
+    let place = phase * L::c(count / TAU);
+    for knot in 0..KNOTS {
+        let apart = place - L::c(knot as f64);
+        let apart = (apart * L::c(1.0 / count)).round().neg_mul_add(L::c(count), apart);
+        let (outer, inner) = ((L::c(2.0) - apart.abs()).max(zero), (L::c(1.0) - apart.abs()).max(zero));
+        let (wide, narrow) = (outer * outer, inner * inner);
+        let weight = (wide * outer - narrow * inner * L::c(4.0)) * L::c(1.0 / 6.0);
+        let fall = (wide - narrow * L::c(4.0)) * L::c(0.5 * count / TAU);
+        let change = L::select(apart.lt(zero), fall, -fall);
+        let control: [L; 6] = memory.get_all(row + SPLINE + 6 * knot);
+        for k in 0..6 {
+            x[k] = control[k].mul_add(weight, x[k]);
+            slope[k] = control[k].mul_add(change, slope[k]);
+        }
+    }
+    (x, slope)
+}
+
+/// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the greatest amplitude of turns
+/// out of the horizontal, rad, `period` the control period, s.
+///
+/// It goes at 50 to 100 % of the greatest speed where it is fastest, and turns by at most [`TURN_SPEED`].
+pub(super) fn draw_path(
+    options: &TaskOptions,
+    start: &Pose,
+    up: &Vector3<f64>,
+    tilt: f64,
+    period: f64,
+    draw: &Stream,
+) -> [f64; PATH] {
+    let kinds = [PathKind::Point, PathKind::Line, PathKind::Circle, PathKind::FigureEight, PathKind::Spline];
+    let kind = match options.reference {
+        PathKind::Mixed => kinds[(draw.uniform(0) * kinds.len() as f64) as usize],
+        kind => kind,
+    };
+    let mut numbers = [0.0; PATH];
+    let rotation = start.rotation.transpose();
+    numbers[BASE..SHIFT].copy_from_slice(rotation.as_slice());
+    numbers[RATE] = period / RAMP;
+
+    let size = options.reference_size * draw.uniform_in(1, 0.5, 1.0);
+    let along = draw.unit_vector(2);
+    let other = draw.unit_vector(3);
+    let across = along.cross(&other).try_normalize(1e-9).unwrap_or_else(|| along.cross(up));
+    // About the vertical, and less out of it.
+    let greatest = tilt.min(TILT * options.reference_turn);
+    let turn = |at: u32| {
+        let axis = draw.unit_vector(at);
+        (axis - up * axis.dot(up)) * greatest
+            + up * draw.uniform_in(at + 1, -options.reference_turn, options.reference_turn)
+    };
+    let six = |x: Vector3<f64>, w: Vector3<f64>| Vector6::new(x.x, x.y, x.z, w.x, w.y, w.z);
+    let zero = Vector3::zeros();
+    let waves = match kind {
+        PathKind::Line => [six(along * size, turn(4)), six(zero, turn(6)), Vector6::zeros(), Vector6::zeros()],
+        PathKind::Circle => {
+            [six(along * size, turn(4)), six(across * size, turn(6)), Vector6::zeros(), Vector6::zeros()]
+        }
+        PathKind::FigureEight => {
+            [six(along * size, turn(4)), six(zero, turn(6)), six(across * (0.5 * size), zero), Vector6::zeros()]
+        }
+        _ => [Vector6::zeros(); 4],
+    };
+    for (k, wave) in waves.iter().enumerate() {
+        numbers[WAVES + 6 * k..][..6].copy_from_slice(wave.as_slice());
+    }
+    if kind == PathKind::Spline {
+        for k in 0..KNOTS as u32 {
+            let radius = KNOT_RADIUS * size * draw.uniform(8 + 4 * k).cbrt();
+            let knot = six(draw.unit_vector(9 + 4 * k) * radius, turn(10 + 4 * k));
+            numbers[SPLINE + 6 * k as usize..][..6].copy_from_slice(knot.as_slice());
+        }
+    }
+
+    let [mut fastest, mut turning] = [0.0f64; 2];
+    for k in 0..SAMPLES {
+        let (_, slope) = coordinates(&Rows::of_one(&mut numbers), 0, TAU * f64::from(k) / f64::from(SAMPLES));
+        let slope = Vector6::from(slope);
+        fastest = fastest.max(slope.fixed_rows::<3>(0).norm());
+        turning = turning.max(slope.fixed_rows::<3>(3).norm());
+    }
+    let speed = options.reference_speed * draw.uniform_in(40, 0.5, 1.0);
+    let pace = (speed / fastest).min(TURN_SPEED / turning);
+    numbers[REACH] = if pace.is_finite() { pace * RAMP } else { 0.0 };
+    let phase = draw.uniform_in(41, -PI, PI);
+    numbers[PHASE] = phase;
+    let (begin, _) = coordinates::<f64, f64>(&Rows::of_one(&mut numbers), 0, phase);
+    for k in 0..6 {
+        numbers[SHIFT + k] = if k < 3 { start.position[k] } else { 0.0 } - begin[k];
+    }
+    numbers
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::random::{EpisodeKey, Purpose};
+
+    const KINDS: [PathKind; 6] =
+        [PathKind::Point, PathKind::Line, PathKind::Circle, PathKind::FigureEight, PathKind::Spline, PathKind::Mixed];
+
+    fn options(reference: PathKind) -> TaskOptions {
+        TaskOptions { reference, ..TaskOptions::default() }
+    }
+
+    fn start() -> Pose {
+        let rotation = nalgebra::Rotation3::from_euler_angles(0.3, -0.2, 1.0).into_inner();
+        Pose { position: Vector3::new(1.0, -2.0, 0.5), rotation }
+    }
+
+    fn drawn(reference: PathKind, seed: u64, period: f64) -> [f64; PATH] {
+        let stream = Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::Reference);
+        draw_path(&options(reference), &start(), &Vector3::z(), 1.0, period, &stream)
+    }
+
+    fn at(path: &[f64; PATH], ahead: f64) -> PathPoint<f64> {
+        path_point(&Rows::of_one(&mut path.clone()), 0, ahead, 1.0)
+    }
+
+    fn vector(v: lie::Vector3<f64>) -> Vector3<f64> {
+        v.0.into()
+    }
+
+    fn matrix(pose: &lie::Pose<f64>) -> nalgebra::Matrix3<f64> {
+        nalgebra::Matrix3::from_fn(|i, k| pose.rotation.0[i][k])
+    }
+
+    #[test]
+    fn paths_start_at_rest_where_they_are_to() {
+        for (kind, seed) in KINDS.into_iter().flat_map(|kind| (0..20).map(move |seed| (kind, seed))) {
+            let point = at(&drawn(kind, seed, 1.0), 0.0);
+            assert!((vector(point.pose.position) - start().position).norm() < 1e-14);
+            assert!((matrix(&point.pose) - start().rotation).norm() < 1e-14);
+            assert_eq!((point.velocity, point.turning), (lie::Vector3::zero(), lie::Vector3::zero()));
+        }
+    }
+
+    #[test]
+    fn the_derivative_of_a_path_is_its_rate() {
+        let h = 1e-4;
+        for (kind, seed) in KINDS.into_iter().flat_map(|kind| (0..6).map(move |seed| (kind, seed))) {
+            let path = drawn(kind, seed, 1.0);
+            for k in 1..40 {
+                let t = 0.7 * f64::from(k);
+                let [before, now, after] = [t - h, t, t + h].map(|t| at(&path, t));
+                let velocity = (vector(after.pose.position) - vector(before.pose.position)) / (2.0 * h);
+                assert!((velocity - vector(now.velocity)).norm() < 1e-7, "{kind:?} {seed} {t}");
+                let skew = (matrix(&after.pose) - matrix(&before.pose)) / (2.0 * h) * matrix(&now.pose).transpose();
+                let turning = Vector3::new(skew[(2, 1)], skew[(0, 2)], skew[(1, 0)]);
+                assert!((turning - vector(now.turning)).norm() < 1e-7, "{kind:?} {seed} {t}");
+            }
+        }
+    }
+
+    #[test]
+    fn paths_stay_within_their_size_and_speed_and_all_but_points_move() {
+        for (kind, seed) in KINDS.into_iter().flat_map(|kind| (0..20).map(move |seed| (kind, seed))) {
+            let (path, options) = (drawn(kind, seed, 1.0), options(kind));
+            // Of two points of a spline within the convex hull of its control points.
+            let distance = 2.0 * KNOT_RADIUS * options.reference_size;
+            let (mut fastest, mut before) = (0.0f64, at(&path, 0.0));
+            for k in 0..800 {
+                let point = at(&path, 0.05 * f64::from(k));
+                fastest = fastest.max(vector(point.velocity).norm());
+                assert!((vector(point.pose.position) - start().position).norm() < distance);
+                assert!(vector(point.turning).norm() < 1.5 * TURN_SPEED, "{kind:?}");
+                // The rate does not jump: less than 0.5 m/s^2.
+                assert!(vector(point.velocity - before.velocity).norm() < 0.025, "{kind:?} {seed} {k}");
+                before = point;
+            }
+            assert!(fastest <= options.reference_speed * 1.001, "{kind:?} {seed}: {fastest}");
+            if !matches!(kind, PathKind::Point | PathKind::Mixed) {
+                assert!(fastest > 0.15 * options.reference_speed, "{kind:?} {seed}: {fastest}");
+            }
+        }
+    }
+
+    #[test]
+    fn period_by_period_a_path_is_the_same_as_from_afar() {
+        let from_afar = drawn(PathKind::Spline, 3, 0.05);
+        let mut path = from_afar;
+        for k in 0..3000 {
+            let (near, far) = (at(&path, 1.0), at(&from_afar, f64::from(k + 1)));
+            assert!(vector(near.pose.position - far.pose.position).norm() < 1e-11, "{k}");
+            assert!((matrix(&near.pose) - matrix(&far.pose)).norm() < 1e-11, "{k}");
+            path_advance::<f64, f64>(&mut Rows::of_one(&mut path), 0);
+        }
+        assert!(path[PHASE].abs() <= PI + 1e-12 && path[PROGRESS] == 1.0);
+    }
+
+    #[test]
+    fn a_circle_is_one() {
+        let path = drawn(PathKind::Circle, 5, 1.0);
+        let points: Vec<_> = (0..200).map(|k| vector(at(&path, f64::from(k)).pose.position)).collect();
+        // The widest chord through the first point crosses the centre when the lap is fine enough.
+        let waves = |at: usize| Vector3::from_column_slice(&path[WAVES + at..][..3]);
+        let centre = Vector3::from_column_slice(&path[SHIFT..][..3]);
+        let radius = waves(0).norm();
+        assert!(points.iter().all(|x| ((x - centre).norm() - radius).abs() < 1e-12));
+        assert!(waves(0).dot(&waves(6)).abs() < 1e-12);
+    }
+}
