@@ -129,11 +129,6 @@ impl Task {
         })
     }
 
-    /// The scene.
-    pub fn scene(&self) -> &Scene {
-        &self.scene
-    }
-
     /// What disturbs episodes.
     pub fn disturbance(&self) -> &Disturbance {
         &self.rig.disturbance

@@ -14,7 +14,7 @@ from helpers import same, small, task_ids
 import uvms_gym
 from uvms_gym.testing import check_vector_env
 
-FILE = Path(__file__).parents[2] / "examples" / "own_task.py"
+FILE = Path(__file__).parents[2] / "training" / "own_task.py"
 spec = importlib.util.spec_from_file_location("own_task", FILE)
 own_task = importlib.util.module_from_spec(spec)
 # Its spec names it by module.
