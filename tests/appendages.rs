@@ -208,17 +208,17 @@ fn remus_cruises_and_turns() {
     let mut scene = remus();
     scene.vehicle.body.buoyancy = Some(30.48 * 9.81);
     scene.vehicle.thrusters[0].induced = None;
+    let cruise = (3.86_f64 / 1.62).sqrt();
     let run = |rudder: f64| {
         let mut simulator = alone(&scene, 0.02);
-        simulator.set_state(0, &State { twist: Vector6::ith(0, 1.5), ..State::default() });
+        simulator.set_state(0, &State { twist: Vector6::ith(0, cruise), ..State::default() });
         let fins = [rudder, rudder, 0.0, 0.0, 0.0, 0.0];
         let inputs = Inputs { thrust: Some(&[3.86]), fin: Some(&fins), ..Inputs::default() };
-        simulator.step(&inputs, 3000).unwrap();
+        simulator.step(&inputs, 1000).unwrap();
         simulator.state(0).twist
     };
     let straight = run(0.0);
-    assert!((straight[0] - (3.86_f64 / 1.62).sqrt()).abs() < 1e-6, "{straight}");
-    assert_eq!(straight.rows(1, 5).norm(), 0.0);
+    assert!((straight - Vector6::ith(0, cruise)).norm() < 1e-6, "{straight}");
     // Leading edges to the left at the tail push the tail to the left: a turn to the right.
     let (left, right) = (run(-0.1), run(0.1));
     assert!(left[5] > 0.05 && right[5] < -0.05, "{left} {right}");

@@ -1,10 +1,11 @@
 //! Laws of thrusters with dynamics: map, dead band, saturation, lag, inflow, hull.
 
 use nalgebra::{Vector3, Vector6};
-use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::batch::{Autoreset, Inputs, Precision, Simulator, SimulatorOptions, TaskBatch};
 use uvms_gym::description::{Scene, ThrustMap};
 use uvms_gym::error::SimulatorError;
 use uvms_gym::integrate::Integrator;
+use uvms_gym::scene::TaskOptions;
 use uvms_gym::system::{Factors, State, compile};
 
 #[path = "common/random_scene.rs"]
@@ -420,4 +421,30 @@ fn scenes_with_thruster_dynamics_round_trip() {
     for scene in [complete("petasus-pum"), puck("map = [[-1, -2], [0, 0], [3, 4]]\ninduced = [0, 1, 2, 3, 4, 5]")] {
         assert_eq!(Scene::from_toml_str(&scene.to_toml_string(), "again").unwrap(), scene);
     }
+}
+
+/// Tasks command thrusters that lag; episodes begin with all at rest; neighbours make no difference.
+#[test]
+fn tasks_command_lagging_thrusters() {
+    let scene = complete("bluerov2-heavy-alpha5");
+    let batch = |instances: usize| {
+        let options = TaskOptions { substeps: 2, ..TaskOptions::default() };
+        let simulator = SimulatorOptions { instances, ..SimulatorOptions::default() };
+        let mut batch = TaskBatch::new(scene.clone(), options, simulator, Autoreset::NextStep, Some(4)).unwrap();
+        batch.reset(&(0..instances as u64).map(Some).collect::<Vec<_>>(), None, &[]).unwrap();
+        batch
+    };
+    let (mut one, mut many) = (batch(1), batch(11));
+    for step in 0..6 {
+        assert_eq!(
+            one.simulator().state(0).thrust == [0.0; 16],
+            step == 0 || step == 5,
+            "at rest where episodes begin"
+        );
+        let action: Vec<f32> = (0..one.task().action_len()).map(|k| (1.3 * (k + 7 * step) as f32).sin()).collect();
+        let (a, b) = (one.step(&action).unwrap(), many.step(&action.repeat(11)).unwrap());
+        assert_eq!(a.observations, b.observations[..a.observations.len()]);
+        assert_eq!(one.simulator().state(0), many.simulator().state(0));
+    }
+    assert_ne!(one.simulator().state(0).thrust, [0.0; 16]);
 }

@@ -91,6 +91,8 @@ fn fixed_joints_merge_links_by_the_parallel_axis_rule() {
             + &link("arm")
             + &link("camera")
             + &link("hand")
+            + "<link name='lamp'/>"
+            + &joint("screws", "fixed", "arm", "lamp", "")
             + &joint("turn", "revolute", "foot", "arm", limit)
             + &joint("bracket", "fixed", "arm", "camera", "<origin xyz='0 2 0' rpy='0 0 1.5707963267948966'/>")
             + &joint(

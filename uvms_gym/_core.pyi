@@ -440,7 +440,7 @@ class Renderer:
         *,
         target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
     ) -> NDArray[np.float64]:
-        """(k, 3) pixels from left and top, and distance ahead, of points (k, 3) in the picture with that pose and target."""
+        """(k, 3) pixels from left and top, and distance, of points (k, 3) in the picture of that pose and target."""
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
 
 @type_check_only

@@ -4,7 +4,7 @@ use nalgebra::{Matrix6xX, Vector6};
 
 use crate::description::{Thruster, Vehicle};
 use crate::error::ControlError;
-pub use crate::hydro::{THRUSTERS, Thrusts};
+pub use crate::system::{THRUSTERS, Thrusts};
 
 /// Names of the six axes of a body wrench.
 pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];

@@ -13,7 +13,7 @@ use crate::batch::{self, Precision, SimulatorOptions};
 /// Instances are independent: the result of each depends on its own state and inputs alone, bit for bit, whatever
 /// `num_envs`, the instance's place among the others and `threads`.
 ///
-/// N is `num_envs`, n the number of joints, m the number of thrusters. SI units. World z up; body x forward, y left,
+/// N is `num_envs`, n the number of joints, m of thrusters, k of fins. SI units. World z up; body x forward, y left,
 /// z up; quaternions [w, x, y, z]; 6-vectors [linear; angular]: twists [v; omega] in body axes at the vehicle
 /// frame, absolute (not relative to the water), and wrenches [f; m] in body axes at the body's frame origin. Bodies
 /// with wrenches of their own are the vehicle and one per joint; a link's frame lies at its joint and moves with it.

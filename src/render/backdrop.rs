@@ -141,7 +141,7 @@ impl Row {
                 // Width of the pixel on the floor, in cells.
                 let wide = (across + (self.deeper * ray).abs()) * scale;
                 let off = (u - round(u)).abs();
-                let inside = ((LINE + 0.5 * wide - off) / wide.max(2.0 * LINE)).max(0.0).min(1.0);
+                let inside = ((LINE + 0.5 * wide - off) / wide.max(2.0 * LINE)).clamp(0.0, 1.0);
                 line[i] = line[i].max(inside);
                 blur[i] = blur[i].max(wide);
                 place[axis][i] = at;

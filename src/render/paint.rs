@@ -150,5 +150,5 @@ pub fn decay(x: f32) -> f32 {
 
 /// A linear colour as the screen wants it, 0 to 1.
 pub fn display(linear: f32) -> f32 {
-    linear.max(0.0).min(1.0).sqrt()
+    linear.clamp(0.0, 1.0).sqrt()
 }

@@ -55,11 +55,11 @@ pub fn byte(x: f32) -> u32 {
 /// A colour of a sample, from 0 to 1.
 pub fn pack(colour: [f32; 3]) -> u32 {
     let [r, g, b] = colour.map(byte);
-    r | g << 8 | b << 16
+    r | (g << 8) | (b << 16)
 }
 
 fn unpack(colour: u32) -> [f32; 3] {
-    [0, 8, 16].map(|shift| (colour >> shift & 255) as f32 * (1.0 / 255.0))
+    [0, 8, 16].map(|shift| ((colour >> shift) & 255) as f32 * (1.0 / 255.0))
 }
 
 impl Canvas {
@@ -86,9 +86,9 @@ impl Canvas {
                 red_blue += sample & 0xFF00FF;
                 green += sample & 0xFF00;
             }
-            pixel[0] = ((red_blue + 2 >> 2) & 255) as u8;
-            pixel[1] = ((green + 0x200 >> 10) & 255) as u8;
-            pixel[2] = ((red_blue + 0x20000 >> 18) & 255) as u8;
+            pixel[0] = (((red_blue + 2) >> 2) & 255) as u8;
+            pixel[1] = (((green + 0x200) >> 10) & 255) as u8;
+            pixel[2] = (((red_blue + 0x20000) >> 18) & 255) as u8;
         }
         out
     }
@@ -156,9 +156,9 @@ impl Canvas {
         // An edge from p to q: at least 0 at a sample that is inside.
         let edge = |p: &Pin, q: &Pin| {
             let (dx, dy) = (q.x - p.x, q.y - p.y);
-            let ours = dy < 0 || dy == 0 && dx > 0;
+            let ours = dy < 0 || (dy == 0 && dx > 0);
             let at = dx * (top * GRID - p.y) - dy * (left * GRID - p.x) - i64::from(!ours);
-            (OFFSETS.map(|[x, y]| at + dx * y - dy * x), -dy * GRID, dx * GRID)
+            Edge { samples: OFFSETS.map(|[x, y]| at + dx * y - dy * x), along: -dy * GRID, down: dx * GRID }
         };
         let edges = [edge(&a, &b), edge(&b, &c), edge(&c, &a)];
         let area = Area { columns: [left, right], rows: [top, bottom], from: [a.x, a.y] };
@@ -169,32 +169,40 @@ impl Canvas {
             x.abs().max(y.abs()) < 1000 * GRID
         }) && (right - left).max(bottom - top) < 1000;
         if small {
-            let narrow = |x: i64| x as i32;
-            let edges = edges.map(|(at, along, down)| (at.map(narrow), narrow(along), narrow(down)));
-            self.scan(&area, edges, 0, &shading);
+            self.scan(&area, &edges, |x| x as i32, &shading);
         } else {
-            self.scan(&area, edges, 0, &shading);
+            self.scan(&area, &edges, |x| x, &shading);
         }
     }
 
-    /// Draws the samples within an area where all three edges have at least 0; they are given by their values at the
-    /// samples of the first pixel, and by what they gain along and down.
-    fn scan<T>(&mut self, area: &Area, edges: [([T; SAMPLES], T, T); 3], zero: T, shading: &Shading)
+    /// Draws the samples within an area where all three edges have at least 0. They are computed with numbers that
+    /// `narrow` makes, which are to hold them.
+    fn scan<T>(&mut self, area: &Area, edges: &[Edge; 3], narrow: impl Fn(i64) -> T, shading: &Shading)
     where
         T: Copy + AddAssign + BitOr<Output = T> + PartialOrd,
     {
         let Area { columns: [left, right], rows: [top, bottom], from } = *area;
         let Shading { nearness: [n0, nx, ny], spread, .. } = *shading;
-        let mut starts = edges.map(|(at, _, _)| at);
+        let (zero, along) = (narrow(0), edges.each_ref().map(|edge| narrow(edge.along)));
         for y in top..bottom {
+            let [mut first, mut end] = [left, right];
+            if right - left > 8 {
+                for edge in edges {
+                    edge.narrow(y - top, left, &mut first, &mut end);
+                }
+            }
             let fy = (y * GRID - from[1]) as f32;
-            let mut at = starts;
+            let skipped = first - left;
+            let mut at = edges.each_ref().map(|edge| {
+                let gain = edge.down * (y - top) + edge.along * skipped;
+                edge.samples.map(|sample| narrow(sample + gain))
+            });
             let row = y as usize * self.width;
-            for x in left..right {
+            for x in first..end {
                 let outside: [T; SAMPLES] = std::array::from_fn(|s| at[0][s] | at[1][s] | at[2][s]);
-                for (at, (_, along, _)) in at.iter_mut().zip(&edges) {
+                for (at, along) in at.iter_mut().zip(along) {
                     for value in at {
-                        *value += *along;
+                        *value += along;
                     }
                 }
                 if outside.iter().all(|o| *o < zero) {
@@ -229,11 +237,6 @@ impl Canvas {
                     }
                 }
             }
-            for (start, (_, _, down)) in starts.iter_mut().zip(&edges) {
-                for value in start {
-                    *value += *down;
-                }
-            }
         }
     }
 
@@ -255,6 +258,29 @@ struct Area {
     columns: [i64; 2],
     rows: [i64; 2],
     from: [i64; 2],
+}
+
+/// An edge of a triangle: at least 0 where a sample is on its inner side.
+struct Edge {
+    /// At the samples of the first pixel.
+    samples: [i64; SAMPLES],
+    /// What the next pixel has more, along and down.
+    along: i64,
+    down: i64,
+}
+
+impl Edge {
+    /// Leaves out what no sample of a row can be inside of, from `first` to before `end`; columns count from `left`.
+    fn narrow(&self, row: i64, left: i64, first: &mut i64, end: &mut i64) {
+        let [a, b, c, d] = self.samples;
+        let most = a.max(b).max(c).max(d) + self.down * row;
+        match self.along {
+            0 if most < 0 => *end = *first,
+            0 => {}
+            along if along > 0 => *first = (*first).max(left + (-most).max(0).div_euclid(along)),
+            along => *end = (*end).min(left + if most < 0 { 0 } else { most / -along + 1 }),
+        }
+    }
 }
 
 /// What is linear over a triangle: its value at the first corner, and its gain along and down, per step of the grid.

@@ -279,8 +279,12 @@ fn the_end_effector_is_drawn_where_the_kinematics_has_it() {
             let mut q = scene.home();
             q.iter_mut().take(renderer.joints()).for_each(|q| *q += step);
             let rotation = Rotation3::from_euler_angles(0.05, 0.1, azimuth).into_inner();
-            let shot =
-                Shot { position: Vector3::new(0.02, 0.03, -0.01), rotation, q: &q[..renderer.joints()], ..Shot::default() };
+            let shot = Shot {
+                position: Vector3::new(0.02, 0.03, -0.01),
+                rotation,
+                q: &q[..renderer.joints()],
+                ..Shot::default()
+            };
             let end = shot.position + rotation * kinematics.pose(&q).1;
             let [x, y, _] = renderer.project(&shot, &end).unwrap();
             let [u, v] = tip(&renderer.draw(&shot), renderer.size()[0]).expect("a pixel of the end effector's colour");

@@ -5,7 +5,7 @@ use nalgebra::{Rotation3, Vector3};
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::METRES_PER_RADIAN;
 use crate::balance::Balance;
-use crate::description::{Joint, JointKind, Scene};
+use crate::description::{Joint, JointKind, JointServo, Scene};
 use crate::error::{BalanceError, TaskError};
 use crate::system::State;
 
@@ -18,6 +18,21 @@ const POSES: u32 = 64;
 const TILTING: f64 = 0.4;
 /// Tilt at which that is looked at, rad.
 const SMALL_TILT: f64 = 0.05;
+
+/// The scene with its joints driven by torques: of their servos the damping alone stays on, as friction. It keeps light
+/// joints from flying apart between control instants.
+pub(super) fn with_drives(scene: &Scene) -> Scene {
+    let mut scene = scene.clone();
+    let arm = scene.arm.iter_mut();
+    let joints = arm.flat_map(|arm| arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint)));
+    for joint in joints {
+        if let Some(servo) = &mut joint.servo {
+            joint.friction.viscous += servo.kd;
+            *servo = JointServo { kp: 0.0, kd: 0.0 };
+        }
+    }
+    scene
+}
 
 /// Torque that an action of 1 stands for at each joint, N m or N: the joint's effort or, where that is less, twice what
 /// holds the arm in any pose, with what friction takes at 1 rad/s and the [`ACCELERATION`]s. So a light joint does not fly

@@ -94,12 +94,7 @@ pub(super) fn layout(options: &TaskOptions, joints: &[Joint], actions: usize) ->
     if tracks {
         let (speed, ahead) = (options.reference_speed, f64::from(options.preview.points) * options.preview.spacing);
         let motion = [[(TWIST_SCALE, SPEED_BOUND); 3], [(TWIST_SCALE, TURN_BOUND); 3]].concat();
-        layout.push(
-            "reference_twist",
-            "m/s and rad/s",
-            "velocity and angular velocity of the reference, end-effector axes",
-            &motion,
-        );
+        layout.push("reference_twist", "m/s and rad/s", "velocities of the reference, end-effector axes", &motion);
         let point = [[(ERROR_SCALE, POSITION_BOUND + 1.01 * speed * ahead); 3], [(ERROR_SCALE, PI); 3]].concat();
         layout.push(
             "preview",

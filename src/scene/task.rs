@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::authority::{greatest_tilt, greatest_torques};
+use super::authority::{greatest_tilt, greatest_torques, with_drives};
 use super::disturbance::{Column, Disturbance, Profile, Site};
 use super::episode::{Episode, EpisodeRows};
 use super::kernel::{Command, TaskKernel};
@@ -64,6 +64,10 @@ impl Task {
     /// joint without a servo, or an option out of its range.
     pub fn new(scene: &Scene, options: TaskOptions) -> Result<Self, TaskError> {
         options.check()?;
+        let scene = &match options.task {
+            Goal::StationKeep => scene.clone(),
+            Goal::Track => with_drives(scene),
+        };
         let refuse = |reason: String| Err(TaskError::Scene { scene: scene.name.clone(), reason });
         let vehicle = &scene.vehicle;
         if vehicle.fixed {
@@ -125,11 +129,6 @@ impl Task {
         })
     }
 
-    /// The scene.
-    pub fn scene(&self) -> &Scene {
-        &self.scene
-    }
-
     /// What disturbs episodes.
     pub fn disturbance(&self) -> &Disturbance {
         &self.rig.disturbance
@@ -173,6 +172,11 @@ impl Task {
     /// Options in use.
     pub fn options(&self) -> &TaskOptions {
         &self.options
+    }
+
+    /// The scene as the task has it.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
     }
 
     /// Name of the scene.

@@ -10,6 +10,7 @@ mod propulsion;
 mod state;
 mod variation;
 
+pub use crate::hydro::{THRUSTERS, Thrusts};
 pub use attitude::{quaternion, roll_pitch_yaw, rotation, rotation_vector};
 pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;

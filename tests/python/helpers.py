@@ -173,8 +173,8 @@ def small(task: str) -> str:
 
 
 def scenes_with_thrusters() -> list[str]:
-    """Shipped scenes that tasks take."""
-    return [name for name in uvms_gym.scenes() if Simulator(name).num_thrusters]
+    """Shipped scenes that tasks take: those with thrusters for all six axes."""
+    return [name for name in uvms_gym.scenes() if Simulator(name).num_thrusters >= 6]
 
 
 def choices(task: str, argument: str) -> list[str]:

@@ -238,6 +238,7 @@ def test_the_vector_environment_keeps_its_contract_and_is_its_single_ones(task, 
     check_vector_env(envs, single=lambda: gym.make(f"UVMS-{task}-v0", **options), steps=13)
 
 
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 def test_a_copied_environment_goes_on_alike():
     for make in (lambda: gym.make(ENV, scene=ARM), lambda: EETrackVectorEnv(3, max_episode_steps=9)):
         env = make()
@@ -326,20 +327,21 @@ def test_rollouts_and_networks_work_for_tracking():
         mlp.policy.check(StationKeepEnv(scene=ARM)._native)
 
 
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 @pytest.mark.parametrize("make", [StationKeepVectorEnv, EETrackVectorEnv])
 def test_an_instance_that_diverges_resets_and_its_neighbours_do_not_notice(make):
     def run(start):
         envs = make(3, scene=ARM, max_episode_steps=None, autoreset_mode="SameStep")
-        envs.reset(seed=1, options={"twist": start})
+        envs.reset(seed=1, options=start)
         seen = []
         for _ in range(6):
             seen.append(envs.step(np.zeros(envs.action_space.shape, dtype=np.float32)))
         return seen
 
-    calm = np.zeros((3, 6))
-    wild = calm.copy()
-    wild[1, 5] = 19.9
-    wild[1, 0] = 9.99
+    calm = {"twist": np.zeros((3, 6)), "position": np.zeros((3, 3)), "attitude": [1.0, 0.0, 0.0, 0.0]}
+    wild = copy.deepcopy(calm)
+    wild["twist"][1, 0] = 9.9
+    wild["position"][1, 0] = 9.2
     one, other = run(calm), run(wild)
     assert any(step[2][1] for step in other)
     for a, b in zip(one, other, strict=True):

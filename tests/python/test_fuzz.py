@@ -309,27 +309,49 @@ def test_random_calls_do_a_simulator_no_harm(name: str) -> None:
         assert np.all(np.isfinite(simulator.position))
 
 
+IDS = sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
+
+
 @pytest.mark.parametrize("vector", [False, True])
-def test_random_calls_do_an_environment_no_harm(vector: bool) -> None:
+@pytest.mark.parametrize("name", IDS)
+def test_random_calls_do_an_environment_no_harm(name: str, vector: bool) -> None:
     rng = random.Random() if SOAK else random.Random(7)
     each = 40
-    names = ["reset", "step"]
-    for _ in range(max(1, CASES // (2 * each)) if SOAK else 4):
+    for _ in range(max(1, CASES // (2 * len(IDS) * each)) if SOAK else 2):
         options = {
-            "scene": rng.choice(["petasus-pum", "bluerov2-heavy"]),
+            "scene": rng.choice(["petasus-pum", "bluerov2-heavy-alpha5"]),
             "action": rng.choice(["wrench", "thrusters"]),
         }
         if vector:
-            env: Any = gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=2, **options)
+            env: Any = gymnasium.make_vec(name, num_envs=2, **options)
         else:
-            env = gymnasium.make("UVMS-StationKeep-v0", **options).unwrapped
+            env = gymnasium.make(name, **options).unwrapped
         if rng.random() < 0.9:
             env.reset(seed=1)
-        random_calls(env, lambda e=env: pickle.dumps(e.unwrapped.simulator), rng, names, each)
+        random_calls(env, lambda e=env: pickle.dumps(e.unwrapped.simulator), rng, ["reset", "step"], each)
         observations, _ = env.reset(seed=2)
         assert np.all(np.isfinite(observations))
         env.step(env.action_space.sample() * 0)
         env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_random_options_make_no_environment_or_one_that_keeps_its_space(name: str) -> None:
+    rng = random.Random() if SOAK else random.Random(5)
+    creator = gymnasium.envs.registration.load_env_creator(gymnasium.spec(name).entry_point)
+    options = [option for option in inspect.signature(creator).parameters if option != "scene"]
+    for _ in range(CASES // len(IDS) if SOAK else 60):
+        given = {option: junk(rng, (1, 3, 6)) for option in rng.sample(options, rng.randint(1, 2))}
+        for many in ("substeps", "threads"):
+            if isinstance(given.get(many), int):
+                given[many] = rng.choice([-1, 0, 1, 3, 2**70])
+        with attempt((*WRONG, gymnasium.error.Error)):
+            env = creator(scene=rng.choice(["petasus-pum", "bluerov2-heavy"]), **given)
+            observation, _ = env.reset(seed=0)
+            assert env.observation_space.contains(observation), (given, observation)
+            observation, reward, *_ = env.step(np.zeros(env.action_space.shape, np.float32))
+            assert env.observation_space.contains(observation), (given, observation)
+            assert np.isfinite(reward), given
 
 
 def test_random_arguments_make_no_simulator() -> None:

@@ -1,6 +1,6 @@
 """Files of pictures: .mp4, .gif, .png."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -28,7 +28,8 @@ class Film(Protocol):
 
 def film(path: Path, rate: float) -> Film:
     """Open a file for pictures at `rate` per second, by its suffix."""
-    return {".mp4": Mp4, ".gif": Gif, ".png": Png}[path.suffix.lower()](path, rate)
+    kinds: dict[str, Callable[[Path, float], Film]] = {".mp4": Mp4, ".gif": Gif, ".png": Png}
+    return kinds[path.suffix.lower()](path, rate)
 
 
 class Mp4:
@@ -102,4 +103,6 @@ class Png:
         """Write what is left."""
         if self._picture is not None:
             image = Image.fromarray(self._picture)
-            image.quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(self._path, optimize=True)
+            # Small, as a palette, and dithered to look as if it were none.
+            palette = image.quantize(256, Image.Quantize.MAXCOVERAGE)
+            image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(self._path, optimize=True)

@@ -166,7 +166,9 @@ def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymn
         # A limit that the play does not reach.
         made = gymnasium.make(env, max_episode_steps=round(1000.0 * seconds) + 1000, **options)
     except (gymnasium.error.Error, ValueError, TypeError) as error:
-        raise fail(f"{env}: {error}") from None
+        # Gymnasium repeats all arguments.
+        reason = str(error).split(" was raised from the environment creator")[0]
+        raise fail(f"{env}: {reason}") from None
     if "rgb_array" not in made.metadata["render_modes"] or not hasattr(made.unwrapped, "simulator"):
         raise fail(f"--env is {env!r}, but only environments of uvms_gym work, such as UVMS-StationKeep-v0")
     return made

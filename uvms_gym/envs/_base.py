@@ -337,7 +337,10 @@ class TaskBase(Rendering):
 class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
     """One instance of a task."""
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
+    metadata: dict[str, Any] = {  # noqa: RUF012 (as gym.Env declares it)
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 20.0,
+    }
 
     def __init__(self, options: Options, render_mode: str | None) -> None:
         check_mode(render_mode)
@@ -386,7 +389,7 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
             info["privileged"] = self._native.privileged()[0]
         return info
 
-    def render(self) -> Picture | None:  # type: ignore[override]
+    def render(self) -> Picture | None:
         """Draw (480, 640, 3) uint8; without a render mode warn and return None."""
         pictures = self._pictures()
         return None if pictures is None else pictures[0]
@@ -495,7 +498,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         return observations, rewards, terminated, truncated, infos
 
     def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
-        """Give a sequence of N pictures, each drawn when first looked at; without a render mode warn, and N times None."""
+        """Give N pictures, each drawn when first looked at; without a render mode warn, and N times None."""
         pictures = self._pictures()
         return (None,) * self.num_envs if pictures is None else pictures
 

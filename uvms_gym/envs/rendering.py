@@ -56,7 +56,6 @@ class Pictures(Sequence[Picture]):
 class Rendering:
     """`render` for the environments of a task."""
 
-    task: str
     render_mode: str | None
     _native: Task
     _renderer: Renderer | None = None
@@ -68,14 +67,15 @@ class Rendering:
             return None
         if self._renderer is None:
             self._renderer = Renderer(self._native.scene)
-        return Pictures(self._renderer, shots(self._native, self.task))
+        return Pictures(self._renderer, shots(self._native))
 
 
-def shots(native: Task, task: str) -> dict[str, NDArray[Any]]:
+def shots(native: Task) -> dict[str, NDArray[Any]]:
     """Arguments of `Renderer.draw`, one row per instance."""
     simulator, episode = native.simulator, native.episodes()
     pose = np.zeros((native.num_envs, 4, 4))
     pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = episode["target_rotation"], episode["target_position"], 1.0
+    path = native.paths(_PLACES)
     return {
         "position": simulator.position,
         "rotation": simulator.rotation,
@@ -84,23 +84,21 @@ def shots(native: Task, task: str) -> dict[str, NDArray[Any]]:
         "current": simulator.current,
         "payload": simulator.parameters["payload"],
         "thrust": _thrusts(native, simulator, episode),
-        "path": native.paths(_PLACES),
-        # What a track asks for is the pose of the end effector.
-        "point" if task == "ee-track" else "target": pose,
+        "path": path,
+        # Where there is a path the pose is one of the end effector.
+        "point" if path.size else "target": pose,
     }
 
 
 def _thrusts(native: Task, simulator: Simulator, episode: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
     """Thrusts (N, m) that the last actions asked for."""
-    if "thrust" in episode:
-        return episode["thrust"]
     entries, action = native.action_layout, episode["action"]
     limits = np.array([limits for _, limits, _ in entries]).T
     asked = np.abs(action) * np.where(action > 0.0, limits[1], limits[0])
     names = [name for name, _, _ in entries]
     count = simulator.num_thrusters
     if names[:count] == simulator.thruster_names:
-        return asked[:, :count]
+        return np.asarray(asked[:, :count])
     if "surge" in names:
         return simulator.allocate(asked[:, :6])
     return np.zeros((native.num_envs, count))

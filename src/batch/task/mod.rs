@@ -120,7 +120,7 @@ impl TaskBatch {
     ) -> Result<Self, TaskError> {
         let task = Task::new(&scene, options)?;
         let base = task.base()?;
-        let simulator = Simulator::new(scene, SimulatorOptions { dt: task.options().dt, ..simulator })?;
+        let simulator = Simulator::new(task.scene().clone(), SimulatorOptions { dt: task.options().dt, ..simulator })?;
         let instances = simulator.instances();
         let crew: Box<dyn Crew> = match simulator.options().precision {
             Precision::Double => Box::new(Company::<f64>::new(&task, instances)),
