@@ -72,6 +72,7 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
             let action: [L; ACTIONS] = entries(&self.actions[first * width..], lanes, width, &mut page);
+            #[expect(clippy::manual_map, reason = "a closure would not inherit the caller's instruction set")]
             let base: Option<[L; ACTIONS]> = match self.base {
                 Some(base) => Some(entries(&base[first * width..], lanes, width, &mut page)),
                 None => None,
