@@ -346,3 +346,20 @@ fn settings_out_of_range_are_refused() {
         assert!(Renderer::new(&scene, &settings).is_err(), "{settings:?}");
     }
 }
+
+#[test]
+fn a_vehicle_far_from_its_target_stays_in_the_picture() {
+    let scene = Scene::shipped("petasus-pum").unwrap();
+    let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
+    let target = Some((Vector3::zeros(), Matrix3::identity()));
+    let place = |position| {
+        let shot = Shot { position, target, ..Shot::default() };
+        [position, Vector3::zeros()].map(|p| renderer.project(&shot, &p).expect("ahead of the camera"))
+    };
+    // Near the target the camera stays where it is.
+    assert_eq!(place(Vector3::new(0.05, 0.0, 0.0))[1], place(Vector3::zeros())[1]);
+    for away in [Vector3::new(9.0, 0.0, 0.0), Vector3::new(0.0, -9.0, 2.0), Vector3::new(0.0, 0.0, -9.0)] {
+        let [[x, y, _], _] = place(away);
+        assert!((0.0..640.0).contains(&x) && (0.0..480.0).contains(&y), "{away:?} at {x} {y}");
+    }
+}
