@@ -29,6 +29,18 @@ pub enum DescriptionError {
         /// The parser's message, with line and column.
         message: String,
     },
+    /// An element of a URDF file that is wrong, or that no scene can have.
+    #[error("{source_name}: line {line}: {element}: {problem}")]
+    Urdf {
+        /// File.
+        source_name: String,
+        /// Of the element.
+        line: u32,
+        /// Path of the element, such as `joint "elbow" <limit>`.
+        element: String,
+        /// What is wrong.
+        problem: String,
+    },
     /// One key has a value that cannot be.
     #[error("{source_name}: {key}: {problem}")]
     Value {
@@ -98,6 +110,12 @@ pub enum Problem {
         lower: f64,
         /// Upper limit.
         upper: f64,
+    },
+    /// A map from command to thrust that is none.
+    #[error("{reason}")]
+    Map {
+        /// Why.
+        reason: &'static str,
     },
     /// A direction without length.
     #[error("{axis:?} has no direction")]
@@ -365,6 +383,26 @@ pub enum SimulatorError {
         /// Instance.
         instance: usize,
     },
+    /// Thrusts as a state where thrusters have none.
+    #[error("scene '{scene}' gives its thrusters no dynamics, so thrust is no state: give it to step()")]
+    NoThrusterState {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// A thrust that the thruster cannot have.
+    #[error("thrust {thruster} of instance {instance} is {value} N, beyond its limits [{lower}, {upper}] N")]
+    Thrust {
+        /// Instance.
+        instance: usize,
+        /// Thruster.
+        thruster: usize,
+        /// The thrust.
+        value: f64,
+        /// Least.
+        lower: f64,
+        /// Greatest.
+        upper: f64,
+    },
     /// Joint targets where nothing follows them.
     #[error("scene '{scene}' has no joint with a servo, so joint_target would have no effect")]
     NoJointServo {
@@ -449,6 +487,9 @@ pub enum TaskError {
     /// A start override that is no start.
     #[error("start {name} = {value}: must be {allowed}")]
     Start { name: &'static str, value: f64, allowed: String },
+    /// A disturbance that is none: where, and why.
+    #[error("{key}: {reason}")]
+    Disturbance { key: String, reason: String },
     /// An action that is no number; out of range is clipped instead.
     #[error("action {index} of instance {instance} is {value}: must be finite")]
     Action { instance: usize, index: usize, value: f32 },

@@ -8,6 +8,8 @@
 //! spatial       twists, wrenches, inertia
 //! hydro         drag, restoring
 //! description   scenes as plain data
+//! estimate      a body's numbers from its shape
+//! urdf          arms from URDF files
 //! system        compile(description), state
 //! balance       the principle of dynamical balance: closed form, articulated bodies, ledger
 //! integrate     Munthe-Kaas methods, a linearly implicit one, rivals
@@ -25,6 +27,7 @@ pub mod batch;
 pub mod control;
 pub mod description;
 pub mod error;
+pub mod estimate;
 pub mod hydro;
 pub mod integrate;
 pub mod lane;
@@ -35,3 +38,4 @@ pub mod render;
 pub mod scene;
 pub mod spatial;
 pub mod system;
+pub mod urdf;

@@ -55,7 +55,8 @@ fn compare(scene: &Scene, state: &State, loads: &RandomLoads, precision: Precisi
     let articulated = DVector::from_vec(simulator.forward_dynamics(&loads.inputs()).unwrap());
 
     let external: Vec<Vector6<f64>> = loads.external.chunks(6).map(Vector6::from_column_slice).collect();
-    let applied = Loads { thrust: &loads.thrust, external: &external, joint_command: &loads.torque };
+    let applied =
+        Loads { thrust: &loads.thrust, external: &external, joint_command: &loads.torque, ..Loads::default() };
     let balance = Balance::new(scene).unwrap();
     let form = balance.at(state, flow);
     let closed = form.accelerations(&applied).unwrap();

@@ -71,9 +71,9 @@ fn run(scene: &Scene, options: SimulatorOptions, ids: &[u64], split: &[usize]) -
 
 /// All numbers of a state as bits.
 fn bits(state: &State) -> Vec<u64> {
-    let State { position, rotation, twist, q, qd, time } = state;
+    let State { position, rotation, twist, q, qd, thrust, time } = state;
     let vehicle = position.iter().chain(rotation.iter()).chain(twist.iter());
-    vehicle.chain(q).chain(qd).chain([time]).map(|x| x.to_bits()).collect()
+    vehicle.chain(q).chain(qd).chain(thrust).chain([time]).map(|x| x.to_bits()).collect()
 }
 
 const STEPS: usize = 12;

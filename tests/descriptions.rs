@@ -22,7 +22,7 @@ fn shipped_scenes_load_under_their_names_without_warnings() {
         assert_eq!(scene.check().unwrap(), []);
         assert!(!scene.summary.is_empty(), "{name}");
     }
-    assert_eq!(Scene::shipped_names().len(), 5);
+    assert_eq!(Scene::shipped_names().len(), 6);
 }
 
 #[test]
@@ -85,7 +85,7 @@ fn shipped_vehicles_are_nearly_neutral() {
         };
         let mass: f64 = bodies().map(|body| body.mass).sum();
         let displaced: f64 = bodies().map(|body| scene.water.density * body.displaced_volume(&scene.water)).sum();
-        assert!((0.0..0.02).contains(&(displaced / mass - 1.0 + 1e-4)), "{}: {displaced} kg, {mass} kg", scene.name);
+        assert!((0.0..0.025).contains(&(displaced / mass - 1.0 + 1e-4)), "{}: {displaced} kg, {mass} kg", scene.name);
     }
 }
 

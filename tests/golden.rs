@@ -22,7 +22,7 @@ const FORWARD_DYNAMICS: [(&str, ForwardDynamics); 2] =
 fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
     let balance = Balance::new(scene).unwrap();
     let external = case.external_with_wrench();
-    let loads = Loads { thrust: &[], external: &external, joint_command: &case.joint_torque };
+    let loads = Loads { thrust: &[], external: &external, joint_command: &case.joint_torque, ..Loads::default() };
     balance.at(&case.at.state(), Vector3::from(case.current)).accelerations(&loads).unwrap()
 }
 
@@ -107,7 +107,7 @@ impl Kinematics {
             twist: self.twist.into(),
             q: padded(&self.q),
             qd: padded(&self.qd),
-            time: 0.0,
+            ..State::default()
         }
     }
 }

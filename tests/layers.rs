@@ -4,13 +4,15 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Each layer, lowest first, and what it may import. Every layer may import `error`.
-const LAYERS: [(&str, &[&str]); 14] = [
+const LAYERS: [(&str, &[&str]); 16] = [
     ("lane", &[]),
     ("error", &["lane"]),
     ("lie", &["lane"]),
     ("spatial", &["lane", "lie"]),
     ("hydro", &["lane", "lie", "spatial"]),
     ("description", &[]),
+    ("estimate", &["description"]),
+    ("urdf", &["description", "estimate"]),
     ("system", &["lane", "lie", "spatial", "hydro", "description"]),
     ("balance", &["lane", "lie", "spatial", "hydro", "description", "system"]),
     ("integrate", &["lane", "lie"]),
@@ -35,6 +37,8 @@ const LAYERS: [(&str, &[&str]); 14] = [
             "control",
             "scene",
             "batch",
+            "estimate",
+            "urdf",
             "render",
         ],
     ),

@@ -1,8 +1,10 @@
 //! Malformed scenes: each is refused by an error that names the source, the key and the value.
 
+use nalgebra::Vector3;
 use proptest::prelude::*;
 use toml::Value;
-use uvms_gym::description::Scene;
+use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
+use uvms_gym::description::{LinearActuator, Scene, Tether, ThrustMap};
 use uvms_gym::error::DescriptionError;
 
 fn text(name: &str) -> String {
@@ -275,6 +277,24 @@ fn mutate(root: &mut Value, path: &[String], new: Option<Value>) {
     }
 }
 
+/// A scene with the keys that no shipped one has.
+fn everything() -> String {
+    let mut scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
+    let thrusters = &mut scene.vehicle.thrusters;
+    thrusters[0].map = Some(ThrustMap::T200);
+    thrusters[1].map = Some(ThrustMap::Points(vec![[-40.0, -30.0], [0.0, 0.0], [60.0, 50.0]]));
+    (thrusters[2].lag, thrusters[2].dead_band, thrusters[2].ambient_flow) = (Some(0.1), Some(2.0), Some(1.8));
+    (thrusters[3].deduction, thrusters[3].induced) = (Some(0.1), Some([0.0, 0.0, 0.0, 0.01, 0.0, 0.0]));
+    scene.vehicle.thruster_lag = Some(0.2);
+    scene.vehicle.fins = Scene::shipped("remus-100").unwrap().vehicle.fins;
+    let position = Vector3::new(-0.2, 0.0, 0.1);
+    scene.vehicle.tether = Some(Tether { position, length: 40.0, diameter: 0.008, mass_per_length: 0.06, drag: 1.2 });
+    let joint = &mut scene.arm.as_mut().unwrap().links[1].joint;
+    (joint.effort, joint.limits) = (None, None);
+    joint.actuator = Some(LinearActuator { base: 0.3, lever: 0.08, angle: 1.2, force: 500.0 });
+    scene.to_toml_string()
+}
+
 fn replacement() -> impl Strategy<Value = Option<Value>> {
     prop_oneof![
         Just(None),
@@ -298,17 +318,23 @@ proptest! {
 
     #[test]
     fn a_mutated_scene_is_read_or_refused_by_key(
-        scene in 0..5usize,
+        scene in 0..7usize,
         node in any::<prop::sample::Index>(),
         new in replacement(),
     ) {
-        let name = Scene::shipped_names()[scene];
-        let mut tree: Value = text(name).parse::<toml::Table>().unwrap().into();
+        let given = Scene::shipped_names().get(scene).map_or_else(everything, |name| text(name));
+        let mut tree: Value = given.parse::<toml::Table>().unwrap().into();
         let paths = nodes(&tree);
         let path = &paths[node.index(paths.len())];
         mutate(&mut tree, path, new.clone());
         match Scene::from_value(tree, "<dict>") {
-            Ok(scene) => prop_assert!(scene.check().is_ok()),
+            Ok(scene) => {
+                prop_assert!(scene.check().is_ok());
+                // Whatever its numbers, it steps or is refused.
+                if let Ok(mut simulator) = Simulator::new(scene, SimulatorOptions::default()) {
+                    prop_assert!(simulator.step(&Inputs::default(), 2).is_ok());
+                }
+            }
             Err(DescriptionError::Value { source_name, key, .. }) => {
                 prop_assert_eq!(source_name, "<dict>");
                 prop_assert!(!key.is_empty());

@@ -3,23 +3,45 @@
 Importing it registers the environments with Gymnasium.
 """
 
-from uvms_gym._core import SceneError, Simulator, StepWarning, __version__, integrators, load_scene, scenes
+from uvms_gym._core import (
+    Renderer,
+    SceneError,
+    Simulator,
+    StepWarning,
+    __version__,
+    dump_scene,
+    estimate,
+    integrators,
+    load_scene,
+    scene_doubts,
+    scene_template,
+    scenes,
+)
 from uvms_gym.controllers import MLP, PD, PID, ResolvedMotion
+from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
+from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
 
 __all__ = [
     "MLP",
     "PD",
     "PID",
+    "Renderer",
     "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",
     "StepWarning",
     "__version__",
+    "disturbances",
+    "dump_scene",
+    "estimate",
+    "import_urdf",
     "integrators",
     "load_scene",
+    "scene_doubts",
+    "scene_template",
     "scenes",
 ]
 

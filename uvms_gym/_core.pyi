@@ -12,6 +12,7 @@ __all__ = [
     "Pd",
     "Pid",
     "Policy",
+    "Renderer",
     "ResolvedMotion",
     "Rollout",
     "SceneError",
@@ -19,8 +20,14 @@ __all__ = [
     "StepWarning",
     "Task",
     "__version__",
+    "disturbances",
+    "dump_scene",
+    "estimate",
+    "import_urdf",
     "integrators",
     "load_scene",
+    "scene_doubts",
+    "scene_template",
     "scenes",
 ]
 
@@ -61,6 +68,43 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 
     Raises SceneError, whose message names file, key and value.
     """
+
+def disturbances() -> list[tuple[str, str, str]]:
+    """Levels of disturbances: name, a sentence for people, and the components as JSON."""
+
+def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
+    """A scene as TOML text, which reads back as an equal scene."""
+
+def scene_doubts(scene: str | PathLike[str] | dict[str, Any]) -> list[str]:
+    """What is possible in a scene, but hardly meant: one line each, with key and numbers."""
+
+def scene_template() -> str:
+    """TOML text of a scene with every key that there is, its unit and default in comments."""
+
+@type_check_only
+class _Estimate(TypedDict):
+    body: dict[str, Any]
+    formulas: dict[str, str]
+    toml: str
+
+def estimate(outline: str | PathLike[str] | dict[str, Any], *, table: str = "vehicle.body") -> _Estimate:
+    """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.
+
+    `outline`: {"density", "speed": [m/s, rad/s], "shapes": [...]}, or path of a TOML file of that form. Each shape has
+    one of box, cylinder, capsule, ellipsoid, and may have name, position, rpy, ends ("free", "joined"), perforation,
+    solidity, displaced, mass, relative_density. SceneError names file, key and value.
+    """
+
+def import_urdf(
+    path: str | PathLike[str],
+    *,
+    vehicle: str | PathLike[str] | dict[str, Any],
+    position: ArrayLike | None = None,
+    rpy: ArrayLike | None = None,
+    base: str | None = None,
+    tip: str | None = None,
+) -> tuple[dict[str, Any], list[str]]:
+    """A vehicle with the arm of a URDF file, and what should be known about it; see `uvms_gym.import_urdf`."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
@@ -145,6 +189,15 @@ class Simulator:
     def thruster_configuration(self) -> NDArray[np.float64]:
         """(6, m) wrench on the vehicle per thrust. [HC eq. 25]"""
     @property
+    def num_fins(self) -> int:
+        """Number of fins k."""
+    @property
+    def fin_names(self) -> list[str]:
+        """Names of the fins."""
+    @property
+    def fin_limits(self) -> NDArray[np.float64]:
+        """(k, 2) least and greatest deflection, rad."""
+    @property
     def bytes_per_env(self) -> int:
         """Bytes of memory per instance."""
     @property
@@ -165,6 +218,9 @@ class Simulator:
     @property
     def qd(self) -> NDArray[np.float64]:
         """(N, n) joint rates, rad/s or m/s."""
+    @property
+    def thrust(self) -> NDArray[np.float64]:
+        """(N, m) thrusts in still water, N: the state of thrusters with dynamics, else 0."""
     @property
     def time(self) -> NDArray[np.float64]:
         """(N,) time, s."""
@@ -191,6 +247,7 @@ class Simulator:
         time: ArrayLike | None = None,
         current: ArrayLike | None = None,
         current_acceleration: ArrayLike | None = None,
+        thrust: ArrayLike | None = None,
     ) -> None:
         """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
     def reset(self) -> None:
@@ -204,12 +261,13 @@ class Simulator:
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
         substeps: int = 1,
     ) -> None:
         """Step all instances under held inputs, one row for all or one per instance (leading N).
 
         thrust (m,), wrench (6,), joint_torque (n,), joint_target (n,) or polynomials (N, n, k <= 4), external
-        (n + 1, 6), station (position (3,), rotation (3, 3)) or pose (4, 4).
+        (n + 1, 6), station (position (3,), rotation (3, 3)) or pose (4, 4), fin (k,).
         """
     def forward_dynamics(
         self,
@@ -220,6 +278,7 @@ class Simulator:
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
         """(N, 6 + n) accelerations [V'; q''] under the inputs of `step`."""
     def mass_matrix(self) -> NDArray[np.float64]:
@@ -237,8 +296,9 @@ class Simulator:
         wrench: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N, n + 1, 6) each: drag, restoring, flow, thrust, external, sum; N and N m."""
+        """(N, n + 1, 6) each: drag, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
     def joint_torques(
         self, *, joint_torque: ArrayLike | None = None, joint_target: ArrayLike | None = None
     ) -> dict[str, NDArray[np.float64]]:
@@ -254,8 +314,9 @@ class Simulator:
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
         station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N,) each: drag, friction, end_stop, flow, thrust, external, joint_command, total; W."""
+        """(N,) each: drag, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
     def momentum(self) -> NDArray[np.float64]:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
     def momentum_terms(self) -> dict[str, NDArray[np.float64]]:
@@ -277,11 +338,12 @@ class Simulator:
         wrench: ArrayLike | None = None,
         joint_torque: ArrayLike | None = None,
         external: ArrayLike | None = None,
+        fin: ArrayLike | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
     @property
     def parameters(self) -> dict[str, NDArray[np.float64]]:
-        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag, volume, thrust; payload, kg."""
+        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag, volume, thrust, thruster_lag; payload, kg."""
     def set_parameters(
         self,
         *,
@@ -292,6 +354,7 @@ class Simulator:
         volume: ArrayLike | None = None,
         payload: ArrayLike | None = None,
         thrust: ArrayLike | None = None,
+        thruster_lag: ArrayLike | None = None,
     ) -> None:
         """Set factors, () or (N,), on each instance's parameters, and its payload, kg; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
@@ -314,6 +377,71 @@ class Simulator:
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], int], dict[str, Any]]: ...
     def __getstate__(self) -> NDArray[np.float64]: ...
     def __setstate__(self, state: ArrayLike, /) -> None: ...
+
+@final
+class Renderer:
+    """Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
+
+    `vehicle.shape` of the scene says what the vehicle looks like. Camera at `azimuth` about the vertical from x and
+    `elevation`, rad, and at `distance`, m; `floor` is the height of the floor, m.
+    """
+
+    def __new__(
+        cls,
+        scene: str | PathLike[str] | dict[str, Any],
+        *,
+        width: int = 640,
+        height: int = 480,
+        azimuth: float = -0.95,
+        elevation: float = 0.32,
+        distance: float | None = None,
+        floor: float | None = None,
+    ) -> Renderer: ...
+    @property
+    def width(self) -> int:
+        """Pixels along."""
+    @property
+    def height(self) -> int:
+        """Pixels down."""
+    @property
+    def distance(self) -> float:
+        """Distance of the camera, m."""
+    @property
+    def floor(self) -> float:
+        """Height of the floor, m."""
+    @property
+    def cell(self) -> float:
+        """Width of the cells of the floor's grid, m."""
+    def draw(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        q: ArrayLike | None = None,
+        *,
+        thrust: ArrayLike | None = None,
+        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        path: ArrayLike | None = None,
+        point: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        trail: ArrayLike | None = None,
+        current: ArrayLike | None = None,
+        payload: float = 0.0,
+        time: float = 0.0,
+    ) -> NDArray[np.uint8]:
+        """(height, width, 3) picture of the vehicle at position (3,) and rotation (3, 3) with joints at q (n,).
+
+        thrust (m,) N; target and point: poses (4, 4) or (position, rotation) of vehicle and end effector; path and
+        trail (k, 3) of the end effector; current (3,) m/s; payload kg; time s. World frame.
+        """
+    def project(
+        self,
+        points: ArrayLike,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        *,
+        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+    ) -> NDArray[np.float64]:
+        """(k, 3) pixels from left and top, and distance, of points (k, 3) in the picture of that pose and target."""
+    def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
 
 @type_check_only
 class _Block(TypedDict):
@@ -386,7 +514,7 @@ class Task:
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (23, N).
+        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (k, N).
 
         Keywords give what is not to be drawn, one row for all or (N, .).
         """
@@ -403,8 +531,8 @@ class Task:
     ]:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (23, N), and of episodes that ended and were
-        replaced the instances, last observations, last measures (23, k) and what these did not tell (k, m).
+        Gives observations, rewards, terminated, truncated, measures (k, N), and of episodes that ended and were
+        replaced the instances, last observations, last measures (k, k) and what these did not tell (k, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
@@ -417,9 +545,18 @@ class Task:
         """What the episodes drew, and how far they are.
 
         seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
-        (N, 3), joint_reference and joint_reference_rate (N, n) where joints follow one.
+        (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
 
+    def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
+        """What disturbances will come to in the next `steps` control periods of instance `i`.
+
+        For a vehicle that stays where it is: time (T,), current and acceleration (T, 3), wrench (T, 6), gains
+        (T, thrusters) and payload (T,).
+        """
+
+    def paths(self, count: int) -> NDArray[np.float64]:
+        """(N, count, 3) places all along the paths of the end effectors; count is 0 for tasks without."""
     def rest(self) -> Policy:
         """No control: every action is 0."""
 
@@ -476,17 +613,17 @@ class Rollout:
 
     @property
     def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (23, N)."""
+        """Sums of the measures, (k, N)."""
 
     @property
     def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (23, N)."""
+        """Sums of their squares, (k, N)."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, 23).
+        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, k).
         """
 
     def count_anew(self) -> None:

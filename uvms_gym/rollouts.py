@@ -101,7 +101,7 @@ class Rollout:
         """Records of the chosen instances.
 
         By instance: observations (T, d) that the controller saw, its actions (T, a), the rewards (T,) and measures
-        (T, 23) that followed.
+        (T, k) that followed.
         """
         traces = self._rollout.traces
         return {trace.pop("instance"): trace for trace in traces}

@@ -2,9 +2,10 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
+use super::appendages::Appendages;
 use super::body::{DenseBody, relative_twist};
 use super::composite::{Composite, Equations};
-use super::dense::{Pose, force_at};
+use super::dense::Pose;
 use super::joint::{EndStop, friction};
 use crate::description::{Arm, Scene, Thruster};
 use crate::error::BalanceError;
@@ -21,6 +22,8 @@ pub struct Balance {
     pub thruster_configuration: DMatrix<f64>,
     /// Whether the vehicle is held. `[HC eq. 27]`
     pub fixed: bool,
+    /// Fins and tether.
+    pub appendages: Appendages,
     pub(super) gravity: Vector3<f64>,
     /// Body of `system` that carries the end effector, and the end effector in its frame.
     pub(super) end_effector: (usize, Pose),
@@ -66,6 +69,7 @@ impl Balance {
             arm,
             thruster_configuration: thruster_configuration(&scene.vehicle.thrusters),
             fixed: scene.vehicle.fixed,
+            appendages: Appendages::new(&scene.vehicle, &scene.water),
             gravity: scene.water.gravity,
             end_effector,
         })
@@ -103,7 +107,7 @@ fn compose_arm(arm: &Arm, scene: &Scene) -> Composite {
 fn thruster_configuration(thrusters: &[Thruster]) -> DMatrix<f64> {
     let mut map = DMatrix::zeros(6, thrusters.len());
     for (mut column, thruster) in map.column_iter_mut().zip(thrusters) {
-        column.copy_from(&force_at(&thruster.axis, &thruster.position));
+        column.copy_from(&thruster.wrench());
     }
     map
 }
@@ -117,6 +121,8 @@ pub struct Loads<'a> {
     pub external: &'a [Vector6<f64>],
     /// Actuator torque per joint, N m or N, within its effort.
     pub joint_command: &'a [f64],
+    /// Deflection per fin, rad; those without command where there are none.
+    pub fins: &'a [f64],
 }
 
 /// Wrenches on the moving bodies (vehicle first), body axes at their frame origins, N and N m. `[HC eqs. 21, 26]`
@@ -130,6 +136,10 @@ pub struct BodyWrenches {
     pub flow: Vec<Vector6<f64>>,
     /// Thrusters, on the vehicle.
     pub thrust: Vector6<f64>,
+    /// Fins, on the vehicle.
+    pub fins: Vector6<f64>,
+    /// Tether, on the vehicle.
+    pub tether: Vector6<f64>,
     /// External wrenches.
     pub external: Vec<Vector6<f64>>,
     /// Sum of all the above.
@@ -203,7 +213,7 @@ impl ClosedForm<'_> {
     /// Wrenches on the moving bodies.
     ///
     /// # Errors
-    /// [`BalanceError::Length`] where `loads.thrust` or `loads.external` fit neither the scene nor "none".
+    /// [`BalanceError::Length`] where `loads.thrust`, `loads.fins` or `loads.external` fit neither the scene nor "none".
     pub fn body_wrenches(&self, loads: &Loads) -> Result<BodyWrenches, BalanceError> {
         let thrusters = self.balance.thruster_configuration.ncols();
         let thrust = DVector::from_vec(filled("thrust", loads.thrust, thrusters, 0.0)?);
@@ -212,7 +222,16 @@ impl ClosedForm<'_> {
         let thrust = Vector6::from_column_slice((&self.balance.thruster_configuration * thrust).as_slice());
         let mut sum: Vec<_> = (0..drag.len()).map(|k| drag[k] + restoring[k] + flow[k] + external[k]).collect();
         sum[0] += thrust;
-        Ok(BodyWrenches { drag, restoring, flow, thrust, external, sum })
+        let appendages = &self.balance.appendages;
+        let deflections = match loads.fins {
+            [] => appendages.deflections(),
+            given => filled("fin deflection", given, appendages.fins(), 0.0)?,
+        };
+        let fins = appendages.fin_wrench(&deflections, &self.relative_twist(0));
+        let tether =
+            appendages.tether_wrench(&self.relative_twist(0), &self.pose.rotation.tr_mul(&self.balance.gravity));
+        sum[0] += fins + tether;
+        Ok(BodyWrenches { drag, restoring, flow, thrust, fins, tether, external, sum })
     }
 
     /// Drag per moving body. `[HC eq. 22]`

@@ -35,7 +35,7 @@ pub fn actuator_torque(joint: &Joint, q: f64, qd: f64, command: f64, target: Opt
         (Some(servo), Some((position, rate))) => servo.kp * (position - q) + servo.kd * (rate - qd),
         _ => 0.0,
     };
-    let effort = joint.effort.unwrap_or(f64::INFINITY);
+    let effort = joint.effort_at(q);
     (command + servo).min(effort).max(-effort)
 }
 

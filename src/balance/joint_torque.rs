@@ -13,6 +13,10 @@ pub fn joint_torque<L: Lane, P: Param<L>>(joint: &JointTerms<P>, q: L, qd: L, co
     if let Some(effort) = joint.effort {
         torque = torque.min(effort.get()).max(-effort.get());
     }
+    if let Some(actuator) = &joint.actuator {
+        let effort: L = actuator.effort(q);
+        torque = torque.min(effort).max(-effort);
+    }
     if let Some(friction) = &joint.friction {
         torque = friction.viscous.get().neg_mul_add(qd, torque);
         if let Some([coulomb, speed_squared]) = friction.coulomb {
@@ -51,6 +55,11 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>>(
         // Beyond the effort, the line from there to where the demand vanishes.
         let effort = effort.get();
         let demand = torque.abs();
+        falls = falls * L::select(effort.lt(demand), effort / demand, L::c(1.0));
+        torque = torque.min(effort).max(-effort);
+    }
+    if let Some(actuator) = &joint.actuator {
+        let (effort, demand): (L, L) = (actuator.effort(ahead), torque.abs());
         falls = falls * L::select(effort.lt(demand), effort / demand, L::c(1.0));
         torque = torque.min(effort).max(-effort);
     }

@@ -64,6 +64,10 @@ pub struct Power {
     pub flow: f64,
     /// Thrusters.
     pub thrust: f64,
+    /// Fins.
+    pub fins: f64,
+    /// Tether, its weight included.
+    pub tether: f64,
     /// External wrenches.
     pub external: f64,
     /// Actuators of the joints.
@@ -73,7 +77,8 @@ pub struct Power {
 impl Power {
     /// Sum, W: the rate of [`Energy::total`] in still water.
     pub fn total(&self) -> f64 {
-        self.drag + self.friction + self.end_stop + self.flow + self.thrust + self.external + self.joint_command
+        let water = self.drag + self.fins + self.tether + self.flow;
+        water + self.friction + self.end_stop + self.thrust + self.external + self.joint_command
     }
 }
 
@@ -123,6 +128,8 @@ impl ClosedForm<'_> {
             end_stop: self.qd.dot(&damping),
             flow: of_wrenches(&wrenches.flow),
             thrust: twists[0].dot(&wrenches.thrust),
+            fins: twists[0].dot(&wrenches.fins),
+            tether: twists[0].dot(&wrenches.tether),
             external: of_wrenches(&wrenches.external),
             joint_command: self.qd.dot(&torques.command),
         })

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::articulated::{Instant, Loads, Scratch, accelerations};
+use crate::hydro::{FINS, Surfaces};
 use crate::lane::{Dual, Shared};
 use crate::lie::{self, Matrix3, Vector6};
 use crate::system::{Flow, JOINTS, State, System};
@@ -30,19 +31,20 @@ enum Direction {
     Torque(usize),
 }
 
-/// Linearizes a system about a state under held loads; servos count as off, saturated actuators as stuck.
+/// Linearizes a system about a state under held loads and deflections of fins; servos count as off, saturated actuators as stuck.
 pub fn linearize(
     system: &System<Shared<f64>>,
     state: &State,
     flow: &Flow,
     wrench: &[f64; 6],
+    fins: &[f64; FINS],
     loads: &Loads<f64>,
 ) -> Linearization {
     let n = system.joints.len();
     let (rates, size) = (6 + n, 2 * (6 + n));
     let mut a = DMatrix::zeros(size, size);
     let mut b = DMatrix::zeros(size, rates);
-    let derivative = |direction| accelerations_along(system, state, flow, wrench, loads, direction);
+    let derivative = |direction| accelerations_along(system, state, flow, (wrench, fins), loads, direction);
 
     for k in 0..3 {
         a.view_mut((rates, 3 + k), (rates, 1)).copy_from_slice(&derivative(Direction::Turn(k)));
@@ -69,7 +71,7 @@ fn accelerations_along(
     system: &System<Shared<f64>>,
     state: &State,
     flow: &Flow,
-    wrench: &[f64; 6],
+    (wrench, fins): (&[f64; 6], &[f64; FINS]),
     loads: &Loads<f64>,
     direction: Direction,
 ) -> Vec<f64> {
@@ -92,12 +94,15 @@ fn accelerations_along(
     let q: [Dual; JOINTS] = std::array::from_fn(|k| number(state.q[k], Direction::Joint(k)));
     let qd: [Dual; JOINTS] = std::array::from_fn(|k| number(state.qd[k], Direction::Rate(k)));
     let zero = Dual::new(0.0, 0.0);
+    let gravity = rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| Dual::new(g, 0.0))));
+    let mut surfaces = Surfaces::blank();
+    surfaces.deflect(&system.fins, &fins.map(|x| Dual::new(x, 0.0)));
     let instant = Instant {
-        gravity: rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| Dual::new(g, 0.0)))) - pull,
+        gravity: gravity - pull,
         twist,
         q: &q,
         qd: &qd,
-        wrench: six(&|k| number(wrench[k], Direction::Wrench(k))),
+        wrench: six(&|k| number(wrench[k], Direction::Wrench(k))) + system.appendages(&surfaces, twist, gravity),
         held_rate: lie::Vector3::zero() - pull,
         time: zero,
     };

@@ -5,6 +5,7 @@
 //! f64 with dense matrices. [`articulated`] solves the same balance in lanes and is what steps the simulation; each
 //! checks the other.
 
+mod appendages;
 pub mod articulated;
 pub mod body;
 mod closed_form;
@@ -19,6 +20,7 @@ mod ledger;
 mod linearize;
 mod modes;
 
+pub use appendages::Appendages;
 pub use closed_form::{Balance, BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
 pub use composite::{BodyMotion, Composite, Equations};
 pub use inverse::Effort;

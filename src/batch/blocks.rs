@@ -86,9 +86,6 @@ pub struct Blocks<T> {
     isa: Isa,
     instances: usize,
     rows: Vec<T>,
-    /// Instances whose factors are not all 1, and those with a payload.
-    varied: usize,
-    laden: usize,
 }
 
 /// The scene's parameters.
@@ -122,7 +119,8 @@ impl<T: Real> Blocks<T> {
         let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
         let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
         let scene = Parameters { system, ingredients, grip, rigid };
-        let layout = Layout::new(compiled.links.len(), integrator);
+        let layout =
+            Layout::new(compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -130,12 +128,13 @@ impl<T: Real> Blocks<T> {
         rows.try_reserve_exact(size).map_err(|_| memory())?;
         rows.resize(size, T::from_f64(0.0));
         let table = Table { layout, links: compiled.links.clone() };
-        let mut blocks = Self { scene, table, isa, instances, rows, varied: 0, laden: 0 };
+        let mut blocks = Self { scene, table, isa, instances, rows };
         // Columns past the last instance hold a sane state too: they are stepped along with it where lanes reach them.
         for i in 0..columns {
             blocks.set_state(i, state);
             blocks.set_flow(i, flow);
             blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
+            blocks.table.set_fins(&mut blocks.rows, i, &compiled.system.deflections());
         }
         Ok(blocks)
     }
@@ -151,7 +150,6 @@ impl<T: Real> Blocks<T> {
         items: impl ExactSizeIterator<Item = I> + Send,
         work: impl Fn(&mut Part<'_, T>, I) + Sync,
     ) -> Option<Sighting> {
-        let (varied, laden) = (self.varied > 0, self.laden > 0);
         let (scene, table, isa, instances) = (&self.scene, &self.table, self.isa, self.instances);
         let threads = run.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
         let least = First::default();
@@ -159,7 +157,7 @@ impl<T: Real> Blocks<T> {
         for_each(chunks.zip(items).enumerate(), threads, |(k, (rows, item))| {
             let first = k * Self::CHUNK;
             let count = Self::CHUNK.min(instances - first);
-            let mut part = Part { scene, varied, laden, run, count, first, table, isa, rows, sighting: None };
+            let mut part = Part { scene, run, count, first, table, isa, rows, sighting: None };
             work(&mut part, item);
             least.note(first, part.sighting);
         });
@@ -170,21 +168,11 @@ impl<T: Real> Blocks<T> {
     pub fn parts(&mut self) -> (&Layout, Isa, &mut [T]) {
         (&self.table.layout, self.isa, &mut self.rows)
     }
-
-    /// What a change of an instance's factors does to the count of varied ones.
-    fn recount(&mut self, before: &Factors<f64>, after: &Factors<f64>) {
-        self.varied += usize::from(*after != Factors::ONE);
-        self.varied -= usize::from(*before != Factors::ONE);
-        self.laden += usize::from(after.payload != 0.0);
-        self.laden -= usize::from(before.payload != 0.0);
-    }
 }
 
 /// A chunk of blocks that one thread works on.
 pub struct Part<'a, T> {
     scene: &'a Parameters<T>,
-    varied: bool,
-    laden: bool,
     run: &'a Run,
     /// Instances in it; those past them are there to fill the last block.
     pub count: usize,
@@ -224,10 +212,11 @@ impl<T: Real> Part<'_, T> {
     /// Steps all instances.
     pub fn step(&mut self) {
         let (scene, run) = (self.scene, self.run);
+        let [varied, laden] = self.table.varied(self.rows);
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
-            ingredients: self.varied.then_some(&scene.ingredients[..]),
-            grip: self.laden.then_some(scene.grip),
+            ingredients: varied.then_some(&scene.ingredients[..]),
+            grip: laden.then_some(scene.grip),
             lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
             layout: &self.table.layout,
             integrator: run.integrator,
@@ -279,9 +268,7 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>) {
-        let before = self.factors(i);
         self.table.set_factors(&mut self.rows, i, factors);
-        self.recount(&before, &self.factors(i));
     }
 
     fn column(&self, i: usize) -> Vec<f64> {
@@ -289,9 +276,7 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn set_column(&mut self, i: usize, column: &[f64]) {
-        let before = self.factors(i);
         self.table.set_column(&mut self.rows, i, column);
-        self.recount(&before, &self.factors(i));
     }
 
     fn column_len(&self) -> usize {
@@ -313,10 +298,11 @@ impl<T: Real> Storage for Blocks<T> {
         let width = 6 + self.table.layout.joints;
         let blocks = self.rows.len() / (self.table.layout.rows * T::BLOCK);
         let mut out = vec![T::from_f64(0.0); blocks * width * T::BLOCK];
+        let [varied, laden] = self.table.varied(&self.rows);
         let mut job = Accelerate {
             system: &self.scene.system,
-            ingredients: (self.varied > 0).then_some(&self.scene.ingredients[..]),
-            grip: (self.laden > 0).then_some(self.scene.grip),
+            ingredients: varied.then_some(&self.scene.ingredients[..]),
+            grip: laden.then_some(self.scene.grip),
             layout: &self.table.layout,
             switches: given.switches(),
             blocks: &mut self.rows,

@@ -5,8 +5,9 @@ use super::lagged::Lag;
 use super::layout::Layout;
 use super::step::Switches;
 use crate::balance::articulated::Loads;
+use crate::hydro::{FINS, Fin, Propulsion, Surfaces, THRUSTERS, Thruster};
 use crate::integrate::{Attitude, Motion, Watch};
-use crate::lane::{Lane, Real};
+use crate::lane::{Lane, Param, Real};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{FACTORS, Factors, JOINTS};
 
@@ -175,6 +176,39 @@ impl<T: Real> Columns<'_, T> {
             factors[k] = self.get(layout.factors + k);
         }
         Factors::from_array(factors)
+    }
+
+    /// Thrusters with dynamics, under their commands, for steps of size `h`.
+    #[inline(always)]
+    pub fn propulsion<L: Lane<Real = T>, P: Param<L>>(
+        &self,
+        layout: &Layout,
+        thrusters: &[Thruster<P>],
+        h: T,
+        propulsion: &mut Propulsion<L>,
+    ) {
+        let mut commands = [L::zero(); THRUSTERS];
+        for k in 0..layout.thrusters.min(THRUSTERS) {
+            commands[k] = self.get(layout.command + k);
+            propulsion.thrust[k] = self.get(layout.thrust + k);
+        }
+        let factors = self.factors(layout);
+        propulsion.command(thrusters, &commands, L::splat(h), [factors.thrust, factors.thruster_lag]);
+    }
+
+    /// Fins, deflected.
+    #[inline(always)]
+    pub fn surfaces<L: Lane<Real = T>, P: Param<L>>(
+        &self,
+        layout: &Layout,
+        fins: &[Fin<P>],
+        surfaces: &mut Surfaces<L>,
+    ) {
+        let mut deflections = [L::zero(); FINS];
+        for k in 0..layout.fins.min(FINS) {
+            deflections[k] = self.get(layout.fin + k);
+        }
+        surfaces.deflect(fins, &deflections);
     }
 
     /// Loads, as far as they are on.

@@ -2,6 +2,7 @@
 
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::balance::implicit::{Ahead, implicit_accelerations};
+use crate::hydro::Surfaces;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -58,6 +59,8 @@ pub struct Dynamics<'a, L: Lane, P> {
     pub wrench: Vector6<L>,
     /// Station, if one is kept.
     pub station: Option<Station<L>>,
+    /// Fins, where there are any.
+    pub surfaces: &'a Surfaces<L>,
     /// Time of the step's start on the clock of the servo targets.
     pub time: L,
     /// Working memory.
@@ -93,6 +96,10 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
         let mut wrench = self.wrench;
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
+        }
+        if system.has_appendages() {
+            let gravity = gravity + at.to_body(self.acceleration);
+            wrench = wrench + system.appendages(self.surfaces, twist, gravity);
         }
         Instant { gravity, twist, q, qd, wrench, held_rate, time: self.time + elapsed }
     }

@@ -54,15 +54,29 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             if let Some(thrust) = given.inputs.thrust {
                 let m = given.allocation.count();
                 gather(thrust, m, 0, first, count, &mut page[..m]);
+                for i in 0..m {
+                    let [low, high] = given.allocation.limits(i);
+                    for lane in 0..T::BLOCK {
+                        page[i][lane] = page[i][lane].clamp(low, high);
+                    }
+                }
+            }
+            if layout.thrusters > 0 {
+                match given.inputs.thrust {
+                    Some(_) => set(rows, layout.command, &page[..layout.thrusters]),
+                    None => clear(rows, layout.command, layout.thrusters),
+                }
+            } else if given.inputs.thrust.is_some() {
+                let m = given.allocation.count();
                 let mut factor = [0.0; WIDEST];
                 for group in (0..T::BLOCK).step_by(L::LANES) {
                     let columns = Columns { rows: &mut *rows, first: group };
                     columns.factors::<L>(layout).thrust.store_double(&mut factor[group..]);
                 }
                 for i in 0..m {
-                    let ([low, high], column) = (given.allocation.limits(i), given.allocation.column(i));
+                    let column = given.allocation.column(i);
                     for lane in 0..T::BLOCK {
-                        page[i][lane] = factor[lane] * page[i][lane].clamp(low, high);
+                        page[i][lane] *= factor[lane];
                     }
                     for axis in 0..6 {
                         for lane in 0..T::BLOCK {
@@ -87,6 +101,17 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                 }
             }
             set(rows, layout.wrench, &wrench);
+            for (i, fin) in given.fins.iter().enumerate().take(layout.fins) {
+                let [lower, upper] = fin.range();
+                page[0] = [fin.deflection; WIDEST];
+                if let Some(fins) = given.inputs.fin {
+                    gather(fins, given.fins.len(), i, first, count, &mut page[..1]);
+                    for lane in 0..T::BLOCK {
+                        page[0][lane] = page[0][lane].clamp(lower, upper);
+                    }
+                }
+                set(rows, layout.fin + i, &page[..1]);
+            }
 
             match given.inputs.joint_torque {
                 Some(torque) => {
@@ -197,6 +222,7 @@ mod tests {
                     joint_target: pick(3).then_some(&target[..]),
                     external: pick(4).then_some(&external[..]),
                     station: pick(5).then_some(&stations[..]),
+                    fin: None,
                 };
                 let applied = Applied::new(&inputs, &scene, &allocation, &options).unwrap();
                 let switches = applied.switches();

@@ -6,7 +6,7 @@ use super::simulator::SimulatorOptions;
 use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
-use crate::description::Scene;
+use crate::description::{Fin, Scene};
 use crate::error::SimulatorError;
 
 /// Greatest entry of `R^T R - I` of what passes for a rotation.
@@ -15,8 +15,10 @@ const ORTHONORMAL: f64 = 1e-6;
 /// Loads on all instances over one call, row-major by instance; an absent one is zero.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Inputs<'a> {
-    /// Thrust, (N, thrusters), N; saturates at each thruster's limits.
+    /// Thrust, (N, thrusters), N; saturates at each thruster's limits. A command where thrusters have dynamics.
     pub thrust: Option<&'a [f64]>,
+    /// Deflections, (N, fins), rad, within each fin's limits; those without command where absent.
+    pub fin: Option<&'a [f64]>,
     /// Wrench on the vehicle, (N, 6), body frame at its origin, N and N m; on top of the thrust.
     pub wrench: Option<&'a [f64]>,
     /// Actuator torques, (N, n), N m or N; with the servo's, saturate at each joint's effort.
@@ -73,13 +75,16 @@ pub(super) struct Applied<'a> {
     joints: usize,
     /// Coefficients of each servo target.
     pub terms: usize,
+    /// Whether thrusts are commands to thrusters with dynamics.
+    commands: bool,
+    pub fins: &'a [Fin],
 }
 
 impl<'a> Applied<'a> {
     /// Checks lengths, that all numbers are finite, and that stations can be kept.
     pub fn new(
         inputs: &Inputs<'a>,
-        scene: &Scene,
+        scene: &'a Scene,
         allocation: &'a Allocation,
         options: &SimulatorOptions,
     ) -> Result<Self, SimulatorError> {
@@ -93,6 +98,7 @@ impl<'a> Applied<'a> {
         let terms = inputs.joint_target.map_or(0, |t| t.len() / (options.instances * joints).max(1));
         let expected = [
             ("thrust", inputs.thrust, allocation.count()),
+            ("fin", inputs.fin, scene.vehicle.fins.len()),
             ("wrench", inputs.wrench, 6),
             ("joint_torque", inputs.joint_torque, joints),
             ("joint_target", inputs.joint_target, joints * terms.clamp(1, 4)),
@@ -105,7 +111,14 @@ impl<'a> Applied<'a> {
         for (i, station) in inputs.station.iter().flat_map(|s| s.chunks_exact(12)).enumerate() {
             check_rotation("station", i, &na::Matrix3::from_row_slice(&station[3..]))?;
         }
-        Ok(Self { inputs: *inputs, allocation, joints, terms })
+        Ok(Self {
+            inputs: *inputs,
+            allocation,
+            joints,
+            terms,
+            commands: scene.vehicle.has_thruster_dynamics(),
+            fins: &scene.vehicle.fins,
+        })
     }
 
     /// Which loads are on.
@@ -150,10 +163,19 @@ impl<'a> Applied<'a> {
     /// Loads of instance `i`, whose thrusters have that factor.
     pub fn fill(&self, i: usize, thrust: f64, loads: &mut InstanceLoads) {
         let (n, inputs) = (self.joints, &self.inputs);
-        loads.wrench =
-            if inputs.thrust.is_some() { self.allocation.wrench(&self.thrust(i, thrust)).into() } else { [0.0; 6] };
+        loads.wrench = [0.0; 6];
+        if self.commands {
+            loads.command = self.thrust(i, 1.0);
+        } else if inputs.thrust.is_some() {
+            loads.wrench = self.allocation.wrench(&self.thrust(i, thrust)).into();
+        }
         for (sum, extra) in loads.wrench.iter_mut().zip(self.wrench(i)) {
             *sum += extra;
+        }
+        for (k, fin) in self.fins.iter().enumerate() {
+            let [lower, upper] = fin.range();
+            let given = self.row(inputs.fin, self.fins.len(), i);
+            loads.fins[k] = given.map_or(fin.deflection, |given| given[k].clamp(lower, upper));
         }
         for (to, wrench) in loads.links.iter_mut().zip(self.links(i)) {
             *to = wrench;

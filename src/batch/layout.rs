@@ -1,5 +1,6 @@
 //! Memory of a block of instances: one row per number of the state and the loads, one column per instance.
 
+use crate::hydro::{FINS, THRUSTERS};
 use crate::integrate::{Attitude, Integrator};
 use crate::system::{FACTORS, JOINTS};
 
@@ -50,14 +51,24 @@ pub struct Layout {
     pub lag: usize,
     /// Whether it is.
     pub lagged: bool,
+    /// Number of thrusters with a state of their own: all, if any has dynamics, else none.
+    pub thrusters: usize,
+    /// Commanded thrusts, of these.
+    pub command: usize,
+    /// Thrusts in still water, of these: their state.
+    pub thrust: usize,
+    /// Number of fins.
+    pub fins: usize,
+    /// Their deflections.
+    pub fin: usize,
     /// Rows in all.
     pub rows: usize,
 }
 
 impl Layout {
-    /// Layout for a number of joints and for what an integrator keeps.
-    pub fn new(joints: usize, integrator: &Integrator) -> Self {
-        assert!(joints <= JOINTS);
+    /// Layout for numbers of joints, of thrusters with a state and of fins, and for what an integrator keeps.
+    pub fn new(joints: usize, thrusters: usize, fins: usize, integrator: &Integrator) -> Self {
+        assert!(joints <= JOINTS && thrusters <= THRUSTERS && fins <= FINS);
         let (keeps, adaptive) = (integrator.attitude(), integrator.adaptive());
         let lagged = integrator.lag().is_some();
         let mut rows = 0;
@@ -88,6 +99,11 @@ impl Layout {
             adaptive,
             lag: take(if lagged { 1 + 12 * (joints + 1) } else { 0 }),
             lagged,
+            thrusters,
+            command: take(thrusters),
+            thrust: take(thrusters),
+            fins,
+            fin: take(fins),
             rows: take(0),
         }
     }

@@ -11,16 +11,19 @@ use crate::balance::Loads;
 use crate::balance::joint::actuator_torque;
 use crate::description::Joint;
 use crate::error::SimulatorError;
+use crate::hydro::{Propulsion, Thrusts};
 use crate::lie::{self, Matrix3, Pose, Vector3};
 use crate::system::State;
 
 /// Loads on one instance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AppliedLoads {
-    /// Thrust per thruster, N, within its limits.
+    /// Thrust per thruster, N, within its limits; what acts at this instant where thrusters have dynamics.
     pub thrust: Vec<f64>,
     /// Wrench per moving body, vehicle first, that of the vehicle's servo included.
     pub external: Vec<Vector6<f64>>,
+    /// Deflection per fin, rad.
+    pub fins: Vec<f64>,
     /// Torque of each joint's actuator, that of its servo included, within its effort.
     pub joint_command: Vec<f64>,
 }
@@ -28,7 +31,7 @@ pub struct AppliedLoads {
 impl AppliedLoads {
     /// As the closed form takes them.
     pub fn loads(&self) -> Loads<'_> {
-        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command }
+        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command, fins: &self.fins }
     }
 }
 
@@ -56,11 +59,34 @@ impl Simulator {
             let target = switches.servo.then(|| (given.target[k][0], given.target[k][1]));
             actuator_torque(joint, state.q[k], state.qd[k], given.torque[k], target)
         };
+        let thrust = match self.propulsion(i, &given.command) {
+            Some(propulsion) => propulsion.acting(&self.compiled().system.thrusters, self.twist_through_water(i)),
+            None => applied.thrust(i, thrust),
+        };
         AppliedLoads {
-            thrust: applied.thrust(i, thrust)[..self.allocation().count()].to_vec(),
+            thrust: thrust[..self.allocation().count()].to_vec(),
             external: std::iter::once(vehicle).chain(links).collect(),
+            fins: given.fins[..self.scene().vehicle.fins.len()].to_vec(),
             joint_command: self.scene().joints().enumerate().map(torque).collect(),
         }
+    }
+
+    /// Thrusters of instance `i` under commands, if they have dynamics.
+    pub(super) fn propulsion(&self, i: usize, command: &Thrusts) -> Option<Propulsion<f64>> {
+        let (thrusters, factors) = (&self.compiled().system.thrusters, self.factors(i));
+        (!thrusters.is_empty()).then(|| {
+            let mut propulsion = Propulsion::blank();
+            propulsion.thrust = self.state(i).thrust;
+            propulsion.command(thrusters, command, self.options().dt, [factors.thrust, factors.thruster_lag]);
+            propulsion
+        })
+    }
+
+    /// V_r of the vehicle of instance `i`. `[HC eq. 23]`
+    pub(super) fn twist_through_water(&self, i: usize) -> lie::Vector6<f64> {
+        let state = self.state(i);
+        let water = state.rotation.tr_mul(&self.flow(i).velocity);
+        lie::Vector6::from_array((state.twist - Vector6::new(water.x, water.y, water.z, 0.0, 0.0, 0.0)).into())
     }
 
     /// What the vehicle's servo answers to.

@@ -139,7 +139,7 @@ impl Survey {
         let system = &compiled.system;
         let at = |q: &Joints, twist: [f64; 6], qd: Joints| {
             let state = State { q: *q, qd, twist: twist.into(), ..State::default() };
-            linearize(system, &state, &Vector3::zeros().into(), &[0.0; 6], &Loads::none())
+            linearize(system, &state, &Vector3::zeros().into(), &[0.0; 6], &system.deflections(), &Loads::none())
         };
         let still = [0.0; JOINTS];
         let mut joint_speeds = still;

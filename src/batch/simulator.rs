@@ -12,6 +12,7 @@ use crate::balance::{Balance, ClosedForm, Linearization, linearize};
 use crate::control::Allocation;
 use crate::description::Scene;
 use crate::error::SimulatorError;
+use crate::hydro::thrust_wrench;
 use crate::integrate::{Attitude, Gains, Integrator};
 use crate::lane::{Isa, Real};
 use crate::lie::Vector6;
@@ -148,6 +149,7 @@ impl Simulator {
             SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
         })?;
         let isa = Isa::best_for(options.instances)?;
+        let allocation = Allocation::new(&scene.vehicle)?;
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
         let flow = Flow::from(scene.water.current);
@@ -162,7 +164,7 @@ impl Simulator {
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self {
             balance: Balance::new(&scene)?,
-            allocation: Allocation::new(&scene.vehicle)?,
+            allocation,
             threads: options.threads.unwrap_or_else(cores),
             scene,
             compiled,
@@ -419,6 +421,11 @@ impl Simulator {
         Ok(())
     }
 
+    /// Sets those of instance `i`, which are sound.
+    pub(super) fn set_factors_of(&mut self, i: usize, factors: &Factors<f64>) {
+        self.storage.set_factors(i, factors);
+    }
+
     /// The composed scene with the parameters of instance `i`.
     pub fn balance_of(&self, i: usize) -> Cow<'_, Balance> {
         let factors = self.factors(i);
@@ -451,7 +458,15 @@ impl Simulator {
         }
         let (state, flow) = (self.state(i), self.flow(i));
         let scene = self.scene.varied(self.factors(i).of_bodies());
-        Ok(linearize(&compile(&scene).system, &state, &flow, &given.wrench, &loads))
+        // As if thrusts had settled: about a motion that lasts.
+        let mut wrench = given.wrench;
+        if let Some(propulsion) = self.propulsion(i, &given.command) {
+            let thrusters = &self.compiled.system.thrusters;
+            let settled = propulsion.settled(thrusters, self.twist_through_water(i));
+            let thrust: [f64; 6] = thrust_wrench(thrusters, &settled).to_array();
+            wrench = std::array::from_fn(|k| wrench[k] + thrust[k]);
+        }
+        Ok(linearize(&compile(&scene).system, &state, &flow, &wrench, &given.fins, &loads))
     }
 
     /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.

@@ -22,6 +22,8 @@ pub struct States<'a> {
     pub q: Option<&'a [f64]>,
     /// Joint rates, (N, n), rad/s or m/s.
     pub qd: Option<&'a [f64]>,
+    /// Thrusts in still water, (N, m), N: of scenes whose thrusters have dynamics.
+    pub thrust: Option<&'a [f64]>,
     /// Time, (N), s.
     pub time: Option<&'a [f64]>,
     /// Current in world axes, (N, 3), m/s.
@@ -47,7 +49,7 @@ impl Simulator {
     /// [`SimulatorError`] where a part has the wrong length, a number that is not finite, a matrix that is no rotation, a
     /// quaternion without direction, motion of a held vehicle, or acceleration of water without gravity; nothing has changed then.
     pub fn set_states(&mut self, states: &States) -> Result<(), SimulatorError> {
-        let joints = self.joints();
+        let (joints, thrusters) = (self.joints(), self.allocation().count());
         let widths = [
             ("position", states.position, 3),
             ("rotation", states.rotation, 9),
@@ -55,6 +57,7 @@ impl Simulator {
             ("twist", states.twist, 6),
             ("q", states.q, joints),
             ("qd", states.qd, joints),
+            ("thrust", states.thrust, self.allocation().count()),
             ("time", states.time, 1),
             ("current", states.current, 3),
             ("current_acceleration", states.current_acceleration, 3),
@@ -67,6 +70,7 @@ impl Simulator {
         {
             return Err(SimulatorError::Held { scene: self.scene().name.clone(), instance: at / 6 });
         }
+        self.check_thrust(states.thrust)?;
         let weightless = self.scene().water.gravity.norm() == 0.0;
         if let Some(at) =
             states.current_acceleration.filter(|_| weightless).and_then(|a| a.iter().position(|x| *x != 0.0))
@@ -89,6 +93,7 @@ impl Simulator {
             set(state.twist.as_mut_slice(), states.twist, i);
             set(&mut state.q[..joints], states.q, i);
             set(&mut state.qd[..joints], states.qd, i);
+            set(&mut state.thrust[..thrusters], states.thrust, i);
             set(std::slice::from_mut(&mut state.time), states.time, i);
             if let Some(rotations) = &rotations {
                 state.rotation = rotations[i];
@@ -96,6 +101,22 @@ impl Simulator {
             self.set_state(i, &state);
             if let (None, Some(attitude)) = (&rotations, attitude) {
                 self.set_kept_attitude(i, &attitude);
+            }
+        }
+        Ok(())
+    }
+
+    /// Thrusts that the thrusters of the scene have as states, and within their limits.
+    fn check_thrust(&self, thrust: Option<&[f64]>) -> Result<(), SimulatorError> {
+        let Some(thrust) = thrust else { return Ok(()) };
+        if !self.scene().vehicle.has_thruster_dynamics() {
+            return Err(SimulatorError::NoThrusterState { scene: self.scene().name.clone() });
+        }
+        let count = self.allocation().count().max(1);
+        for (at, &value) in thrust.iter().enumerate() {
+            let [lower, upper] = self.allocation().limits(at % count);
+            if !(lower..=upper).contains(&value) {
+                return Err(SimulatorError::Thrust { instance: at / count, thruster: at % count, value, lower, upper });
             }
         }
         Ok(())

@@ -7,6 +7,7 @@ use super::dynamics::Dynamics;
 use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
+use crate::hydro::{Propulsion, Surfaces, thrust_wrench};
 use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -72,6 +73,8 @@ struct Memory<L: Lane> {
     motion: Motion<L, JOINTS>,
     trial: Motion<L, JOINTS>,
     lag: Lag<L>,
+    propulsion: Propulsion<L>,
+    surfaces: Surfaces<L>,
 }
 
 impl<L: Lane> Memory<L> {
@@ -141,13 +144,22 @@ impl<T: Real> Step<'_, T> {
         if self.lagged.is_some() {
             columns.lag(self.layout, self.switches, &mut memory.lag);
         }
+        let thrusters = &system.thrusters[..];
+        let held = columns.six(self.layout.wrench);
+        if !thrusters.is_empty() {
+            columns.propulsion(self.layout, thrusters, self.h, &mut memory.propulsion);
+        }
+        if !system.fins.is_empty() {
+            columns.surfaces(self.layout, &system.fins, &mut memory.surfaces);
+        }
         let mut dynamics = Dynamics {
             system,
             loads: &mut memory.loads,
             gravity: Vector3(get_all(&system.gravity)) - acceleration,
             acceleration,
-            wrench: columns.six(self.layout.wrench),
+            wrench: held,
             station,
+            surfaces: &memory.surfaces,
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
@@ -155,6 +167,10 @@ impl<T: Real> Step<'_, T> {
         for k in self.before..self.before + self.substeps {
             dynamics.time = L::splat(T::from_f64(k as f64) * self.h);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
+            if !thrusters.is_empty() {
+                dynamics.wrench = held + memory.propulsion.step(thrusters, motion.twist);
+                memory.lag.wrench = dynamics.wrench;
+            }
             if let Some(lagged) = &self.lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut dynamics);
             }
@@ -182,6 +198,9 @@ impl<T: Real> Step<'_, T> {
         columns.set_watch(self.layout, &watch);
         if self.lagged.is_some() {
             columns.set_lag(self.layout, &memory.lag);
+        }
+        if !thrusters.is_empty() {
+            columns.set_all(self.layout.thrust, &memory.propulsion.thrust, self.layout.thrusters);
         }
         // Compensated, so that neither many steps nor their division into calls shows in the time.
         let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
@@ -221,6 +240,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = Motion::blank();
+        let (mut propulsion, mut surfaces) = (Propulsion::blank(), Surfaces::blank());
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
         let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
@@ -238,6 +258,16 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let pull = rotation.apply_transposed(acceleration);
                 let twist = shift_twist(motion.twist, rotation, current, -1.0);
                 let mut wrench = columns.six(layout.wrench);
+                if !system.thrusters.is_empty() {
+                    columns.propulsion(layout, &system.thrusters, T::from_f64(1.0), &mut propulsion);
+                    let acting = propulsion.acting(&system.thrusters, twist);
+                    wrench = wrench + thrust_wrench(&system.thrusters, &acting);
+                }
+                if system.has_appendages() {
+                    columns.surfaces(layout, &system.fins, &mut surfaces);
+                    let gravity = rotation.apply_transposed(Vector3(system.gravity));
+                    wrench = wrench + system.appendages(&surfaces, twist, gravity);
+                }
                 if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
                     let station = columns.station(layout);
                     wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);

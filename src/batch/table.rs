@@ -4,16 +4,21 @@ use nalgebra as na;
 
 use super::layout::Layout;
 use super::monitor::Watched;
+use crate::hydro::{FINS, THRUSTERS, Thrusts};
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
+use crate::system::{FACTORS, Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
 
 /// What is applied to one instance until it is changed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InstanceLoads {
     /// Wrench on the vehicle, body frame at its origin.
     pub wrench: [f64; 6],
+    /// Commanded thrusts, where thrusters have dynamics; else their wrench is part of `wrench`.
+    pub command: Thrusts,
+    /// Deflections of the fins.
+    pub fins: [f64; FINS],
     /// Actuator torques.
     pub torque: [f64; JOINTS],
     /// Servo targets: polynomials in the time since the step's call, constant term first.
@@ -28,6 +33,8 @@ impl Default for InstanceLoads {
     fn default() -> Self {
         Self {
             wrench: [0.0; 6],
+            command: [0.0; THRUSTERS],
+            fins: [0.0; FINS],
             torque: [0.0; JOINTS],
             target: [[0.0; 4]; JOINTS],
             links: [[0.0; 6]; JOINTS],
@@ -79,6 +86,9 @@ impl Table {
             state.q[k] = self.get(rows, i, layout.q + k);
             state.qd[k] = self.get(rows, i, layout.qd + k);
         }
+        for k in 0..layout.thrusters {
+            state.thrust[k] = self.get(rows, i, layout.thrust + k);
+        }
         state
     }
 
@@ -92,6 +102,7 @@ impl Table {
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
+        self.set_all(rows, i, layout.thrust, state.thrust[..layout.thrusters].iter().copied());
         let time = T::from_f64(state.time).to_f64();
         self.set_all(rows, i, layout.time, [time, state.time - time]);
         match layout.keeps {
@@ -110,6 +121,12 @@ impl Table {
         if layout.lagged {
             self.set_all(rows, i, layout.lag, [0.0]);
         }
+    }
+
+    /// Sets the velocities of a state that is the same but for them.
+    pub fn set_velocities<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
+        self.set_all(rows, i, self.layout.twist, state.twist.iter().copied());
+        self.set_all(rows, i, self.layout.qd, state.qd[..self.layout.joints].iter().copied());
     }
 
     /// `h |rate|` of the fastest rate that the motion excites, and the share of its speed that its last steps got wrong.
@@ -145,9 +162,27 @@ impl Table {
         Factors::from_array(self.get_all(rows, i, self.layout.factors))
     }
 
+    /// Whether any instance has factors that are not all 1, and whether any has a payload.
+    pub fn varied<T: Real>(&self, rows: &[T]) -> [bool; 2] {
+        let whole = Factors::ONE.to_array().map(T::from_f64);
+        let mut differs = [false; FACTORS];
+        for block in rows.chunks_exact(self.layout.rows * T::BLOCK) {
+            let factors = block[self.layout.factors * T::BLOCK..].chunks_exact(T::BLOCK);
+            for ((differs, row), one) in differs.iter_mut().zip(factors).zip(whole) {
+                *differs |= row.iter().fold(false, |any, x| any | (*x != one));
+            }
+        }
+        [differs.contains(&true), Factors::from_array(differs).payload]
+    }
+
     /// Sets the factors on the parameters.
     pub fn set_factors<T: Real>(&self, rows: &mut [T], i: usize, factors: &Factors<f64>) {
         self.set_all(rows, i, self.layout.factors, factors.to_array());
+    }
+
+    /// Sets the deflections of the fins.
+    pub fn set_fins<T: Real>(&self, rows: &mut [T], i: usize, fins: &[f64; FINS]) {
+        self.set_all(rows, i, self.layout.fin, fins[..self.layout.fins].iter().copied());
     }
 
     /// Sets the wrenches on the links, each given in its link frame.

@@ -138,6 +138,19 @@ impl<T: Real> Actuation<T> {
         excess
     }
 
+    /// What is left of thrusts that do not reach the water in full, by what does of each; they count as asked for.
+    #[inline(always)]
+    pub fn weaken<L: Lane<Real = T>>(&self, actuated: &mut Actuated<L>, gains: &[L; THRUSTERS]) {
+        let mut wrench = [L::zero(); 6];
+        for (i, drive) in self.thrusters.iter().enumerate() {
+            actuated.thrusts[i] = actuated.thrusts[i] * gains[i];
+            for k in 0..6 {
+                wrench[k] = actuated.thrusts[i].mul_add(L::splat(drive.wrench[k]), wrench[k]);
+            }
+        }
+        actuated.wrench = Vector6::from_array(wrench);
+    }
+
     /// What an action comes to, its entries in [-1, 1]: as [`super::Allocation::allocate`] has it, to rounding.
     #[inline(always)]
     pub fn act<L: Lane<Real = T>>(&self, action: &[L; ACTIONS]) -> Actuated<L> {

@@ -2,14 +2,9 @@
 
 use nalgebra::{Matrix6xX, Vector6};
 
-use crate::description::Vehicle;
+use crate::description::{Thruster, Vehicle};
 use crate::error::ControlError;
-
-/// Greatest number of thrusters.
-pub const THRUSTERS: usize = 16;
-
-/// One thrust per thruster, N; entries past the vehicle's thruster count are 0.
-pub type Thrusts = [f64; THRUSTERS];
+pub use crate::system::{THRUSTERS, Thrusts};
 
 /// Names of the six axes of a body wrench.
 pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
@@ -64,8 +59,7 @@ impl Allocation {
                 let (position, axis) = (position.into(), thruster.axis.into());
                 return Err(ControlError::ThrusterGeometry { name: name(), position, axis });
             }
-            let moment = position.cross(&axis);
-            configuration[i] = Vector6::new(axis.x, axis.y, axis.z, moment.x, moment.y, moment.z);
+            configuration[i] = Thruster { axis, ..thruster.clone() }.wrench();
             limits[i] = thruster.limits;
         }
 

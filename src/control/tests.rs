@@ -16,11 +16,8 @@ fn heavy() -> Vehicle {
 type Short = ([f64; 3], [f64; 3], [f64; 2]);
 
 fn with_thrusters(thrusters: &[Short]) -> Vehicle {
-    let thruster = |(i, (position, axis, limits)): (usize, &Short)| Thruster {
-        name: format!("t{i}"),
-        position: Vector3::from(*position),
-        axis: Vector3::from(*axis),
-        limits: *limits,
+    let thruster = |(i, (position, axis, limits)): (usize, &Short)| {
+        Thruster::new(format!("t{i}"), Vector3::from(*position), Vector3::from(*axis), *limits)
     };
     Vehicle { thrusters: thrusters.iter().enumerate().map(thruster).collect(), ..heavy() }
 }

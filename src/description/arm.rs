@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Frame, numbers};
+use super::{Body, Frame, LinearActuator, numbers};
 
 /// A serial arm on the vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -81,6 +81,9 @@ pub struct Joint {
     /// Greatest actuator torque, N m or N. Unlimited when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<f64>,
+    /// Linear actuator of a revolute joint, whose greatest force takes the place of `effort`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub actuator: Option<LinearActuator>,
     /// Greatest speed that references ask for, rad/s or m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed: Option<f64>,
@@ -90,6 +93,16 @@ pub struct Joint {
     /// Joint coordinate at the start of a run, rad or m.
     #[serde(default)]
     pub home: f64,
+}
+
+impl Joint {
+    /// Greatest torque of the actuator at joint coordinate `q`, N m or N; infinite where nothing bounds it.
+    pub fn effort_at(&self, q: f64) -> f64 {
+        match &self.actuator {
+            Some(actuator) => actuator.force * actuator.arm(q).abs(),
+            None => self.effort.unwrap_or(f64::INFINITY),
+        }
+    }
 }
 
 /// Joint friction `-(viscous qd + coulomb qd / sqrt(qd^2 + coulomb_speed^2))`.

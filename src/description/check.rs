@@ -5,11 +5,16 @@ use std::fmt;
 use nalgebra::Vector3;
 use toml::Value;
 
-use super::{Joint, MAX_LINKS, Scene, Thruster, Water, check_body, path};
+use super::{
+    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, Tether, ThrustMap, Thruster, Water, check_body, path,
+};
 use crate::error::{DescriptionError, Problem};
 
 /// Greatest magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
+
+/// Most pairs of a map from command to thrust: all of them are looked at.
+const MAX_POINTS: usize = 64;
 
 /// Names that bodies outside of the list of links have.
 const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
@@ -76,6 +81,106 @@ fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
         let rule = "enclose 0, the lower below the upper";
         return Err(Fault::new(format!("{key}.limits"), Problem::Limits { lower, upper, rule }));
     }
+    for (name, value) in
+        [("lag", thruster.lag), ("dead_band", thruster.dead_band), ("ambient_flow", thruster.ambient_flow)]
+    {
+        let value = value.unwrap_or(0.0);
+        range(value >= 0.0, value, ">= 0", || format!("{key}.{name}"))?;
+    }
+    let deduction = thruster.deduction.unwrap_or(0.0);
+    range((0.0..1.0).contains(&deduction), deduction, "at least 0 and below 1", || format!("{key}.deduction"))?;
+    match &thruster.map {
+        Some(ThrustMap::Points(points)) => thrust_map(points, &format!("{key}.map")),
+        _ => Ok(()),
+    }
+}
+
+fn thrust_map(points: &[[f64; 2]], key: &str) -> Result<(), Fault> {
+    let fault = |reason| Err(Fault::new(key, Problem::Map { reason }));
+    if points.len() > MAX_POINTS {
+        return Err(Fault::new(key, Problem::TooMany { found: points.len(), max: MAX_POINTS }));
+    }
+    if !points.contains(&[0.0, 0.0]) {
+        return fault("must hold the pair [0, 0]: no command, no thrust");
+    }
+    if points.windows(2).any(|pair| pair[0][0] >= pair[1][0]) {
+        return fault("commands must ascend");
+    }
+    if points.windows(2).any(|pair| pair[0][1] > pair[1][1]) {
+        return fault("thrusts must not descend");
+    }
+    Ok(())
+}
+
+/// Cosine of the angle between chord and axis of a fin that passes for none.
+const ACROSS: f64 = 1e-6;
+/// Most fins of a vehicle.
+const MAX_FINS: usize = 8;
+
+fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
+    axis(&fin.axis, || format!("{key}.axis"))?;
+    axis(&fin.chord, || format!("{key}.chord"))?;
+    let cosine = fin.chord.normalize().dot(&fin.axis.normalize());
+    let rule = "0: the cosine of the angle between chord and axis";
+    range(cosine.abs() <= ACROSS, cosine, rule, || format!("{key}.chord"))?;
+    for (name, value) in [
+        ("area", fin.area),
+        ("lift_slope", fin.lift_slope),
+        ("drag", fin.drag),
+        ("induced_drag", fin.induced_drag),
+        ("plate", fin.plate),
+    ] {
+        range(value >= 0.0, value, ">= 0", || format!("{key}.{name}"))?;
+    }
+    if let Some(stall) = fin.stall {
+        let ok = (LEAST_STALL..=std::f64::consts::FRAC_PI_2).contains(&stall);
+        range(ok, stall, "from 0.01 to pi/2 rad", || format!("{key}.stall"))?;
+    }
+    let [lower, upper] = fin.range();
+    if !(lower <= fin.deflection && fin.deflection <= upper) {
+        let rule = "enclose the deflection, the lower below the upper";
+        return Err(Fault::new(format!("{key}.limits"), Problem::Limits { lower, upper, rule }));
+    }
+    for limit in [lower, upper] {
+        let name = if fin.limits.is_some() { "limits" } else { "deflection" };
+        range(limit.abs() <= std::f64::consts::PI, limit, "within -pi and pi", || format!("{key}.{name}"))?;
+    }
+    Ok(())
+}
+
+/// Least stall angle, rad.
+const LEAST_STALL: f64 = 0.01;
+
+fn tether(tether: &Tether) -> Result<(), Fault> {
+    for (name, value) in [
+        ("length", tether.length),
+        ("diameter", tether.diameter),
+        ("mass_per_length", tether.mass_per_length),
+        ("drag", tether.drag),
+    ] {
+        range(value >= 0.0, value, ">= 0", || format!("vehicle.tether.{name}"))?;
+    }
+    Ok(())
+}
+
+fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), Fault> {
+    if joint.kind != JointKind::Revolute || joint.effort.is_some() {
+        let reason = "turns revolute joints alone, and its force takes the place of effort";
+        return Err(Fault::new(key, Problem::Map { reason }));
+    }
+    for (name, value) in [("base", actuator.base), ("lever", actuator.lever)] {
+        range(value > 0.0, value, "> 0", || format!("{key}.{name}"))?;
+    }
+    range(actuator.force >= 0.0, actuator.force, ">= 0", || format!("{key}.force"))?;
+    // Where its points and the axis lie in line it has no lever arm, and beyond that it turns the other way.
+    let reach = joint.limits.as_ref().map_or([0.0; 2], |limits| [limits.lower, limits.upper]);
+    for q in reach {
+        let angle = actuator.angle + q;
+        let ok = 0.0 < angle && angle < std::f64::consts::PI;
+        range(ok, actuator.angle, "such that angle + q is between 0 and pi within the limits", || {
+            format!("{key}.angle")
+        })?;
+    }
     Ok(())
 }
 
@@ -88,6 +193,9 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     above_zero("friction.coulomb_speed", joint.friction.coulomb_speed)?;
     if let Some(effort) = joint.effort {
         at_least_zero("effort", effort)?;
+    }
+    if let Some(own) = &joint.actuator {
+        actuator(own, joint, &format!("{key}.actuator"))?;
     }
     if let Some(speed) = joint.speed {
         above_zero("speed", speed)?;
@@ -165,6 +273,20 @@ impl Scene {
         for (i, t) in self.vehicle.thrusters.iter().enumerate() {
             thruster(t, &format!("vehicle.thrusters[{i}]"))?;
         }
+        if let Some(lag) = self.vehicle.thruster_lag {
+            range(lag >= 0.0, lag, ">= 0", || "vehicle.thruster_lag".to_owned())?;
+        }
+        let fins = &self.vehicle.fins;
+        if fins.len() > MAX_FINS {
+            return Err(Fault::new("vehicle.fins", Problem::TooMany { found: fins.len(), max: MAX_FINS }));
+        }
+        names(fins.iter().map(|fin| fin.name.as_str()), &[], "vehicle.fins")?;
+        for (i, f) in fins.iter().enumerate() {
+            fin(f, &format!("vehicle.fins[{i}]"))?;
+        }
+        if let Some(own) = &self.vehicle.tether {
+            tether(own)?;
+        }
         if let Some(servo) = &self.vehicle.servo {
             for (name, gains) in [("kp", servo.kp), ("kd", servo.kd)] {
                 for (i, gain) in gains.into_iter().enumerate() {
@@ -209,6 +331,7 @@ impl Scene {
             }
         }
         self.vehicle.thrusters.iter_mut().for_each(|t| normalise(&mut t.axis));
+        self.vehicle.fins.iter_mut().flat_map(|fin| [&mut fin.axis, &mut fin.chord]).for_each(normalise);
         if let Some(arm) = &mut self.arm {
             let joints = arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint));
             joints.for_each(|joint| normalise(&mut joint.axis));

@@ -68,6 +68,11 @@ impl Scene {
         self.vehicle.thrusters.iter().map(|thruster| thruster.name.clone()).collect()
     }
 
+    /// Names of the fins.
+    pub fn fin_names(&self) -> Vec<String> {
+        self.vehicle.fins.iter().map(|fin| fin.name.clone()).collect()
+    }
+
     /// Joint coordinates at the start of a run, rad or m; 0 past the last joint.
     pub fn home(&self) -> [f64; MAX_LINKS + 1] {
         let mut home = [0.0; MAX_LINKS + 1];

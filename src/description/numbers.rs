@@ -105,6 +105,19 @@ pub mod array {
     }
 }
 
+/// The same, or nothing.
+pub mod optional_array {
+    use super::*;
+
+    pub fn serialize<S: Serializer, const N: usize>(a: &Option<[f64; N]>, s: S) -> Result<S::Ok, S::Error> {
+        a.as_ref().map(|a| a.as_slice()).serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<[f64; N]>, D::Error> {
+        array::deserialize(d).map(Some)
+    }
+}
+
 /// Three numbers, as a vector.
 pub mod vector3 {
     use nalgebra::Vector3;
@@ -163,5 +176,51 @@ pub mod matrix6 {
                 D::Error::custom(format!("expected 6 diagonal numbers or 6 rows of 6, found {}", shape(&entries)))
             }),
         }
+    }
+}
+
+/// Three numbers as a vector, or nothing.
+pub mod optional_vector3 {
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    pub fn serialize<S: Serializer>(v: &Option<Vector3<f64>>, s: S) -> Result<S::Ok, S::Error> {
+        v.as_ref().map(|v| v.as_slice()).serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<Vector3<f64>>, D::Error> {
+        vector3::deserialize(d).map(Some)
+    }
+}
+
+/// One number per axis, or one for all.
+pub mod axes {
+    use super::*;
+
+    pub fn serialize<S: Serializer>(a: &[f64; 3], s: S) -> Result<S::Ok, S::Error> {
+        a.as_slice().serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<[f64; 3], D::Error> {
+        match Entry::deserialize(d)? {
+            Entry::Number(x) => Ok([x; 3]),
+            Entry::Row(row) => row
+                .try_into()
+                .map_err(|row: Vec<f64>| D::Error::custom(format!("expected 1 or 3 numbers, found {}", row.len()))),
+        }
+    }
+}
+
+/// One number per axis, or one for all, or nothing.
+pub mod optional_axes {
+    use super::*;
+
+    pub fn serialize<S: Serializer>(a: &Option<[f64; 3]>, s: S) -> Result<S::Ok, S::Error> {
+        a.as_ref().map(|a| a.as_slice()).serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<[f64; 3]>, D::Error> {
+        axes::deserialize(d).map(Some)
     }
 }

@@ -2,21 +2,26 @@
 
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
 use toml::Value;
 
 use super::{Fault, Scene, check, path};
 use crate::error::{DescriptionError, Problem};
 
 /// Scenes that come with the package.
-const SHIPPED: [(&str, &str); 5] = [
+const SHIPPED: [(&str, &str); 6] = [
     ("petasus-pum", include_str!("../../uvms_gym/scenes/petasus-pum.toml")),
     ("bluerov2-heavy-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5.toml")),
     ("bluerov2-heavy", include_str!("../../uvms_gym/scenes/bluerov2-heavy.toml")),
     ("free-body", include_str!("../../uvms_gym/scenes/free-body.toml")),
     ("rexrov", include_str!("../../uvms_gym/scenes/rexrov.toml")),
+    ("remus-100", include_str!("../../uvms_gym/scenes/remus-100.toml")),
 ];
 
 impl Scene {
+    /// TOML text of a scene with every key, its unit and default in comments.
+    pub const TEMPLATE: &str = include_str!("template.toml");
+
     /// Names of the shipped scenes.
     pub fn shipped_names() -> Vec<&'static str> {
         SHIPPED.iter().map(|(name, _)| *name).collect()
@@ -59,16 +64,7 @@ impl Scene {
     /// # Errors
     /// Text that is not TOML, by line and column, or as [`Scene::from_value`].
     pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, DescriptionError> {
-        let value = text.parse::<toml::Table>().map_err(|error| {
-            let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
-            let line = before.matches('\n').count() + 1;
-            let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
-            DescriptionError::Syntax {
-                source_name: source_name.to_owned(),
-                message: format!("line {line}, column {column}: {}", error.message().replace('\n', " ")),
-            }
-        })?;
-        Self::from_value(value.into(), source_name)
+        Self::from_value(parse_toml(text, source_name)?, source_name)
     }
 
     /// Reads and checks a tree of values, whose integers may stand for floats; `source_name` appears in errors.
@@ -87,10 +83,7 @@ impl Scene {
     }
 
     fn from_tree(value: &Value) -> Result<Self, Fault> {
-        // Before the forms are lost: a NaN is reported at the very list entry that holds it.
-        check::magnitudes(value)?;
-        let mut scene: Self = serde_path_to_error::deserialize(value.clone())
-            .map_err(|error| explain(value, &error.path().to_string(), error.inner().message()))?;
+        let mut scene: Self = deserialize(value)?;
         scene.validate()?;
         scene.make_canonical();
         Ok(scene)
@@ -100,6 +93,42 @@ impl Scene {
     pub fn to_toml_string(&self) -> String {
         toml::to_string(self).expect("a scene is plain data")
     }
+}
+
+/// A tree of values from TOML text; `source_name` (a file's name) appears in errors.
+///
+/// # Errors
+/// Text that is not TOML, by line and column.
+pub fn parse_toml(text: &str, source_name: &str) -> Result<Value, DescriptionError> {
+    let table = text.parse::<toml::Table>().map_err(|error| {
+        let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
+        DescriptionError::Syntax {
+            source_name: source_name.to_owned(),
+            message: format!("line {line}, column {column}: {}", error.message().replace('\n', " ")),
+        }
+    })?;
+    Ok(table.into())
+}
+
+/// Data of any form from a tree of values, whose integers may stand for floats.
+///
+/// # Errors
+/// [`DescriptionError::Value`] names the source, the key and the value.
+pub fn read_value<T: DeserializeOwned>(value: Value, source_name: &str) -> Result<T, DescriptionError> {
+    deserialize(&value).map_err(|fault| DescriptionError::Value {
+        source_name: source_name.to_owned(),
+        key: path::with_names(&value, &fault.key),
+        problem: fault.problem,
+    })
+}
+
+fn deserialize<T: DeserializeOwned>(value: &Value) -> Result<T, Fault> {
+    // Before the forms are lost: a NaN is reported at the very list entry that holds it.
+    check::magnitudes(value)?;
+    serde_path_to_error::deserialize(value.clone())
+        .map_err(|error| explain(value, &error.path().to_string(), error.inner().message()))
 }
 
 /// Puts serde's complaint about `at` into our words.

@@ -1,9 +1,9 @@
 //! The vehicle: a body with thrusters.
 
-use nalgebra::Vector3;
+use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Shape, numbers};
+use super::{Body, Fin, Shape, Tether, ThrustMap, numbers};
 
 /// The vehicle.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,6 +19,15 @@ pub struct Vehicle {
     /// Thrusters, in the order of every thrust array.
     #[serde(default)]
     pub thrusters: Vec<Thruster>,
+    /// Time constant of every thruster that states none of its own, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub thruster_lag: Option<f64>,
+    /// Fins and other lifting surfaces, in the order of every fin array; at most 8.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fins: Vec<Fin>,
+    /// A cable.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tether: Option<Tether>,
     /// Gains of the vehicle's PD station keeping.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub servo: Option<VehicleServo>,
@@ -39,9 +48,71 @@ pub struct Thruster {
     /// Direction of the force that positive thrust puts on the vehicle; normalised on reading.
     #[serde(with = "numbers::vector3")]
     pub axis: Vector3<f64>,
-    /// Least and greatest thrust, N.
+    /// Least and greatest thrust, N; commands and thrusts saturate there.
     #[serde(with = "numbers::array")]
     pub limits: [f64; 2],
+    /// Time constant tau of its first-order lag, `tau T' = T(command) - T`, s. Without one (and without
+    /// [`Vehicle::thruster_lag`]) thrust follows at once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lag: Option<f64>,
+    /// Commands of at most this magnitude give exactly 0 N; N.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_band: Option<f64>,
+    /// Static map from command to thrust in still water. Without one a command is the thrust.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<ThrustMap>,
+    /// Loss k by water that flows in along the thrust at a speed s: `|T| - k sqrt(|T|) s`, at least 0; N^(1/2) s/m. `[KC06]`
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ambient_flow: Option<f64>,
+    /// Thrust deduction t: share of the thrust that the hull takes off it, in the inflow or in the stream. `[F21 ch. 9]`
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deduction: Option<f64>,
+    /// Further wrench on the hull per newton of thrust, vehicle frame at its origin: 1, and m. (Propeller torque, streams that
+    /// meet the hull.)
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "numbers::optional_array")]
+    pub induced: Option<[f64; 6]>,
+}
+
+impl Thruster {
+    /// A thruster that gives what it is asked for, within its limits.
+    pub fn new(name: impl Into<String>, position: Vector3<f64>, axis: Vector3<f64>, limits: [f64; 2]) -> Self {
+        Self {
+            name: name.into(),
+            position,
+            axis,
+            limits,
+            lag: None,
+            dead_band: None,
+            map: None,
+            ambient_flow: None,
+            deduction: None,
+            induced: None,
+        }
+    }
+
+    /// Its column of T_TCM: wrench on the vehicle per newton of thrust. `[HC eq. 25]`
+    pub fn wrench(&self) -> Vector6<f64> {
+        let moment = self.position.cross(&self.axis);
+        let [axis, moment] = [self.axis, moment].map(|part| part * (1.0 - self.deduction.unwrap_or(0.0)));
+        let open = Vector6::new(axis.x, axis.y, axis.z, moment.x, moment.y, moment.z);
+        self.induced.map_or(open, |induced| open + Vector6::from(induced))
+    }
+}
+
+impl Vehicle {
+    /// Time constant of thruster `i`, s; 0 where thrust follows at once.
+    pub fn lag(&self, i: usize) -> f64 {
+        self.thrusters[i].lag.or(self.thruster_lag).unwrap_or(0.0)
+    }
+
+    /// Whether any thruster gives anything but its command, clipped to its limits, at once.
+    pub fn has_thruster_dynamics(&self) -> bool {
+        let stated = |x: Option<f64>| x.is_some_and(|x| x != 0.0);
+        let dynamic = |(i, t): (usize, &Thruster)| {
+            self.lag(i) != 0.0 || stated(t.dead_band) || t.map.is_some() || stated(t.ambient_flow)
+        };
+        self.thrusters.iter().enumerate().any(dynamic)
+    }
 }
 
 /// Gains of the paper's PD on the vehicle: `F = -kp e - kd V`, per body axis `[x y z; roll pitch yaw]`.

@@ -59,6 +59,33 @@ pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
     (L::select(negative_sin, -s, s), L::select(negative_cos, -c, c))
 }
 
+/// Exponents that [`exp`] can tell, in powers of 2.
+const EXPONENT: f64 = 31.0;
+
+/// `e^x`, to a few units in the last place, for |x| up to 21; beyond, as there.
+#[inline(always)]
+pub fn exp<L: Lane>(x: L) -> L {
+    let ([high, low], terms) = if L::Real::SINGLE { (LN_2_SINGLE, 8) } else { (LN_2, 14) };
+    let k = (x * L::c(std::f64::consts::LOG2_E)).round();
+    let k = k.min(L::c(EXPONENT)).max(L::c(-EXPONENT));
+    let r = k.neg_mul_add(L::c(low), k.neg_mul_add(L::c(high), x));
+    // e^r by its series: |r| <= ln(2) / 2.
+    let r = r.min(L::c(0.35)).max(L::c(-0.35));
+    let (mut y, mut term) = (L::c(1.0), terms);
+    while term > 0 {
+        y = y.mul_add(r * L::c(1.0 / f64::from(term)), L::c(1.0));
+        term -= 1;
+    }
+    // Times 2^k, bit by bit.
+    let (down, mut rest) = (k.lt(L::zero()), k.abs());
+    for [bit, power] in [[16.0, 65536.0], [8.0, 256.0], [4.0, 16.0], [2.0, 4.0], [1.0, 2.0]] {
+        let has = L::c(bit - 0.5).lt(rest);
+        y = L::select(has, y * L::select(down, L::c(1.0 / power), L::c(power)), y);
+        rest = L::select(has, rest - L::c(bit), rest);
+    }
+    y
+}
+
 /// tanh x / x as a ratio of polynomials in x^2: minimax on |x| <= 9.01, where the relative error is 2.1e-8.
 const TANH: [[f64; 5]; 2] = [
     [0.999_999_979, 0.133_803_749, 3.494_814_94e-3, 2.059_633_42e-5, 1.333_692_44e-8],

@@ -22,7 +22,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
 pub use dual::Dual;
-pub use elementary::{atan2, horner, ln, ln_1p, sin_cos, tanh};
+pub use elementary::{atan2, exp, horner, ln, ln_1p, sin_cos, tanh};
 pub use rows::Rows;
 pub use transpose::transpose;
 

@@ -14,6 +14,7 @@ const TERMS: usize = 4;
 #[derive(Default)]
 pub struct InputArguments<'a, 'py> {
     pub thrust: Given<'a, 'py>,
+    pub fin: Given<'a, 'py>,
     pub wrench: Given<'a, 'py>,
     pub joint_torque: Given<'a, 'py>,
     pub joint_target: Given<'a, 'py>,
@@ -24,6 +25,7 @@ pub struct InputArguments<'a, 'py> {
 /// The same as numbers, one row per instance.
 pub struct InputArrays {
     thrust: Option<Vec<f64>>,
+    fin: Option<Vec<f64>>,
     wrench: Option<Vec<f64>>,
     joint_torque: Option<Vec<f64>>,
     joint_target: Option<Vec<f64>>,
@@ -38,6 +40,7 @@ impl InputArguments<'_, '_> {
         let rows = |name: &str, given: Given, row: &[usize]| optional_rows(name, given, instances, row);
         Ok(InputArrays {
             thrust: rows("thrust", self.thrust, &[simulator.allocation().count()])?,
+            fin: rows("fin", self.fin, &[simulator.scene().vehicle.fins.len()])?,
             wrench: rows("wrench", self.wrench, &[6])?,
             joint_torque: rows("joint_torque", self.joint_torque, &[n])?,
             joint_target: self.joint_target.map(|given| target(given, instances, n)).transpose()?,
@@ -52,6 +55,7 @@ impl InputArrays {
     pub fn inputs(&self) -> Inputs<'_> {
         Inputs {
             thrust: self.thrust.as_deref(),
+            fin: self.fin.as_deref(),
             wrench: self.wrench.as_deref(),
             joint_torque: self.joint_torque.as_deref(),
             joint_target: self.joint_target.as_deref(),

@@ -13,12 +13,13 @@ impl Simulator {
     ///
     /// `z = [xi; dq; dV; dq']` with the pose error xi (6) in body axes, `T = T_0 exp xi`, and the absolute body twist
     /// V; `u = [dF; dtau]` with the wrench F (6) on the vehicle, body axes at its origin, and the joint torques tau.
-    /// About a moving vehicle `xi' = dV - ad_V0 xi`. Servos count as off, saturated actuators as stuck.
+    /// About a moving vehicle `xi' = dV - ad_V0 xi`. Servos count as off, saturated actuators as stuck,
+    /// thrusters with a lag as settled.
     /// By dual numbers through the articulated-body form. [PC05]
     ///
     /// Parameters
     /// ----------
-    /// thrust, wrench, joint_torque, external
+    /// thrust, wrench, joint_torque, external, fin
     ///     Inputs of the motion that it is about, as in `step`.
     ///
     /// Returns
@@ -30,7 +31,7 @@ impl Simulator {
     /// ------
     /// ValueError, TypeError
     ///     An input has the wrong shape or type, or is not finite.
-    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, external=None))]
+    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, external=None, fin=None))]
     fn linearize<'py>(
         &self,
         py: Python<'py>,
@@ -38,8 +39,9 @@ impl Simulator {
         wrench: Given,
         joint_torque: Given,
         external: Given,
+        fin: Given,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
-        let given = InputArguments { thrust, wrench, joint_torque, external, ..Default::default() };
+        let given = InputArguments { thrust, wrench, joint_torque, external, fin, ..Default::default() };
         let arrays = given.read(&self.inner)?;
         let (simulator, instances) = (&self.inner, self.inner.instances());
         let (a, b) = py.detach(|| {

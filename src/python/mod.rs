@@ -1,6 +1,7 @@
 //! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
 
 mod arrays;
+mod disturbance;
 mod errors;
 mod inputs;
 mod integrators;
@@ -10,6 +11,7 @@ mod motion;
 mod parameters;
 mod policies;
 mod renderer;
+mod robots;
 mod rollout;
 mod scene;
 mod simulator;
@@ -23,6 +25,8 @@ use pyo3::prelude::*;
 #[pymodule(name = "_core")]
 mod core {
     #[pymodule_export]
+    use super::disturbance::disturbances;
+    #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
     #[pymodule_export]
     use super::integrators::integrators;
@@ -30,6 +34,8 @@ mod core {
     use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
     #[pymodule_export]
     use super::renderer::Renderer;
+    #[pymodule_export]
+    use super::robots::{dump_scene, estimate, import_urdf, scene_doubts, scene_template};
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]

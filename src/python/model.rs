@@ -7,8 +7,8 @@ use pyo3::types::PyDict;
 use super::arrays::{Array, Given, array, rows};
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
-use crate::balance::ClosedForm;
 use crate::balance::dense::Pose;
+use crate::balance::{BodyWrenches, ClosedForm};
 use crate::batch::AppliedLoads;
 use crate::error::BalanceError;
 
@@ -150,9 +150,9 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n + 1, 6)
-    ///     drag, restoring (weight and buoyancy), flow (the water's acceleration: Froude-Krylov and added mass), thrust,
-    ///     external, and their sum F.
-    #[pyo3(signature = (*, thrust=None, wrench=None, external=None, station=None))]
+    ///     drag, restoring (weight and buoyancy), flow (the water's acceleration: Froude-Krylov and added mass), thrust
+    ///     (what acts at this instant), fins, tether, external, and their sum F.
+    #[pyo3(signature = (*, thrust=None, wrench=None, external=None, station=None, fin=None))]
     fn body_wrenches<'py>(
         &self,
         py: Python<'py>,
@@ -160,15 +160,21 @@ impl Simulator {
         wrench: Given,
         external: Given,
         station: Given,
+        fin: Given,
     ) -> Arrays<'py> {
-        let loads = self.loads(&InputArguments { thrust, wrench, external, station, ..Default::default() })?;
+        let loads = self.loads(&InputArguments { thrust, wrench, external, station, fin, ..Default::default() })?;
         let bodies = self.inner.joints() + 1;
-        self.named(py, ["drag", "restoring", "flow", "thrust", "external", "sum"], &[bodies, 6], |i, form| {
+        let names = ["drag", "restoring", "flow", "thrust", "fins", "tether", "external", "sum"];
+        self.named(py, names, &[bodies, 6], |i, form| {
             let wrenches = form.body_wrenches(&loads[i].loads())?;
-            let mut thrust = vec![Vector6::zeros(); bodies];
-            thrust[0] = wrenches.thrust;
-            Ok([&wrenches.drag, &wrenches.restoring, &wrenches.flow, &thrust, &wrenches.external, &wrenches.sum]
-                .map(|w| stacked(w)))
+            let on_vehicle = |wrench: Vector6<f64>| {
+                let mut all = vec![Vector6::zeros(); bodies];
+                all[0] = wrench;
+                all
+            };
+            let [thrust, fins, tether] = [wrenches.thrust, wrenches.fins, wrenches.tether].map(on_vehicle);
+            let BodyWrenches { drag, restoring, flow, external, sum, .. } = &wrenches;
+            Ok([drag, restoring, flow, &thrust, &fins, &tether, external, sum].map(|w| stacked(w)))
         })
     }
 
@@ -211,8 +217,11 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     drag, friction, end_stop (damping), flow (the water's acceleration), thrust, external, joint_command, total.
-    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None))]
+    ///     drag, friction, end_stop (damping), flow (the water's acceleration), thrust, fins, tether (its weight included),
+    ///     external, joint_command, total.
+    #[pyo3(signature = (
+        *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None
+    ))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn power<'py>(
         &self,
@@ -223,14 +232,18 @@ impl Simulator {
         joint_target: Given,
         external: Given,
         station: Given,
+        fin: Given,
     ) -> Arrays<'py> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
         let loads = self.loads(&arguments)?;
-        let names = ["drag", "friction", "end_stop", "flow", "thrust", "external", "joint_command", "total"];
+        let names =
+            ["drag", "friction", "end_stop", "flow", "thrust", "fins", "tether", "external", "joint_command", "total"];
         self.named(py, names, &[], |i, form| {
             let p = form.power(&loads[i].loads())?;
-            let terms = [p.drag, p.friction, p.end_stop, p.flow, p.thrust, p.external, p.joint_command, p.total()];
-            Ok(terms.map(|x| vec![x]))
+            let water = [p.drag, p.friction, p.end_stop, p.flow, p.thrust, p.fins, p.tether].map(|x| vec![x]);
+            let [drag, friction, end_stop, flow, thrust, fins, tether] = water;
+            let [external, command, total] = [p.external, p.joint_command, p.total()].map(|x| vec![x]);
+            Ok([drag, friction, end_stop, flow, thrust, fins, tether, external, command, total])
         })
     }
 

@@ -18,7 +18,8 @@ impl Simulator {
     /// Parameters
     /// ----------
     /// thrust : array_like (m,) or (N, m)
-    ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25]
+    ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25] Where the scene gives thrusters dynamics it is a
+    ///     command, which each thrust follows by its lag: once per step of `dt`, exactly, a step's mean acting in it.
     /// wrench : array_like (6,) or (N, 6)
     ///     Wrench on the vehicle [f; m] in body axes at its origin, N and N m; besides the thrust, without limits.
     /// joint_torque : array_like (n,) or (N, n)
@@ -31,6 +32,8 @@ impl Simulator {
     /// station : (array_like (3,) or (N, 3), array_like (3, 3) or (N, 3, 3)) or array_like (4, 4) or (N, 4, 4)
     ///     Turns on the vehicle's servo (the paper's PD), evaluated at every stage: the tuple (position, rotation) of
     ///     the target in the world, or its pose.
+    /// fin : array_like (k,) or (N, k)
+    ///     Deflection per fin, rad; saturates at its limits. Without it the fins stand as the scene has them.
     /// substeps : int
     ///     Number of steps of `dt`.
     ///
@@ -48,8 +51,8 @@ impl Simulator {
     ///     `modes`). And once after the first call in which the motion of an instance left what the integrator follows
     ///     (`stiffness` beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05), or its state became infinite or NaN.
     #[pyo3(
-        signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=None),
-        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, substeps=1)"
+        signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None, substeps=None),
+        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None, substeps=1)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step(
@@ -61,9 +64,10 @@ impl Simulator {
         joint_target: Given,
         external: Given,
         station: Given,
+        fin: Given,
         substeps: Given,
     ) -> PyResult<()> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
         let arrays = arguments.read(&self.inner)?;
         let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
         let servos = Servos { joints: joint_target.is_some(), station: station.is_some() };
@@ -89,7 +93,7 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6 + n)
     ///     Rate of the absolute body twist and of the joint rates, m/s2 and rad/s2. V' = 0 where the vehicle is held.
-    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None))]
+    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn forward_dynamics<'py>(
         &mut self,
@@ -100,8 +104,9 @@ impl Simulator {
         joint_target: Given,
         external: Given,
         station: Given,
+        fin: Given,
     ) -> PyResult<Array<'py>> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station };
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
         let arrays = arguments.read(&self.inner)?;
         let accelerations = py.detach(|| self.inner.forward_dynamics(&arrays.inputs()))?;
         array(py, &[self.inner.instances(), 6 + self.inner.joints()], accelerations)

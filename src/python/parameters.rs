@@ -15,7 +15,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust: see `set_parameters`.
+    ///     mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag: see `set_parameters`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let instances = self.inner.instances();
@@ -45,13 +45,16 @@ impl Simulator {
     ///     Point mass at the end effector (at the vehicle's origin without an arm), kg; on top of the scene's payload.
     /// thrust : array_like () or (N,)
     ///     Factor on what the thrusters give for the thrust that is asked of them.
+    /// thruster_lag : array_like () or (N,)
+    ///     Factor on the thrusters' time constants, where the scene gives them any.
     ///
     /// Raises
     /// ------
     /// ValueError, TypeError
     ///     A factor has the wrong shape or type, is negative or not finite; nothing has changed then.
     #[pyo3(signature = (
-        *, mass=None, added_mass=None, linear_drag=None, quadratic_drag=None, volume=None, payload=None, thrust=None
+        *, mass=None, added_mass=None, linear_drag=None, quadratic_drag=None, volume=None, payload=None, thrust=None,
+        thruster_lag=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn set_parameters(
@@ -63,10 +66,11 @@ impl Simulator {
         volume: Given,
         payload: Given,
         thrust: Given,
+        thruster_lag: Given,
     ) -> PyResult<()> {
         let instances = self.inner.instances();
         let mut factors: Vec<_> = (0..instances).map(|i| self.inner.factors(i).to_array()).collect();
-        let given = [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust];
+        let given = [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag];
         for (k, (name, given)) in Factors::<f64>::NAMES.into_iter().zip(given).enumerate() {
             let Some(given) = given else { continue };
             let (shape, numbers) = read(name, given)?;

@@ -5,11 +5,13 @@ use numpy::ndarray::Array3;
 use numpy::{IntoPyArray, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use super::arrays::{Array, Given, array, count, read, rows, shape_text};
 use super::inputs::poses;
 use super::scene;
 use super::simulator::number;
+use crate::description::Scene;
 use crate::render::{self, Settings, Shot};
 
 /// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
@@ -39,6 +41,8 @@ use crate::render::{self, Settings, Shot};
 #[pyclass(module = "uvms_gym", name = "Renderer", frozen)]
 pub struct Renderer {
     inner: render::Renderer,
+    scene: Scene,
+    settings: Settings,
 }
 
 /// Position and rotation, from the arguments of a call.
@@ -74,7 +78,8 @@ impl Renderer {
             distance: distance.map(|x| number("distance", Some(x), 0.0)).transpose()?,
             floor: floor.map(|x| number("floor", Some(x), 0.0)).transpose()?,
         };
-        Ok(Self { inner: py.detach(|| render::Renderer::new(&scene, &settings))? })
+        let inner = py.detach(|| render::Renderer::new(&scene, &settings))?;
+        Ok(Self { inner, scene, settings })
     }
 
     /// int: pixels along.
@@ -213,6 +218,17 @@ impl Renderer {
         let shot = Shot { position, rotation, target, ..Shot::default() };
         let pixels = points.iter().flat_map(|p| self.inner.project(&shot, p).unwrap_or([f64::NAN; 3]));
         array(py, &[points.len(), 3], pixels.collect())
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((Bound<'py, PyAny>,), Bound<'py, PyDict>)> {
+        let options = PyDict::new(py);
+        options.set_item("width", self.width())?;
+        options.set_item("height", self.height())?;
+        options.set_item("azimuth", self.settings.azimuth)?;
+        options.set_item("elevation", self.settings.elevation)?;
+        options.set_item("distance", self.settings.distance)?;
+        options.set_item("floor", self.settings.floor)?;
+        Ok(((scene::to_python(&self.scene, py)?,), options))
     }
 }
 

@@ -47,20 +47,20 @@ impl Rollout {
         self.each(py, |tally| tally.truncated)
     }
 
-    /// Sums of the measures, (23, N).
+    /// Sums of the measures, (k, N).
     #[getter]
     fn sums<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
         self.measures(py, |tally| &tally.sums)
     }
 
-    /// Sums of their squares, (23, N).
+    /// Sums of their squares, (k, N).
     #[getter]
     fn squares<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
         self.measures(py, |tally| &tally.squares)
     }
 
     /// Records of the chosen instances, in ascending order: instance, observations (T, d), actions (T, a), rewards (T,)
-    /// and info (T, 23).
+    /// and info (T, k).
     #[getter]
     fn traces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let traces = PyList::empty(py);

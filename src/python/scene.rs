@@ -150,6 +150,6 @@ fn kind(object: &Bound<'_, PyAny>) -> PyResult<String> {
 }
 
 /// A string's text, unless it has surrogates.
-fn text<'a>(string: &'a Bound<'_, PyString>, key: &str) -> PyResult<&'a str> {
+pub fn text<'a>(string: &'a Bound<'_, PyString>, key: &str) -> PyResult<&'a str> {
     string.to_str().map_err(|_| fault(key, "text that is no valid Unicode"))
 }

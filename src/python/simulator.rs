@@ -13,7 +13,7 @@ use crate::batch::{self, Precision, SimulatorOptions};
 /// Instances are independent: the result of each depends on its own state and inputs alone, bit for bit, whatever
 /// `num_envs`, the instance's place among the others and `threads`.
 ///
-/// N is `num_envs`, n the number of joints, m the number of thrusters. SI units. World z up; body x forward, y left,
+/// N is `num_envs`, n the number of joints, m of thrusters, k of fins. SI units. World z up; body x forward, y left,
 /// z up; quaternions [w, x, y, z]; 6-vectors [linear; angular]: twists [v; omega] in body axes at the vehicle
 /// frame, absolute (not relative to the water), and wrenches [f; m] in body axes at the body's frame origin. Bodies
 /// with wrenches of their own are the vehicle and one per joint; a link's frame lies at its joint and moves with it.
@@ -207,6 +207,25 @@ impl Simulator {
     #[getter]
     fn thruster_names(&self) -> Vec<String> {
         self.inner.scene().thruster_names()
+    }
+
+    /// int: number of fins k.
+    #[getter]
+    fn num_fins(&self) -> usize {
+        self.inner.scene().vehicle.fins.len()
+    }
+
+    /// list of str: names of the fins.
+    #[getter]
+    fn fin_names(&self) -> Vec<String> {
+        self.inner.scene().fin_names()
+    }
+
+    /// numpy.ndarray (k, 2): least and greatest deflection, rad.
+    #[getter]
+    fn fin_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let fins = &self.inner.scene().vehicle.fins;
+        array(py, &[fins.len(), 2], fins.iter().flat_map(|fin| fin.range()).collect())
     }
 
     /// numpy.ndarray (m, 2): least and greatest thrust, N.

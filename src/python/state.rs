@@ -67,6 +67,14 @@ impl Simulator {
         self.gather(py, &[n], |state, _| state.qd.into_iter().take(n))
     }
 
+    /// numpy.ndarray (N, m): thrust of each thruster in still water, N: the state of thrusters with dynamics (`lag`,
+    /// `dead_band`, `map` or `ambient_flow` in the scene). 0 in scenes without.
+    #[getter]
+    fn thrust<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let m = self.inner.allocation().count();
+        self.gather(py, &[m], |state, _| state.thrust.into_iter().take(m))
+    }
+
     /// numpy.ndarray (N,): time, s.
     #[getter]
     fn time<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
@@ -122,6 +130,8 @@ impl Simulator {
     ///     Joint coordinates, rad or m.
     /// qd : array_like (n,) or (N, n)
     ///     Joint rates, rad/s or m/s.
+    /// thrust : array_like (m,) or (N, m)
+    ///     Thrust of each thruster in still water, N, within its limits; only where the scene gives thrusters dynamics.
     /// time : float or array_like (N,)
     ///     Time, s.
     /// current : array_like (3,) or (N, 3)
@@ -140,7 +150,7 @@ impl Simulator {
     ///     Something that is no array of real numbers.
     #[pyo3(signature = (
         position=None, rotation=None, quaternion=None, twist=None, q=None, qd=None, time=None, current=None,
-        current_acceleration=None
+        current_acceleration=None, thrust=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn set_state(
@@ -154,6 +164,7 @@ impl Simulator {
         time: Given,
         current: Given,
         current_acceleration: Given,
+        thrust: Given,
     ) -> PyResult<()> {
         let (instances, n) = (self.inner.instances(), self.inner.joints());
         let rows = |name: &str, given: Given, row: &[usize]| optional_rows(name, given, instances, row);
@@ -163,6 +174,7 @@ impl Simulator {
         let twist = rows("twist", twist, &[6])?;
         let q = rows("q", q, &[n])?;
         let qd = rows("qd", qd, &[n])?;
+        let thrust = rows("thrust", thrust, &[self.inner.allocation().count()])?;
         let time = rows("time", time, &[])?;
         let current = rows("current", current, &[3])?;
         let current_acceleration = rows("current_acceleration", current_acceleration, &[3])?;
@@ -173,6 +185,7 @@ impl Simulator {
             twist: twist.as_deref(),
             q: q.as_deref(),
             qd: qd.as_deref(),
+            thrust: thrust.as_deref(),
             time: time.as_deref(),
             current: current.as_deref(),
             current_acceleration: current_acceleration.as_deref(),

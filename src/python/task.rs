@@ -10,6 +10,7 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
+use super::disturbance::set_starts;
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
@@ -24,9 +25,9 @@ const MODES: [(&str, Autoreset); 3] =
 
 pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
 pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
-/// Instances, their last observations, their last measures (23, k), what these did not tell (k, m).
+/// Instances, their last observations, their last measures (k, k), what these did not tell (k, m).
 type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>, Rows<'py, f64>);
-/// Observations, rewards, terminated, truncated, measures (23, N), ends of episodes.
+/// Observations, rewards, terminated, truncated, measures (k, N), ends of episodes.
 type StepResult<'py> =
     (Rows<'py, f32>, Row<'py, f64>, Row<'py, bool>, Row<'py, bool>, Rows<'py, f64>, Option<Finals<'py>>);
 
@@ -141,7 +142,7 @@ impl Task {
     }
 
     /// Starts episodes: of all instances, or of those that `mask` picks. Keywords give what is not to be drawn, (N, .).
-    /// Returns observations (N, d) and measures (23, N).
+    /// Returns observations (N, d) and measures (k, N).
     #[pyo3(signature = (seeds, mask=None, **given))]
     fn reset<'py>(
         &mut self,
@@ -236,7 +237,7 @@ impl Task {
     }
 
     /// What the episodes drew, and how far they are: seed, episode and step (N,), target_position (N, 3),
-    /// target_rotation (N, 3, 3), current (N, 3), joint_reference and joint_reference_rate (N, n).
+    /// target_rotation (N, 3, 3), current (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n).
     fn episodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let n = self.batch.instances();
         let all = (0..n).map(|i| self.batch.episode(i).ok_or(TaskError::NotBegun { instance: i }));
@@ -250,10 +251,19 @@ impl Task {
         let rotation = gather(&|e| e.target().rotation.transpose().iter().copied().collect())?;
         result.set_item("target_rotation", rotation.call_method1("reshape", (n, 3, 3))?)?;
         result.set_item("current", gather(&|e| e.current().iter().copied().collect())?)?;
+        result.set_item("action", gather(&|e| e.action().to_vec())?)?;
         result.set_item("joint_reference", gather(&|e| e.reference().iter().map(|r| r.value).collect())?)?;
         let rates = gather(&|e| e.reference().iter().map(|r| r.rate).collect())?;
         result.set_item("joint_reference_rate", rates)?;
         Ok(result)
+    }
+
+    /// Places all along the paths of the end effectors, (N, count, 3); count is 0 for tasks without.
+    fn paths<'py>(&self, py: Python<'py>, count: usize) -> PyResult<arrays::Array<'py>> {
+        let n = self.batch.instances();
+        let places = (0..n).filter_map(|i| self.batch.episode(i)).flat_map(|e| e.path(count).into_flattened());
+        let places: Vec<f64> = places.collect();
+        arrays::array(py, &[n, places.len() / (3 * n), 3], places)
     }
 }
 
@@ -285,6 +295,10 @@ impl Task {
         let mut starts = vec![StartOverride::default(); n];
         for (name, values) in given.iter() {
             let name: String = name.extract()?;
+            if name == "disturbance" {
+                set_starts(&mut starts, &values)?;
+                continue;
+            }
             let Some(width) = start_width(&name, joints) else {
                 return Err(PyValueError::new_err(format!("there is no start of the name '{name}'")));
             };

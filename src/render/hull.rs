@@ -140,12 +140,13 @@ fn frame(mesh: &mut Mesh, envelope: &Envelope, coat: Paint) {
     let size = |x: f32, y: f32, z: f32| Vector::new(x * half.x, y * half.y, z * half.z);
     let cut = 0.09 * half.z;
     for side in [-1.0, 1.0] {
-        mesh.chamfered(at(0.0, 0.5 * side, 0.74), size(0.9, 0.4, 0.26), cut, coat);
+        mesh.chamfered(at(0.0, 0.31 * side, 0.72), size(0.92, 0.27, 0.28), cut, coat);
         let y = 0.95 * side;
-        mesh.cuboid(at(0.0, y, -0.9), size(1.0, 0.05, 0.1), DARK);
-        mesh.cuboid(at(0.0, y, 0.32), size(0.96, 0.04, 0.12), DARK);
-        for x in [-0.88, 0.0, 0.88] {
-            mesh.cuboid(at(x, y, -0.3), size(0.09, 0.04, 0.55), DARK);
+        mesh.cuboid(at(0.0, y, -0.88), size(1.0, 0.05, 0.12), DARK);
+        mesh.cuboid(at(0.0, y, 0.46), size(0.96, 0.03, 0.2), DARK);
+        mesh.cuboid(at(0.0, y, 0.7), size(0.9, 0.035, 0.05), coat);
+        for x in [-0.86, 0.0, 0.86] {
+            mesh.cuboid(at(x, y, -0.26), size(0.12, 0.03, 0.54), DARK);
         }
         // Lamps.
         let lamp = at(0.9, 0.6 * side, -0.05);
@@ -156,7 +157,7 @@ fn frame(mesh: &mut Mesh, envelope: &Envelope, coat: Paint) {
     }
     for x in [-0.9, 0.9] {
         mesh.cuboid(at(x, 0.0, -0.88), size(0.05, 0.95, 0.06), DARK);
-        mesh.cuboid(at(x, 0.0, 0.36), size(0.04, 0.95, 0.06), DARK);
+        mesh.cuboid(at(x, 0.0, 0.4), size(0.04, 0.95, 0.07), DARK);
     }
     let r = 0.42 * half.z.min(half.y);
     mesh.cylinder(at(-0.7, 0.0, 0.12), at(0.62, 0.0, 0.12), r, 24, WHITE);

@@ -10,11 +10,8 @@ const PATH: Paint = Paint::new(0xFFE36B).glowing(0.8);
 const POINT: Paint = Paint::new(0xFFF4B8).glowing(0.9);
 const TRAIL: Paint = Paint::new(0xFF5FD8).glowing(0.8);
 const FLOW: Paint = Paint::new(0xF2FFFF).glowing(1.0);
-const AXES: [Paint; 3] = [
-    Paint::new(0xFF4B3E).glowing(0.75),
-    Paint::new(0x5CE05A).glowing(0.75),
-    Paint::new(0x4A8CFF).glowing(0.75),
-];
+const AXES: [Paint; 3] =
+    [Paint::new(0xFF4B3E).glowing(0.75), Paint::new(0x5CE05A).glowing(0.75), Paint::new(0x4A8CFF).glowing(0.75)];
 const WEAK: Paint = Paint::new(0xBFF6FF).glowing(1.0);
 const STRONG: Paint = Paint::new(0xFFC23A).glowing(1.0);
 const FULL: Paint = Paint::new(0xFF3B2A).glowing(1.0);
@@ -63,17 +60,21 @@ pub fn line(mesh: &mut Mesh, points: &[Vector], half: f32, trail: bool) {
 pub fn jet(mesh: &mut Mesh, thruster: &Thruster, thrust: f64) {
     let limit = thruster.limits[usize::from(thrust > 0.0)].abs();
     let share = if limit > 0.0 { (thrust.abs() / limit).min(1.0) as f32 } else { 0.0 };
-    if !(share > 5e-3) {
+    if !thrust.is_finite() || share < 5e-3 {
         return;
     }
     let away = if thrust > 0.0 { -thruster.axis } else { thruster.axis };
     let r = thruster.radius;
-    let length = r * (0.5 + 5.0 * share);
-    let paint = if share < 0.7 { WEAK.mix(STRONG, share / 0.7) } else { STRONG.mix(FULL, (share - 0.7) / 0.28) };
+    let length = r * (0.8 + 9.0 * share);
+    let paint = if share < 0.8 {
+        WEAK.mix(STRONG, (2.5 * share - 1.0).max(0.0))
+    } else {
+        STRONG.mix(FULL, (share - 0.8) / 0.18)
+    };
     let rings: [(f32, f32); 5] = [(0.0, 0.72), (0.15, 0.78), (0.45, 0.7), (0.8, 0.5), (1.0, 0.3)];
-    let fade = [0.62, 0.62, 0.4, 0.14, 0.0];
+    let fade = [0.8, 0.8, 0.6, 0.25, 0.0];
     let profile: Vec<_> = rings.iter().map(|(z, width)| (z * length, width * r)).collect();
-    let strength = 0.55 + 0.45 * share;
+    let strength = 0.6 + 0.4 * share;
     mesh.lathe(thruster.position + away * (0.3 * r), away, &profile, 16, true, |i| paint.clear(fade[i] * strength));
 }
 
@@ -81,8 +82,8 @@ pub fn jet(mesh: &mut Mesh, thruster: &Thruster, thrust: f64) {
 fn hash(a: u32, b: u32) -> f32 {
     let mut x = a.wrapping_mul(0x9E37_79B9) ^ b.wrapping_mul(0x85EB_CA6B) ^ 0x27D4_EB2F;
     for _ in 0..2 {
-        x = (x ^ x >> 15).wrapping_mul(0x2C1B_3C6D);
-        x = (x ^ x >> 12).wrapping_mul(0x297A_2D39);
+        x = (x ^ (x >> 15)).wrapping_mul(0x2C1B_3C6D);
+        x = (x ^ (x >> 12)).wrapping_mul(0x297A_2D39);
     }
     (x >> 8) as f32 / 16_777_216.0
 }

@@ -98,7 +98,8 @@ impl Mesh {
                         (signs[u], signs[v]) = (t, b);
                         signs
                     };
-                    let quad = [corner(edge(-1.0), k), corner(edge(-1.0), u), corner(edge(1.0), u), corner(edge(1.0), k)];
+                    let quad =
+                        [corner(edge(-1.0), k), corner(edge(-1.0), u), corner(edge(1.0), u), corner(edge(1.0), k)];
                     let mut quad = quad;
                     if s * t < 0.0 {
                         quad.reverse();

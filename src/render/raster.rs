@@ -3,6 +3,8 @@
 //! Corners are put on a grid of 1/16 pixel, and whether a sample is inside is decided in integers, with the top-left
 //! rule: of two triangles with a common edge exactly one has each sample there.
 
+use std::ops::{AddAssign, BitOr};
+
 use super::Vector;
 use super::camera::Camera;
 
@@ -44,14 +46,20 @@ pub struct Canvas {
     colours: Vec<[u32; SAMPLES]>,
 }
 
-/// A colour of a sample.
+/// 0 to 1 as 0 to 255: the last bits of a number in which steps are whole.
+#[inline]
+pub fn byte(x: f32) -> u32 {
+    (x * 255.0 + 8_388_608.0).to_bits() & 255
+}
+
+/// A colour of a sample, from 0 to 1.
 pub fn pack(colour: [f32; 3]) -> u32 {
-    let [r, g, b] = colour.map(|c| (c * 255.0 + 0.5) as u32);
-    r | g << 8 | b << 16
+    let [r, g, b] = colour.map(byte);
+    r | (g << 8) | (b << 16)
 }
 
 fn unpack(colour: u32) -> [f32; 3] {
-    [0, 8, 16].map(|shift| (colour >> shift & 255) as f32 * (1.0 / 255.0))
+    [0, 8, 16].map(|shift| ((colour >> shift) & 255) as f32 * (1.0 / 255.0))
 }
 
 impl Canvas {
@@ -78,9 +86,9 @@ impl Canvas {
                 red_blue += sample & 0xFF00FF;
                 green += sample & 0xFF00;
             }
-            pixel[0] = ((red_blue + 2 >> 2) & 255) as u8;
-            pixel[1] = ((green + 0x200 >> 10) & 255) as u8;
-            pixel[2] = ((red_blue + 0x20000 >> 18) & 255) as u8;
+            pixel[0] = (((red_blue + 2) >> 2) & 255) as u8;
+            pixel[1] = (((green + 0x200) >> 10) & 255) as u8;
+            pixel[2] = (((red_blue + 0x20000) >> 18) & 255) as u8;
         }
         out
     }
@@ -94,8 +102,7 @@ impl Canvas {
             return;
         }
         let mut polygon: Vec<Corner> = corners.map(|c| *c).to_vec();
-        let (wide, high) =
-            ((camera.centre[0] + MARGIN) / camera.focal, (camera.centre[1] + MARGIN) / camera.focal);
+        let (wide, high) = ((camera.centre[0] + MARGIN) / camera.focal, (camera.centre[1] + MARGIN) / camera.focal);
         let planes = [
             [0.0, 0.0, 1.0, camera.near],
             [-1.0, 0.0, wide, 0.0],
@@ -125,7 +132,9 @@ impl Canvas {
 
     fn pin(&self, camera: &Camera, corner: &Corner) -> Pin {
         let [x, y] = camera.project(&corner.view);
-        let grid = |t: f32| (t * GRID as f32 + 0.5).floor() as i64;
+        // Positive, so that cutting off is rounding down.
+        const MOST: i64 = 1 << 20;
+        let grid = |t: f32| ((f64::from(t) * GRID as f64 + (MOST as f64 + 0.5)) as i64).clamp(0, 2 * MOST) - MOST;
         Pin { x: grid(x), y: grid(y), nearness: 1.0 / corner.view.z, colour: corner.colour }
     }
 
@@ -147,62 +156,70 @@ impl Canvas {
         // An edge from p to q: at least 0 at a sample that is inside.
         let edge = |p: &Pin, q: &Pin| {
             let (dx, dy) = (q.x - p.x, q.y - p.y);
-            let ours = dy < 0 || dy == 0 && dx > 0;
+            let ours = dy < 0 || (dy == 0 && dx > 0);
             let at = dx * (top * GRID - p.y) - dy * (left * GRID - p.x) - i64::from(!ours);
-            (OFFSETS.map(|[x, y]| at + dx * y - dy * x), -dy * GRID, dx * GRID)
+            Edge { samples: OFFSETS.map(|[x, y]| at + dx * y - dy * x), along: -dy * GRID, down: dx * GRID }
         };
         let edges = [edge(&a, &b), edge(&b, &c), edge(&c, &a)];
+        let area = Area { columns: [left, right], rows: [top, bottom], from: [a.x, a.y] };
+        let shading = Shading::new(&a, &b, &c);
+        // Within 1000 pixels of each other no product of differences exceeds 2^29.
+        let small = [&a, &b, &c].iter().all(|p| {
+            let (x, y) = (p.x - left * GRID, p.y - top * GRID);
+            x.abs().max(y.abs()) < 1000 * GRID
+        }) && (right - left).max(bottom - top) < 1000;
+        if small {
+            self.scan(&area, &edges, |x| x as i32, &shading);
+        } else {
+            self.scan(&area, &edges, |x| x, &shading);
+        }
+    }
 
-        // Linear over the screen, from corner a: value there, step along x, step along y, per step of the grid.
-        let (bx, by, cx, cy) = ((b.x - a.x) as f32, (b.y - a.y) as f32, (c.x - a.x) as f32, (c.y - a.y) as f32);
-        let inverse = 1.0 / area as f32;
-        let plane = |a: f32, b: f32, c: f32| {
-            let (b, c) = (b - a, c - a);
-            [a, (b * cy - c * by) * inverse, (c * bx - b * cx) * inverse]
-        };
-        let [n0, nx, ny] = plane(a.nearness, b.nearness, c.nearness);
-        let spread = OFFSETS.map(|[x, y]| nx * x as f32 + ny * y as f32);
-        let shades: [[f32; 3]; 4] = std::array::from_fn(|k| plane(a.colour[k], b.colour[k], c.colour[k]));
-        let range: [[f32; 2]; 4] = std::array::from_fn(|k| {
-            let [x, y, z] = [a.colour[k], b.colour[k], c.colour[k]];
-            [x.min(y).min(z), x.max(y).max(z)]
-        });
-        let opaque = range[3][0] >= 1.0;
-        let step = GRID as f32;
-
-        let mut starts = edges.map(|(at, _, _)| at);
+    /// Draws the samples within an area where all three edges have at least 0. They are computed with numbers that
+    /// `narrow` makes, which are to hold them.
+    fn scan<T>(&mut self, area: &Area, edges: &[Edge; 3], narrow: impl Fn(i64) -> T, shading: &Shading)
+    where
+        T: Copy + AddAssign + BitOr<Output = T> + PartialOrd,
+    {
+        let Area { columns: [left, right], rows: [top, bottom], from } = *area;
+        let Shading { nearness: [n0, nx, ny], spread, .. } = *shading;
+        let (zero, along) = (narrow(0), edges.each_ref().map(|edge| narrow(edge.along)));
         for y in top..bottom {
-            let fy = (y * GRID - a.y) as f32;
-            let mut at = starts;
+            let [mut first, mut end] = [left, right];
+            if right - left > 8 {
+                for edge in edges {
+                    edge.narrow(y - top, left, &mut first, &mut end);
+                }
+            }
+            let fy = (y * GRID - from[1]) as f32;
+            let skipped = first - left;
+            let mut at = edges.each_ref().map(|edge| {
+                let gain = edge.down * (y - top) + edge.along * skipped;
+                edge.samples.map(|sample| narrow(sample + gain))
+            });
             let row = y as usize * self.width;
-            for x in left..right {
-                let outside: [i64; SAMPLES] = std::array::from_fn(|s| at[0][s] | at[1][s] | at[2][s]);
-                for (at, (_, along, _)) in at.iter_mut().zip(&edges) {
+            for x in first..end {
+                let outside: [T; SAMPLES] = std::array::from_fn(|s| at[0][s] | at[1][s] | at[2][s]);
+                for (at, along) in at.iter_mut().zip(along) {
                     for value in at {
                         *value += along;
                     }
                 }
-                if outside.iter().all(|o| *o < 0) {
+                if outside.iter().all(|o| *o < zero) {
                     continue;
                 }
-                let fx = (x * GRID - a.x) as f32;
+                let fx = (x * GRID - from[0]) as f32;
                 let nearness = n0 + nx * fx + ny * fy;
                 let pixel = row + x as usize;
                 let depths = &mut self.nearness[pixel];
                 let seen: [bool; SAMPLES] =
-                    std::array::from_fn(|s| outside[s] >= 0 && nearness + spread[s] > depths[s]);
+                    std::array::from_fn(|s| outside[s] >= zero && nearness + spread[s] > depths[s]);
                 if !seen.iter().any(|s| *s) {
                     continue;
                 }
-                let middle = [fx + 0.5 * step, fy + 0.5 * step];
-                // The middle of the pixel may lie outside of the triangle.
-                let colour: [f32; 4] = std::array::from_fn(|k| {
-                    let [at, along, down] = shades[k];
-                    (at + along * middle[0] + down * middle[1]).max(range[k][0]).min(range[k][1])
-                });
-                let [r, g, b, alpha] = colour;
+                let [r, g, b, alpha] = shading.colour(fx, fy);
                 let colours = &mut self.colours[pixel];
-                if opaque {
+                if shading.opaque {
                     let packed = pack([r, g, b]);
                     for s in 0..SAMPLES {
                         if seen[s] {
@@ -211,18 +228,13 @@ impl Canvas {
                         }
                     }
                 } else {
+                    let over = [r, g, b];
                     for s in 0..SAMPLES {
                         if seen[s] {
                             let under = unpack(colours[s]);
-                            let over = [r, g, b];
                             colours[s] = pack(std::array::from_fn(|k| under[k] + (over[k] - under[k]) * alpha));
                         }
                     }
-                }
-            }
-            for (start, (_, _, down)) in starts.iter_mut().zip(&edges) {
-                for value in start {
-                    *value += down;
                 }
             }
         }
@@ -238,6 +250,84 @@ impl Canvas {
     #[cfg(test)]
     pub fn samples(&self, x: usize, y: usize) -> [u32; SAMPLES] {
         self.colours[y * self.width + x]
+    }
+}
+
+/// Pixels that a triangle may touch, and the corner that its numbers count from, in steps of the grid.
+struct Area {
+    columns: [i64; 2],
+    rows: [i64; 2],
+    from: [i64; 2],
+}
+
+/// An edge of a triangle: at least 0 where a sample is on its inner side.
+struct Edge {
+    /// At the samples of the first pixel.
+    samples: [i64; SAMPLES],
+    /// What the next pixel has more, along and down.
+    along: i64,
+    down: i64,
+}
+
+impl Edge {
+    /// Leaves out what no sample of a row can be inside of, from `first` to before `end`; columns count from `left`.
+    fn narrow(&self, row: i64, left: i64, first: &mut i64, end: &mut i64) {
+        let [a, b, c, d] = self.samples;
+        let most = a.max(b).max(c).max(d) + self.down * row;
+        match self.along {
+            0 if most < 0 => *end = *first,
+            0 => {}
+            along if along > 0 => *first = (*first).max(left + (-most).max(0).div_euclid(along)),
+            along => *end = (*end).min(left + if most < 0 { 0 } else { most / -along + 1 }),
+        }
+    }
+}
+
+/// What is linear over a triangle: its value at the first corner, and its gain along and down, per step of the grid.
+struct Shading {
+    nearness: [f32; 3],
+    /// Of the samples against their pixel's corner.
+    spread: [f32; SAMPLES],
+    colour: [[f32; 3]; 4],
+    /// Least and greatest of the corners.
+    range: [[f32; 2]; 4],
+    opaque: bool,
+}
+
+impl Shading {
+    fn new(a: &Pin, b: &Pin, c: &Pin) -> Self {
+        let (bx, by, cx, cy) = ((b.x - a.x) as f32, (b.y - a.y) as f32, (c.x - a.x) as f32, (c.y - a.y) as f32);
+        let inverse = 1.0 / (bx * cy - by * cx);
+        let plane = |a: f32, b: f32, c: f32| {
+            let (b, c) = (b - a, c - a);
+            [a, (b * cy - c * by) * inverse, (c * bx - b * cx) * inverse]
+        };
+        let nearness = plane(a.nearness, b.nearness, c.nearness);
+        let [_, nx, ny] = nearness;
+        let of = |k: usize| [a.colour[k], b.colour[k], c.colour[k]];
+        let range = [0, 1, 2, 3].map(|k| {
+            let [x, y, z] = of(k);
+            [x.min(y).min(z), x.max(y).max(z)]
+        });
+        Self {
+            nearness,
+            spread: OFFSETS.map(|[x, y]| nx * x as f32 + ny * y as f32),
+            colour: [0, 1, 2, 3].map(|k| {
+                let [x, y, z] = of(k);
+                plane(x, y, z)
+            }),
+            range,
+            opaque: range[3][0] >= 1.0,
+        }
+    }
+
+    /// Colour in the middle of a pixel; where that is outside of the triangle, no more than the corners have.
+    fn colour(&self, x: f32, y: f32) -> [f32; 4] {
+        let (x, y) = (x + 0.5 * GRID as f32, y + 0.5 * GRID as f32);
+        std::array::from_fn(|k| {
+            let ([at, along, down], [least, most]) = (self.colour[k], self.range[k]);
+            (at + along * x + down * y).max(least).min(most)
+        })
     }
 }
 

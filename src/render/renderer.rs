@@ -114,6 +114,7 @@ pub struct Renderer {
     size: [usize; 2],
     camera: Camera,
     water: Water,
+    wet: bool,
     hull: Mesh,
     envelope: Envelope,
     thrusters: Vec<Thruster>,
@@ -163,6 +164,7 @@ impl Renderer {
         Ok(Self {
             size: settings.size,
             camera,
+            wet: scene.water.density > 0.0,
             water: Water::new(scene.water.density > 0.0, distance as f32, sun),
             floor: settings.floor.unwrap_or(f64::from(bounds[0].z - 0.45 * reach)),
             cell: nice(0.6 * f64::from(reach)),
@@ -311,7 +313,7 @@ impl Renderer {
             let points: Vec<Vector> = points.iter().map(|p| single(&(p - focus))).collect();
             marks::line(&mut solid, &points, thin, trail);
         }
-        if shot.current.iter().all(|x| x.abs() < FAR) && shot.time.abs() < 1e12 {
+        if self.wet && shot.current.iter().all(|x| x.abs() < FAR) && shot.time.abs() < 1e12 {
             let origin = single(&(-focus));
             let floor = (self.floor - focus.z) as f32;
             marks::flow(&mut clear, &single(&shot.current), shot.time, &origin, 1.9 * self.reach, floor);
@@ -334,7 +336,11 @@ impl Renderer {
 }
 
 /// How vertices of a frame go to the camera's coordinates; none if they are not finite.
-fn placed(position: &Vector3<f64>, rotation: &Matrix3<f64>, focus: &Vector3<f64>) -> Option<impl Fn(&Vertex) -> Vertex + use<>> {
+fn placed(
+    position: &Vector3<f64>,
+    rotation: &Matrix3<f64>,
+    focus: &Vector3<f64>,
+) -> Option<impl Fn(&Vertex) -> Vertex + use<>> {
     let finite = position.iter().chain(rotation.iter()).all(|x| x.abs() < FAR);
     let (r, p) = (rotation.map(|x| x as f32), single(&(position - focus)));
     finite.then_some(move |v: &Vertex| Vertex { position: r * v.position + p, normal: r * v.normal, paint: v.paint })

@@ -47,22 +47,22 @@ impl Shadow {
 
     /// Blackens what a triangle, either way round, covers.
     fn fill(&mut self, mut p: [[f32; 2]; 3]) {
-        let cross = |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let cross =
+            |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
         if cross(p[0], p[1], p[2]) < 0.0 {
             p.swap(1, 2);
         }
         let range = |k: usize| {
             let (least, most) = (p[0][k].min(p[1][k]).min(p[2][k]), p[0][k].max(p[1][k]).max(p[2][k]));
-            (least.max(0.0) as usize, (most.max(0.0) as usize + 1).min(SIDE))
+            (least.max(0.0) as usize, (most.max(0.0).min(SIDE as f32) as usize + 1).min(SIDE))
         };
         let ((left, right), (top, bottom)) = (range(0), range(1));
         for y in top..bottom {
             for x in left..right {
                 let at = [x as f32 + 0.5, y as f32 + 0.5];
                 // Thin things count too: half a texel more on every side.
-                let near = |a: [f32; 2], b: [f32; 2]| {
-                    cross(a, b, at) >= -0.5 * ((b[0] - a[0]).abs() + (b[1] - a[1]).abs())
-                };
+                let near =
+                    |a: [f32; 2], b: [f32; 2]| cross(a, b, at) >= -0.5 * ((b[0] - a[0]).abs() + (b[1] - a[1]).abs());
                 if near(p[0], p[1]) && near(p[1], p[2]) && near(p[2], p[0]) {
                     self.texels[y * SIDE + x] = 1.0;
                 }
@@ -93,6 +93,12 @@ impl Shadow {
                 }
             }
         }
+    }
+
+    /// Whether any place between two may be within the square.
+    pub fn reaches(&self, from: [f32; 2], to: [f32; 2]) -> bool {
+        let (from, to) = (self.texel(from), self.texel(to));
+        (0..2).all(|k| from[k].max(to[k]) > 0.0 && from[k].min(to[k]) < SIDE as f32)
     }
 
     /// Share of the light that is missing at a place of the floor.

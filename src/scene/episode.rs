@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::disturbance::{Disturbance, DisturbanceRows, Site};
 use super::options::Goal;
-use super::path::PATH;
+use super::path::{PATH, path_places};
 use super::pose::Pose;
 use super::random::EpisodeKey;
 use super::reference::{JointReference, ReferencePoint};
@@ -46,11 +47,19 @@ pub struct EpisodeRows {
     pub means: usize,
     /// Whether the pose was off its tolerances at the last instant (1) or not (0), and for how long the last time it was, s.
     pub astray: usize,
+    /// What disturbances remember, if they change within episodes.
+    pub disturbance: Option<DisturbanceRows>,
     /// Rows in all.
     pub rows: usize,
 }
 
 impl EpisodeRows {
+    /// With room for a disturbance.
+    pub(super) fn with(self, disturbance: &Disturbance, site: &Site) -> Self {
+        let disturbance = disturbance.rows(site, self.rows);
+        Self { disturbance, rows: disturbance.map_or(self.rows, |rows| rows.end), ..self }
+    }
+
     /// For this number of joints and of entries of an action.
     pub fn new(goal: Goal, joints: usize, actions: usize) -> Self {
         let tracks = goal == Goal::Track;
@@ -77,6 +86,7 @@ impl EpisodeRows {
             integral: take(6),
             means: take(7),
             astray: take(2),
+            disturbance: None,
             rows: take(0),
         }
     }
@@ -174,9 +184,24 @@ impl Episode {
         Pose { position: Vector3::from_column_slice(&numbers[9..12]), rotation: Matrix3::from_row_slice(&numbers[..9]) }
     }
 
-    /// Current in world axes, m/s.
+    /// Current in world axes over the last control period (at the start: over the first), m/s.
     pub fn current(&self) -> Vector3<f64> {
         Vector3::from_column_slice(&self.numbers[self.rows.current..][..3])
+    }
+
+    /// The last action, as clipped; 0 before the first.
+    pub fn action(&self) -> &[f64] {
+        &self.numbers[self.rows.action..][..self.rows.actions]
+    }
+
+    /// Places all along the path of the end effector, the first and the last the same; none without a path.
+    pub fn path(&self, count: usize) -> Vec<[f64; 3]> {
+        if self.rows.goal != Goal::Track {
+            return Vec::new();
+        }
+        let mut numbers = self.numbers.clone();
+        let around = (0..count).map(|k| k as f64 / (count - 1).max(1) as f64);
+        path_places(&Rows::of_one(&mut numbers), self.rows.path, around)
     }
 
     /// Joint reference at the current control instant, one point per joint that follows one.

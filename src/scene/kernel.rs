@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use super::disturbance::{MEASURED, Weather};
 use super::episode::EpisodeRows;
 use super::metrics::{INFO, Judgement};
 use super::observation::{LEAK, POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND, joint_bounds};
@@ -27,7 +28,7 @@ const COARSE: f64 = 0.3;
 #[derive(Debug, Clone, PartialEq)]
 pub struct TaskKernel<T> {
     rows: EpisodeRows,
-    actuation: Actuation<T>,
+    pub(super) actuation: Actuation<T>,
     end_effector: EndEffector<Shared<T>>,
     /// Control periods per second.
     frequency: T,
@@ -50,6 +51,7 @@ pub struct TaskKernel<T> {
     preview: (usize, T),
     /// Greatest distance of joint coordinates from home.
     travel: Vec<T>,
+    weather: Option<Weather<T>>,
 }
 
 /// What the physics needs over one control period.
@@ -67,8 +69,10 @@ impl<T: Real> TaskKernel<T> {
     pub(super) fn new(options: &TaskOptions, rig: &Rig) -> Self {
         let (period, number) = (options.control_period(), T::from_f64);
         let (keep, weights, actions) = ((-LEAK * period).exp(), &options.reward, rig.actions.len());
+        let rows = EpisodeRows::new(options.task, rig.joints, actions).with(&rig.disturbance, &rig.site);
         Self {
-            rows: EpisodeRows::new(options.task, rig.joints, actions),
+            rows,
+            weather: rows.disturbance.map(|rows| Weather::new(rows, &rig.site)),
             actuation: Actuation::new(&rig.actions),
             end_effector: rig.end_effector.map(|Shared(x)| Shared(number(x))),
             frequency: number(1.0 / period),
@@ -88,6 +92,12 @@ impl<T: Real> TaskKernel<T> {
     /// Where the numbers of an episode lie.
     pub fn rows(&self) -> &EpisodeRows {
         &self.rows
+    }
+
+    /// What changes within episodes, if anything does.
+    #[inline(always)]
+    pub fn weather(&self) -> Option<&Weather<T>> {
+        self.weather.as_ref()
     }
 
     /// Entries of an observation.
@@ -205,11 +215,11 @@ impl<T: Real> TaskKernel<T> {
     ) -> Judgement<L> {
         let rows = &self.rows;
         let sound = self.sound(memory, stance, error);
-        let ([keep, gain], [x, y, z], [a, b, c]) = (self.leak, error.position.0, error.rotation.0);
-        let error_entries = [x, y, z, a, b, c];
+        self.measure(memory, stance, error, sound);
+        let ([keep, gain], seen) = (self.leak, self.seen(memory, stance, error));
         for k in 0..6 {
             let old: L = memory.get(rows.integral + k);
-            let new = error_entries[k].mul_add(L::splat(gain), old * L::splat(keep));
+            let new = seen[k].mul_add(L::splat(gain), old * L::splat(keep));
             memory.set(rows.integral + k, L::select(sound, new, old));
         }
 
@@ -277,31 +287,37 @@ impl<T: Real> TaskKernel<T> {
     ) {
         let rows = &self.rows;
         let mut page = Page { scaling: &self.scaling, entries };
-        let (twist, n) = (stance.twist, rows.joints);
-        for part in [error.position, error.rotation, twist.linear, twist.angular] {
-            page.put_all(part);
+        let (n, seen): (_, [L; MEASURED]) = (rows.joints, self.seen(memory, stance, error));
+        for k in 0..12 {
+            page.put(seen[k]);
         }
         if self.tracks() {
-            page.put_all(stance.pose.rotation.apply_transposed(Vector3(splat_all(&self.up))));
+            for k in 0..3 {
+                page.put(seen[12 + 2 * n + k]);
+            }
         }
         for i in 0..n {
-            page.put(stance.q[i] - L::splat(self.home[i]));
+            page.put(seen[12 + i] - L::splat(self.home[i]));
         }
         for i in 0..n {
-            page.put(stance.qd[i]);
+            page.put(seen[12 + n + i]);
         }
         if self.tracks() {
             let reached = self.reached(stance);
             for part in [rows.motion, rows.motion + 3] {
                 page.put_all(reached.rotation.apply_transposed(Vector3(memory.get_all(part))));
             }
+            // What is seen ahead is off by what the present error is off by.
+            let moved = Vector3([seen[0], seen[1], seen[2]]) - error.position;
+            let turned = Vector3([seen[3], seen[4], seen[5]]) - error.rotation;
+            let measured = self.sensors().is_some();
             let (points, apart) = self.preview;
             for k in 0..points {
                 let ahead = L::c((k + 1) as f64) * L::splat(apart);
                 let point = path_point::<T, L>(memory, rows.path, ahead, L::splat(self.frequency));
-                let error = PoseError::of(&reached, &point.pose);
-                page.put_all(error.position);
-                page.put_all(error.rotation);
+                let ahead = PoseError::of(&reached, &point.pose);
+                page.put_all(if measured { ahead.position + moved } else { ahead.position });
+                page.put_all(if measured { ahead.rotation + turned } else { ahead.rotation });
             }
         } else {
             for i in 0..n {
@@ -317,6 +333,12 @@ impl<T: Real> TaskKernel<T> {
         for k in 0..6 {
             page.put(memory.get::<L>(rows.integral + k));
         }
+    }
+
+    /// Direction against gravity in body axes.
+    #[inline(always)]
+    pub(super) fn up<L: Lane<Real = T>>(&self, stance: &Stance<L>) -> Vector3<L> {
+        stance.pose.rotation.apply_transposed(Vector3(splat_all(&self.up)))
     }
 
     /// Pose of the end effector.
@@ -388,6 +410,12 @@ impl<T: Real> TaskKernel<T> {
         let [position, attitude] = self.tolerance;
         let reached = L::and(info[0].lt(L::splat(position)), info[1].lt(L::splat(attitude)));
         info[18] = L::select(reached, L::c(1.0), L::zero());
+        info[25] = L::c(1.0);
+        if let Some(disturbance) = rows.disturbance {
+            for k in 0..3 {
+                info[23 + k] = memory.get(disturbance.shown + k);
+            }
+        }
         info
     }
 }

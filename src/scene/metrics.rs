@@ -43,6 +43,12 @@ pub struct Metrics {
     /// For how long they have not been, s: since they last left their tolerances, up to now or to when they came back.
     /// What an episode needs from its start counts too.
     pub recovery_time: f64,
+    /// Force of other disturbances than the water, N.
+    pub disturbance_force: f64,
+    /// Payload, kg.
+    pub payload: f64,
+    /// What is left of the thrust of the weakest thruster.
+    pub thruster_gain: f64,
 }
 
 /// What a control period brought.
@@ -62,7 +68,7 @@ pub struct Outcome {
 
 impl Outcome {
     /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 23] = [
+    pub const INFO: [&'static str; 26] = [
         "position_error",
         "attitude_error",
         "end_effector_position_error",
@@ -86,6 +92,9 @@ impl Outcome {
         "recovery_time",
         "diverged",
         "reward_diverged",
+        "disturbance_force",
+        "payload",
+        "thruster_gain",
     ];
 
     /// All measures and reward terms, in the order of [`Outcome::INFO`].
@@ -106,7 +115,8 @@ impl Outcome {
         info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
         let flag = |yes: bool| f64::from(u8::from(yes));
         let last = [flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged), t.diverged];
-        info[18..].copy_from_slice(&last);
+        info[18..23].copy_from_slice(&last);
+        info[23..].copy_from_slice(&[m.disturbance_force, m.payload, m.thruster_gain]);
         info
     }
 }
@@ -126,6 +136,9 @@ impl From<&Judgement<f64>> for Outcome {
             success: info[18] != 0.0,
             mean_success: info[19],
             recovery_time: info[20],
+            disturbance_force: info[23],
+            payload: info[24],
+            thruster_gain: info[25],
         };
         let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17], diverged: info[22] };
         let diverged = !judgement.sound;

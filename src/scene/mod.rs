@@ -4,6 +4,8 @@
 //! control instant is written in lanes; episodes are drawn one by one, in f64.
 
 mod authority;
+pub mod disturbance;
+mod disturbed;
 mod episode;
 mod kernel;
 mod layout;
@@ -28,7 +30,7 @@ pub use kernel::{Command, TaskKernel};
 pub use layout::{Block, Layout};
 pub use metrics::{INFO, Judgement, Metrics, Outcome, RewardTerms};
 pub use options::{Goal, PREVIEW, Preview, RewardWeights, StartOverride, TaskOptions, Tolerance};
-pub use path::{PATH, PathKind, PathPoint, path_advance, path_point};
+pub use path::{PATH, PathKind, PathPoint, path_advance, path_places, path_point};
 pub use pose::{Pose, PoseError};
 pub use random::{EpisodeKey, Purpose, Stream};
 pub use reference::{JointReference, METRES_PER_RADIAN, ReferencePoint, hermite};

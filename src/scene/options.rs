@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
+use super::disturbance::{Disturbance, Parameters};
 use super::path::PathKind;
 use crate::control::ActionKind;
 use crate::error::TaskError;
@@ -22,8 +23,15 @@ pub struct TaskOptions {
     pub dt: f64,
     /// Physics steps per control period.
     pub substeps: u32,
-    /// Greatest speed of the drawn current, m/s. It comes on top of the scene's own current.
+    /// Greatest speed of the drawn current, m/s, where no disturbance is given. It comes on top of the scene's own
+    /// current.
     pub max_current: f64,
+    /// What disturbs episodes; a steady current where it is absent. Plain values have it as JSON.
+    #[serde(with = "as_json", skip_serializing_if = "Option::is_none")]
+    pub disturbance: Option<Disturbance>,
+    /// Factors on the scene's parameters, in place of those of the disturbance.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub randomize: Option<Parameters>,
     /// Greatest initial distance from the target, m.
     pub start_distance: f64,
     /// Greatest initial attitude error, rad.
@@ -92,6 +100,8 @@ impl Default for TaskOptions {
             dt: 0.01,
             substeps: 5,
             max_current: 0.3,
+            disturbance: None,
+            randomize: None,
             start_distance: 0.05,
             start_angle: 0.05,
             target_distance: 0.0,
@@ -168,6 +178,15 @@ impl TaskOptions {
         Value::try_from(self).map_err(|error| TaskError::Options(error.to_string()))
     }
 
+    /// What disturbs episodes.
+    pub fn disturbance(&self) -> Disturbance {
+        let given = self.disturbance.clone().unwrap_or_else(|| Disturbance::steady(self.max_current));
+        match &self.randomize {
+            Some(parameters) => Disturbance { parameters: parameters.any(), ..given },
+            None => given,
+        }
+    }
+
     /// Control period `dt * substeps`, s.
     pub fn control_period(&self) -> f64 {
         self.dt * f64::from(self.substeps)
@@ -236,6 +255,27 @@ pub struct StartOverride {
     pub target_position: Option<[f64; 3]>,
     /// Target attitude as a quaternion [w, x, y, z].
     pub target_attitude: Option<[f64; 4]>,
-    /// Whole current, m/s, the scene's own included.
+    /// Steady current, m/s, the scene's own included.
     pub current: Option<[f64; 3]>,
+    /// Disturbance in place of the task's; it has no components that the task's has not.
+    pub disturbance: Option<Disturbance>,
+}
+
+/// Disturbances as JSON among plain values.
+mod as_json {
+    use serde::{Deserialize, Deserializer, Serializer, de::Error};
+
+    use super::Disturbance;
+
+    pub fn serialize<S: Serializer>(given: &Option<Disturbance>, to: S) -> Result<S::Ok, S::Error> {
+        match given {
+            Some(disturbance) => to.serialize_str(&disturbance.to_json()),
+            None => to.serialize_none(),
+        }
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Disturbance>, D::Error> {
+        let text = String::deserialize(from)?;
+        Disturbance::from_json(&text).map(Some).map_err(Error::custom)
+    }
 }

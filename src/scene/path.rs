@@ -100,6 +100,15 @@ pub fn path_point<T: Real, L: Lane<Real = T>>(
     }
 }
 
+/// Places all along the closed path in rows from `row` on, each this many times around from its start.
+pub fn path_places(memory: &Rows<'_, f64>, row: usize, around: impl Iterator<Item = f64>) -> Vec<[f64; 3]> {
+    let place = |turns: f64| {
+        let ([x, y, z, ..], _) = coordinates::<f64, f64>(memory, row, TAU * turns);
+        [x, y, z]
+    };
+    around.map(place).collect()
+}
+
 /// Moves the path in rows from `row` on by a period.
 #[inline(always)]
 pub fn path_advance<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize) {

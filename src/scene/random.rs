@@ -34,6 +34,26 @@ pub enum Purpose {
     Current = 2,
     /// Joint reference.
     Reference = 3,
+    /// Wandering current: what it starts from.
+    Drift = 32,
+    /// Gusts.
+    Gust = 33,
+    /// Waves.
+    Waves = 34,
+    /// Pushes.
+    Impulse = 35,
+    /// Tether.
+    Tether = 36,
+    /// Payload.
+    Payload = 37,
+    /// Thrusters that fail.
+    Thrusters = 38,
+    /// What sensors are off by throughout an episode.
+    Bias = 39,
+    /// Factors on the scene's parameters.
+    Parameters = 40,
+    /// What differs from one control period to the next.
+    Noise = 41,
 }
 
 /// A stream of draws, addressed by index. Each index is one block of 128 bits, to be used for one draw.
@@ -74,14 +94,23 @@ impl Stream {
         Vector3::new(radius * cosine, radius * sine, height)
     }
 
+    /// Draw `index`, four numbers uniform in (0, 1), in steps of 2^-32.
+    pub fn quad(&self, index: u32) -> [f64; 4] {
+        self.words(index).map(|word| (f64::from(word) + 0.5) * (1.0 / (1u64 << 32) as f64))
+    }
+
     /// Two numbers in [0, 1) with 53 random bits each.
     fn pair(&self, index: u32) -> [f64; 2] {
-        let EpisodeKey { seed, episode } = self.key;
-        let counter = [index, self.purpose as u32, episode as u32, (episode >> 32) as u32];
-        let [a, b, c, d] = philox4x32(counter, [seed as u32, (seed >> 32) as u32]);
+        let [a, b, c, d] = self.words(index);
         let unit =
             |low: u32, high: u32| ((u64::from(high) << 32 | u64::from(low)) >> 11) as f64 * (1.0 / (1u64 << 53) as f64);
         [unit(a, b), unit(c, d)]
+    }
+
+    fn words(&self, index: u32) -> [u32; 4] {
+        let EpisodeKey { seed, episode } = self.key;
+        let counter = [index, self.purpose as u32, episode as u32, (episode >> 32) as u32];
+        philox4x32(counter, [seed as u32, (seed >> 32) as u32])
     }
 }
 

@@ -57,8 +57,15 @@ pub struct JointReference<L = f64> {
 impl JointReference {
     /// Draws the reference of `joint` that starts at `start` and swings by at most `amplitude` (rad;
     /// [`METRES_PER_RADIAN`] of it for a prismatic joint) around home, or around the nearest place where the joint's
-    /// limits leave room. `index` tells the joints of one arm apart; `period` is the control period, s.
-    pub fn draw(joint: &Joint, start: f64, amplitude: f64, period: f64, stream: &Stream, index: u32) -> Self {
+    /// limits leave room; `pace` is a factor on its speed. `index` tells the joints of one arm apart; `period` is the control period, s.
+    pub fn draw(
+        joint: &Joint,
+        start: f64,
+        [amplitude, pace]: [f64; 2],
+        period: f64,
+        stream: &Stream,
+        index: u32,
+    ) -> Self {
         let draw = |k: u32, low, high| stream.uniform_in(DRAWS * index + k, low, high);
         let wished = amplitude
             * match joint.kind {
@@ -81,7 +88,7 @@ impl JointReference {
         let greatest = RAMP_SLOPE / RAMP * (shift.abs() + amplitude[0] + amplitude[1])
             + amplitude[0] * frequency[0]
             + amplitude[1] * frequency[1];
-        let slowed = joint.speed.map_or(1.0, |speed| (speed / greatest).min(1.0)) * period;
+        let slowed = joint.speed.map_or(pace, |speed| (speed / greatest).min(pace)) * period;
         Self {
             start,
             shift,
@@ -175,6 +182,7 @@ mod tests {
             friction: Friction::default(),
             limits: limits.map(|[lower, upper]| JointLimits { lower, upper, stiffness: 100.0, damping: 0.0 }),
             effort: None,
+            actuator: None,
             speed,
             servo: None,
             home,
@@ -187,7 +195,7 @@ mod tests {
 
     /// A reference in seconds.
     fn drawn(joint: &Joint, start: f64, amplitude: f64, stream: &Stream, index: u32) -> JointReference {
-        JointReference::draw(joint, start, amplitude, 1.0, stream, index)
+        JointReference::draw(joint, start, [amplitude, 1.0], 1.0, stream, index)
     }
 
     proptest! {
@@ -239,7 +247,7 @@ mod tests {
     #[test]
     fn period_by_period_the_reference_is_the_same_as_from_afar() {
         let period = 0.05;
-        let from_afar = JointReference::draw(&joint(None, 0.3, Some(0.3)), 0.1, 0.5, period, &stream(3), 1);
+        let from_afar = JointReference::draw(&joint(None, 0.3, Some(0.3)), 0.1, [0.5, 1.0], period, &stream(3), 1);
         let mut reference = from_afar;
         for k in 0..4000 {
             let (near, far) = (reference.point(1.0, 1.0 / period), from_afar.point(f64::from(k + 1), 1.0 / period));

@@ -1,9 +1,8 @@
 //! How episodes start.
 
-use std::f64::consts::TAU;
-
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6};
 
+use super::disturbance::{Column, Disturbance};
 use super::episode::Episode;
 use super::observation::joint_bounds;
 use super::options::{Goal, StartOverride};
@@ -11,12 +10,10 @@ use super::path::{PATH, draw_path};
 use super::pose::Pose;
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::JointReference;
+use super::stance::Stance;
 use super::task::Task;
 use crate::error::{ControlError, TaskError};
-use crate::system::State;
-
-/// Greatest angle of a drawn current against the horizontal, rad.
-const CURRENT_ELEVATION: f64 = 0.25;
+use crate::system::{Factors, State};
 
 impl Task {
     /// The start of an episode and the state it starts from, all drawn.
@@ -63,6 +60,10 @@ impl Task {
                 return Err(TaskError::Start { name, value: norm, allowed: "a quaternion of length near 1".into() });
             }
         }
+        if let Some(disturbance) = &given.disturbance {
+            disturbance.check(self.site())?;
+            self.disturbance().check_room(disturbance, self.site().period)?;
+        }
         let (episode, state) = self.start(key, given);
         match self.violation(&episode.target(), &state) {
             Some((name, value, bound)) => {
@@ -75,7 +76,9 @@ impl Task {
     fn start(&self, key: EpisodeKey, given: &StartOverride) -> (Episode, State) {
         let options = &self.options;
         let turn = |vector: Vector3<f64>| Rotation3::from_scaled_axis(vector).into_inner();
-        let [forward, left, up] = self.level;
+        let [_, _, up] = self.level;
+        let disturbance = given.disturbance.as_ref().unwrap_or(self.disturbance());
+        let arm = disturbance.arm.unwrap_or_default();
 
         let draw = Stream::new(key, Purpose::Target);
         let target = Pose {
@@ -89,11 +92,8 @@ impl Task {
 
         let draw = Stream::new(key, Purpose::Current);
         let current = given.current.map(Vector3::from).unwrap_or_else(|| {
-            let azimuth = draw.uniform_in(0, 0.0, TAU);
-            let elevation = draw.uniform_in(1, -CURRENT_ELEVATION, CURRENT_ELEVATION);
-            let level = forward * azimuth.cos() + left * azimuth.sin();
-            self.scene.water.current
-                + (level * elevation.cos() + up * elevation.sin()) * draw.uniform_in(2, 0.0, options.max_current)
+            let (own, steady) = (self.scene.water.current, disturbance.current.as_ref());
+            steady.map_or(own, |steady| own + steady.draw(&draw, self.site()))
         });
 
         let draw = Stream::new(key, Purpose::Start);
@@ -123,11 +123,35 @@ impl Task {
         }
         let following = if options.task == Goal::Track { 0 } else { self.joints.len() };
         for (i, joint) in self.joints.iter().take(following).enumerate() {
-            let reference = JointReference::draw(joint, state.q[i], options.arm_amplitude, period, &draw, i as u32);
+            let amplitude = options.arm_amplitude * arm.amplitude;
+            let reference = JointReference::draw(joint, state.q[i], [amplitude, arm.speed], period, &draw, i as u32);
             memory.set_all(rows.reference + JointReference::<f64>::LEN * i, &reference.to_array());
         }
         self.kernel().aim::<f64>(&mut memory);
+        self.unleash(&mut episode, &state, &current, disturbance);
         (episode, state)
+    }
+
+    /// Draws what disturbs the episode, and measures its start.
+    fn unleash(&self, episode: &mut Episode, state: &State, current: &Vector3<f64>, disturbance: &Disturbance) {
+        let (kernel, key) = (self.kernel(), episode.key());
+        let Some(weather) = kernel.weather() else { return };
+        weather.begin(&mut Column::of_one(&mut episode.numbers), key, current, disturbance);
+        let stance = Stance::from(state);
+        let mut memory = episode.memory();
+        let forcing = weather.force(&memory, &stance.pose, &stance.twist);
+        kernel.show(weather, &mut memory, &forcing);
+        let error = kernel.error(&memory, &stance);
+        kernel.measure(&mut memory, &stance, &error, true);
+        if let Some(sensors) = weather.sensors() {
+            sensors.fill(&mut Column::of_one(&mut episode.numbers));
+        }
+    }
+
+    /// Factors on the scene's parameters in an episode that starts like this; `None` where they are always 1.
+    pub fn factors(&self, key: EpisodeKey, given: &StartOverride) -> Option<Factors<f64>> {
+        let disturbance = given.disturbance.as_ref().unwrap_or(self.disturbance());
+        self.disturbance().varies().then(|| disturbance.factors(key))
     }
 }
 

@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::authority::{greatest_tilt, greatest_torques, with_drives};
+use super::disturbance::{Column, Disturbance, Profile, Site};
 use super::episode::{Episode, EpisodeRows};
 use super::kernel::{Command, TaskKernel};
 use super::layout::Layout;
@@ -51,6 +52,8 @@ pub(super) struct Rig {
     pub joints: usize,
     /// World axis against gravity (world z without gravity).
     pub up: [f64; 3],
+    pub disturbance: Disturbance,
+    pub site: Site,
 }
 
 impl Task {
@@ -91,6 +94,12 @@ impl Task {
         let up = (-scene.water.gravity).try_normalize(0.0).unwrap_or_else(Vector3::z);
         let forward = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
         let forward = (forward - up * up.dot(&forward)).normalize();
+        let level = [forward, up.cross(&forward), up];
+        let site = Site::new(scene, &allocation, level, options.control_period()).that_tracks(tracks);
+        let disturbance = options.disturbance();
+        if options.disturbance.is_some() || options.randomize.is_some() {
+            disturbance.check(&site)?;
+        }
         let (torques, tilt) = if tracks {
             (greatest_torques(scene, &up)?, greatest_tilt(scene, &up, allocation.wrench_limits())?)
         } else {
@@ -104,6 +113,8 @@ impl Task {
             home: scene.home(),
             joints: joints.len(),
             up: up.into(),
+            disturbance,
+            site,
         };
         Ok(Self {
             tilt,
@@ -114,8 +125,30 @@ impl Task {
             joint_names: scene.joint_names(),
             joints,
             scene: scene.clone(),
-            level: [forward, up.cross(&forward), up],
+            level,
         })
+    }
+
+    /// What disturbs episodes.
+    pub fn disturbance(&self) -> &Disturbance {
+        &self.rig.disturbance
+    }
+
+    pub(super) fn site(&self) -> &Site {
+        &self.rig.site
+    }
+
+    /// What disturbances will come to from where the episode stands, one entry per control period, for a vehicle that
+    /// stays at rest in `pose`.
+    pub fn profile(&self, episode: &Episode, pose: &Pose, steps: u32) -> Profile {
+        let (mut numbers, pose) = (episode.numbers().to_vec(), pose.in_lanes());
+        match self.kernel.weather() {
+            Some(weather) => {
+                let thrusters = self.rig.site.thrusters;
+                weather.profile(&mut numbers, episode.key(), episode.step(), steps, &pose, thrusters)
+            }
+            None => Profile::steady(&episode.current(), steps, self.rig.site.thrusters),
+        }
     }
 
     /// The frame whose pose counts: the vehicle's, or that of the end effector that follows a path.
@@ -284,6 +317,10 @@ impl Task {
     pub fn act(&self, episode: &mut Episode, action: &[f32]) -> Command<f64> {
         let mut entries = [0.0; ACTIONS];
         entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
+        if let Some(weather) = self.kernel().weather() {
+            let (key, step) = (episode.key(), episode.step());
+            weather.stir(&mut Column::of_one(&mut episode.numbers), key, step);
+        }
         self.kernel().act(&mut episode.memory(), &entries, None)
     }
 

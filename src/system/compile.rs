@@ -2,10 +2,12 @@
 
 use nalgebra as na;
 
+use super::appendages::{fins, tether};
 use super::chain::{Line, inverse, joint_frames, shift};
-use super::model::{BodyTerms, Constant, Friction, JointTerms, Limits, Servo, System, VehicleServo};
+use super::model::{Actuator, BodyTerms, Constant, Friction, JointTerms, Limits, Servo, System, VehicleServo};
+use super::propulsion::thrusters;
 use super::variation::Ingredients;
-use crate::description::{Body, Frame, Joint, JointKind, Scene, Vehicle, Water};
+use crate::description::{Body, Frame, Joint, JointKind, LinearActuator, Scene, Vehicle, Water};
 use crate::hydro::{Coefficients, Drag, Placement, Principal, Restoring};
 use crate::lane::Shared;
 use crate::lie::{Matrix3, Pose, Vector3};
@@ -88,6 +90,7 @@ pub fn compile(scene: &Scene) -> Compiled {
                 limits: limits(joint),
                 servo: servo(joint),
                 effort: joint.effort,
+                actuator: joint.actuator.as_ref().map(actuator),
             }
         })
         .collect();
@@ -97,6 +100,9 @@ pub fn compile(scene: &Scene) -> Compiled {
         vehicle,
         joints,
         vehicle_servo: vehicle_servo(&scene.vehicle),
+        thrusters: thrusters(&scene.vehicle),
+        fins: fins(scene),
+        tether: tether(scene),
     };
     let grip = links.last().unwrap_or(&hook).times(&tip).position.0;
     Compiled { system: system.map(Shared), links, grip, ingredients }
@@ -318,6 +324,11 @@ fn friction(joint: &Joint) -> Option<Friction<f64>> {
 fn servo(joint: &Joint) -> Option<Servo<f64>> {
     let gains = joint.servo.as_ref().filter(|s| s.kp != 0.0 || s.kd != 0.0)?;
     Some(Servo { kp: gains.kp, kd: gains.kd })
+}
+
+fn actuator(given: &LinearActuator) -> Actuator<f64> {
+    let (a, b) = (given.base, given.lever);
+    Actuator { angle: given.angle, stroke: [a * a + b * b, 2.0 * a * b], force: given.force * a * b }
 }
 
 fn vehicle_servo(vehicle: &Vehicle) -> Option<VehicleServo<f64>> {

@@ -1,7 +1,8 @@
 //! What the kernel reads: constants of a scene, in the frames that compute fastest.
 
 use super::JOINTS;
-use crate::hydro::{Drag, Principal, Restoring};
+use crate::hydro::{Drag, Fin, Principal, Restoring, Tether, Thruster};
+use crate::lane::{Lane, Param, get_all, sin_cos};
 use crate::spatial::{Bend, PointMass, SpatialInertia};
 
 /// A scene compiled for computation; a term that the scene does not have is absent. Shared by all instances.
@@ -20,6 +21,12 @@ pub struct System<P> {
     pub joints: Vec<JointTerms<P>>,
     /// Station keeping evaluated within the stages.
     pub vehicle_servo: Option<VehicleServo<P>>,
+    /// Thrusters, if any has dynamics; else what they give is part of the wrench on the vehicle.
+    pub thrusters: Vec<Thruster<P>>,
+    /// Fins.
+    pub fins: Vec<Fin<P>>,
+    /// Tether.
+    pub tether: Option<Tether<P>>,
 }
 
 /// Terms of one moving body.
@@ -56,6 +63,38 @@ pub struct JointTerms<P> {
     pub servo: Option<Servo<P>>,
     /// Greatest actuator torque.
     pub effort: Option<P>,
+    /// Linear actuator, in place of that.
+    pub actuator: Option<Actuator<P>>,
+}
+
+/// A linear actuator: its greatest torque is `f |sin(q + angle)| / sqrt(s - t cos(q + angle))`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Actuator<P> {
+    /// Angle at q = 0.
+    pub angle: P,
+    /// s: squares of the two distances from the axis, and t: twice their product.
+    pub stroke: [P; 2],
+    /// f: greatest force times that product.
+    pub force: P,
+}
+
+impl<P: Copy> Actuator<P> {
+    fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Actuator<Q> {
+        Actuator { angle: c(self.angle), stroke: self.stroke.map(c), force: c(self.force) }
+    }
+
+    /// Greatest torque at joint coordinate `q`.
+    #[inline(always)]
+    pub fn effort<L: Lane>(&self, q: L) -> L
+    where
+        P: Param<L>,
+    {
+        let (sin, cos) = sin_cos(q + self.angle.get());
+        let [squares, product]: [L; 2] = get_all(&self.stroke);
+        // Where both points fall together there is no lever arm either.
+        let square = product.neg_mul_add(cos, squares).max(squares * L::c(1e-12));
+        self.force.get() * sin.abs() / square.sqrt()
+    }
 }
 
 /// The constant part of a joint's `Rz(theta) Tz(d)`.
@@ -132,6 +171,9 @@ impl<P: Copy> System<P> {
             vehicle: self.vehicle.map(c),
             joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
+            thrusters: self.thrusters.iter().map(|thruster| thruster.map(c)).collect(),
+            fins: self.fins.iter().map(|fin| fin.map(c)).collect(),
+            tether: self.tether.map(|tether| tether.map(c)),
         }
     }
 }
@@ -184,6 +226,7 @@ impl<P: Copy> JointTerms<P> {
             limits: self.limits.map(|l| Limits { range: l.range.map(c), stop: l.stop.map(c) }),
             servo: self.servo.map(|s| Servo { kp: c(s.kp), kd: c(s.kd) }),
             effort: self.effort.map(c),
+            actuator: self.actuator.map(|actuator| actuator.map(c)),
         }
     }
 }

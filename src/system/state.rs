@@ -2,6 +2,8 @@
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
+use crate::hydro::{THRUSTERS, Thrusts};
+
 /// Greatest number of joints: q0 of joint loading and the eight of an arm.
 pub const JOINTS: usize = 9;
 
@@ -24,7 +26,7 @@ impl From<Vector3<f64>> for Flow {
     }
 }
 
-/// State of one instance: `(T, V, q, q')` and the time. `[HC eq. 17]`
+/// State of one instance: `(T, V, q, q')`, thrusts and the time. `[HC eq. 17]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Vehicle origin in the world, m.
@@ -37,6 +39,8 @@ pub struct State {
     pub q: Joints,
     /// Joint rates, rad/s or m/s.
     pub qd: Joints,
+    /// Thrust of each thruster in still water, N, where the scene gives its thrusters dynamics; else 0.
+    pub thrust: Thrusts,
     /// Time since the start, s.
     pub time: f64,
 }
@@ -50,6 +54,7 @@ impl Default for State {
             twist: Vector6::zeros(),
             q: [0.0; JOINTS],
             qd: [0.0; JOINTS],
+            thrust: [0.0; THRUSTERS],
             time: 0.0,
         }
     }

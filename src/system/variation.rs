@@ -6,7 +6,7 @@ use crate::lane::{Lane, Param, Real, Shared};
 use crate::spatial::{PointMass, SpatialInertia};
 
 /// Number of factors.
-pub const FACTORS: usize = 7;
+pub const FACTORS: usize = 8;
 
 /// Factors on the parameters of every body of one instance; all 1 for the scene as it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +25,8 @@ pub struct Factors<L> {
     pub payload: L,
     /// Thrust.
     pub thrust: L,
+    /// Time constants of thrusters.
+    pub thruster_lag: L,
 }
 
 impl Factors<f64> {
@@ -37,15 +39,16 @@ impl Factors<f64> {
         volume: 1.0,
         payload: 0.0,
         thrust: 1.0,
+        thruster_lag: 1.0,
     };
     /// The scene without added mass.
     pub const RIGID: Self = Self { added_mass: 0.0, ..Self::ONE };
 }
 
 impl Factors<f64> {
-    /// Those of bodies: all but that on thrust.
-    pub fn of_bodies(&self) -> [f64; FACTORS - 1] {
-        let [bodies @ .., _] = self.to_array();
+    /// Those of bodies: all but those of thrusters.
+    pub fn of_bodies(&self) -> [f64; FACTORS - 2] {
+        let [bodies @ .., _, _] = self.to_array();
         bodies
     }
 }
@@ -53,19 +56,19 @@ impl Factors<f64> {
 impl<L: Copy> Factors<L> {
     /// Names, in the order of [`Self::to_array`].
     pub const NAMES: [&'static str; FACTORS] =
-        ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume", "payload", "thrust"];
+        ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume", "payload", "thrust", "thruster_lag"];
 
     /// From their numbers.
     #[inline(always)]
     pub fn from_array(numbers: [L; FACTORS]) -> Self {
-        let [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust] = numbers;
-        Self { mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust }
+        let [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag] = numbers;
+        Self { mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag }
     }
 
     /// As numbers.
     pub fn to_array(&self) -> [L; FACTORS] {
-        let Self { mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust } = *self;
-        [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust]
+        let Self { mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag } = *self;
+        [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag]
     }
 }
 

@@ -103,7 +103,7 @@ impl Push {
     }
 
     pub fn loads(&self) -> Loads<'_> {
-        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command }
+        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command, ..Loads::default() }
     }
 }
 

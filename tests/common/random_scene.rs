@@ -140,6 +140,7 @@ impl Random {
             friction: Friction::default(),
             limits: None,
             effort: None,
+            actuator: None,
             speed: Some(0.5),
             servo: None,
             home,
@@ -177,16 +178,18 @@ pub fn random_scene(seed: u64, options: Options) -> Scene {
         gravity: random.direction() * 9.8,
         current: if moving_water { random.vector(0.5) } else { Vector3::zeros() },
     };
-    let thrusters = (0..6).map(|i| Thruster {
-        name: format!("thruster-{i}"),
-        position: random.vector(0.4),
-        axis: random.direction(),
-        limits: [-random.between(20.0, 40.0), random.between(20.0, 40.0)],
+    let thrusters = (0..6).map(|i| {
+        let (position, axis) = (random.vector(0.4), random.direction());
+        let limits = [-random.between(20.0, 40.0), random.between(20.0, 40.0)];
+        Thruster::new(format!("thruster-{i}"), position, axis, limits)
     });
     let vehicle = Vehicle {
         name: "random vehicle".into(),
         fixed,
         thrusters: thrusters.collect(),
+        thruster_lag: None,
+        fins: Vec::new(),
+        tether: None,
         servo: Some(VehicleServo { kp: [40.0, 40.0, 40.0, 5.0, 5.0, 5.0], kd: [60.0, 60.0, 60.0, 8.0, 8.0, 8.0] }),
         body: random.body(30.0, 0.6, dry),
         shape: None,

@@ -57,8 +57,10 @@ fn run(scene: &Scene, precision: Precision, integrator: &str, varied: bool) -> V
 /// A number for all bits of the states.
 fn digest(states: &[State]) -> u64 {
     let mut sum = 0_u64;
-    for State { position, rotation, twist, q, qd, time } in states {
-        for x in position.iter().chain(rotation.iter()).chain(twist.iter()).chain(q).chain(qd).chain([time]) {
+    for State { position, rotation, twist, q, qd, thrust, time } in states {
+        for x in
+            position.iter().chain(rotation.iter()).chain(twist.iter()).chain(q).chain(qd).chain(thrust).chain([time])
+        {
             assert!(x.is_finite(), "{x}");
             sum = (sum.rotate_left(5) ^ x.to_bits()).wrapping_mul(0x517c_c1b7_2722_0a95);
         }

@@ -26,7 +26,9 @@ fn power(simulator: &Simulator, thrust: &[f64], target: &[f64]) -> Power {
             torque
         })
         .collect();
-    simulator.closed_form(0, |form| form.power(&Loads { thrust, external: &[], joint_command: &command }).unwrap())
+    simulator.closed_form(0, |form| {
+        form.power(&Loads { thrust, external: &[], joint_command: &command, ..Loads::default() }).unwrap()
+    })
 }
 
 /// Residual of the ledger by the absolute work: |E(T) - E(0) - integral of power|, by Boole's rule on the steps.

@@ -168,14 +168,13 @@ def task_ids() -> list[str]:
 
 
 def small(task: str) -> str:
-    """A cheap scene that the task takes."""
+    """A cheap scene; one with joints where they are acted on."""
     return "bluerov2-heavy-alpha5" if "EETrack" in task else SMALL
 
 
-def scenes_for(task: str) -> list[str]:
-    """Shipped scenes that the task takes: those with thrusters, and with joints where an end effector is moved."""
-    counts = {name: Simulator(name) for name in uvms_gym.scenes()}
-    return [name for name, s in counts.items() if s.num_thrusters and (s.num_joints or "EETrack" not in task)]
+def scenes_with_thrusters() -> list[str]:
+    """Shipped scenes that tasks take: those with thrusters for all six axes."""
+    return [name for name in uvms_gym.scenes() if Simulator(name).num_thrusters >= 6]
 
 
 def choices(task: str, argument: str) -> list[str]:

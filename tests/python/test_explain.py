@@ -45,6 +45,9 @@ def complete() -> dict[str, Any]:
         joint["limits"] = {"lower": -2.0, "upper": 2.0, "stiffness": 20.0, "damping": 1.0}
         joint["home"] = 0.0
         joint["effort"] = 9.0
+    fins = load_scene("remus-100")["vehicle"]["fins"]
+    tether = {"position": [0.0, 0.0, 0.1], "length": 20.0, "diameter": 0.01, "mass_per_length": 0.1}
+    scene["vehicle"].update(fins=fins, tether=tether, thruster_lag=0.1)
     return load_scene(scene)
 
 
@@ -56,7 +59,7 @@ def test_terms_of_a_shipped_scene_are_those_that_its_numbers_hold(name: str) -> 
     assert listed["vehicle: added mass"].present == bool(np.any(vehicle["added_mass"]))
     assert listed["vehicle: linear drag"].present == bool(np.any(vehicle["damping"]["linear"]))
     assert listed["vehicle: quadratic drag"].present == bool(np.any(vehicle["damping"]["quadratic"]))
-    assert listed["vehicle: added mass, off-diagonal"].present == (name == "rexrov")
+    assert listed["vehicle: added mass, off-diagonal"].present == (name in ("rexrov", "remus-100"))
     assert listed["effort limits"].present == any("effort" in joint for joint in joints(scene))
     assert not listed["payload"].present
     for term in listed.values():

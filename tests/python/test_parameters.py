@@ -9,7 +9,7 @@ from helpers import assert_same, moving, state_of
 
 from uvms_gym import Simulator, load_scene
 
-NAMES = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume", "payload", "thrust"]
+NAMES = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume", "payload", "thrust", "thruster_lag"]
 NEUTRAL = {name: float(name != "payload") for name in NAMES}
 
 

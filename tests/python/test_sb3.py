@@ -10,9 +10,7 @@ import cloudpickle
 import gymnasium as gym
 import numpy as np
 import pytest
-from helpers import LEAVING, SMALL, same
-
-import uvms_gym
+from helpers import LEAVING, SMALL, policies, same
 
 pytest.importorskip("stable_baselines3")
 
@@ -336,10 +334,13 @@ def test_evaluation_works_and_is_that_of_singles(tmp_path):
     assert got == expected
 
 
-def test_controllers_are_evaluated_as_policies_are():
-    venv = native(2, 30, seed=0)
-    mean, _ = evaluate_policy(uvms_gym.PD(venv.envs), venv, 4)
-    assert np.isfinite(mean)
+@pytest.mark.parametrize("controller", policies(), ids=lambda controller: type(controller).__name__)
+def test_controllers_are_evaluated_as_policies_are(controller):
+    got, expected = (
+        evaluate_policy(controller, venv, 4, return_episode_rewards=True)
+        for venv in (native(2, 20, 0), dummy(2, 20, 0))
+    )
+    assert got == expected
 
 
 @pytest.mark.parametrize("wrap", [VecNormalize, VecCheckNan, lambda venv: VecFrameStack(venv, 3), VecMonitor])

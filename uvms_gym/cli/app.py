@@ -8,11 +8,13 @@ from typing import Annotated
 import typer
 
 from uvms_gym import __version__
-from uvms_gym.cli import scenes
+from uvms_gym.cli import robots, scenes
 from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.bench import bench
 from uvms_gym.cli.compare import compare
+from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
+from uvms_gym.cli.play import play
 from uvms_gym.cli.reproduce import reproduce
 
 app = typer.Typer(
@@ -24,9 +26,14 @@ app = typer.Typer(
 )
 app.command()(reproduce)
 app.command()(compare)
+app.command()(disturbances)
+app.command()(play)
 app.command()(accuracy)
 app.command()(bench)
 scenes.app.command()(explain)
+scenes.app.command()(robots.template)
+scenes.app.command()(robots.estimate)
+scenes.app.command("import")(robots.import_arm)
 app.add_typer(scenes.app, name="scenes")
 
 

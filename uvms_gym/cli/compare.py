@@ -91,6 +91,10 @@ def compare(
     controllers: Annotated[
         str, typer.Option(help=f"Any of {KNOWN}; the others are set against the first.")
     ] = "none,pd",
+    disturbance: Annotated[
+        str | None,
+        typer.Option(help="Level of disturbances, such as storm; `uvms disturbances` lists them. [default: a current]"),
+    ] = None,
     current: Annotated[
         float, typer.Option(help=f"Greatest speed of the drawn current, 0 to {MOST_CURRENT:g} m/s.")
     ] = 0.3,
@@ -112,7 +116,8 @@ def compare(
             raise fail(f"scene {name!r} is given twice")
     loaded = {name: read_scene(name) for name in chosen}
     steps = _length(env)
-    settings = {name: {"scene": scene, "action": action, "max_current": current} for name, scene in loaded.items()}
+    given = {"action": action, "max_current": current, "disturbance": disturbance}
+    settings = {name: {"scene": scene, **given} for name, scene in loaded.items()}
     for options in settings.values():
         for controller in names:
             _controller(env, controller, options)
@@ -142,6 +147,7 @@ def compare(
         "seed": seed,
         "controllers": names,
         "current": current,
+        "disturbance": disturbance,
         "action": action,
     }
     data = {"circumstances": circumstances("compare", arguments), "results": results}

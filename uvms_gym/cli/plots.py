@@ -241,3 +241,47 @@ def save(figure: Figure, path: Path, dpi: float = 130) -> None:
         figure.savefig(path, dpi=dpi)
     except OSError as error:
         raise fail(f"cannot write {path}: {error.strerror}") from None
+
+
+def disturbance(path: Path, title: str, profile: Mapping[str, Any]) -> None:
+    """Velocity of the water, force, and what is left of the thrusters, over time."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 6.4))
+        water, force, rest = figure.subplots(3, 1, sharex=True)
+        time = profile["time"]
+        for k, (axis, colour) in enumerate(zip("xyz", (BLUE, VERMILION, GREEN), strict=True)):
+            water.plot(time, profile["current"][:, k], color=colour, label=axis)
+            force.plot(time, profile["wrench"][:, k], color=colour, drawstyle="steps-post")
+        water.set(title=title, ylabel="water (m/s), world")
+        water.legend(ncols=3, loc="upper right")
+        force.set(ylabel="force (N), body")
+        rest.plot(time, 100.0 * profile["gains"], color=PURPLE, linewidth=1.2)
+        rest.set(ylabel="thrusters (%)", ylim=(-5.0, 105.0), xlabel="time (s)")
+        mass = rest.twinx()
+        mass.plot(time, profile["payload"], color=ORANGE, drawstyle="steps-post")
+        mass.set_ylabel("payload (kg)", color=ORANGE)
+        mass.set_ylim(bottom=0.0)
+        mass.grid(visible=False)
+        save(figure, path)
+
+
+def disturbance_shapes(path: Path, shapes: Mapping[str, Mapping[str, Any]]) -> None:
+    """One small picture of each shape: what of it changes."""
+    with mpl.rc_context({**STYLE, "font.size": 8.0, "axes.titlesize": 9.0, "lines.linewidth": 1.1}):
+        figure = Figure(figsize=(8.0, 5.4))
+        for axes, (title, profile) in zip(figure.subplots(3, 3).flat, shapes.items(), strict=False):
+            time = profile["time"]
+            parts = {
+                "N": profile["wrench"][:, :3],
+                "kg": profile["payload"][:, np.newaxis],
+                "share of thrust": profile["gains"],
+                "m/s": profile["current"],
+            }
+            changes = {unit: lines for unit, lines in parts.items() if np.ptp(lines, axis=0).max() > 0.0}
+            unit, lines = next(iter(changes.items()), ("m/s", profile["current"]))
+            for line, colour in zip(lines.T, np.resize((BLUE, VERMILION, GREEN), lines.shape[1]), strict=True):
+                axes.plot(time, line, color=str(colour), drawstyle="steps-post")
+            axes.set(title=title, ylabel=unit)
+            if axes.get_subplotspec().is_last_row():
+                axes.set_xlabel("time (s)")
+        save(figure, path)

@@ -1,4 +1,4 @@
-"""`uvms scenes`: list, show, check. `explain` is in a module of its own."""
+"""`uvms scenes`: list, show, check. The others are in modules of their own."""
 
 import math
 from typing import Annotated, Any
@@ -24,6 +24,10 @@ Speed = Annotated[
 MOST_SPEED = 1000.0
 #: Modes that are shown.
 SHOWN = 8
+#: Integrator and step, s, that the environments take by default.
+DEFAULT = ("mk4", 0.01)
+#: Steps that are recommended, s.
+STEPS = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 
 def read_scene(scene: str) -> dict[str, Any]:
@@ -86,22 +90,81 @@ def show(scene: Scene, json_file: Json = None) -> None:
 
 
 @app.command()
-def check(scene: Scene, speed: Speed = None, json_file: Json = None) -> None:
-    """Check a scene, and show its fastest modes and the steps that are stable for them.
+def check(
+    scene: Scene,
+    speed: Speed = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 if anything is doubtful.")] = False,
+    json_file: Json = None,
+) -> None:
+    """Check a scene, and show what is doubtful, its balance, its fastest modes and the steps that are stable for them.
 
-    What is wrong with a scene is one line that names file, key and value.
+    What is wrong with a scene is one line that names file, key and value, and exit status 2.
     """
     if speed is not None:
         check_range("--speed", speed, 0.0, MOST_SPEED)
     loaded = read_scene(scene)
     prepare(None, json_file)
-    simulator = uvms_gym.Simulator(loaded)
+    try:
+        simulator = uvms_gym.Simulator(loaded)
+    except ValueError as error:
+        raise fail(f"{scene}: {error}") from None
+    doubts = uvms_gym.scene_doubts(loaded)
+    balance = _balance(simulator)
+    steps = simulator.stable_steps(speed)
+    greatest = steps[DEFAULT[0]]
+    if greatest < DEFAULT[1]:
+        what = f"the environments' step of {DEFAULT[1]:g} s is unstable, the greatest stable one is {greatest:.2g} s"
+        doubts.append(f"{_culprit(simulator, speed)}: {what}")
+    step = next((step for step in STEPS if 1.5 * step <= greatest), None)
     console.print(f"{loaded['name']}: no fault found", markup=False)
+    for doubt in doubts:
+        console.print(f"doubtful: {doubt}", markup=False)
     console.print()
-    modes, steps = _show_rates(simulator, speed)
+    rows = [(name, f"{value:.6g}") for name, value in balance.items()]
+    advice = f"{step:g}" if step is not None else "none: too stiff"
+    table("Summary", ("", ""), [*rows, ("recommended step of mk4, s", advice)])
+    modes, steps_shown = _show_rates(simulator, speed)
     if json_file is not None:
         data = [{**mode, "rate": [mode["rate"].real, mode["rate"].imag]} for mode in modes]
-        write_json(json_file, {"scene": loaded["name"], "speed": speed, "modes": data, "stable_steps": steps})
+        found = {
+            "scene": loaded["name"],
+            "speed": speed,
+            "doubts": doubts,
+            "summary": balance,
+            "recommended_step": step,
+        }
+        write_json(json_file, {**found, "modes": data, "stable_steps": steps_shown})
+    if strict and doubts:
+        raise typer.Exit(1)
+
+
+def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
+    """Find mass, buoyancy and freedom."""
+    scene = simulator.scene
+    arm = scene.get("arm", {})
+    bodies = [scene["vehicle"]["body"], *(link["body"] for link in arm.get("links", []))]
+    bodies += [part for part in (arm.get("base"), scene.get("payload", {}).get("body")) if part is not None]
+    gravity = math.hypot(*scene["water"]["gravity"])
+    mass = sum(body["mass"] for body in bodies)
+    weight = mass * gravity
+    buoyancy = sum(
+        body.get("buoyancy", scene["water"]["density"] * gravity * body.get("volume", 0.0)) for body in bodies
+    )
+    return {
+        "degrees of freedom": simulator.num_joints + (0 if scene["vehicle"]["fixed"] else 6),
+        "joints": simulator.num_joints,
+        "thrusters": simulator.num_thrusters,
+        "mass, kg": mass,
+        "weight, N": weight,
+        "buoyancy, N": buoyancy,
+        "net weight in water, N": weight - buoyancy,
+    }
+
+
+def _culprit(simulator: uvms_gym.Simulator, speed: float | None) -> str:
+    """Tell what moves fastest."""
+    modes = [mode for mode in simulator.modes(speed) if not mode["end_stop"]]
+    return modes[0]["what"] if modes else "end stops"
 
 
 def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[list[Any], dict[str, dict[str, float]]]:

@@ -56,7 +56,7 @@ def terms_of(scene: Table) -> list[Term]:
     """
     terms = [_of_bodies(scene, group, kind) for group in _GROUPS for kind in _BODY_KINDS]
     terms += [_current(scene), *(_of_joints(scene, kind) for kind in _JOINT_KINDS)]
-    terms += [_arm_base(scene), _payload(scene)]
+    terms += [_arm_base(scene), _payload(scene), _fins(scene), _tether(scene), _thrusters(scene)]
     removals = [term.remove for term in terms if term.remove is not None]
     if len(removals) > 1:
         terms.append(
@@ -268,3 +268,32 @@ def _payload(scene: Table) -> Term:
     if not scene.get("payload"):
         return Term("payload", False)
     return Term("payload", True, lambda scene: scene.pop("payload", None), "its mass and its water")
+
+
+def _fins(scene: Table) -> Term:
+    if not scene["vehicle"].get("fins") or scene["water"]["density"] == 0.0:
+        return Term("fins", False)
+    return Term("fins", True, lambda scene: scene["vehicle"].pop("fins", None), "as the scene deflects them")
+
+
+def _tether(scene: Table) -> Term:
+    if not scene["vehicle"].get("tether"):
+        return Term("tether", False)
+    return Term("tether", True, lambda scene: scene["vehicle"].pop("tether", None), "its weight and its drag")
+
+
+_DYNAMICS = ("lag", "dead_band", "map", "ambient_flow")
+
+
+def _thrusters(scene: Table) -> Term:
+    vehicle = scene["vehicle"]
+    if not (vehicle.get("thruster_lag") or any(t.get(key) for t in vehicle["thrusters"] for key in _DYNAMICS)):
+        return Term("thruster dynamics", False)
+
+    def remove(scene: Table) -> None:
+        scene["vehicle"].pop("thruster_lag", None)
+        for thruster in scene["vehicle"]["thrusters"]:
+            for key in _DYNAMICS:
+                thruster.pop(key, None)
+
+    return Term("thruster dynamics", True, remove, "this motion is pushed by wrenches: it tells the cost alone")

@@ -1,5 +1,6 @@
 """What all environments have in common: arguments, spaces, state; single and vector."""
 
+import json
 import math
 import operator
 import os
@@ -8,14 +9,20 @@ from typing import Any, ClassVar, Literal, TypedDict, cast
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import logger, spaces
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._core import Simulator, Task
+from uvms_gym.envs import EPISODE_STEPS
+from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering, check_mode
 
 Scene = str | os.PathLike[str] | dict[str, Any]
+#: Name of a level, or components by name: see `uvms_gym.disturbances`.
+Disturbance = str | Mapping[str, Any]
+#: Whether, by what share, or ranges by the name of the parameter.
+Randomize = bool | float | Mapping[str, Any]
 Observations = NDArray[np.float32]
 Actions = NDArray[np.float32]
 
@@ -29,7 +36,17 @@ _MODES = {
 }
 
 #: Parts of an episode's start that `reset(options=...)` takes instead of drawing them.
-RESET_OPTIONS = ("position", "attitude", "twist", "q", "qd", "target_position", "target_attitude", "current")
+RESET_OPTIONS = (
+    "position",
+    "attitude",
+    "twist",
+    "q",
+    "qd",
+    "target_position",
+    "target_attitude",
+    "current",
+    "disturbance",
+)
 
 
 class RewardWeights(TypedDict, total=False):
@@ -71,6 +88,8 @@ class Options(TypedDict, total=False):
     target_distance: float
     target_turn: float
     arm_amplitude: float
+    disturbance: Disturbance | None
+    randomize: Randomize | None
     reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"]
     reference_size: float
     reference_speed: float
@@ -95,6 +114,8 @@ _COMMON: Options = {
     "start_angle": 0.05,
     "target_distance": 0.0,
     "target_turn": 0.0,
+    "disturbance": None,
+    "randomize": None,
     "reward": None,
     "tolerance": None,
     "residual": 0.3,
@@ -152,6 +173,14 @@ def native(
     _check(given, num_envs, max_episode_steps)
     for group in _GROUPS.keys() & given.keys():
         given[group] = _group(group, given[group])
+    if given["disturbance"] is None:
+        del given["disturbance"]
+    else:
+        given["disturbance"] = as_json("disturbance", given["disturbance"])
+    if given["randomize"] is None:
+        del given["randomize"]
+    elif isinstance(given["randomize"], Mapping):
+        given["randomize"] = {name: span for name, span in given["randomize"].items() if span is not None}
     given["reward"] = {**REWARD[task], **given["reward"]}
     scene, physics = given.pop("scene"), {name: given.pop(name) for name in _PHYSICS}
     del given["privileged"]
@@ -218,7 +247,7 @@ def _check_count(name: str, value: Any, least: int = 1) -> None:
         raise ValueError(f"{name} is {count}, but must be at most {_MOST}")
 
 
-class TaskBase:
+class TaskBase(Rendering):
     """Spaces, state and read access."""
 
     #: Name of the task.
@@ -262,6 +291,28 @@ class TaskBase:
         """What the running episodes drew, and where their references are; one row per instance."""
         return self._native.episodes()
 
+    def disturbance(self, instance: int = 0, steps: int = EPISODE_STEPS) -> dict[str, NDArray[np.float64]]:
+        """What will disturb an instance in its next `steps` control periods, if it stays where it is.
+
+        Called after `reset` it tells of the whole episode. Waves, tether and pushes depend on where the vehicle is, a
+        little; all else is exact.
+
+        Returns
+        -------
+        dict of numpy.ndarray
+            time (T,), s since the episode's start; current (T, 3), m/s, and its acceleration (T, 3), m/s^2, world axes;
+            wrench (T, 6), N and N m, body axes, thrusters excluded; gains (T, thrusters), what is left of each
+            thruster's thrust; payload (T,), kg.
+
+        Raises
+        ------
+        IndexError, ValueError, gymnasium.error.ResetNeeded
+            There is no such instance, `steps` is out of range, or there is no episode.
+        """
+        _check_count("instance", instance, least=0)
+        _check_count("steps", steps, least=0)
+        return self._native.disturbance(instance, steps)
+
     def get_state(self) -> dict[str, NDArray[np.float64]]:
         """Everything that makes the environment go on as if it had not been interrupted."""
         physics, episodes = self._native.__getstate__()
@@ -286,16 +337,19 @@ class TaskBase:
 class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
     """One instance of a task."""
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 20.0}  # noqa: RUF012 (as gym.Env declares it)
+    metadata: dict[str, Any] = {  # noqa: RUF012 (as gym.Env declares it)
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 20.0,
+    }
 
     def __init__(self, options: Options, render_mode: str | None) -> None:
-        refuse_rendering(render_mode)
+        check_mode(render_mode)
         self.render_mode = render_mode
         self.options = options
         self._native = native({**options, "task": self.task})
         self._privileged = bool(options.get("privileged"))
         self._seeded = False
-        self.metadata = {**type(self).metadata, "render_fps": 1.0 / self._native.control_period}
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
         self.observation_space, self.action_space = self._spaces()
 
     def reset(
@@ -335,9 +389,10 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
             info["privileged"] = self._native.privileged()[0]
         return info
 
-    def render(self) -> None:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
+    def render(self) -> Picture | None:
+        """Draw (480, 640, 3) uint8; without a render mode warn and return None."""
+        pictures = self._pictures()
+        return None if pictures is None else pictures[0]
 
 
 class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
@@ -352,7 +407,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         render_mode: str | None,
         options: Options,
     ) -> None:
-        refuse_rendering(render_mode)
+        check_mode(render_mode)
         self.render_mode = render_mode
         self.copy = copy
         self.options = options
@@ -366,7 +421,11 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         )
         self._privileged = bool(options.get("privileged"))
         self._seeded = False
-        self.metadata = {"render_modes": [], "render_fps": 1.0 / self._native.control_period, "autoreset_mode": mode}
+        self.metadata = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": 1.0 / self._native.control_period,
+            "autoreset_mode": mode,
+        }
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -438,10 +497,10 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
             infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
         return observations, rewards, terminated, truncated, infos
 
-    def render(self) -> tuple[Any, ...]:
-        """Warn, as there is nothing to render with."""
-        warn_of_rendering()
-        return (None,) * self.num_envs
+    def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
+        """Give N pictures, each drawn when first looked at; without a render mode warn, and N times None."""
+        pictures = self._pictures()
+        return (None,) * self.num_envs if pictures is None else pictures
 
     def _infos(
         self, info: NDArray[np.float64], mask: NDArray[np.bool_], truth: NDArray[np.float64] | None = None
@@ -500,15 +559,32 @@ def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
     for name in options or {}:
         if name not in known:
             raise ValueError(f"unknown reset option {name!r}; known: {', '.join(known)}")
-    return {name: value for name, value in (options or {}).items() if value is not None}
+    given = {name: value for name, value in (options or {}).items() if value is not None}
+    if "disturbance" in given:
+        given["disturbance"] = _disturbances(given["disturbance"])
+    return given
 
 
-def refuse_rendering(render_mode: str | None) -> None:
-    """There is no renderer."""
-    if render_mode is not None:
-        raise ValueError(f"render_mode is {render_mode!r}, but must be None: there is nothing to render with")
+def _disturbances(given: Any) -> str | list[str]:
+    """One disturbance for all instances, or a list with one for each."""
+    if isinstance(given, list | tuple):
+        return [as_json("disturbance", one) for one in given]
+    return as_json("disturbance", given)
 
 
-def warn_of_rendering() -> None:
-    """Say what Gymnasium says of an environment without render mode."""
-    logger.warn("You are calling render method without specifying any render mode.")
+def as_json(name: str, given: Any) -> str:
+    """Write a name or a dict of plain values and arrays as JSON."""
+    if not isinstance(given, str | Mapping):
+        raise TypeError(f"{name} is {given!r}, but must be the name of a level or a dict of components")
+    try:
+        return json.dumps(given, allow_nan=False, default=_plain)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{name} must hold plain values: {error}") from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(f"{type(value).__name__} is none")

@@ -7,8 +7,10 @@ from gymnasium.vector import AutoresetMode
 from uvms_gym.envs import EPISODE_STEPS
 from uvms_gym.envs._base import (
     INFO,
+    Disturbance,
     Options,
     Preview,
+    Randomize,
     RewardWeights,
     Scene,
     TaskEnv,
@@ -104,6 +106,7 @@ class EETrackEnv(TaskEnv):
     `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is for how long they were not, s: since they
     last left it, up to now or to when they came back (from the episode's start, if they were outside then).
     `diverged` is 1 where the run has diverged, else 0.
+    `disturbance_force`, `payload` and `thruster_gain` tell of the disturbance, as in `StationKeepEnv`.
 
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
@@ -116,6 +119,8 @@ class EETrackEnv(TaskEnv):
       third of it.
     - `preview` (None): a dict with any of `points` (3), the number of points of the reference seen ahead, up to 8, and
       `spacing` (0.2 s), the time between them.
+    - `disturbance` (None), `randomize` (None): as `StationKeepEnv` has them; noise and delay of the pose error are
+      those of the end effector, what is seen ahead is off by as much, and `arm` has no effect.
     - `dt` (0.01), `substeps` (5), `integrator` (`"mk4"`), `dtype` (`"float64"`), `max_current` (0.3), `start_distance`
       (0.05), `start_angle` (0.05), `target_distance` (0), `target_turn` (0), `reward` (None: `pose` 0.1, `effort` 0.02,
       `rate` 0.1, `diverged` 100), `tolerance` (None: `position` 0.05, `attitude` 0.1), `residual` (0.3), `privileged`
@@ -125,7 +130,7 @@ class EETrackEnv(TaskEnv):
 
     `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude` (of the vehicle, where
-    the reference starts), and `current` (3, world, the scene's own included). SI units.
+    the reference starts), `current` (3, world, the scene's own included), and `disturbance`. SI units.
 
     ```python
     >>> import gymnasium, uvms_gym
@@ -160,6 +165,8 @@ class EETrackEnv(TaskEnv):
         start_angle: float = 0.05,
         target_distance: float = 0.0,
         target_turn: float = 0.0,
+        disturbance: Disturbance | None = None,
+        randomize: Randomize | None = None,
         reward: RewardWeights | None = None,
         tolerance: Tolerance | None = None,
         residual: float = 0.3,
@@ -184,6 +191,8 @@ class EETrackEnv(TaskEnv):
             "start_angle": start_angle,
             "target_distance": target_distance,
             "target_turn": target_turn,
+            "disturbance": disturbance,
+            "randomize": randomize,
             "reward": reward,
             "tolerance": tolerance,
             "residual": residual,

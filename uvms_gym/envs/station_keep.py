@@ -5,7 +5,17 @@ from typing import Literal, Unpack
 from gymnasium.vector import AutoresetMode
 
 from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._base import INFO, Options, RewardWeights, Scene, TaskEnv, TaskVectorEnv, Tolerance
+from uvms_gym.envs._base import (
+    INFO,
+    Disturbance,
+    Options,
+    Randomize,
+    RewardWeights,
+    Scene,
+    TaskEnv,
+    TaskVectorEnv,
+    Tolerance,
+)
 
 __all__ = ["INFO", "StationKeepEnv", "StationKeepVectorEnv"]
 
@@ -65,6 +75,34 @@ class StationKeepEnv(TaskEnv):
     `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Its weights are the
     argument `reward`, whose `diverged` may have divergence cost something, too.
 
+    ## Disturbances
+    Without `disturbance` there is a steady current of up to `max_current`. Otherwise it is the name of a level:
+    `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"`, `"storm"` (all at once), or one of
+    them but calm with `"-hard"`: stronger, of shapes that the others lack, meant to be held out for evaluation. Or it
+    is a dict of components, each a dict of what it takes, `True` for its defaults or `None` for none; `base` names a
+    level that the dict changes: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Ranges `[least, greatest]`
+    (or one number) are drawn from, uniformly, per episode or event; shares are of the thrust that the vehicle has
+    along its weakest axis. `uvms disturbances` lists and draws all of it.
+
+    | Component | What it is | Takes |
+    | --------- | ---------- | ----- |
+    | `current` | steady current | `speed` (m/s), `elevation` (rad) |
+    | `drift` | current that wanders: Gauss-Markov | `deviation` (m/s), `time` (s), `vertical` |
+    | `gust` | gusts, one after the other | `speed`, `rise`, `duration`, `pause` (s), `elevation`, `turns` |
+    | `waves` | waves by Airy's theory, felt in depth | `height` (m), `period` (s), `depth` (m), `trains` (1 to 3) |
+    | `impulse` | pushes | `share` or `force` (N), `duration`, `pause` (s), `reach` |
+    | `tether` | cable | `height`, `distance`, `slack`, `diameter`, `drag`, `weight`, `stiffness`, `attachment` |
+    | `payload` | mass seized, and dropped | `share` or `mass` (kg), `pick`, `hold` (s) |
+    | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
+    | `arm` | factors on the arm's motion | `amplitude`, `speed` |
+    | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
+    | `delay` | age of what sensors show | `time` (s, rounded to periods), `periods`; or a number, s |
+    | `parameters` | as `randomize` | ranges by name |
+    | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
+
+    Noise and delay change what observations show of errors, velocities and joints, and the integral of the errors;
+    rewards and infos tell the truth. `env.unwrapped.disturbance()` tells what is to come.
+
     ## Starting State
     Vehicle at rest up to 0.05 m and 0.05 rad from the target (world origin, level, by default), joints at their home,
     arm reference at rest there too, and a current of 0 to 0.3 m/s within 0.25 rad of the horizontal. All of it follows
@@ -82,7 +120,8 @@ class StationKeepEnv(TaskEnv):
     None but these depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
     `mean_success` its mean; `recovery_time` is for how long they were not, s: since they last left it, up to now or to
     when they came back (from the episode's start, if they were outside then). `diverged` is 1 where the run has
-    diverged, else 0.
+    diverged, else 0. Over the period that passed, `disturbance_force` is that of pushes, tether and script (N),
+    `payload` what is held (kg), and `thruster_gain` what is left of the weakest thruster's thrust.
 
     ## Arguments
     - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
@@ -91,11 +130,17 @@ class StationKeepEnv(TaskEnv):
       1e-9 to 3e-9 m (f64; 1e-6 to 7e-6 m in f32) after 10 s of driven motion, in the median (`uvms accuracy`). A `dt`
       that is too large for the scene is warned of by `uvms_gym.StepWarning`, once, at the first `step`.
     - `integrator` (`"mk4"`), `dtype` (`"float64"`): as `uvms_gym.Simulator` has them.
-    - `max_current` (0.3): greatest speed of the drawn current, m/s.
+    - `max_current` (0.3): greatest speed of the drawn current, m/s, where there is no `disturbance`.
     - `start_distance` (0.05), `start_angle` (0.05): greatest initial error, m and rad.
     - `target_distance` (0), `target_turn` (0): greatest distance (m) of a drawn target from the world origin, and
       greatest heading (rad).
     - `arm_amplitude` (0.4): greatest swing of the arm's reference about home, rad (0.25 m per rad if prismatic).
+    - `disturbance` (None): see above.
+    - `randomize` (None): parameters that differ from the scene's in every episode, for all bodies alike: `True` for
+      factors of 0.7 to 1.3 on `mass`, `added_mass`, `linear_drag`, `quadratic_drag`, `thrust` and `thruster_lag`, a
+      number for another share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass,
+      which it goes with, so that what floats still does) and `payload` (kg). `False` takes away what the disturbance
+      has of it.
     - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02), `rate` (0.1) and `diverged` (0).
     - `tolerance` (None): a dict with any of `position` (0.05 m) and `attitude` (0.1 rad); the reward does not know it.
     - `residual` (0.3): greatest correction of `action="residual"`, over the actuators' limits.
@@ -103,11 +148,12 @@ class StationKeepEnv(TaskEnv):
       asymmetric critics: parts by the names and lengths in `env.unwrapped.privileged_layout`, SI units, world axes but
       for the twist.
     - `threads` (None): most threads; one instance never uses more than one.
-    - `render_mode` (None): there is nothing to render with.
+    - `render_mode` (None): `"rgb_array"`, or through `gymnasium.make` also `"human"`: pictures drawn in Rust.
 
     `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
-    the scene's own included). SI units.
+    the scene's own included). SI units. `disturbance` is one for that episode, of components that the environment was
+    made with; the vector environment also takes a list of one per instance.
 
     ```python
     >>> import gymnasium, uvms_gym
@@ -138,6 +184,8 @@ class StationKeepEnv(TaskEnv):
         target_distance: float = 0.0,
         target_turn: float = 0.0,
         arm_amplitude: float = 0.4,
+        disturbance: Disturbance | None = None,
+        randomize: Randomize | None = None,
         reward: RewardWeights | None = None,
         tolerance: Tolerance | None = None,
         residual: float = 0.3,
@@ -158,6 +206,8 @@ class StationKeepEnv(TaskEnv):
             "target_distance": target_distance,
             "target_turn": target_turn,
             "arm_amplitude": arm_amplitude,
+            "disturbance": disturbance,
+            "randomize": randomize,
             "reward": reward,
             "tolerance": tolerance,
             "residual": residual,
@@ -183,8 +233,8 @@ class StationKeepVectorEnv(TaskVectorEnv):
         Episodes are truncated after so many steps; None or 0: never.
     copy : bool
         Taken for compatibility: all arrays returned are fresh, and the caller's own.
-    render_mode : None
-        There is nothing to render with.
+    render_mode : str or None
+        `"rgb_array"`: `render()` gives a sequence of N pictures, each drawn when first looked at.
     **options
         As `StationKeepEnv` has them.
 

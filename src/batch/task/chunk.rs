@@ -4,10 +4,12 @@ use super::kernels::{Act, Blocks, Judge, Look};
 use super::outputs::{Outputs, Transition};
 use super::slot::Slot;
 use super::{Autoreset, Final};
+use crate::balance::Balance;
 use crate::batch::blocks::Part;
 use crate::control::Policy;
 use crate::lane::Real;
-use crate::scene::{Episode, EpisodeKey, Task, TaskKernel, truth};
+use crate::scene::disturbance::{Column, Handling, Weather, seize};
+use crate::scene::{Episode, EpisodeKey, StartOverride, Task, TaskKernel, truth};
 use crate::system::{Flow, State};
 
 /// How episodes end and follow each other.
@@ -45,6 +47,9 @@ impl<T: Real> Chunk<'_, '_, T> {
             self.part.table.set_state(self.part.rows, k, self.duty.home);
         }
         let base = self.base();
+        if let Some(weather) = self.duty.kernel.weather() {
+            self.stir(weather);
+        }
         let isa = self.part.isa;
         T::dispatch(isa, &mut Act { blocks: self.blocks(), actions, base: base.as_deref() });
         self.part.step();
@@ -66,6 +71,36 @@ impl<T: Real> Chunk<'_, '_, T> {
         let fits = policy.act(&seen.observations, &mut [], &mut actions);
         fits.expect("the controller was made for this task, and remembers nothing");
         Some(actions)
+    }
+
+    /// What disturbances do to one instance at a time.
+    fn stir(&mut self, weather: &Weather<T>) {
+        let size = self.duty.kernel.rows().rows * T::BLOCK;
+        for (k, slot) in self.slots.iter().enumerate().filter(|(_, slot)| !slot.over) {
+            let block = &mut self.episodes[k / T::BLOCK * size..][..size];
+            let mut memory = Column::of_block(block, k % T::BLOCK);
+            weather.stir(&mut memory, slot.key, slot.step);
+            let Some(handling) = weather.handling(&memory, slot.step) else { continue };
+            let (table, rows) = (self.part.table, &mut *self.part.rows);
+            let mut factors = table.factors(rows, k);
+            match handling {
+                Handling::Pick(mass) => {
+                    // A scene that composed does so with other masses too.
+                    if let Ok(balance) = Balance::new(&self.duty.task.scene().varied(factors.of_bodies())) {
+                        let mut state = table.state(rows, k);
+                        seize(&balance, &mut state, mass);
+                        table.set_velocities(rows, k, &state);
+                    }
+                    factors.payload += mass;
+                    weather.hold(&mut memory, mass);
+                }
+                Handling::Drop(mass) => {
+                    factors.payload = (factors.payload - mass).max(0.0);
+                    weather.hold(&mut memory, 0.0);
+                }
+            }
+            table.set_factors(rows, k, &factors);
+        }
     }
 
     /// Ends episodes and starts those that follow.
@@ -115,6 +150,9 @@ impl<T: Real> Chunk<'_, '_, T> {
         let (episode, state) = self.duty.task.begin(self.slots[k].next);
         self.part.table.set_state(self.part.rows, k, &state);
         self.part.table.set_flow(self.part.rows, k, &Flow::from(episode.current()));
+        if let Some(factors) = self.duty.task.factors(episode.key(), &StartOverride::default()) {
+            self.part.table.set_factors(self.part.rows, k, &factors);
+        }
         self.slots[k] = Slot::of(episode.key());
         set_column(self.episodes, k, episode.numbers());
     }

@@ -77,9 +77,29 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
                 None => None,
             };
             let (mut physics, mut memory) = self.blocks.group(first);
-            let command = kernel.act(&mut memory, &action, base.as_ref());
-            let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
-            physics.set_all(layout.wrench, &command.actuated.wrench.scale(thrust).to_array());
+            let mut command = kernel.act(&mut memory, &action, base.as_ref());
+            let mut disturbing = Vector6::zero();
+            if let Some(weather) = kernel.weather() {
+                let stance = stance::<T, L>(layout, &physics);
+                let forcing = kernel.disturb(weather, &mut memory, &stance, &mut command.actuated);
+                if weather.flows() {
+                    physics.set_all(layout.current, &forcing.velocity.0);
+                }
+                if weather.accelerates() {
+                    physics.set_all(layout.acceleration, &forcing.acceleration.0);
+                }
+                disturbing = forcing.wrench;
+            }
+            if layout.thrusters > 0 {
+                // What they come to, the physics finds out.
+                for k in 0..layout.thrusters {
+                    physics.set(layout.command + k, command.actuated.thrusts[k]);
+                }
+                physics.set_all(layout.wrench, &disturbing.to_array());
+            } else {
+                let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
+                physics.set_all(layout.wrench, &command.actuated.wrench.scale_add(thrust, disturbing).to_array());
+            }
             if kernel.drives_joints() {
                 for k in 0..layout.joints {
                     physics.set(layout.torque + k, command.actuated.torques[k]);

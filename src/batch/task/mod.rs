@@ -16,7 +16,8 @@ use crate::balance::Servos;
 use crate::control::{Policy, Widths};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
-use crate::scene::{Episode, EpisodeKey, Goal, INFO, StartOverride, Task, TaskOptions, truth};
+use crate::scene::disturbance::Profile;
+use crate::scene::{Episode, EpisodeKey, Goal, INFO, Pose, StartOverride, Task, TaskOptions, truth};
 use chunk::Rules;
 use crew::{Company, Course, Crew, Orders};
 pub use outputs::{Outputs, Transition, Verdict};
@@ -66,7 +67,7 @@ impl Final {
 pub struct Beginning {
     /// Observations of all instances, (N, d), whether reset or not.
     pub observations: Vec<f32>,
-    /// Measures of all instances, (23, N): of those that were not reset, at the instant where they stand.
+    /// Measures of all instances, (k, N): of those that were not reset, at the instant where they stand.
     pub info: Vec<f64>,
 }
 
@@ -174,6 +175,12 @@ impl TaskBatch {
         Episode::from_parts(key, step, self.task.episode_rows(), self.crew.column(i))
     }
 
+    /// What disturbances will come to from where instance `i` stands, for a vehicle that stays as it is, once it was reset.
+    pub fn profile(&self, i: usize, steps: u32) -> Option<Profile> {
+        let pose = Pose::of_vehicle(&self.simulator.state(i));
+        self.episode(i).map(|episode| self.task.profile(&episode, &pose, steps))
+    }
+
     /// What observations do not tell of any instance: [`truth`] of each, (N, .).
     pub fn truth(&self) -> Vec<f64> {
         let joints = self.task.joint_count();
@@ -221,11 +228,15 @@ impl TaskBatch {
                 continue;
             }
             let key = seeds[i].map_or(slot.next, |seed| EpisodeKey { seed, episode: 0 });
-            begun.push((i, key, self.task.begin_with(key, given.get(i).unwrap_or(&none))?));
+            let given = given.get(i).unwrap_or(&none);
+            begun.push((i, key, self.task.begin_with(key, given)?, self.task.factors(key, given)));
         }
-        for (i, key, (episode, state)) in begun {
+        for (i, key, (episode, state), factors) in begun {
             self.simulator.set_state(i, &state);
             self.simulator.set_flow(i, episode.current());
+            if let Some(factors) = factors {
+                self.simulator.set_factors_of(i, &factors);
+            }
             self.slots[i] = Slot::of(key);
             self.crew.set_column(i, episode.numbers());
         }

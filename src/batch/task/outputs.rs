@@ -25,7 +25,7 @@ pub(super) struct Chunks<'a> {
 }
 
 impl<'a> Outputs<'a> {
-    /// Of N instances, measures as (23, N).
+    /// Of N instances, measures as (k, N).
     pub fn new(
         observations: &'a mut [f32],
         rewards: &'a mut [f64],
@@ -126,7 +126,7 @@ pub struct Transition {
     pub terminated: Vec<bool>,
     /// Whether they are because their time is.
     pub truncated: Vec<bool>,
-    /// Measures, (23, N).
+    /// Measures, (k, N).
     pub info: Vec<f64>,
     /// Ends of episodes that [`super::Autoreset::SameStep`] replaced, by instance.
     pub finals: Vec<Final>,

@@ -35,7 +35,7 @@ pub struct Trace {
     pub actions: Vec<f32>,
     /// What came of it, (T,).
     pub rewards: Vec<f64>,
-    /// Measures thereafter, (T, 23).
+    /// Measures thereafter, (T, k).
     pub info: Vec<f64>,
 }
 

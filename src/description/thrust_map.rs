@@ -1,0 +1,64 @@
+//! Static maps from command to thrust.
+
+use std::fmt;
+
+use serde::de::{Error, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// Thrust in still water that a command settles at, before the thruster's limits.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ThrustMap {
+    /// `"t200"`: Blue Robotics' T200 whose driver turns a command linearly into the pulse width, as common autopilots do: 1500 us
+    /// at rest, 1887 us (60 N) where the command is the upper limit, 1134 us (-40 N) where it is the lower. Pulses of 1470
+    /// to 1530 us are its dead band.
+    T200,
+    /// Pairs `[command, thrust]`, N, with straight lines between them: commands ascend, thrusts never descend, and `[0, 0]` is
+    /// one of them. Beyond the ends thrust stays as it is there.
+    Points(Vec<[f64; 2]>),
+}
+
+/// Name of [`ThrustMap::T200`] in scenes.
+const T200: &str = "t200";
+
+impl Serialize for ThrustMap {
+    fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        match self {
+            ThrustMap::T200 => T200.serialize(s),
+            ThrustMap::Points(points) => points.serialize(s),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for ThrustMap {
+    fn deserialize<D: Deserializer<'de>>(d: D) -> Result<Self, D::Error> {
+        struct MapVisitor;
+        impl<'de> Visitor<'de> for MapVisitor {
+            type Value = ThrustMap;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("\"t200\" or pairs [command, thrust]")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<ThrustMap, E> {
+                if name == T200 {
+                    Ok(ThrustMap::T200)
+                } else {
+                    Err(E::custom("expected \"t200\" or pairs [command, thrust]"))
+                }
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<ThrustMap, A::Error> {
+                let mut points = Vec::new();
+                while let Some(pair) = seq.next_element::<Vec<f64>>()? {
+                    let found = pair.len();
+                    points.push(
+                        pair.try_into()
+                            .map_err(|_| A::Error::custom(format!("expected pairs, found {found} numbers")))?,
+                    );
+                }
+                Ok(ThrustMap::Points(points))
+            }
+        }
+        d.deserialize_any(MapVisitor)
+    }
+}

@@ -1,0 +1,235 @@
+//! What a user writes: shapes, where they are, and how open.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+
+use super::solid::Solid;
+use crate::description::{Frame, numbers, read_value};
+use crate::error::{DescriptionError, Problem};
+
+/// Shapes that make up one body, and the water that they move through.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Outline {
+    /// Density of the water, kg/m3.
+    #[serde(default = "fresh_water")]
+    pub density: f64,
+    /// Speed, m/s, and rate, rad/s, at which linear drag equals quadratic drag.
+    #[serde(default = "slow", with = "numbers::array")]
+    pub speed: [f64; 2],
+    /// Shapes; they do not overlap, and their water is added up.
+    pub shapes: Vec<Shape>,
+}
+
+fn fresh_water() -> f64 {
+    1000.0
+}
+
+fn slow() -> [f64; 2] {
+    [0.1, 0.3]
+}
+
+/// One shape: one of `box`, `cylinder`, `capsule`, `ellipsoid`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Shape {
+    /// Name, for people.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub name: String,
+    /// Edges along x, y, z, m.
+    #[serde(rename = "box", with = "numbers::optional_vector3", skip_serializing_if = "Option::is_none")]
+    pub cuboid: Option<Vector3<f64>>,
+    /// A cylinder with flat ends.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cylinder: Option<Round>,
+    /// A cylinder between half spheres.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub capsule: Option<Round>,
+    /// Semi-axes along x, y, z, m.
+    #[serde(with = "numbers::optional_vector3", skip_serializing_if = "Option::is_none")]
+    pub ellipsoid: Option<Vector3<f64>>,
+    /// Centre in the body frame, m.
+    #[serde(with = "numbers::vector3")]
+    pub position: Vector3<f64>,
+    /// Roll, pitch, yaw of the shape's axes, rad.
+    #[serde(with = "numbers::vector3")]
+    pub rpy: Vector3<f64>,
+    /// Whether water flows around the ends of a box or cylinder, or something continues it there.
+    pub ends: Ends,
+    /// Open part of the faces across x, y, z (or of all alike), 0 to 0.5: what it leaves of added mass is published for that.
+    #[serde(with = "numbers::axes")]
+    pub perforation: [f64; 3],
+    /// Drag over that of the closed shape, per axis or for all alike. Without: what `perforation` leaves closed.
+    #[serde(with = "numbers::optional_axes", skip_serializing_if = "Option::is_none")]
+    pub solidity: Option<[f64; 3]>,
+    /// Displaced part of the envelope, 0 to 1. Without: 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub displaced: Option<f64>,
+    /// Mass, kg, spread evenly over the envelope. Without: `relative_density`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass: Option<f64>,
+    /// Mass over that of the displaced water. Without, and without `mass`: 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relative_density: Option<f64>,
+}
+
+/// Dimensions of a round shape.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Round {
+    /// m.
+    pub radius: f64,
+    /// m; of a capsule without its half spheres.
+    pub length: f64,
+    /// "x", "y" or "z".
+    #[serde(default)]
+    pub axis: Axis,
+}
+
+/// A coordinate axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Axis {
+    /// Forward.
+    #[default]
+    X,
+    /// Left.
+    Y,
+    /// Up.
+    Z,
+}
+
+/// What is at the ends of a box or cylinder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ends {
+    /// Water, which flows around them: coefficients of finite bodies.
+    #[default]
+    Free,
+    /// The next part, as in an arm: strip theory, as of a part of an endless body.
+    Joined,
+}
+
+impl Shape {
+    /// The solid; None unless exactly one is given.
+    pub(super) fn solid(&self) -> Option<Solid> {
+        let round = |round: &Round| (round.radius, round.length, round.axis as usize);
+        match (self.cuboid, &self.cylinder, &self.capsule, self.ellipsoid) {
+            (Some(size), None, None, None) => Some(Solid::Box(size)),
+            (None, Some(cylinder), None, None) => {
+                let (radius, length, axis) = round(cylinder);
+                Some(Solid::Cylinder { radius, length, axis })
+            }
+            (None, None, Some(capsule), None) => {
+                let (radius, length, axis) = round(capsule);
+                Some(Solid::Capsule { radius, length, axis })
+            }
+            (None, None, None, Some(semi_axes)) => Some(Solid::Ellipsoid(semi_axes)),
+            _ => None,
+        }
+    }
+
+    pub(super) fn frame(&self) -> Frame {
+        Frame { position: self.position, rpy: self.rpy }
+    }
+
+    pub(super) fn solidities(&self) -> [f64; 3] {
+        self.solidity.unwrap_or(self.perforation.map(|open| 1.0 - open))
+    }
+
+    /// Displaced volume, m3.
+    pub(super) fn displaced_volume(&self, solid: &Solid) -> f64 {
+        solid.volume() * self.displaced.unwrap_or(1.0)
+    }
+
+    fn faults(&self) -> Option<(String, Problem)> {
+        let range = |key: &str, value: f64, rule: &'static str| Some((key.to_owned(), Problem::Range { value, rule }));
+        let lengths = [("box", self.cuboid), ("ellipsoid", self.ellipsoid)].into_iter();
+        let lengths = lengths.flat_map(|(key, v)| v.into_iter().flat_map(move |v| v.data.0[0]).map(move |x| (key, x)));
+        let round = [("cylinder", &self.cylinder), ("capsule", &self.capsule)].into_iter();
+        let round = round.flat_map(|(key, r)| r.iter().flat_map(move |r| [(key, r.radius), (key, r.length)]));
+        if let Some((key, value)) = lengths.chain(round).find(|(_, x)| !(1e-6..=1e6).contains(x)) {
+            return range(key, value, "between 1e-6 and 1e6 m");
+        }
+        if let Some(&open) = self.perforation.iter().find(|open| !(0.0..=0.5).contains(*open)) {
+            return range("perforation", open, "between 0 and 0.5: describe what is more open by its parts");
+        }
+        if let Some(&closed) = self.solidity.iter().flatten().find(|closed| !(0.0..=10.0).contains(*closed)) {
+            return range("solidity", closed, "between 0 and 10");
+        }
+        if let Some(part) = self.displaced.filter(|part| !(0.0..=1.0).contains(part)) {
+            return range("displaced", part, "between 0 and 1");
+        }
+        if let (Some(mass), Some(_)) = (self.mass, self.relative_density) {
+            let (reason, value) = ("give mass or relative_density, not both".to_owned(), mass.to_string());
+            return Some(("mass".to_owned(), Problem::Form { reason, value }));
+        }
+        for (key, value) in [("mass", self.mass), ("relative_density", self.relative_density)] {
+            if let Some(value) = value.filter(|x| *x <= 0.0) {
+                return range(key, value, "> 0");
+            }
+        }
+        if self.mass.is_none() && self.displaced == Some(0.0) {
+            return Some(("mass".to_owned(), Problem::Missing));
+        }
+        None
+    }
+}
+
+impl Outline {
+    /// Reads and checks a tree of values; `source_name` appears in errors.
+    ///
+    /// # Errors
+    /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.
+    pub fn from_value(value: toml::Value, source_name: &str) -> Result<Self, DescriptionError> {
+        let outline: Self = read_value(value, source_name)?;
+        match outline.faults() {
+            None => Ok(outline),
+            Some((key, problem)) => Err(DescriptionError::Value { source_name: source_name.to_owned(), key, problem }),
+        }
+    }
+
+    /// Reads and checks TOML text.
+    ///
+    /// # Errors
+    /// Text that is not TOML, by line and column, or as [`Outline::from_value`].
+    pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, DescriptionError> {
+        Self::from_value(crate::description::parse_toml(text, source_name)?, source_name)
+    }
+
+    /// Reads and checks a TOML file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or as [`Outline::from_toml_str`].
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
+        let path = path.as_ref();
+        let source_name = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::from_toml_str(&text, &source_name),
+            Err(error) => Err(DescriptionError::File { path: source_name, error }),
+        }
+    }
+
+    fn faults(&self) -> Option<(String, Problem)> {
+        let range = |key: &str, value: f64, rule: &'static str| Some((key.to_owned(), Problem::Range { value, rule }));
+        if self.density <= 0.0 {
+            return range("density", self.density, "> 0");
+        }
+        if let Some(speed) = self.speed.into_iter().find(|speed| *speed < 0.0) {
+            return range("speed", speed, ">= 0");
+        }
+        if self.shapes.is_empty() {
+            return Some(("shapes".to_owned(), Problem::Missing));
+        }
+        self.shapes.iter().enumerate().find_map(|(i, shape)| {
+            let key = format!("shapes[{i}]");
+            if shape.solid().is_none() {
+                let reason = "expected exactly one of box, cylinder, capsule, ellipsoid".to_owned();
+                return Some((key, Problem::Form { reason, value: format!("'{}'", shape.name) }));
+            }
+            shape.faults().map(|(below, problem)| (format!("{key}.{below}"), problem))
+        })
+    }
+}

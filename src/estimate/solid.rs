@@ -1,0 +1,278 @@
+//! Mass, added mass and drag of one solid, about its centre and along its own axes.
+
+use std::f64::consts::PI;
+
+use nalgebra::Vector3;
+
+use super::{Ends, lamb, tables};
+
+/// A solid.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Solid {
+    /// Edges along x, y, z, m.
+    Box(Vector3<f64>),
+    /// About the axis of that index.
+    Cylinder { radius: f64, length: f64, axis: usize },
+    /// A cylinder between half spheres; `length` is the cylinder's.
+    Capsule { radius: f64, length: f64, axis: usize },
+    /// Semi-axes along x, y, z, m.
+    Ellipsoid(Vector3<f64>),
+}
+
+/// Turns what holds for a body along x into what holds along another axis.
+fn along(axis: usize, along: f64, across: f64) -> Vector3<f64> {
+    Vector3::from_fn(|i, _| if i == axis { along } else { across })
+}
+
+/// The two other axes.
+pub fn others(axis: usize) -> [usize; 2] {
+    [(axis + 1) % 3, (axis + 2) % 3]
+}
+
+fn join(linear: Vector3<f64>, angular: Vector3<f64>) -> [f64; 6] {
+    std::array::from_fn(|i| if i < 3 { linear[i] } else { angular[i - 3] })
+}
+
+/// Shorter and longer of two edges.
+fn sort(a: f64, b: f64) -> (f64, f64) {
+    (a.min(b), a.max(b))
+}
+
+impl Solid {
+    /// Volume of the envelope, m3.
+    pub fn volume(&self) -> f64 {
+        match *self {
+            Self::Box(size) => size.product(),
+            Self::Cylinder { radius, length, .. } => PI * radius * radius * length,
+            Self::Capsule { radius, length, .. } => PI * radius * radius * (length + 4.0 / 3.0 * radius),
+            Self::Ellipsoid(semi_axes) => 4.0 / 3.0 * PI * semi_axes.product(),
+        }
+    }
+
+    /// Extents along x, y, z, m.
+    pub fn extent(&self) -> Vector3<f64> {
+        match *self {
+            Self::Box(size) => size,
+            Self::Cylinder { radius, length, axis } => along(axis, length, 2.0 * radius),
+            Self::Capsule { radius, length, axis } => along(axis, length + 2.0 * radius, 2.0 * radius),
+            Self::Ellipsoid(semi_axes) => 2.0 * semi_axes,
+        }
+    }
+
+    /// Index of the longest axis of a box, of the axis of a round solid.
+    fn axis(&self) -> usize {
+        match *self {
+            Self::Cylinder { axis, .. } | Self::Capsule { axis, .. } => axis,
+            Self::Box(size) | Self::Ellipsoid(size) => size.imax(),
+        }
+    }
+
+    /// Principal moments of inertia of a mass spread evenly, kg m2.
+    pub fn inertia(&self, mass: f64) -> Vector3<f64> {
+        let from_squares = |s: Vector3<f64>| mass * Vector3::new(s.y + s.z, s.z + s.x, s.x + s.y);
+        match *self {
+            Self::Box(size) => from_squares(size.component_mul(&size) / 12.0),
+            Self::Ellipsoid(semi_axes) => from_squares(semi_axes.component_mul(&semi_axes) / 5.0),
+            Self::Cylinder { radius, length, axis } => {
+                from_squares(along(axis, length * length / 12.0, radius * radius / 4.0))
+            }
+            Self::Capsule { radius: r, length: l, axis } => {
+                let ends = 4.0 / 3.0 * r / (l + 4.0 / 3.0 * r);
+                let across = r * r * ((1.0 - ends) / 4.0 + ends / 5.0);
+                // Half spheres, whose centres of mass lie 3/8 r behind the cylinder's ends.
+                let far = r * r / 5.0 + l * l / 4.0 + 3.0 / 8.0 * l * r;
+                from_squares(along(axis, (1.0 - ends) * l * l / 12.0 + ends * far, across))
+            }
+        }
+    }
+
+    /// Diagonal of the added mass: kg and kg m2.
+    pub fn added_mass(&self, density: f64, ends: Ends) -> [f64; 6] {
+        let displaced = density * self.volume();
+        match (*self, ends) {
+            (Self::Ellipsoid(semi_axes), _) => lamb::ellipsoid(semi_axes, density),
+            (Self::Capsule { radius, length, axis }, Ends::Free) => {
+                let half = length / 2.0 + radius;
+                let across = (self.volume() / (4.0 / 3.0 * PI * half)).sqrt();
+                lamb::ellipsoid(along(axis, half, across), density)
+            }
+            (Self::Cylinder { length, axis, .. } | Self::Capsule { length, axis, .. }, Ends::Joined) => {
+                let turning = displaced * length * length / 12.0;
+                join(along(axis, 0.1 * displaced, displaced), along(axis, 0.0, turning))
+            }
+            (Self::Cylinder { radius, length, axis }, Ends::Free) => {
+                let across = tables::finite_cylinder(length / (2.0 * radius)) * displaced;
+                // A square prism with ends of the same area; turning, strips and the disc's 16/45 rho r^5.
+                let side = PI.sqrt() * radius;
+                let end = 8.0 / 3.0 * density * radius.powi(3) * tables::square_prism(length / side);
+                let turning = across * length * length / 12.0 + 16.0 / 45.0 * density * radius.powi(5);
+                join(along(axis, end, across), along(axis, 0.0, turning))
+            }
+            (Self::Box(size), _) => {
+                let long = self.axis();
+                let linear = Vector3::from_fn(|i, _| match ends {
+                    Ends::Free => density * free_box(size, i),
+                    Ends::Joined if i == long => 0.1 * displaced,
+                    Ends::Joined => density * strip(size, i, long) * size[long],
+                });
+                let angular = Vector3::from_fn(|i, _| density * turning_box(size, i, long, ends));
+                join(linear, angular)
+            }
+        }
+    }
+
+    /// Diagonal of the quadratic drag: N s2/m2 and N m s2/rad2.
+    pub fn quadratic_drag(&self, density: f64, ends: Ends) -> [f64; 6] {
+        let (cd, half) = (self.drag_coefficients(ends), self.extent() / 2.0);
+        let pressure = density / 2.0;
+        match *self {
+            Self::Box(size) => {
+                let linear = Vector3::from_fn(|i, _| pressure * cd[i] * size.product() / size[i]);
+                let angular = Vector3::from_fn(|i, _| {
+                    let [j, k] = others(i);
+                    pressure * size[i] * (cd[k] * half[j].powi(4) + cd[j] * half[k].powi(4)) / 2.0
+                });
+                join(linear, angular)
+            }
+            Self::Cylinder { radius, length, axis } | Self::Capsule { radius, length, axis } => {
+                let end = PI * radius * radius;
+                let (side, nose) = (2.0 * radius * length, matches!(self, Self::Capsule { .. }));
+                // Across, the ends of a capsule are half spheres.
+                let across = pressure * (cd[(axis + 1) % 3] * side + if nose { tables::SPHERE * end } else { 0.0 });
+                let turning = pressure * cd[(axis + 1) % 3] * radius * half[axis].powi(4);
+                join(along(axis, pressure * cd[axis] * end, across), along(axis, 0.0, turning))
+            }
+            Self::Ellipsoid(s) => {
+                let linear = Vector3::from_fn(|i, _| pressure * cd[i] * PI * s.product() / s[i]);
+                // Strips along the longer axis of the section that turns; a round section has but friction.
+                let angular = Vector3::from_fn(|i, _| {
+                    let [j, k] = others(i);
+                    let (long, short) = if s[j] > s[k] { (j, k) } else { (k, j) };
+                    let slender = 1.0 - (s[short] / s[long]).powi(2);
+                    pressure * cd[short] * 8.0 / 15.0 * s[i] * s[long].powi(4) * slender
+                });
+                join(linear, angular)
+            }
+        }
+    }
+
+    fn drag_coefficients(&self, ends: Ends) -> Vector3<f64> {
+        let (extent, long) = (self.extent(), self.axis());
+        Vector3::from_fn(|i, _| {
+            let [j, k] = others(i);
+            let (short, wide) = sort(extent[j], extent[k]);
+            match *self {
+                Self::Box(_) if ends == Ends::Free => tables::face(wide / short),
+                Self::Box(_) if i == long => tables::CUBE,
+                Self::Box(_) => tables::SQUARE,
+                Self::Cylinder { .. } if i == long => tables::BLUNT,
+                Self::Cylinder { .. } | Self::Capsule { .. } if i != long => match ends {
+                    Ends::Free => tables::CYLINDER * tables::slender_cylinder(extent[long] / short),
+                    Ends::Joined => tables::CYLINDER,
+                },
+                _ => tables::ellipsoid(extent[i] / (short * wide).sqrt()),
+            }
+        })
+    }
+}
+
+/// Added volume of a box with free ends that moves along an axis: of a rectangular plate, times what thickness adds, which
+/// for a square plate and for a long one is published.
+fn free_box(size: Vector3<f64>, axis: usize) -> f64 {
+    let [j, k] = others(axis);
+    let (short, long) = sort(size[j], size[k]);
+    let plate = tables::plate(short / long) * PI / 4.0 * short * short * long;
+    let (thickness, squareness) = (size[axis] / short, short / long);
+    plate * (squareness * tables::square_prism(thickness) + (1.0 - squareness) * tables::rectangle(thickness))
+}
+
+/// Added area of a strip across `long` that moves along an axis.
+fn strip(size: Vector3<f64>, axis: usize, long: usize) -> f64 {
+    let width = size[3 - axis - long];
+    tables::rectangle(size[axis] / width) * PI / 4.0 * width * width
+}
+
+/// Added moment over density of a box that turns about an axis: of the section that turns or of strips along its longer side that
+/// move, whichever is less, as either takes the box for endless.
+fn turning_box(size: Vector3<f64>, axis: usize, long: usize, ends: Ends) -> f64 {
+    let [j, k] = others(axis);
+    let (short, wide) = sort(size[j], size[k]);
+    let section = tables::turning_rectangle(short / wide) * PI * (wide / 2.0).powi(4) * size[axis];
+    let strips = |along: usize, across: usize| strip(size, across, along) * size[along].powi(3) / 12.0;
+    match ends {
+        Ends::Joined if axis == long => section,
+        Ends::Joined => strips(long, 3 - axis - long),
+        Ends::Free if size[j] > size[k] => section.min(strips(j, k)),
+        Ends::Free => section.min(strips(k, j)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RHO: f64 = 1000.0;
+
+    fn close(a: &[f64], b: &[f64], tolerance: f64) {
+        for (a, b) in a.iter().zip(b) {
+            assert!((a - b).abs() <= tolerance * b.abs().max(1e-9), "{a} is not {b}");
+        }
+    }
+
+    #[test]
+    fn val_a_cube_has_the_published_coefficients() {
+        let cube = Solid::Box(Vector3::repeat(0.7));
+        close(&cube.added_mass(RHO, Ends::Free), &[233.24, 233.24, 233.24, 7.722, 7.722, 7.722], 1e-3);
+        close(&cube.quadratic_drag(RHO, Ends::Free)[..1], &[0.5 * RHO * 1.05 * 0.49], 1e-12);
+    }
+
+    #[test]
+    fn val_flat_boxes_are_plates_and_long_ones_are_strips() {
+        let plate = Solid::Box(Vector3::new(1e-9, 1.0, 2.0)).added_mass(RHO, Ends::Free);
+        close(&plate[..1], &[0.757 * PI / 4.0 * 2.0 * RHO], 1e-6);
+        let bar = Solid::Box(Vector3::new(1e6, 1.0, 1.0));
+        let free = bar.added_mass(RHO, Ends::Free);
+        close(&free[1..3], &[1.51 * PI / 4.0 * 1e9; 2], 1e-5);
+        close(&free[1..], &bar.added_mass(RHO, Ends::Joined)[1..], 1e-5);
+    }
+
+    #[test]
+    fn a_short_capsule_is_a_sphere() {
+        let (capsule, sphere) =
+            (Solid::Capsule { radius: 0.2, length: 1e-9, axis: 1 }, Solid::Ellipsoid(Vector3::repeat(0.2)));
+        close(&[capsule.volume()], &[sphere.volume()], 1e-7);
+        close(capsule.inertia(3.0).as_slice(), sphere.inertia(3.0).as_slice(), 1e-7);
+        close(&capsule.added_mass(RHO, Ends::Free)[..3], &sphere.added_mass(RHO, Ends::Free)[..3], 1e-7);
+        close(&capsule.quadratic_drag(RHO, Ends::Free)[..3], &sphere.quadratic_drag(RHO, Ends::Free)[..3], 1e-7);
+    }
+
+    #[test]
+    fn val_a_thin_disc_carries_what_lamb_says() {
+        let disc = Solid::Cylinder { radius: 0.5, length: 1e-6, axis: 2 }.added_mass(RHO, Ends::Free);
+        close(&disc[2..4], &[8.0 / 3.0 * RHO * 0.125, 16.0 / 45.0 * RHO * 0.5f64.powi(5)], 1e-5);
+        assert!(disc[0] < 1e-3);
+    }
+
+    /// Scaled by s, mass goes with s^3, moments with s^5, drag with s^2 and drag's moments with s^5.
+    #[test]
+    fn estimates_scale_as_their_dimensions() {
+        let solids = |s: f64| {
+            [
+                Solid::Box(Vector3::new(0.5, 0.3, 0.2) * s),
+                Solid::Ellipsoid(Vector3::new(0.5, 0.3, 0.2) * s),
+                Solid::Cylinder { radius: 0.1 * s, length: 0.7 * s, axis: 0 },
+                Solid::Capsule { radius: 0.1 * s, length: 0.7 * s, axis: 2 },
+            ]
+        };
+        for (one, two) in solids(1.0).iter().zip(solids(2.0)) {
+            for ends in [Ends::Free, Ends::Joined] {
+                let (a, b) = (one.added_mass(RHO, ends), two.added_mass(RHO, ends));
+                close(&b, &std::array::from_fn::<_, 6, _>(|i| a[i] * if i < 3 { 8.0 } else { 32.0 }), 1e-12);
+                let (a, b) = (one.quadratic_drag(RHO, ends), two.quadratic_drag(RHO, ends));
+                close(&b, &std::array::from_fn::<_, 6, _>(|i| a[i] * if i < 3 { 4.0 } else { 32.0 }), 1e-12);
+                assert!(a.iter().all(|x| *x >= 0.0 && x.is_finite()));
+            }
+            close(&[two.inertia(1.0).sum()], &[4.0 * one.inertia(1.0).sum()], 1e-12);
+        }
+    }
+}

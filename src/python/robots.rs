@@ -1,0 +1,140 @@
+//! Users' own robots: the template, doubts, estimates from shapes, arms from URDF.
+
+use std::path::PathBuf;
+
+use nalgebra::Vector3;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+
+use super::arrays::{Given, read as numbers};
+use super::errors::SceneError;
+use super::scene::{object, read, text, to_python, tree};
+use crate::description::{Frame, Scene};
+use crate::estimate::Outline;
+use crate::urdf::{Import, Imported};
+
+/// TOML text of a scene with every key that there is, its unit and default in comments.
+#[pyfunction]
+pub fn scene_template() -> &'static str {
+    Scene::TEMPLATE
+}
+
+/// A scene as TOML text, which reads back as an equal scene.
+///
+/// Parameters
+/// ----------
+/// scene : str, os.PathLike or dict
+///     As for `load_scene`.
+///
+/// Raises
+/// ------
+/// SceneError
+///     As `load_scene`.
+#[pyfunction]
+pub fn dump_scene(scene: &Bound<'_, PyAny>) -> PyResult<String> {
+    Ok(read(scene)?.to_toml_string())
+}
+
+/// What is possible in a scene, but hardly meant: out of trim, buoyancy below weight, no added mass, thrusters that leave out
+/// an axis, drag that drives.
+///
+/// Parameters
+/// ----------
+/// scene : str, os.PathLike or dict
+///     As for `load_scene`.
+///
+/// Returns
+/// -------
+/// list of str
+///     One line each: key, what is doubted, and the numbers.
+///
+/// Raises
+/// ------
+/// SceneError
+///     As `load_scene`.
+#[pyfunction]
+pub fn scene_doubts(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let scene = read(scene)?;
+    let warnings = scene.check()?;
+    let doubts = scene.doubts();
+    Ok(warnings.iter().map(ToString::to_string).chain(doubts.iter().map(ToString::to_string)).collect())
+}
+
+/// Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.
+///
+/// Added mass: potential flow for ellipsoids and capsules (Lamb 1932), strip theory and the tables of DNV-RP-H103 for boxes
+/// and cylinders. Quadratic drag: projected areas and published coefficients (Hoerner, White, DNV-RP-C205). Linear drag:
+/// equal to the quadratic drag at `speed`. Shapes do not shield each other. Expect tens of percent of error, and several times
+/// that of open frames.
+///
+/// Parameters
+/// ----------
+/// outline : dict, str or os.PathLike
+///     {"density": 1000.0 kg/m3, "speed": [0.1 m/s, 0.3 rad/s], "shapes": [...]}, or path of a TOML file of that form. Each
+///     shape has one of box ([x, y, z] edges, m), cylinder or capsule ({"radius", "length", "axis": "x"}; a capsule's
+///     length without its ends) and ellipsoid ([a, b, c] semi-axes, m), and may have name, position (m) and rpy (rad) in
+///     the body frame, ends ("free", or "joined" to the next part of an arm), perforation (open part of the faces, 0 to
+///     0.5, for all axes or each), solidity (drag over that of the closed shape, likewise), displaced (part of the
+///     envelope that displaces water), mass (kg) or relative_density (1: neutral).
+/// table : str
+///     Table that the TOML text is for.
+///
+/// Returns
+/// -------
+/// dict
+///     body (as in a scene), formulas (by the body's keys) and toml (text to paste, with formulas in comments and as
+///     provenance). With one shape, its hydrodynamics are given in its own frame, else at the body's origin.
+///
+/// Raises
+/// ------
+/// SceneError
+///     The message names file, key and value.
+#[pyfunction]
+#[pyo3(signature = (outline, *, table="vehicle.body"))]
+pub fn estimate<'py>(outline: &Bound<'py, PyAny>, table: &str) -> PyResult<Bound<'py, PyDict>> {
+    let py = outline.py();
+    let outline = match outline.cast::<PyDict>() {
+        Ok(dict) => Outline::from_value(tree(dict)?, "<dict>")?,
+        Err(_) => Outline::from_file(outline.extract::<PathBuf>()?)?,
+    };
+    let estimate = outline.estimate();
+    let body = toml::Value::try_from(&estimate.body).map_err(|e| SceneError::new_err(e.to_string()))?;
+    let result = PyDict::new(py);
+    result.set_item("body", object(&body, py)?)?;
+    let formulas = PyDict::new(py);
+    for (key, formula) in &estimate.formulas {
+        formulas.set_item(key, formula)?;
+    }
+    result.set_item("formulas", formulas)?;
+    result.set_item("toml", estimate.to_toml(table))?;
+    Ok(result)
+}
+
+/// A vehicle with the arm of a URDF file, and what should be known about it; `uvms_gym.import_urdf` documents the arguments.
+#[pyfunction]
+#[pyo3(signature = (path, *, vehicle, position=None, rpy=None, base=None, tip=None))]
+pub fn import_urdf<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    vehicle: &Bound<'py, PyAny>,
+    position: Given,
+    rpy: Given,
+    base: Option<Bound<'py, PyString>>,
+    tip: Option<Bound<'py, PyString>>,
+) -> PyResult<(Bound<'py, PyAny>, Vec<String>)> {
+    let vehicle = read(vehicle)?;
+    let vector = |name, given: Given| -> PyResult<Vector3<f64>> {
+        let Some(given) = given else { return Ok(Vector3::zeros()) };
+        let (shape, numbers) = numbers(name, given)?;
+        let finite = numbers.iter().all(|x| x.abs() <= 1e12);
+        match numbers[..] {
+            [x, y, z] if shape == [3] && finite => Ok(Vector3::new(x, y, z)),
+            _ => Err(SceneError::new_err(format!("{name} must be three finite numbers, but is {numbers:?}"))),
+        }
+    };
+    let mount = Frame { position: vector("position", position)?, rpy: vector("rpy", rpy)? };
+    let base = base.as_ref().map(|base| text(base, "base")).transpose()?;
+    let tip = tip.as_ref().map(|tip| text(tip, "tip")).transpose()?;
+    let Imported { scene, notes } = Import { vehicle: &vehicle, mount, base, tip }.from_file(path)?;
+    Ok((to_python(&scene, py)?, notes))
+}

@@ -1,0 +1,112 @@
+//! Pushes.
+
+use serde::{Deserialize, Serialize};
+
+use super::column::Column;
+use super::site::Site;
+use super::span::{Span, check};
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows};
+use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::scene::EpisodeKey;
+use crate::scene::random::{Purpose, Stream};
+
+/// Pushes at random times: a constant force for a short time, from any side, at a point of the vehicle. What a control
+/// period holds is its mean over the period, so that momentum does not depend on when it starts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Impulse {
+    /// Force over the greatest thrust along the vehicle's weakest axis.
+    pub share: Span,
+    /// Force, N; in place of the share.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force: Option<Span>,
+    /// How long it lasts, s.
+    pub duration: Span,
+    /// Time from the episode's start, or the end of the push before, s.
+    pub pause: Span,
+    /// Greatest distance of the point from the vehicle's origin over that of its thrusters (root mean square).
+    pub reach: f64,
+}
+
+impl Default for Impulse {
+    fn default() -> Self {
+        Self {
+            share: Span::of(0.3, 1.0),
+            force: None,
+            duration: Span::of(0.1, 0.4),
+            pause: Span::of(2.0, 6.0),
+            reach: 0.5,
+        }
+    }
+}
+
+impl Impulse {
+    /// Start and end in control periods; force (3, world) and point (3, body); pushes so far. Then what the next one is
+    /// drawn from: force, duration and pause (2 each), reach.
+    pub(super) const ROWS: usize = 16;
+
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        self.share.check("impulse.share", 0.0, 10.0)?;
+        if let Some(force) = self.force {
+            force.check("impulse.force", 0.0, 1e7)?;
+        }
+        self.duration.check("impulse.duration", 0.0, 1e4)?;
+        self.pause.check("impulse.pause", 0.0, 1e6)?;
+        check("impulse.reach", self.reach, 0.0, 10.0)
+    }
+
+    pub(super) fn begin<T: Real>(&self, memory: &mut Column<'_, T>, row: usize, draw: &Stream, site: &Site) {
+        let Span { low, high } = self.force.unwrap_or(self.share.times(site.thrust));
+        let in_periods = |span: Span| [span.low / site.period, span.high / site.period];
+        let [least, longest] = in_periods(self.duration);
+        let [soon, late] = in_periods(self.pause);
+        memory.set(row + 8, 0.0);
+        memory.set_all(row + 9, [low, high, least, longest, soon, late, self.reach * site.lever]);
+        Self::draw(memory, row, 0.0, draw);
+    }
+
+    fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream) {
+        let [count, low, high, least, longest, soon, late, reach] = memory.get_all(row + 8);
+        let index = |k| (8.0 * count) as u32 + k;
+        let start = now + Span::of(soon, late).at(draw.uniform(index(0)));
+        let end = start + Span::of(least, longest).at(draw.uniform(index(1)));
+        let force = draw.unit_vector(index(2)) * Span::of(low, high).at(draw.uniform(index(3)));
+        let point = draw.unit_vector(index(4)) * (reach * draw.uniform(index(5)));
+        memory.set_all(row, [start, end]);
+        memory.set_all(row + 2, force.iter().chain(&point).copied());
+        memory.set(row + 8, count + 1.0);
+    }
+
+    /// Draws the next push where the last one is over.
+    pub(super) fn renew<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream) {
+        if now >= memory.get(row + 1) {
+            Self::draw(memory, row, now, draw);
+        }
+    }
+
+    /// Its mean wrench over the coming period, body axes at the vehicle's origin.
+    #[inline(always)]
+    pub(super) fn wrench<T: Real, L: Lane<Real = T>>(
+        memory: &Rows<'_, T>,
+        row: usize,
+        now: L,
+        rotation: &Matrix3<L>,
+    ) -> Vector6<L> {
+        let [start, end, fx, fy, fz, px, py, pz]: [L; 8] = memory.get_all(row);
+        let share = within(end - now) - within(start - now);
+        let force = rotation.apply_transposed(Vector3([fx, fy, fz])).scale(share);
+        Vector6 { linear: force, angular: Vector3([px, py, pz]).cross(force) }
+    }
+
+    /// The stream that pushes are drawn from.
+    pub(super) fn stream(key: EpisodeKey) -> Stream {
+        Stream::new(key, Purpose::Impulse)
+    }
+}
+
+/// What of the coming period lies before a time from now, both in periods.
+#[inline(always)]
+fn within<L: Lane>(time: L) -> L {
+    time.min(L::c(1.0)).max(L::zero())
+}

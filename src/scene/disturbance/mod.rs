@@ -1,0 +1,182 @@
+//! What disturbs an episode: currents, waves, pushes, loads, failures, sensors, and numbers that are not quite right.
+//!
+//! Each component is a thing of its own, with ranges that every episode draws from. All that an episode has drawn lies in
+//! rows of its memory, so that it goes on from there alone. What differs from one control period to the next has
+//! addresses of its own among the random numbers, so that no instance depends on another.
+
+mod arm;
+mod column;
+mod current;
+mod impulse;
+mod levels;
+mod parameters;
+mod payload;
+mod profile;
+mod read;
+mod rows;
+mod script;
+mod sensors;
+mod site;
+mod span;
+#[cfg(test)]
+mod tests;
+mod tether;
+mod thrusters;
+mod waves;
+mod weather;
+
+use serde::{Deserialize, Serialize};
+
+use super::EpisodeKey;
+use super::random::{Purpose, Stream};
+use crate::error::TaskError;
+use crate::system::Factors;
+pub use arm::ArmMotion;
+pub use column::Column;
+pub use current::{Drift, Gust, SteadyCurrent};
+pub use impulse::Impulse;
+pub use levels::{LEVELS, Level};
+pub use parameters::Parameters;
+pub use payload::{Handling, PayloadEvent, seize};
+pub use profile::Profile;
+pub use rows::DisturbanceRows;
+pub use script::Script;
+pub use sensors::{Delay, MEASURED, Noise, SensorRows};
+pub use site::Site;
+pub use span::Span;
+pub use tether::Tether;
+pub use thrusters::ThrusterLoss;
+pub use waves::Waves;
+pub use weather::{Forcing, Weather};
+
+/// Components of a disturbance; those that are absent do nothing and cost nothing.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Disturbance {
+    /// Steady current.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub current: Option<SteadyCurrent>,
+    /// Wandering current.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub drift: Option<Drift>,
+    /// Gusts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gust: Option<Gust>,
+    /// Waves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub waves: Option<Waves>,
+    /// Pushes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub impulse: Option<Impulse>,
+    /// Tether.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tether: Option<Tether>,
+    /// Payload.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub payload: Option<PayloadEvent>,
+    /// Thrusters that weaken or fail.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thrusters: Option<ThrusterLoss>,
+    /// Motion of the arm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arm: Option<ArmMotion>,
+    /// Noise of sensors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<Noise>,
+    /// Delay of sensors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay: Option<Delay>,
+    /// Factors on the scene's parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<Parameters>,
+    /// Time series.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub script: Option<Script>,
+}
+
+impl Disturbance {
+    /// A steady current of any speed up to this one alone, m/s.
+    pub fn steady(speed: f64) -> Self {
+        Self { current: Some(SteadyCurrent::up_to(speed)), ..Self::default() }
+    }
+
+    /// Refuses numbers that are out of range, and what the site cannot have.
+    pub(super) fn check(&self, site: &Site) -> Result<(), TaskError> {
+        self.current.iter().try_for_each(SteadyCurrent::check)?;
+        self.drift.iter().try_for_each(Drift::check)?;
+        self.gust.iter().try_for_each(Gust::check)?;
+        self.waves.iter().try_for_each(Waves::check)?;
+        self.impulse.iter().try_for_each(Impulse::check)?;
+        self.tether.iter().try_for_each(Tether::check)?;
+        self.payload.iter().try_for_each(PayloadEvent::check)?;
+        self.thrusters.iter().try_for_each(|thrusters| thrusters.check(site))?;
+        self.arm.iter().try_for_each(ArmMotion::check)?;
+        self.noise.iter().try_for_each(Noise::check)?;
+        self.delay.iter().try_for_each(|delay| delay.check(site.period))?;
+        self.parameters.iter().try_for_each(Parameters::check)?;
+        self.script.iter().try_for_each(Script::check)?;
+        let weightless = site.gravity == 0.0;
+        if weightless && self.waves.is_some() {
+            return span::refuse("waves", "the scene has no gravity, without which there are none".into());
+        }
+        if weightless && self.payload.as_ref().is_some_and(|payload| payload.mass.is_none()) {
+            return span::refuse("payload.share", "the scene has no gravity: give a mass".into());
+        }
+        Ok(())
+    }
+
+    /// Where its numbers lie, from row `start` on; `None` if there is nothing that changes within an episode.
+    pub(super) fn rows(&self, site: &Site, start: usize) -> Option<DisturbanceRows> {
+        DisturbanceRows::new(self, site, start)
+    }
+
+    /// Refuses another one that asks for more than what there is memory for.
+    pub(super) fn check_room(&self, other: &Self, period: f64) -> Result<(), TaskError> {
+        let periods = |of: &Self| of.delay.as_ref().map_or(0, |delay| delay.in_periods(period));
+        let lacking = [
+            ("drift", self.drift.is_none() && other.drift.is_some()),
+            ("gust", self.gust.is_none() && other.gust.is_some()),
+            ("waves", self.waves.is_none() && other.waves.is_some()),
+            ("impulse", self.impulse.is_none() && other.impulse.is_some()),
+            ("tether", self.tether.is_none() && other.tether.is_some()),
+            ("payload", self.payload.is_none() && other.payload.is_some()),
+            ("thrusters", self.thrusters.is_none() && other.thrusters.is_some()),
+            ("script", self.script.is_none() && other.script.is_some()),
+            ("noise", self.noise.is_none() && other.noise.is_some()),
+            ("parameters", !self.varies() && other.parameters.is_some()),
+        ];
+        let absent = |key: &str| span::refuse(key, "the environment was made without it: make it with it".into());
+        if let Some((key, _)) = lacking.into_iter().find(|(_, lacks)| *lacks) {
+            return absent(key);
+        }
+        if let Some((key, had, asked)) = [
+            (
+                "waves.trains",
+                self.waves.as_ref().map_or(0, |waves| waves.trains),
+                other.waves.as_ref().map_or(0, |waves| waves.trains),
+            ),
+            ("script", self.script.as_ref().map_or(0, Script::len), other.script.as_ref().map_or(0, Script::len)),
+        ]
+        .into_iter()
+        .find(|(_, had, asked)| asked > had)
+        {
+            return span::refuse(key, format!("{asked}, but the environment was made for at most {had}"));
+        }
+        if periods(self) != periods(other) {
+            let (had, asked) = (periods(self), periods(other));
+            return span::refuse("delay", format!("{asked} control periods, but the environment was made with {had}"));
+        }
+        Ok(())
+    }
+
+    /// Whether instances differ in their parameters, now or later.
+    pub fn varies(&self) -> bool {
+        self.parameters.is_some() || self.payload.is_some()
+    }
+
+    /// Factors on the scene's parameters in an episode.
+    pub(super) fn factors(&self, key: EpisodeKey) -> Factors<f64> {
+        let parameters = self.parameters.as_ref();
+        parameters.map_or(Factors::ONE, |parameters| parameters.draw(&Stream::new(key, Purpose::Parameters)))
+    }
+}

@@ -1,0 +1,125 @@
+//! Scenes that are not quite what is written.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::span::{Span, check};
+use crate::error::TaskError;
+use crate::scene::random::Stream;
+use crate::system::{FACTORS, Factors};
+
+/// Factors on the scene's parameters, one of each for all bodies of an instance, drawn per episode: domain randomisation.
+///
+/// Volume goes with mass, so that what floats still does: the factor on the displaced volume is that on mass times `volume`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(try_from = "Given", into = "BTreeMap<String, Span>")]
+pub struct Parameters {
+    /// In the order of [`Factors::NAMES`]; the payload is not a factor, but in kg.
+    ranges: [Option<Span>; FACTORS],
+}
+
+/// What `true` stands for: factors from 0.7 to 1.3.
+const USUAL: f64 = 0.3;
+/// What a single share is for.
+const SHARED: [&str; 6] = ["mass", "added_mass", "linear_drag", "quadratic_drag", "thrust", "thruster_lag"];
+const PAYLOAD: &str = "payload";
+const VOLUME: &str = "volume";
+const MASS: &str = "mass";
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "must be true, a share, or ranges by the name of the parameter")]
+enum Given {
+    Whether(bool),
+    Share(f64),
+    Each(BTreeMap<String, Range>),
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "must be a share either way, or a list of two, [least, greatest]")]
+enum Range {
+    Share(f64),
+    Range([f64; 2]),
+}
+
+impl TryFrom<Given> for Parameters {
+    type Error = String;
+
+    fn try_from(given: Given) -> Result<Self, String> {
+        let around = |share: f64| Span::of(1.0 - share, 1.0 + share);
+        let mut ranges = [None; FACTORS];
+        let mut set = |name: &str, span| match place(name) {
+            Some(k) => {
+                ranges[k] = Some(span);
+                Ok(())
+            }
+            None => Err(format!("unknown parameter `{name}`, expected one of {}", Factors::<f64>::NAMES.join(", "))),
+        };
+        match given {
+            Given::Whether(false) => {}
+            Given::Whether(true) => SHARED.iter().try_for_each(|name| set(name, around(USUAL)))?,
+            Given::Share(share) => SHARED.iter().try_for_each(|name| set(name, around(share)))?,
+            Given::Each(each) => each.into_iter().try_for_each(|(name, range)| {
+                let span = match range {
+                    Range::Share(mass) if name == PAYLOAD => Span::of(0.0, mass),
+                    Range::Share(share) => around(share),
+                    Range::Range([low, high]) => Span::of(low, high),
+                };
+                set(&name, span)
+            })?,
+        }
+        Ok(Self { ranges })
+    }
+}
+
+impl From<Parameters> for BTreeMap<String, Span> {
+    fn from(parameters: Parameters) -> Self {
+        let names = Factors::<f64>::NAMES.into_iter().map(str::to_owned);
+        names.zip(parameters.ranges).filter_map(|(name, range)| Some((name, range?))).collect()
+    }
+}
+
+fn place(name: &str) -> Option<usize> {
+    Factors::<f64>::NAMES.iter().position(|known| *known == name)
+}
+
+impl Parameters {
+    /// These, if there are any at all.
+    pub fn any(&self) -> Option<Self> {
+        self.ranges.iter().any(Option::is_some).then(|| self.clone())
+    }
+
+    /// All but volume and payload by this share either way.
+    pub(super) fn within(share: f64) -> Self {
+        Self::try_from(Given::Share(share)).unwrap_or_default()
+    }
+
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        for (name, range) in Factors::<f64>::NAMES.into_iter().zip(self.ranges) {
+            let (least, most) = match name {
+                PAYLOAD => (0.0, 1e6),
+                MASS => (0.1, 10.0),
+                _ => (0.0, 10.0),
+            };
+            if let Some(range) = range {
+                check(&format!("parameters.{name}"), range.low, least, most)?;
+                range.check(&format!("parameters.{name}"), least, most)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The factors of an episode.
+    pub(super) fn draw(&self, draw: &Stream) -> Factors<f64> {
+        let mut factors = Factors::ONE.to_array();
+        for (k, range) in self.ranges.iter().enumerate() {
+            if let Some(range) = range {
+                factors[k] = range.at(draw.uniform(k as u32));
+            }
+        }
+        if let (Some(volume), Some(mass)) = (place(VOLUME), place(MASS)) {
+            factors[volume] *= factors[mass];
+        }
+        Factors::from_array(factors)
+    }
+}

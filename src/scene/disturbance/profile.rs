@@ -1,0 +1,73 @@
+//! Disturbances over time, for people to look at.
+
+use nalgebra::Vector3;
+
+use super::column::Column;
+use super::payload::Handling;
+use super::weather::Weather;
+use crate::lane::Rows;
+use crate::lie::{Pose, Vector6};
+use crate::scene::EpisodeKey;
+
+/// What disturbances will come to, one entry per control period.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Profile {
+    /// Velocity of the water, world axes, m/s.
+    pub velocity: Vec<[f64; 3]>,
+    /// Its acceleration, m/s^2.
+    pub acceleration: Vec<[f64; 3]>,
+    /// Wrench on the vehicle, body axes, N and N m.
+    pub wrench: Vec<[f64; 6]>,
+    /// What is left of each thruster's thrust.
+    pub gains: Vec<Vec<f64>>,
+    /// Payload, kg.
+    pub payload: Vec<f64>,
+}
+
+impl Profile {
+    /// A current that stays, and nothing else.
+    pub(in crate::scene) fn steady(current: &Vector3<f64>, steps: u32, thrusters: usize) -> Self {
+        let count = steps as usize;
+        Self {
+            velocity: vec![(*current).into(); count],
+            acceleration: vec![[0.0; 3]; count],
+            wrench: vec![[0.0; 6]; count],
+            gains: vec![vec![1.0; thrusters]; count],
+            payload: vec![0.0; count],
+        }
+    }
+}
+
+impl Weather<f64> {
+    /// Of the coming `steps` control periods, the first of which is number `step`, for a vehicle that stays at rest in `pose`.
+    /// `numbers` are those of the episode; they are left as they are at the end.
+    pub fn profile(
+        &self,
+        numbers: &mut [f64],
+        key: EpisodeKey,
+        step: u32,
+        steps: u32,
+        pose: &Pose<f64>,
+        thrusters: usize,
+    ) -> Profile {
+        let mut profile = Profile::default();
+        for step in (step..).take(steps as usize) {
+            let mut column = Column::of_one(numbers);
+            self.stir(&mut column, key, step);
+            match self.handling(&column, step) {
+                Some(Handling::Pick(mass)) => self.hold(&mut column, mass),
+                Some(Handling::Drop(_)) => self.hold(&mut column, 0.0),
+                None => {}
+            }
+            let mut rows = Rows::of_one(numbers);
+            let forcing = self.force(&rows, pose, &Vector6::zero());
+            self.pass::<f64>(&mut rows);
+            profile.velocity.push(forcing.velocity.0);
+            profile.acceleration.push(forcing.acceleration.0);
+            profile.wrench.push(forcing.wrench.to_array());
+            profile.gains.push(forcing.gains[..thrusters].to_vec());
+            profile.payload.push(forcing.payload);
+        }
+        profile
+    }
+}

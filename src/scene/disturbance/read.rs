@@ -1,0 +1,116 @@
+//! Disturbances from names and JSON.
+
+use serde_json::{Map, Value};
+
+use super::{Disturbance, LEVELS, Level};
+use crate::error::TaskError;
+
+/// Key of the level that a dict changes.
+const BASE: &str = "base";
+
+impl Disturbance {
+    /// Names of the components.
+    pub const COMPONENTS: [&'static str; 13] = [
+        "current",
+        "drift",
+        "gust",
+        "waves",
+        "impulse",
+        "tether",
+        "payload",
+        "thrusters",
+        "arm",
+        "noise",
+        "delay",
+        "parameters",
+        "script",
+    ];
+
+    /// The level of that name.
+    ///
+    /// # Errors
+    /// `TaskError::Disturbance` lists the names that there are.
+    pub fn named(name: &str) -> Result<Self, TaskError> {
+        match LEVELS.iter().find(|level| level.name == name) {
+            Some(level) => Ok(level.disturbance()),
+            None => {
+                let known: Vec<_> = LEVELS.iter().map(|Level { name, .. }| *name).collect();
+                fault("disturbance", format!("there is no level '{name}'; known: {}", known.join(", ")))
+            }
+        }
+    }
+
+    /// From JSON: the name of a level, or an object of components by their names. Its key `base` names a level that
+    /// it changes (`"calm"` without): what it gives of a component replaces what the level has there, `null` or
+    /// `false` takes the component away, and `true` stands for its defaults.
+    ///
+    /// # Errors
+    /// `TaskError::Disturbance` for text that is none of this; unknown keys are named, with the known ones.
+    pub fn from_json(text: &str) -> Result<Self, TaskError> {
+        match serde_json::from_str(text) {
+            Ok(value) => Self::from_value(value),
+            Err(error) => fault("disturbance", error.to_string()),
+        }
+    }
+
+    fn from_value(value: Value) -> Result<Self, TaskError> {
+        match value {
+            Value::String(name) => Self::named(&name),
+            Value::Object(given) => Self::from_object(given),
+            other => fault("disturbance", format!("must be the name of a level or a dict of components, not {other}")),
+        }
+    }
+
+    fn from_object(mut given: Map<String, Value>) -> Result<Self, TaskError> {
+        let base = match given.remove(BASE) {
+            None => Self::default(),
+            Some(Value::String(name)) => Self::named(&name)?,
+            Some(other) => return fault(BASE, format!("must be the name of a level, not {other}")),
+        };
+        let Ok(Value::Object(mut whole)) = serde_json::to_value(base) else {
+            return fault("disturbance", "not finite".into());
+        };
+        for (key, component) in given {
+            if !Self::COMPONENTS.contains(&key.as_str()) {
+                let known = Self::COMPONENTS.join(", ");
+                return fault("disturbance", format!("unknown component '{key}'; known: {known}, and {BASE}"));
+            }
+            match component {
+                Value::Null | Value::Bool(false) => {
+                    whole.remove(&key);
+                }
+                // What `true` stands for is the parameters' own business.
+                Value::Bool(true) if key != "parameters" => {
+                    whole.entry(key).or_insert_with(|| Value::Object(Map::new()));
+                }
+                Value::Number(time) if key == "delay" => {
+                    whole.insert(key, Value::Object(Map::from_iter([("time".to_owned(), Value::Number(time))])));
+                }
+                Value::Object(changes) => {
+                    if let Some(Value::Object(there)) = whole.get_mut(&key) {
+                        there.extend(changes);
+                    } else {
+                        whole.insert(key, Value::Object(changes));
+                    }
+                }
+                other => {
+                    whole.insert(key, other);
+                }
+            }
+        }
+        serde_path_to_error::deserialize(Value::Object(whole)).map_err(|error| TaskError::Disturbance {
+            key: error.path().to_string(),
+            reason: error.into_inner().to_string(),
+        })
+    }
+
+    /// As JSON that [`Self::from_json`] reads.
+    pub fn to_json(&self) -> String {
+        // Numbers that are not finite, which no one writes, would be null.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+}
+
+fn fault<T>(key: &str, reason: String) -> Result<T, TaskError> {
+    Err(TaskError::Disturbance { key: key.to_owned(), reason })
+}

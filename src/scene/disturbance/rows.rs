@@ -1,0 +1,103 @@
+//! Where the numbers of disturbances lie in an episode's memory.
+
+use super::Disturbance;
+use super::current::{Drift, Gust};
+use super::impulse::Impulse;
+use super::payload::PayloadEvent;
+use super::script::Script;
+use super::sensors::{MEASURED_OF_VEHICLE, SensorRows};
+use super::site::Site;
+use super::tether::Tether;
+use super::thrusters::ThrusterLoss;
+use super::waves::Waves;
+use crate::lane::{Lane, ln, sin_cos};
+
+/// First row of each component that there is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DisturbanceRows {
+    /// Control periods done.
+    pub clock: usize,
+    /// Steady current in world axes, 3.
+    pub steady: usize,
+    /// For [`super::Forcing::shown`].
+    pub shown: usize,
+    pub(super) drift: Option<[usize; 2]>,
+    pub(super) gust: Option<usize>,
+    /// And trains.
+    pub(super) waves: Option<[usize; 2]>,
+    pub(super) impulse: Option<usize>,
+    pub(super) tether: Option<usize>,
+    pub(super) payload: Option<usize>,
+    pub(super) thrusters: Option<usize>,
+    /// And control periods.
+    pub(super) script: Option<[usize; 2]>,
+    /// Sensors, unless they show the truth at once.
+    pub sensors: Option<SensorRows>,
+    /// Row past the last.
+    pub end: usize,
+}
+
+/// Uniform numbers of a draw.
+pub(super) const QUAD: usize = 4;
+
+impl DisturbanceRows {
+    /// From row `start` on; `None` if there is nothing that changes within an episode.
+    pub(super) fn new(disturbance: &Disturbance, site: &Site, start: usize) -> Option<Self> {
+        let mut end = start;
+        let mut take = |count: usize| {
+            end += count;
+            end - count
+        };
+        let measured = MEASURED_OF_VEHICLE + 2 * site.joints + if site.tilt { 3 } else { 0 };
+        let periods = disturbance.delay.as_ref().map_or(0, |delay| delay.in_periods(site.period));
+        let mut rows = Self {
+            clock: take(1),
+            steady: take(3),
+            shown: take(3),
+            drift: disturbance.drift.as_ref().map(|_| [take(Drift::ROWS), take(QUAD)]),
+            gust: disturbance.gust.as_ref().map(|_| take(Gust::ROWS)),
+            waves: disturbance.waves.as_ref().map(|waves| [take(Waves::rows(waves.trains)), waves.trains]),
+            impulse: disturbance.impulse.as_ref().map(|_| take(Impulse::ROWS)),
+            tether: disturbance.tether.as_ref().map(|_| take(Tether::ROWS)),
+            payload: disturbance.payload.as_ref().map(|_| take(PayloadEvent::ROWS)),
+            thrusters: disturbance.thrusters.as_ref().map(|_| take(ThrusterLoss::COMMON + site.thrusters)),
+            script: disturbance.script.as_ref().map(|script| [take(Script::rows(script.len())), script.len()]),
+            sensors: (disturbance.noise.is_some() || periods > 0).then(|| SensorRows {
+                measured,
+                noise: disturbance.noise.as_ref().map(|_| [take(2 * measured), take(SensorRows::draws(measured))]),
+                ring: take((1 + periods) * measured),
+                slots: 1 + periods,
+            }),
+            end: 0,
+        };
+        rows.end = end;
+        let absent = rows.drift.is_none()
+            && rows.gust.is_none()
+            && rows.waves.is_none()
+            && rows.impulse.is_none()
+            && rows.tether.is_none()
+            && rows.payload.is_none()
+            && rows.thrusters.is_none()
+            && rows.script.is_none()
+            && rows.sensors.is_none();
+        (!absent).then_some(rows)
+    }
+
+    /// Whether the water's velocity changes within an episode.
+    pub(super) fn flows(&self) -> bool {
+        self.drift.is_some() || self.gust.is_some() || self.waves.is_some() || self.script.is_some()
+    }
+
+    /// Whether anything pushes.
+    pub(super) fn pushes(&self) -> bool {
+        self.impulse.is_some() || self.tether.is_some() || self.script.is_some()
+    }
+}
+
+/// Two independent normal numbers from two uniform ones in (0, 1] (Box-Muller).
+#[inline(always)]
+pub(super) fn normal_pair<L: Lane>([u, v]: [L; 2]) -> [L; 2] {
+    let radius = (ln(u) * L::c(-2.0)).max(L::zero()).sqrt();
+    let (sine, cosine) = sin_cos(v * L::c(std::f64::consts::TAU));
+    [radius * cosine, radius * sine]
+}

@@ -1,0 +1,79 @@
+//! Time series of the user's own.
+
+use serde::{Deserialize, Serialize};
+
+use super::column::Column;
+use super::span::{check, refuse};
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows};
+use crate::lie::{Vector3, Vector6};
+
+/// A current and a wrench for every control period, on top of all else. After its end there is neither.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Script {
+    /// Velocity of the water in world axes, m/s, per control period.
+    pub current: Vec<[f64; 3]>,
+    /// Wrench on the vehicle at its origin, body axes, N and N m, per control period.
+    pub wrench: Vec<[f64; 6]>,
+    /// Whether it starts again at its end.
+    pub repeat: bool,
+}
+
+/// Most control periods of a script.
+const LONGEST: usize = 100_000;
+
+impl Script {
+    /// Length, whether it repeats; current (3) and wrench (6) now. After them both of every period.
+    pub(super) const COMMON: usize = 2 + Self::EACH;
+    /// Of a control period.
+    const EACH: usize = 9;
+
+    /// Control periods.
+    pub fn len(&self) -> usize {
+        self.current.len().max(self.wrench.len())
+    }
+
+    /// Whether there is nothing in it.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Rows of a script of this length.
+    pub(super) fn rows(length: usize) -> usize {
+        Self::COMMON + Self::EACH * length
+    }
+
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        if self.len() > LONGEST {
+            return refuse("script", format!("{} control periods, but at most {LONGEST} are taken", self.len()));
+        }
+        self.current.iter().flatten().try_for_each(|x| check("script.current", *x, -5.0, 5.0))?;
+        self.wrench.iter().flatten().try_for_each(|x| check("script.wrench", *x, -1e7, 1e7))
+    }
+
+    pub(super) fn begin<T: Real>(&self, memory: &mut Column<'_, T>, row: usize) {
+        memory.set_all(row, [self.len() as f64, f64::from(u8::from(self.repeat))]);
+        for k in 0..self.len() {
+            let current = self.current.get(k).copied().unwrap_or_default();
+            let wrench = self.wrench.get(k).copied().unwrap_or_default();
+            memory.set_all(row + Self::rows(k), current.into_iter().chain(wrench));
+        }
+        Self::turn_to(memory, row, 0);
+    }
+
+    /// Turns to a control period.
+    pub(super) fn turn_to<T: Real>(memory: &mut Column<'_, T>, row: usize, step: u32) {
+        let [length, repeats] = memory.get_all(row).map(|x: f64| x as usize);
+        let page = if repeats > 0 && length > 0 { step as usize % length } else { step as usize };
+        let now: [f64; Self::EACH] =
+            if page < length { memory.get_all(row + Self::rows(page)) } else { [0.0; Self::EACH] };
+        memory.set_all(row + 2, now);
+    }
+
+    /// Current in world axes and wrench in body axes now.
+    #[inline(always)]
+    pub(super) fn now<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize) -> (Vector3<L>, Vector6<L>) {
+        (Vector3(memory.get_all(row + 2)), Vector6::from_array(memory.get_all(row + 5)))
+    }
+}

@@ -1,0 +1,186 @@
+//! What sensors make of the truth.
+
+use serde::{Deserialize, Serialize};
+
+use super::column::Column;
+use super::rows::{QUAD, normal_pair};
+use super::span::{check, refuse};
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows};
+use crate::scene::random::Stream;
+use crate::system::JOINTS;
+
+/// Numbers that are measured of a vehicle without joints: errors of position and attitude, twist.
+pub const MEASURED_OF_VEHICLE: usize = 12;
+/// Most numbers that are measured: those, then joint coordinates, joint rates, and the direction against gravity.
+pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 3;
+
+/// Noise of what is measured: white, with these standard deviations at every control instant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Noise {
+    /// Of the position error, m.
+    pub position: f64,
+    /// Of the attitude error, rad.
+    pub attitude: f64,
+    /// Of the linear velocity, m/s.
+    pub linear_velocity: f64,
+    /// Of the angular velocity, rad/s.
+    pub angular_velocity: f64,
+    /// Of joint coordinates, rad or m.
+    pub joint_position: f64,
+    /// Of joint rates, rad/s or m/s.
+    pub joint_rate: f64,
+    /// What is off throughout an episode: its standard deviation over that of the noise.
+    pub bias: f64,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Self {
+            position: 0.005,
+            attitude: 0.005,
+            linear_velocity: 0.01,
+            angular_velocity: 0.01,
+            joint_position: 0.002,
+            joint_rate: 0.01,
+            bias: 0.0,
+        }
+    }
+}
+
+impl Noise {
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        check("noise.position", self.position, 0.0, 1.0)?;
+        check("noise.attitude", self.attitude, 0.0, 1.0)?;
+        check("noise.linear_velocity", self.linear_velocity, 0.0, 1.0)?;
+        check("noise.angular_velocity", self.angular_velocity, 0.0, 1.0)?;
+        check("noise.joint_position", self.joint_position, 0.0, 1.0)?;
+        check("noise.joint_rate", self.joint_rate, 0.0, 1.0)?;
+        check("noise.bias", self.bias, 0.0, 10.0)
+    }
+
+    /// Deviation of each number that is measured.
+    fn deviations(&self, joints: usize) -> Vec<f64> {
+        let vehicle = [self.position, self.attitude, self.linear_velocity, self.angular_velocity];
+        let vehicle = vehicle.into_iter().flat_map(|deviation| [deviation; 3]);
+        let joint = |deviation| std::iter::repeat_n(deviation, joints);
+        let tilt = std::iter::repeat_n(self.attitude, 3);
+        vehicle.chain(joint(self.joint_position)).chain(joint(self.joint_rate)).chain(tilt).collect()
+    }
+}
+
+/// Age of what is measured when it is seen.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Delay {
+    /// In seconds, rounded to control periods.
+    pub time: f64,
+    /// In control periods, on top of that.
+    pub periods: u32,
+}
+
+/// Most control periods of delay.
+const MOST_DELAY: f64 = 100.0;
+
+impl Delay {
+    pub(super) fn check(&self, period: f64) -> Result<(), TaskError> {
+        check("delay.time", self.time, 0.0, 1e3)?;
+        let periods = self.time / period + f64::from(self.periods);
+        if periods > MOST_DELAY {
+            return refuse("delay", format!("{periods:.0} control periods, but at most {MOST_DELAY} are taken"));
+        }
+        Ok(())
+    }
+
+    /// In control periods.
+    pub(super) fn in_periods(&self, period: f64) -> usize {
+        (self.time / period).round() as usize + self.periods as usize
+    }
+}
+
+/// Where the numbers of sensors lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SensorRows {
+    /// Numbers that are measured.
+    pub measured: usize,
+    /// Standard deviation, then bias, of each; and the uniform draws that noise is made of: where there is noise.
+    pub noise: Option<[usize; 2]>,
+    /// What was measured: now, a period ago, and so on, `measured` each.
+    pub ring: usize,
+    /// How many such.
+    pub slots: usize,
+}
+
+impl SensorRows {
+    /// Uniform draws of one control instant.
+    pub(super) fn draws(measured: usize) -> usize {
+        measured.next_multiple_of(QUAD)
+    }
+
+    /// Draws what they are off by.
+    pub(super) fn begin<T: Real>(
+        &self,
+        noise: Option<&Noise>,
+        memory: &mut Column<'_, T>,
+        draw: &Stream,
+        joints: usize,
+    ) {
+        let Some([row, _]) = self.noise else { return };
+        let mut deviations = noise.map_or(vec![0.0; self.measured], |noise| noise.deviations(joints));
+        deviations.truncate(self.measured);
+        let share = noise.map_or(0.0, |noise| noise.bias);
+        memory.set_all(row, deviations.iter().copied());
+        let bias = deviations.iter().enumerate().map(|(k, deviation)| share * deviation * draw.normal(k as u32));
+        memory.set_all(row + self.measured, bias);
+    }
+
+    /// Measures the truth: errors of position and attitude, twist, joint coordinates, joint rates.
+    #[inline(always)]
+    pub fn measure<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, truth: &[L; MEASURED]) {
+        let width = self.measured;
+        for slot in (1..self.slots).rev() {
+            for k in 0..width {
+                let row = self.ring + slot * width + k;
+                let last: L = memory.get(row - width);
+                memory.set(row, last);
+            }
+        }
+        let mut seen = *truth;
+        if let Some([row, draws]) = self.noise {
+            let mut k = 0;
+            while k < width {
+                let pair: [L; 2] = normal_pair(memory.get_all(draws + k));
+                for j in 0..2 {
+                    if k + j < width {
+                        let deviation: L = memory.get(row + k + j);
+                        let bias: L = memory.get(row + width + k + j);
+                        seen[k + j] = pair[j].mul_add(deviation, seen[k + j] + bias);
+                    }
+                }
+                k += 2;
+            }
+        }
+        for k in 0..width {
+            memory.set(self.ring + k, seen[k]);
+        }
+    }
+
+    /// Nothing is older than what was measured first.
+    pub(in crate::scene) fn fill<T: Real>(&self, memory: &mut Column<'_, T>) {
+        for row in self.ring + self.measured..self.ring + self.slots * self.measured {
+            let first = memory.get(row - self.measured);
+            memory.set(row, first);
+        }
+    }
+
+    /// What is seen now: entries as [`Self::measure`] takes them, zeros past the last.
+    #[inline(always)]
+    pub fn seen<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> [L; MEASURED] {
+        let mut seen = [L::zero(); MEASURED];
+        for k in 0..self.measured {
+            seen[k] = memory.get(self.ring + (self.slots - 1) * self.measured + k);
+        }
+        seen
+    }
+}

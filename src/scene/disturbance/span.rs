@@ -1,0 +1,74 @@
+//! Ranges that parameters of episodes are drawn from.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::TaskError;
+
+/// A closed interval that a number is drawn from, uniformly; written as `[low, high]`, or as one number that is both.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Given", into = "[f64; 2]")]
+pub struct Span {
+    /// Least.
+    pub low: f64,
+    /// Greatest.
+    pub high: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "must be a number or a list of two, [least, greatest]")]
+enum Given {
+    Number(f64),
+    Range([f64; 2]),
+}
+
+impl From<Given> for Span {
+    fn from(given: Given) -> Self {
+        match given {
+            Given::Number(x) => Self::of(x, x),
+            Given::Range([low, high]) => Self::of(low, high),
+        }
+    }
+}
+
+impl From<Span> for [f64; 2] {
+    fn from(span: Span) -> Self {
+        [span.low, span.high]
+    }
+}
+
+impl Span {
+    /// From least to greatest.
+    pub const fn of(low: f64, high: f64) -> Self {
+        Self { low, high }
+    }
+
+    /// Both ends times a factor.
+    pub(super) fn times(self, factor: f64) -> Self {
+        Self::of(self.low * factor, self.high * factor)
+    }
+
+    /// The number at a share in [0, 1) of the way.
+    pub(super) fn at(self, share: f64) -> f64 {
+        self.low + (self.high - self.low) * share
+    }
+
+    /// Refuses what does not lie within these bounds, or is upside down.
+    pub(super) fn check(self, key: &str, least: f64, greatest: f64) -> Result<(), TaskError> {
+        let Self { low, high } = self;
+        if low <= high {
+            check(key, low, least, greatest)?;
+            check(key, high, least, greatest)
+        } else {
+            refuse(key, format!("[{low}, {high}] is no range, least first"))
+        }
+    }
+}
+
+/// Refuses a number that does not lie within these bounds.
+pub(super) fn check(key: &str, x: f64, least: f64, greatest: f64) -> Result<(), TaskError> {
+    if x >= least && x <= greatest { Ok(()) } else { refuse(key, format!("{x} must be in [{least}, {greatest}]")) }
+}
+
+pub(super) fn refuse<T>(key: &str, reason: String) -> Result<T, TaskError> {
+    Err(TaskError::Disturbance { key: key.to_owned(), reason })
+}

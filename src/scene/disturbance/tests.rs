@@ -1,0 +1,546 @@
+//! Laws of disturbances.
+
+use nalgebra as na;
+use proptest::prelude::*;
+use serde_json::{Value, json};
+
+use super::*;
+use crate::balance::Balance;
+use crate::control::Allocation;
+use crate::description::Scene;
+use crate::lane::Rows;
+use crate::lie::{Matrix3, Pose, Vector3, Vector6};
+use crate::system::State;
+
+const PERIOD: f64 = 0.05;
+
+fn scene() -> Scene {
+    Scene::shipped("bluerov2-heavy-alpha5").unwrap()
+}
+
+fn site() -> Site {
+    let scene = scene();
+    let allocation = Allocation::new(&scene.vehicle).unwrap();
+    let level = [na::Vector3::x(), na::Vector3::y(), na::Vector3::z()];
+    Site::new(&scene, &allocation, level, PERIOD)
+}
+
+fn key(seed: u64) -> EpisodeKey {
+    EpisodeKey { seed, episode: 0 }
+}
+
+fn read(value: Value) -> Disturbance {
+    Disturbance::from_json(&value.to_string()).unwrap()
+}
+
+fn refusal(value: Value) -> String {
+    let read = Disturbance::from_json(&value.to_string());
+    read.and_then(|disturbance| disturbance.check(&site())).unwrap_err().to_string()
+}
+
+/// An episode of one instance.
+struct Run {
+    weather: Weather<f64>,
+    numbers: Vec<f64>,
+    key: EpisodeKey,
+    step: u32,
+}
+
+impl Run {
+    fn new(disturbance: &Disturbance, seed: u64) -> Self {
+        let site = site();
+        disturbance.check(&site).unwrap();
+        let rows = disturbance.rows(&site, 0).unwrap();
+        let weather = Weather::new(rows, &site);
+        let mut numbers = vec![0.0; rows.end];
+        let steady = na::Vector3::zeros();
+        weather.begin(&mut Column::of_one(&mut numbers), key(seed), &steady, disturbance);
+        Self { weather, numbers, key: key(seed), step: 0 }
+    }
+
+    fn stir(&mut self) {
+        self.weather.stir(&mut Column::of_one(&mut self.numbers), self.key, self.step);
+    }
+
+    fn force_on(&mut self, pose: &Pose<f64>, twist: &Vector6<f64>) -> Forcing<f64> {
+        self.weather.force(&Rows::of_one(&mut self.numbers), pose, twist)
+    }
+
+    fn force(&mut self) -> Forcing<f64> {
+        self.force_on(&Pose::identity(), &Vector6::zero())
+    }
+
+    fn pass(&mut self) {
+        self.weather.pass::<f64>(&mut Rows::of_one(&mut self.numbers));
+        self.step += 1;
+    }
+
+    /// What a period brings.
+    fn next(&mut self) -> Forcing<f64> {
+        self.stir();
+        let forcing = self.force();
+        self.pass();
+        forcing
+    }
+
+    /// What is seen after the truth was measured.
+    fn see(&mut self, truth: &[f64; MEASURED]) -> [f64; MEASURED] {
+        let sensors = *self.weather.sensors().unwrap();
+        let mut rows = Rows::of_one(&mut self.numbers);
+        sensors.measure(&mut rows, truth);
+        sensors.seen(&rows)
+    }
+}
+
+fn norm(v: Vector3<f64>) -> f64 {
+    v.dot(v).sqrt()
+}
+
+fn at(x: f64, y: f64, z: f64) -> Pose<f64> {
+    Pose { position: Vector3([x, y, z]), ..Pose::identity() }
+}
+
+#[test]
+fn val_wandering_current_has_the_moments_of_its_process() {
+    let (deviation, time) = (0.08, 0.5);
+    let disturbance = read(json!({ "drift": { "deviation": deviation, "time": time, "vertical": 0.5 } }));
+    let mut run = Run::new(&disturbance, 3);
+    let steps = 20_000;
+    let lag = 10;
+    let series: Vec<[f64; 3]> = (0..steps).map(|_| run.next().velocity.0).collect();
+    let keep = (-PERIOD * lag as f64 / time).exp();
+    for axis in 0..3 {
+        let expected = deviation * if axis == 2 { 0.5 } else { 1.0 };
+        let x: Vec<f64> = series.iter().map(|v| v[axis] / expected).collect();
+        let mean = |of: &dyn Fn(usize) -> f64, n: usize| (0..n).map(of).sum::<f64>() / n as f64;
+        // A tenth of the samples or so are independent: five deviations of each estimate.
+        assert!(mean(&|k| x[k], steps).abs() < 0.16, "{axis}");
+        assert!((mean(&|k| x[k] * x[k], steps) - 1.0).abs() < 0.16, "{axis}");
+        assert!((mean(&|k| x[k] * x[k + lag], steps - lag) - keep).abs() < 0.16, "{axis}");
+    }
+    // Over episodes, the first sample is as any other.
+    let first = |seed| Run::new(&disturbance, seed).force().velocity.0[0] / deviation;
+    let square = (0..2000).map(|seed| first(seed) * first(seed)).sum::<f64>() / 2000.0;
+    assert!((square - 1.0).abs() < 0.16, "{square}");
+}
+
+#[test]
+fn gusts_are_smooth_bounded_and_come_again() {
+    for turns in [false, true] {
+        let rise = 1.0;
+        let gust =
+            json!({ "speed": [0.2, 0.3], "rise": rise, "duration": [2.5, 3], "pause": [0.5, 1], "turns": turns });
+        let mut run = Run::new(&read(json!({ "gust": gust })), 5);
+        let (mut last, mut rises) = (Vector3::zero(), 0);
+        let mut lowest = f64::INFINITY;
+        for _ in 0..4000 {
+            let velocity = run.next().velocity;
+            let speed = norm(velocity);
+            assert!(speed <= 0.3 + 1e-12);
+            // The steepest slope of a smooth step is 3/2 over its rise; a turn is twice as high.
+            let steepest = 1.5 * 0.3 / rise * if turns { 2.0 } else { 1.0 };
+            assert!(norm(velocity - last) <= steepest * PERIOD + 1e-12);
+            rises += u32::from(norm(last) < 0.1 && speed >= 0.1);
+            lowest = lowest.min(velocity.dot(last));
+            last = velocity;
+        }
+        assert!((20..100).contains(&rises), "{rises}");
+    }
+    // C1: the slope does not jump, however finely one looks.
+    let slope = |x: f64| (current::smooth_step(x + 1e-7) - current::smooth_step(x - 1e-7)) / 2e-7;
+    for x in [0.0, 1.0] {
+        assert!(slope(x).abs() < 1e-6 && (slope(x - 1e-4) - slope(x + 1e-4)).abs() < 1e-3);
+    }
+}
+
+#[test]
+fn the_acceleration_of_waves_is_the_rate_of_their_velocity() {
+    let disturbance = read(json!({ "waves": { "height": [0.3, 0.6], "period": [3, 8], "trains": 3 } }));
+    let mut run = Run::new(&disturbance, 8);
+    let here = at(0.4, -0.3, 0.7);
+    for _ in 0..200 {
+        let before = run.force_on(&here, &Vector6::zero());
+        run.pass();
+        let after = run.force_on(&here, &Vector6::zero());
+        let rate = (after.velocity - before.velocity).scale(1.0 / PERIOD);
+        // Central difference: omega^2 h^2 / 24 of it.
+        assert!(norm(rate - before.acceleration) < 1e-3 * norm(before.acceleration).max(0.1));
+    }
+}
+
+#[test]
+fn val_waves_decay_with_depth_and_travel() {
+    let disturbance = read(json!({ "waves": { "height": 0.5, "period": 5, "depth": 4 } }));
+    let mut run = Run::new(&disturbance, 1);
+    let frequency = std::f64::consts::TAU / 5.0;
+    let k = frequency * frequency / 9.81;
+    let speed = |run: &mut Run, z| norm(run.force_on(&at(0.0, 0.0, z), &Vector6::zero()).velocity);
+    // Round orbits: the speed does not change in time.
+    let expected = 0.25 * frequency * f64::exp(-4.0 * k);
+    for _ in 0..50 {
+        assert!((speed(&mut run, 0.0) - expected).abs() < 1e-6 * expected, "{}", speed(&mut run, 0.0) / expected);
+        run.pass();
+    }
+    assert!((speed(&mut run, -3.0) / expected - f64::exp(-3.0 * k)).abs() < 1e-9);
+    // Above the surface as at it.
+    assert_eq!(speed(&mut run, 4.0), speed(&mut run, 6.0));
+    // After a time t the wave stands where it stood omega/k t before, along one horizontal direction.
+    let first = run.force().velocity;
+    (0..20).for_each(|_| run.pass());
+    let way = frequency / k * 20.0 * PERIOD;
+    let found = (0..3600).map(|i| {
+        let angle = std::f64::consts::TAU * f64::from(i) / 3600.0;
+        norm(run.force_on(&at(way * angle.cos(), way * angle.sin(), 0.0), &Vector6::zero()).velocity - first)
+    });
+    assert!(found.fold(f64::INFINITY, f64::min) < 1e-3 * expected);
+}
+
+#[test]
+fn a_push_gives_its_momentum_whatever_the_period() {
+    let mut run = Run::new(&read(json!({ "impulse": { "force": 100, "duration": 0.13, "pause": 1.02 } })), 2);
+    let mut given = 0.0;
+    let mut most: f64 = 0.0;
+    for _ in 0..46 {
+        let force = norm(run.next().wrench.linear);
+        given += force * PERIOD;
+        most = most.max(force);
+    }
+    // Two pushes at 1.02 s and at the first instant after that is 1.02 s past its end.
+    assert!((given - 2.0 * 100.0 * 0.13).abs() < 1e-9, "{given}");
+    assert!((most - 100.0).abs() < 1e-9);
+}
+
+#[test]
+fn pushes_come_from_outside_at_a_point() {
+    let mut run = Run::new(&read(json!({ "impulse": { "force": 50, "duration": 1e4, "pause": 0, "reach": 1 } })), 4);
+    run.next();
+    let turn = na::Rotation3::from_euler_angles(0.3, -0.5, 1.1).into_inner();
+    let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| turn[(i, k)]));
+    let turned = Pose { rotation: Matrix3(rows), position: Vector3::zero() };
+    let (level, tilted) = (run.force().wrench, run.force_on(&turned, &Vector6::zero()).wrench);
+    // The same force in the world, a moment across it.
+    assert!(norm(turned.rotation.apply(tilted.linear) - level.linear) < 1e-12);
+    assert!(level.linear.dot(level.angular).abs() < 1e-9 && norm(level.angular) <= 50.0 * site().lever);
+}
+
+#[test]
+fn a_cable_pulls_towards_its_fixed_point_and_its_drag_with_the_current() {
+    let taut = json!({ "height": 10, "distance": 0, "slack": 0, "weight": 0, "stiffness": 0.5, "diameter": 0 });
+    let mut run = Run::new(&read(json!({ "tether": taut })), 1);
+    assert!(norm(run.force().wrench.linear) < 1e-9, "no load, and no longer than it is");
+    let down = run.force_on(&at(0.0, 0.0, -0.4), &Vector6::zero()).wrench;
+    assert!((down.linear.0[2] - 0.4 * 0.5 * site().thrust).abs() < 1e-9 && norm(down.angular) < 1e-9);
+
+    let loose = json!({ "height": 10, "distance": 0, "slack": 0.1, "weight": 0.2, "diameter": 0.02, "attachment": [0, 0, 0.2] });
+    let mut run = Run::new(&read(json!({ "tether": loose })), 1);
+    // Hanging straight down, it bears itself but for half of its weight.
+    let still = run.force().wrench.linear.0;
+    assert!((still[2] + 0.5 * 0.2 * 11.0).abs() < 1e-9 && still[0].abs() < 1e-9, "{still:?}");
+    // Moving sideways it drags back.
+    let moving = Vector6 { linear: Vector3([0.5, 0.0, 0.0]), angular: Vector3::zero() };
+    let dragged = run.force_on(&Pose::identity(), &moving).wrench;
+    let expected = 0.5 * scene().water.density * 1.2 * 0.02 * 0.25 * 0.25 * 0.5 * 11.0;
+    assert!((dragged.linear.0[0] + expected).abs() < 1e-9, "{:?} {expected}", dragged.linear);
+    assert!((dragged.angular.0[1] - 0.2 * dragged.linear.0[0]).abs() < 1e-9);
+}
+
+#[test]
+fn a_payload_is_seized_without_a_loss_of_momentum() {
+    let balance = Balance::new(&scene()).unwrap();
+    let mass = 1.5;
+    let mut state = State { q: scene().home(), ..State::default() };
+    state.twist = na::Vector6::new(0.2, -0.1, 0.15, 0.1, -0.2, 0.3);
+    state.qd[..4].copy_from_slice(&[0.1, -0.2, 0.3, 0.2]);
+    let before = state.clone();
+    seize(&balance, &mut state, mass);
+    let form = balance.at(&before, na::Vector3::zeros());
+    let n = form.joints();
+    let all = |s: &State| na::DVector::from_iterator(6 + n, s.twist.iter().chain(&s.qd[..n]).copied());
+    let (old, new) = (all(&before), all(&state));
+    let inertia = form.mass_matrix();
+    // What the bodies lose, the mass gains: p = m v of the end effector, through its Jacobian.
+    let jacobian = form.jacobian();
+    let gained = (&jacobian * &new).fixed_rows::<3>(0) * mass;
+    let lost = inertia * (&old - &new);
+    let given = jacobian.rows(0, 3).transpose() * gained;
+    assert!((lost - given).norm() < 1e-12);
+    // An inelastic impact takes energy.
+    let energy = |v: &na::DVector<f64>| 0.5 * v.dot(&(inertia * v));
+    let held = (&jacobian * &new).fixed_rows::<3>(0).norm_squared() * 0.5 * mass;
+    assert!(energy(&new) + held < energy(&old));
+    assert!((new - old).norm() > 1e-3);
+}
+
+#[test]
+fn a_payload_is_picked_up_once_and_dropped_once() {
+    let mut run = Run::new(&read(json!({ "payload": { "mass": 2, "pick": 1.0, "hold": 0.5 } })), 1);
+    let mut seen = Vec::new();
+    for _ in 0..60 {
+        run.stir();
+        let step = run.step;
+        let handling = run.weather.handling(&Column::of_one(&mut run.numbers), step);
+        if let Some(handling) = handling {
+            seen.push((step, handling));
+            let held = if let Handling::Pick(mass) = handling { mass } else { 0.0 };
+            run.weather.hold(&mut Column::of_one(&mut run.numbers), held);
+        }
+        assert_eq!(run.force().payload, if (20..30).contains(&step) { 2.0 } else { 0.0 });
+        run.pass();
+    }
+    assert_eq!(seen, [(20, Handling::Pick(2.0)), (30, Handling::Drop(2.0))]);
+}
+
+#[test]
+fn thrusters_lose_what_they_should_when_they_should() {
+    let loss = json!({ "count": 3, "gain": [0.2, 0.4], "time": 1.0 });
+    let mut run = Run::new(&read(json!({ "thrusters": loss })), 1);
+    for step in 0..60 {
+        let gains = run.next().gains;
+        let weak = gains.iter().filter(|gain| (0.2..=0.4).contains(*gain)).count();
+        let whole = gains.iter().filter(|gain| **gain == 1.0).count();
+        assert_eq!((weak, whole), if step < 20 { (0, 16) } else { (3, 13) });
+    }
+    let given = [1.0, 0.5, 1.0, 1.0, 0.0, 1.0, 1.0, 1.0];
+    let mut run = Run::new(&read(json!({ "thrusters": { "gains": given, "time": 0, "fade": 1 } })), 1);
+    let series: Vec<f64> = (0..30).map(|_| run.next().gains[4]).collect();
+    assert!(series.is_sorted_by(|a, b| a >= b) && series[0] > 0.9 && series[10] < 0.6 && series[20] == 0.0);
+    assert_eq!(run.force().gains[..8], given);
+    assert_eq!(run.force().shown()[2], 0.0);
+    let wrong = refusal(json!({ "thrusters": { "gains": [1.0] } }));
+    assert!(wrong.contains("1 gains") && wrong.contains('8'), "{wrong}");
+}
+
+#[test]
+fn a_delay_shows_the_past_exactly() {
+    let mut run = Run::new(&read(json!({ "delay": 0.15 })), 1);
+    let measured = run.weather.sensors().unwrap().measured;
+    let truth = |step: usize| std::array::from_fn(|k| if k < measured { (step * 100 + k) as f64 } else { 0.0 });
+    let first = run.see(&truth(0));
+    assert_eq!(first, [0.0; MEASURED]);
+    let sensors = *run.weather.sensors().unwrap();
+    sensors.fill(&mut Column::of_one(&mut run.numbers));
+    let seen: [f64; MEASURED] = sensors.seen(&Rows::of_one(&mut run.numbers));
+    assert_eq!(seen, truth(0), "before the start it was as at the start");
+    for step in 1..20 {
+        assert_eq!(run.see(&truth(step)), truth(step.saturating_sub(3)));
+    }
+}
+
+#[test]
+fn noise_has_its_deviation_and_a_bias_stays() {
+    let noise = json!({ "position": 0.01, "attitude": 0.02, "joint_rate": 0.5, "bias": 2.0 });
+    let mut run = Run::new(&read(json!({ "noise": noise })), 1);
+    let measured = run.weather.sensors().unwrap().measured;
+    let n = 10_000;
+    let (mut sum, mut squares, mut product) = ([0.0; MEASURED], [0.0; MEASURED], 0.0);
+    for _ in 0..n {
+        run.stir();
+        let seen = run.see(&[1.0; MEASURED]);
+        run.pass();
+        for k in 0..measured {
+            sum[k] += (seen[k] - 1.0) / n as f64;
+            squares[k] += (seen[k] - 1.0) * (seen[k] - 1.0) / n as f64;
+        }
+        product += (seen[0] - 1.0) * (seen[1] - 1.0) / n as f64;
+    }
+    for (k, deviation) in [(0, 0.01), (1, 0.01), (2, 0.01), (3, 0.02), (measured - 1, 0.5)] {
+        let spread = (squares[k] - sum[k] * sum[k]).sqrt();
+        assert!((spread / deviation - 1.0).abs() < 0.04, "{k}: {spread}");
+        assert!(sum[k] != 0.0 && sum[k].abs() < 10.0 * deviation);
+    }
+    // Independent of each other.
+    assert!((product - sum[0] * sum[1]).abs() < 5.0 * 0.01 * 0.01 / (n as f64).sqrt());
+    // Biases differ from episode to episode, with twice the deviation.
+    let bias = |seed| {
+        let mut run = Run::new(&read(json!({ "noise": { "position": 0.0, "attitude": 0.1, "bias": 10 } })), seed);
+        run.see(&[0.0; MEASURED])[3]
+    };
+    let square = (0..1000).map(|seed| bias(seed) * bias(seed)).sum::<f64>() / 1000.0;
+    assert!((square - 1.0).abs() < 0.25, "{square}");
+}
+
+#[test]
+fn a_script_is_played_as_written() {
+    let current = [[0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [0.3, 0.1, 0.0]];
+    let wrench = [[1.0, 0.0, 0.0, 0.0, 0.0, 2.0]];
+    let script = json!({ "current": current, "wrench": wrench });
+    let mut run = Run::new(&read(json!({ "script": script })), 1);
+    for step in 0..6 {
+        let forcing = run.next();
+        assert_eq!(forcing.velocity.0, current.get(step).copied().unwrap_or_default());
+        assert_eq!(forcing.wrench.to_array(), wrench.get(step).copied().unwrap_or_default());
+    }
+    let mut run = Run::new(&read(json!({ "script": { "current": current, "repeat": true } })), 1);
+    let series: Vec<_> = (0..6).map(|_| run.next().velocity.0).collect();
+    assert_eq!(series, [current, current].concat());
+}
+
+#[test]
+fn parameters_keep_what_floats_afloat() {
+    let randomised =
+        read(json!({ "parameters": { "mass": 0.3, "volume": [0.99, 1.01], "payload": 2.0, "thrust": [0.5, 0.6] } }));
+    let mut seen = Vec::new();
+    for seed in 0..200 {
+        let factors = randomised.factors(key(seed));
+        assert!((0.7..=1.3).contains(&factors.mass) && (0.0..=2.0).contains(&factors.payload));
+        assert!((factors.volume / factors.mass - 1.0).abs() <= 0.01 + 1e-12);
+        assert!((0.5..=0.6).contains(&factors.thrust) && factors.added_mass == 1.0);
+        seen.push(factors.mass);
+    }
+    seen.sort_by(f64::total_cmp);
+    assert!(seen[0] < 0.72 && seen[199] > 1.28 && (seen[100] - 1.0).abs() < 0.1);
+    let all = read(json!({ "parameters": true })).factors(key(1)).to_array();
+    assert!(all.iter().filter(|x| **x != 1.0 && **x != 0.0).count() == 7, "{all:?}");
+    let none: Parameters = serde_json::from_value(json!(false)).unwrap();
+    assert_eq!(none.any(), None);
+    let wrong = refusal(json!({ "parameters": { "mas": 0.1 } }));
+    assert!(wrong.contains("mas") && wrong.contains("added_mass"), "{wrong}");
+}
+
+#[test]
+fn levels_can_be_read_written_and_held_at_every_scene() {
+    for level in LEVELS {
+        let disturbance = Disturbance::named(level.name).unwrap();
+        assert_eq!(Disturbance::from_json(&disturbance.to_json()).unwrap(), disturbance, "{}", level.name);
+        for name in Scene::shipped_names() {
+            let scene = Scene::shipped(name).unwrap();
+            if scene.vehicle.thrusters.is_empty() {
+                continue;
+            }
+            let allocation = Allocation::new(&scene.vehicle).unwrap();
+            let level = [na::Vector3::x(), na::Vector3::y(), na::Vector3::z()];
+            disturbance.check(&Site::new(&scene, &allocation, level, PERIOD)).unwrap();
+        }
+    }
+    assert!(Disturbance::named("calm").unwrap().rows(&site(), 0).is_none());
+    assert!(Disturbance::steady(0.3).rows(&site(), 0).is_none());
+}
+
+#[test]
+fn a_dict_changes_its_base() {
+    let storm = Disturbance::named("storm").unwrap();
+    let changed =
+        read(json!({ "base": "storm", "gust": { "rise": 2 }, "waves": null, "tether": true, "impulse": false }));
+    let gust = changed.gust.as_ref().unwrap();
+    assert_eq!((gust.rise, gust.speed), (2.0, storm.gust.unwrap().speed));
+    assert!(changed.waves.is_none() && changed.impulse.is_none());
+    assert_eq!(changed.tether, Some(Tether::default()));
+    assert_eq!(changed.noise, storm.noise);
+    assert_eq!(read(json!({})), Disturbance::default());
+}
+
+#[test]
+fn what_is_not_known_is_named_with_what_is() {
+    for (given, named, known) in [
+        (json!("hurricane"), "hurricane", "thruster-loss"),
+        (json!({ "base": "hurricane" }), "hurricane", "storm-hard"),
+        (json!({ "wind": {} }), "wind", "gust"),
+        (json!({ "wind": null }), "wind", "gust"),
+        (json!({ "gust": { "sped": 1 } }), "sped", "duration"),
+        (json!({ "gust": { "speed": "fast" } }), "gust.speed", "number"),
+        (json!({ "gust": { "speed": [1, 2, 3] } }), "gust.speed", "two"),
+        (json!({ "gust": { "speed": [0.3, 0.1] } }), "gust.speed", "0.3"),
+        (json!({ "gust": { "speed": 50 } }), "gust.speed", "5"),
+        (json!({ "waves": { "trains": 4 } }), "waves.trains", "3"),
+        (json!({ "waves": { "height": 5, "period": 2 } }), "waves.height", "0.88"),
+        (json!({ "delay": 1000 }), "delay", "100"),
+        (json!({ "parameters": { "mass": [0, 1] } }), "parameters.mass", "0.1"),
+        (json!({ "parameters": "much" }), "parameters", "ranges"),
+        (json!(3), "disturbance", "3"),
+    ] {
+        let message = refusal(given);
+        assert!(message.contains(named) && message.contains(known), "{message}");
+    }
+}
+
+#[test]
+fn what_there_is_no_room_for_is_refused() {
+    let room = read(json!({ "base": "gusts", "waves": {}, "delay": 0.1 }));
+    for (asked, named) in [
+        (json!({ "drift": {}, "delay": 0.1 }), "drift"),
+        (json!({ "waves": { "trains": 2 }, "delay": 0.1 }), "waves.trains"),
+        (json!("calm"), "delay"),
+    ] {
+        let message = room.check_room(&read(asked), PERIOD).unwrap_err().to_string();
+        assert!(message.contains(named), "{message}");
+    }
+    assert_eq!(room.check_room(&read(json!({ "gust": {}, "delay": 0.1 })), PERIOD), Ok(()));
+}
+
+#[test]
+fn a_profile_tells_what_comes() {
+    let disturbance = read(json!({ "base": "storm", "waves": null }));
+    let mut run = Run::new(&disturbance, 6);
+    for _ in 0..7 {
+        run.next();
+    }
+    let (weather, mut numbers) = (run.weather.clone(), run.numbers.clone());
+    let profile = weather.profile(&mut numbers, run.key, run.step, 300, &Pose::identity(), 8);
+    for k in 0..300 {
+        let forcing = run.next();
+        assert_eq!((profile.velocity[k], profile.wrench[k]), (forcing.velocity.0, forcing.wrench.to_array()));
+        assert_eq!(profile.gains[k], forcing.gains[..8]);
+    }
+    let held: Vec<f64> = profile.payload.iter().copied().filter(|mass| *mass > 0.0).collect();
+    assert!(held.len() >= 79 && held.iter().all(|mass| *mass == held[0]));
+}
+
+/// JSON of any shape, with keys that are often right.
+fn any_json() -> impl Strategy<Value = Value> {
+    let word = prop_oneof![
+        prop::sample::select(Disturbance::COMPONENTS.to_vec()).prop_map(str::to_owned),
+        prop::sample::select(vec![
+            "base", "speed", "share", "height", "period", "gain", "gains", "time", "mass", "current", "storm", "x"
+        ])
+        .prop_map(str::to_owned),
+    ];
+    let leaf = prop_oneof![
+        Just(Value::Null),
+        any::<bool>().prop_map(Value::from),
+        (-10.0..10.0f64).prop_map(Value::from),
+        any::<f64>().prop_map(Value::from),
+        any::<i64>().prop_map(Value::from),
+        word.clone().prop_map(Value::from),
+    ];
+    leaf.prop_recursive(4, 24, 5, move |inner| {
+        prop_oneof![
+            prop::collection::vec(inner.clone(), 0..4).prop_map(Value::from),
+            prop::collection::hash_map(word.clone(), inner, 0..4)
+                .prop_map(|map| Value::Object(map.into_iter().collect())),
+        ]
+    })
+}
+
+proptest! {
+    #[test]
+    fn no_dict_brings_a_panic(value in any_json(), seed: u64) {
+        let Ok(disturbance) = Disturbance::from_json(&value.to_string()) else { return Ok(()) };
+        let Ok(()) = disturbance.check(&site()) else { return Ok(()) };
+        if disturbance.rows(&site(), 0).is_some() {
+            let mut run = Run::new(&disturbance, seed);
+            for _ in 0..5 {
+                let forcing = run.next();
+                prop_assert!(forcing.velocity.0.iter().chain(&forcing.wrench.to_array()).all(|x| x.is_finite()));
+            }
+            prop_assert!(run.numbers.iter().all(|x| x.is_finite()));
+        }
+        let factors = disturbance.factors(key(seed)).to_array();
+        prop_assert!(factors.iter().all(|x| x.is_finite() && *x >= 0.0));
+    }
+
+    #[test]
+    fn levels_are_finite_at_any_place(seed: u64, level in 0..LEVELS.len(), x in -10.0..10.0f64, z in -10.0..10.0f64) {
+        let disturbance = LEVELS[level].disturbance();
+        if disturbance.rows(&site(), 0).is_none() {
+            return Ok(());
+        }
+        let mut run = Run::new(&disturbance, seed);
+        for _ in 0..50 {
+            run.stir();
+            let forcing = run.force_on(&at(x, 0.0, z), &Vector6::zero());
+            run.pass();
+            prop_assert!(forcing.wrench.to_array().iter().all(|x| x.abs() < 1e5));
+            prop_assert!(norm(forcing.velocity) < 3.0 && norm(forcing.acceleration) < 10.0);
+        }
+    }
+}

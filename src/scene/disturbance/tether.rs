@@ -1,0 +1,119 @@
+//! A cable from a fixed point to the vehicle.
+
+use serde::{Deserialize, Serialize};
+
+use super::site::Site;
+use super::span::{Span, check};
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows};
+use crate::lie::{Pose, Vector3, Vector6};
+use crate::scene::random::Stream;
+
+/// A cable from a point that stays (at the surface, say) to a point of the vehicle, always in equilibrium with what acts on
+/// it: it has no inertia of its own.
+///
+/// Current and net weight load it evenly along its chord: per metre `q = 1/2 rho C_D d |u| u - w up`, where u is the part
+/// across the chord of the water's velocity against the cable, whose speed is half that of the vehicle's point. The
+/// vehicle bears half of that load, and the tension along the chord c that a parabola of the cable's length L takes,
+/// `|q_n| c / sqrt(24 (L/c - 1))`, with at least 0.5 % of slack in this; what the chord exceeds the length by
+/// stretches a spring.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tether {
+    /// Height of the fixed point above the world origin, m; negative if it lies below.
+    pub height: Span,
+    /// Horizontal distance of the fixed point from the world origin, m.
+    pub distance: Span,
+    /// Length over the distance from the fixed point to the world origin, less 1.
+    pub slack: Span,
+    /// Diameter, m.
+    pub diameter: f64,
+    /// Drag coefficient across the cable.
+    pub drag: f64,
+    /// Weight in water, N per metre; negative if it floats.
+    pub weight: Span,
+    /// Stiffness of the stretched cable: share of the greatest thrust along the weakest axis, per metre.
+    pub stiffness: f64,
+    /// Where it is attached to the vehicle, body axes, m.
+    pub attachment: [f64; 3],
+}
+
+impl Default for Tether {
+    fn default() -> Self {
+        Self {
+            height: Span::of(5.0, 15.0),
+            distance: Span::of(0.0, 8.0),
+            slack: Span::of(0.02, 0.1),
+            diameter: 0.01,
+            drag: 1.2,
+            weight: Span::of(-0.3, 0.3),
+            stiffness: 0.5,
+            attachment: [0.0; 3],
+        }
+    }
+}
+
+/// Least slack that counts for the tension.
+const TAUT: f64 = 5e-3;
+/// Least length of the chord, m.
+const SHORTEST: f64 = 0.1;
+
+impl Tether {
+    /// Fixed point (3), attachment (3), length, drag `1/2 rho C_D d`, weight, stiffness.
+    pub(super) const ROWS: usize = 10;
+
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        self.height.check("tether.height", -1e3, 1e3)?;
+        self.distance.check("tether.distance", 0.0, 1e3)?;
+        self.slack.check("tether.slack", 0.0, 10.0)?;
+        check("tether.diameter", self.diameter, 0.0, 0.5)?;
+        check("tether.drag", self.drag, 0.0, 10.0)?;
+        self.weight.check("tether.weight", -100.0, 100.0)?;
+        check("tether.stiffness", self.stiffness, 0.0, 2.0)?;
+        self.attachment.iter().try_for_each(|x| check("tether.attachment", *x, -10.0, 10.0))
+    }
+
+    pub(super) fn draw(&self, draw: &Stream, site: &Site) -> [f64; Self::ROWS] {
+        let uniform = |k| draw.uniform(k);
+        let horizontal = site.direction([uniform(0), 0.5], 0.0) * self.distance.at(uniform(1));
+        let [x, y, z] = (horizontal + site.level[2] * self.height.at(uniform(2))).into();
+        let apart = [x, y, z].iter().map(|x: &f64| x * x).sum::<f64>().sqrt();
+        let length = apart.max(SHORTEST) * (1.0 + self.slack.at(uniform(3)));
+        let drag = 0.5 * site.density * self.drag * self.diameter;
+        let [px, py, pz] = self.attachment;
+        [x, y, z, px, py, pz, length, drag, self.weight.at(uniform(4)), self.stiffness * site.thrust]
+    }
+
+    /// Its wrench on the vehicle, body axes at the vehicle's origin; `current` is in world axes, as is `up`.
+    #[inline(always)]
+    pub(super) fn wrench<T: Real, L: Lane<Real = T>>(
+        memory: &Rows<'_, T>,
+        row: usize,
+        pose: &Pose<L>,
+        twist: &Vector6<L>,
+        current: Vector3<L>,
+        up: Vector3<L>,
+    ) -> Vector6<L> {
+        let [x, y, z, px, py, pz, length, drag, weight, stiffness]: [L; Self::ROWS] = memory.get_all(row);
+        let point = Vector3([px, py, pz]);
+        let chord = Vector3([x, y, z]) - (pose.position + pose.rotation.apply(point));
+        let apart = chord.dot(chord).sqrt().max(L::c(SHORTEST));
+        let (one, along) = (L::c(1.0), chord.scale(L::c(1.0) / apart));
+        let carried = pose.rotation.apply(twist.linear + twist.angular.cross(point));
+        let flow = across(current - carried.scale(L::c(0.5)), along);
+        let load = flow.scale(drag * flow.dot(flow).sqrt()) - up.scale(weight);
+        let normal = across(load, along);
+        let slack = (length / apart - one).max(L::c(TAUT));
+        let tension = normal.dot(normal).sqrt() * apart / (slack * L::c(24.0)).sqrt();
+        let stretch = (apart - length).max(L::zero());
+        let force = load.scale(length * L::c(0.5)) + along.scale(stiffness.mul_add(stretch, tension));
+        let force = pose.rotation.apply_transposed(force);
+        Vector6 { linear: force, angular: point.cross(force) }
+    }
+}
+
+/// The part of a vector across a direction.
+#[inline(always)]
+fn across<L: Lane>(v: Vector3<L>, along: Vector3<L>) -> Vector3<L> {
+    v - along.scale(v.dot(along))
+}

@@ -1,0 +1,86 @@
+//! Thrusters that weaken or fail.
+
+use serde::{Deserialize, Serialize};
+
+use super::site::Site;
+use super::span::{Span, check, refuse};
+use crate::control::THRUSTERS;
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows};
+use crate::scene::random::Stream;
+
+use super::current::smooth_step;
+
+/// Some thrusters, drawn at random, give only a part of the thrust that is asked of them from a time on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ThrusterLoss {
+    /// How many.
+    pub count: usize,
+    /// What is left of each one's thrust.
+    pub gain: Span,
+    /// When it happens, s.
+    pub time: Span,
+    /// How long it takes, s.
+    pub fade: f64,
+    /// What is left of each thruster's thrust, in the scene's order; in place of `count` and `gain`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gains: Option<Vec<f64>>,
+}
+
+impl Default for ThrusterLoss {
+    fn default() -> Self {
+        Self { count: 1, gain: Span::of(0.3, 0.7), time: Span::of(0.0, 8.0), fade: 0.0, gains: None }
+    }
+}
+
+impl ThrusterLoss {
+    /// When it happens, in control periods, and one over how long it takes. After them what is left of each thruster's thrust.
+    pub(super) const COMMON: usize = 2;
+
+    pub(super) fn check(&self, site: &Site) -> Result<(), TaskError> {
+        self.gain.check("thrusters.gain", 0.0, 2.0)?;
+        self.time.check("thrusters.time", 0.0, 1e6)?;
+        check("thrusters.fade", self.fade, 0.0, 1e6)?;
+        let gains = self.gains.as_deref().unwrap_or_default();
+        if self.gains.is_some() && gains.len() != site.thrusters {
+            let reason = format!("{} gains, but the scene has {} thrusters", gains.len(), site.thrusters);
+            return refuse("thrusters.gains", reason);
+        }
+        gains.iter().try_for_each(|gain| check("thrusters.gains", *gain, 0.0, 2.0))
+    }
+
+    pub(super) fn draw(&self, draw: &Stream, site: &Site) -> Vec<f64> {
+        let time = self.time.at(draw.uniform(0)) / site.period;
+        // At least a period: what is shorter is a step.
+        let pace = 1.0 / (self.fade / site.period).max(1.0);
+        let gains = self.gains.clone().unwrap_or_else(|| {
+            let (mut gains, mut left) = (vec![1.0; site.thrusters], (0..site.thrusters).collect::<Vec<_>>());
+            for k in 0..self.count.min(site.thrusters) as u32 {
+                let which = (draw.uniform(1 + 2 * k) * left.len() as f64) as usize;
+                let which = left.swap_remove(which.min(left.len() - 1));
+                gains[which] = self.gain.at(draw.uniform(2 + 2 * k));
+            }
+            gains
+        });
+        [time, pace].into_iter().chain(gains).collect()
+    }
+
+    /// What is left now of each thruster's thrust.
+    #[inline(always)]
+    pub(super) fn gains<T: Real, L: Lane<Real = T>>(
+        memory: &Rows<'_, T>,
+        row: usize,
+        count: usize,
+        now: L,
+    ) -> [L; THRUSTERS] {
+        let [time, pace]: [L; 2] = memory.get_all(row);
+        let lost = smooth_step((now + L::c(1.0) - time) * pace);
+        let mut gains = [L::c(1.0); THRUSTERS];
+        for k in 0..count {
+            let left: L = memory.get(row + Self::COMMON + k);
+            gains[k] = (left - L::c(1.0)).mul_add(lost, L::c(1.0));
+        }
+        gains
+    }
+}

@@ -1,0 +1,126 @@
+//! Surface waves.
+
+use serde::{Deserialize, Serialize};
+
+use super::column::Column;
+use super::site::Site;
+use super::span::{Span, check, refuse};
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows, exp, sin_cos};
+use crate::lie::Vector3;
+use crate::scene::random::Stream;
+
+/// Most trains of waves.
+pub const TRAINS: usize = 3;
+
+/// Waves by linear (Airy) theory in deep water, as the vehicle feels them at its place: the water's velocity, and its
+/// acceleration as it changes there in time. The convective term of the acceleration is dropped, the waves are taken to
+/// be long against the vehicle, and the motion decays with depth, `exp(k z)`. The free surface itself is not simulated.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Waves {
+    /// Height from trough to crest of each train, m.
+    pub height: Span,
+    /// Period, s.
+    pub period: Span,
+    /// Depth of the world origin below the surface, m.
+    pub depth: Span,
+    /// Trains of waves, each with its own height, period and direction: 1 to 3.
+    pub trains: usize,
+}
+
+impl Default for Waves {
+    fn default() -> Self {
+        Self { height: Span::of(0.2, 0.5), period: Span::of(4.0, 7.0), depth: Span::of(2.0, 5.0), trains: 1 }
+    }
+}
+
+impl Waves {
+    /// Rows of all trains: depth.
+    pub(super) const COMMON: usize = 1;
+    /// Of each: speed at the origin's depth, wave number, phase and its pace per period, direction (3).
+    pub(super) const EACH: usize = 7;
+
+    /// Rows in all.
+    pub(super) fn rows(trains: usize) -> usize {
+        Self::COMMON + Self::EACH * trains
+    }
+
+    pub(super) fn check(&self) -> Result<(), TaskError> {
+        self.height.check("waves.height", 0.0, 20.0)?;
+        self.period.check("waves.period", 1.0, 60.0)?;
+        self.depth.check("waves.depth", 0.0, 1e4)?;
+        if self.trains > TRAINS {
+            return refuse("waves.trains", format!("{} must be at most {TRAINS}", self.trains));
+        }
+        let steepness = 0.142 * 9.81 * self.period.low * self.period.low / std::f64::consts::TAU;
+        check("waves.height (of the shortest waves, which break beyond)", self.height.high, 0.0, steepness)
+    }
+
+    /// Draws them; trains past the last are still.
+    pub(super) fn begin<T: Real>(
+        &self,
+        memory: &mut Column<'_, T>,
+        row: usize,
+        trains: usize,
+        draw: &Stream,
+        site: &Site,
+    ) {
+        let depth = self.depth.at(draw.uniform(0));
+        memory.set(row, depth);
+        for k in 0..trains {
+            let uniform = |i| draw.uniform(1 + 8 * k as u32 + i);
+            let height = if k < self.trains { self.height.at(uniform(0)) } else { 0.0 };
+            let frequency = std::f64::consts::TAU / self.period.at(uniform(1));
+            let phase = std::f64::consts::TAU * uniform(2);
+            let direction = site.direction([uniform(3), 0.5], 0.0);
+            let number = frequency * frequency / site.gravity;
+            let speed = 0.5 * height * frequency * (-number * depth).exp();
+            let start = row + Self::COMMON + Self::EACH * k;
+            memory.set_all(start, [speed, number, phase, frequency * site.period]);
+            memory.set_all(start + 4, direction.iter().copied());
+        }
+    }
+
+    /// Velocity of the water at `place` (world axes, m) at the control instant, m/s, and its acceleration half a period
+    /// later, m/s^2. `up` points against gravity; `frequency` is one over the control period.
+    #[inline(always)]
+    pub(super) fn flow<T: Real, L: Lane<Real = T>>(
+        memory: &Rows<'_, T>,
+        row: usize,
+        trains: usize,
+        place: Vector3<L>,
+        up: Vector3<L>,
+        frequency: L,
+    ) -> [Vector3<L>; 2] {
+        let (mut velocity, mut acceleration) = (Vector3::zero(), Vector3::zero());
+        // Out of the water it is as at the surface.
+        let height = place.dot(up).min(memory.get(row));
+        for k in 0..trains {
+            let [speed, number, phase, pace, x, y, z]: [L; Self::EACH] =
+                memory.get_all(row + Self::COMMON + Self::EACH * k);
+            let along = Vector3([x, y, z]);
+            let speed = speed * exp(number * height);
+            // eta = a cos(theta), theta = k x - omega t.
+            let theta = number.mul_add(place.dot(along), -phase);
+            let (sine, cosine) = sin_cos(theta);
+            velocity = velocity + along.scale(speed * cosine) + up.scale(speed * sine);
+            let (sine, cosine) = sin_cos(pace.mul_add(L::c(-0.5), theta));
+            let rate = speed * pace * frequency;
+            acceleration = acceleration + along.scale(rate * sine) - up.scale(rate * cosine);
+        }
+        [velocity, acceleration]
+    }
+
+    /// A period passes. Phases are kept within a turn, so that no length of an episode blurs them.
+    #[inline(always)]
+    pub(super) fn pass<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize, trains: usize) {
+        use std::f64::consts::TAU;
+        for k in 0..trains {
+            let at = row + Self::COMMON + Self::EACH * k + 2;
+            let [phase, pace]: [L; 2] = memory.get_all(at);
+            let phase = phase + pace;
+            memory.set(at, (phase * L::c(1.0 / TAU)).round().neg_mul_add(L::c(TAU), phase));
+        }
+    }
+}

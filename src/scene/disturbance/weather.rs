@@ -1,0 +1,253 @@
+//! All disturbances of a group of instances, control period by control period.
+
+use nalgebra::Vector3 as Vector;
+
+use super::column::Column;
+use super::current::{Drift, Gust};
+use super::impulse::Impulse;
+use super::payload::{Handling, PayloadEvent};
+use super::rows::{DisturbanceRows, QUAD, normal_pair};
+use super::script::Script;
+use super::site::Site;
+use super::tether::Tether;
+use super::thrusters::ThrusterLoss;
+use super::waves::Waves;
+use super::{Disturbance, SensorRows};
+use crate::control::THRUSTERS;
+use crate::lane::{Lane, Real, Rows};
+use crate::lie::{Pose, Vector3, Vector6};
+use crate::scene::EpisodeKey;
+use crate::scene::random::{Purpose, Stream};
+
+/// What disturbances come to over one control period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Forcing<L> {
+    /// Velocity of the water at the start of the period, world axes, m/s.
+    pub velocity: Vector3<L>,
+    /// Its acceleration, m/s^2: of waves; all else is quasi-steady.
+    pub acceleration: Vector3<L>,
+    /// Wrench on the vehicle, body axes at its origin, N and N m.
+    pub wrench: Vector6<L>,
+    /// What is left of each thruster's thrust; 1 past the last.
+    pub gains: [L; THRUSTERS],
+    /// Payload, kg.
+    pub payload: L,
+}
+
+impl<L: Lane> Forcing<L> {
+    /// What is told of it: magnitude of the force (N), payload (kg), and the least gain of a thruster.
+    #[inline(always)]
+    pub fn shown(&self) -> [L; 3] {
+        let force = self.wrench.linear;
+        let mut least = self.gains[0];
+        for k in 1..THRUSTERS {
+            least = self.gains[k].min(least);
+        }
+        [force.dot(force).sqrt(), self.payload, least]
+    }
+}
+
+/// Disturbances that change within an episode, for instances that remember them by the same rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Weather<T> {
+    rows: DisturbanceRows,
+    site: Site,
+    /// Against gravity and the two horizontal axes, world axes.
+    level: [Vector3<T>; 3],
+    /// Control periods per second.
+    frequency: T,
+}
+
+/// What the first draws of a stream are kept from, so that those of control periods follow them.
+const FIRST: u32 = 16;
+/// Draws that the noise of a control instant may take.
+const NOISE: u32 = 16;
+
+impl<T: Real> Weather<T> {
+    /// In the precision of the lanes.
+    pub fn new(rows: DisturbanceRows, site: &Site) -> Self {
+        let level = site.level.map(|axis| Vector3(axis.map(T::from_f64).into()));
+        Self { rows, level, frequency: T::from_f64(1.0 / site.period), site: site.clone() }
+    }
+
+    /// Where everything lies.
+    pub fn rows(&self) -> &DisturbanceRows {
+        &self.rows
+    }
+
+    /// Where the numbers of sensors lie, unless they show the truth at once.
+    #[inline(always)]
+    pub fn sensors(&self) -> Option<&SensorRows> {
+        self.rows.sensors.as_ref()
+    }
+
+    /// Whether the water's velocity changes within an episode.
+    #[inline(always)]
+    pub fn flows(&self) -> bool {
+        self.rows.flows()
+    }
+
+    /// Whether the water accelerates.
+    #[inline(always)]
+    pub fn accelerates(&self) -> bool {
+        self.rows.waves.is_some()
+    }
+
+    /// Whether anything pushes.
+    #[inline(always)]
+    pub fn pushes(&self) -> bool {
+        self.rows.pushes()
+    }
+
+    /// Whether thrusters weaken.
+    #[inline(always)]
+    pub fn weakens(&self) -> bool {
+        self.rows.thrusters.is_some()
+    }
+
+    /// Draws an episode of `disturbance`, which has no more components than the rows.
+    pub fn begin(&self, memory: &mut Column<'_, T>, key: EpisodeKey, steady: &Vector<f64>, disturbance: &Disturbance) {
+        let (rows, site) = (&self.rows, &self.site);
+        let stream = |purpose| Stream::new(key, purpose);
+        (rows.clock..rows.end).for_each(|row| memory.set(row, 0.0));
+        memory.set_all(rows.steady, steady.iter().copied());
+        if let (Some([row, _]), Some(drift)) = (rows.drift, &disturbance.drift) {
+            memory.set_all(row, drift.draw(&stream(Purpose::Drift), site));
+        }
+        if let (Some(row), Some(gust)) = (rows.gust, &disturbance.gust) {
+            gust.begin(memory, row, &Gust::stream(key), site);
+        }
+        if let (Some([row, trains]), Some(waves)) = (rows.waves, &disturbance.waves) {
+            waves.begin(memory, row, trains, &stream(Purpose::Waves), site);
+        }
+        if let (Some(row), Some(impulse)) = (rows.impulse, &disturbance.impulse) {
+            impulse.begin(memory, row, &Impulse::stream(key), site);
+        }
+        if let (Some(row), Some(tether)) = (rows.tether, &disturbance.tether) {
+            memory.set_all(row, tether.draw(&stream(Purpose::Tether), site));
+        }
+        if let (Some(row), Some(payload)) = (rows.payload, &disturbance.payload) {
+            memory.set_all(row, payload.draw(&stream(Purpose::Payload), site));
+        }
+        if let Some(row) = rows.thrusters {
+            let whole = ThrusterLoss { count: 0, ..ThrusterLoss::default() };
+            let loss = disturbance.thrusters.as_ref().unwrap_or(&whole);
+            memory.set_all(row, loss.draw(&stream(Purpose::Thrusters), site));
+        }
+        if let (Some([row, _]), Some(script)) = (rows.script, &disturbance.script) {
+            script.begin(memory, row);
+        }
+        if let Some(sensors) = &rows.sensors {
+            sensors.begin(disturbance.noise.as_ref(), memory, &stream(Purpose::Bias), site.joints);
+            self.stir_sensors(memory, key, 0);
+        }
+    }
+
+    /// What happens one instance at a time before control period `step`: draws, and what comes next of what is over.
+    pub fn stir(&self, memory: &mut Column<'_, T>, key: EpisodeKey, step: u32) {
+        let (rows, now) = (&self.rows, f64::from(step));
+        if let Some([_, draws]) = rows.drift {
+            memory.set_all(draws, Stream::new(key, Purpose::Drift).quad(step.wrapping_add(FIRST)));
+        }
+        if let Some(row) = rows.gust {
+            Gust::renew(memory, row, now, &Gust::stream(key), &self.site);
+        }
+        if let Some(row) = rows.impulse {
+            Impulse::renew(memory, row, now, &Impulse::stream(key));
+        }
+        if let Some([row, _]) = rows.script {
+            Script::turn_to(memory, row, step);
+        }
+        self.stir_sensors(memory, key, step.wrapping_add(1));
+    }
+
+    fn stir_sensors(&self, memory: &mut Column<'_, T>, key: EpisodeKey, instant: u32) {
+        let Some(SensorRows { measured, noise: Some([_, draws]), .. }) = self.rows.sensors else { return };
+        let stream = Stream::new(key, Purpose::Noise);
+        for k in 0..measured.div_ceil(QUAD) {
+            memory.set_all(draws + QUAD * k, stream.quad(instant.wrapping_mul(NOISE).wrapping_add(k as u32)));
+        }
+    }
+
+    /// What is to be done with the payload before control period `step`.
+    pub fn handling(&self, memory: &Column<'_, T>, step: u32) -> Option<Handling> {
+        PayloadEvent::handling(memory.get_all(self.rows.payload?), f64::from(step))
+    }
+
+    /// Whether there may be a payload.
+    pub fn loads(&self) -> bool {
+        self.rows.payload.is_some()
+    }
+
+    /// What is held from now on, kg.
+    pub fn hold(&self, memory: &mut Column<'_, T>, held: f64) {
+        if let Some(row) = self.rows.payload {
+            memory.set(row + PayloadEvent::ROWS - 1, held);
+        }
+    }
+
+    /// Over the coming control period.
+    #[inline(always)]
+    pub fn force<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, pose: &Pose<L>, twist: &Vector6<L>) -> Forcing<L> {
+        let rows = &self.rows;
+        let now: L = memory.get(rows.clock);
+        let [forward, left, up] = [self.axis(0), self.axis(1), self.axis(2)];
+        let mut velocity = Vector3(memory.get_all(rows.steady));
+        let mut acceleration = Vector3::zero();
+        let mut wrench = Vector6::zero();
+        if let Some([row, _]) = rows.drift {
+            let Vector3([x, y, z]) = Drift::velocity(memory, row);
+            velocity = forward.scale_add(x, left.scale_add(y, up.scale_add(z, velocity)));
+        }
+        if let Some(row) = rows.gust {
+            velocity = velocity + Gust::velocity(memory, row, now);
+        }
+        if let Some([row, _]) = rows.script {
+            let (current, push) = Script::now(memory, row);
+            velocity = velocity + current;
+            wrench = push;
+        }
+        if let Some([row, trains]) = rows.waves {
+            let [flow, change] = Waves::flow(memory, row, trains, pose.position, up, L::splat(self.frequency));
+            velocity = velocity + flow;
+            acceleration = change;
+        }
+        if let Some(row) = rows.impulse {
+            wrench = wrench + Impulse::wrench(memory, row, now, &pose.rotation);
+        }
+        if let Some(row) = rows.tether {
+            wrench = wrench + Tether::wrench(memory, row, pose, twist, velocity, up);
+        }
+        let payload = match rows.payload {
+            Some(row) => memory.get(row + PayloadEvent::ROWS - 1),
+            None => L::zero(),
+        };
+        let gains = match rows.thrusters {
+            Some(row) => ThrusterLoss::gains(memory, row, self.site.thrusters, now),
+            None => [L::c(1.0); THRUSTERS],
+        };
+        Forcing { velocity, acceleration, wrench, gains, payload }
+    }
+
+    /// A control period passes.
+    #[inline(always)]
+    pub fn pass<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
+        let rows = &self.rows;
+        let now: L = memory.get(rows.clock);
+        memory.set(rows.clock, now + L::c(1.0));
+        if let Some([row, draws]) = rows.drift {
+            let [a, b, c, d]: [L; QUAD] = memory.get_all(draws);
+            let ([x, y], [z, _]) = (normal_pair([a, b]), normal_pair([c, d]));
+            Drift::pass(memory, row, [x, y, z]);
+        }
+        if let Some([row, trains]) = rows.waves {
+            Waves::pass::<T, L>(memory, row, trains);
+        }
+    }
+
+    #[inline(always)]
+    fn axis<L: Lane<Real = T>>(&self, k: usize) -> Vector3<L> {
+        let [x, y, z] = self.level[k].0;
+        Vector3([L::splat(x), L::splat(y), L::splat(z)])
+    }
+}

@@ -1,0 +1,328 @@
+//! What a URDF file says about links and joints, in its own words. `[URDF: wiki.ros.org/urdf/XML]`
+
+use nalgebra::{Matrix3, Vector3};
+use roxmltree::{Document, Node};
+
+use crate::description::Frame;
+use crate::error::DescriptionError;
+use crate::estimate::{Axis, Ends, Round, Shape};
+
+/// Greatest magnitude of a number, as of scenes.
+const MAX_MAGNITUDE: f64 = 1e12;
+
+/// All links and joints of a file.
+pub struct Robot {
+    pub name: String,
+    pub links: Vec<Link>,
+    pub joints: Vec<Joint>,
+}
+
+pub struct Link {
+    pub name: String,
+    pub inertial: Option<Inertial>,
+    /// Shapes of `<collision>`, or of `<visual>` if there are none.
+    pub shapes: Vec<Shape>,
+    /// Whether some geometry is a mesh.
+    pub mesh: bool,
+}
+
+/// Mass in a link frame.
+#[derive(Clone)]
+pub struct Inertial {
+    pub mass: f64,
+    pub frame: Frame,
+    /// About the centre of mass, in the axes of `frame`.
+    pub inertia: Matrix3<f64>,
+}
+
+pub struct Joint {
+    pub name: String,
+    pub kind: Kind,
+    pub parent: usize,
+    pub child: usize,
+    /// Child's frame in its parent's.
+    pub frame: Frame,
+    pub axis: Vector3<f64>,
+    pub limits: Option<[f64; 2]>,
+    pub effort: Option<f64>,
+    pub speed: Option<f64>,
+    pub damping: f64,
+    pub friction: f64,
+    pub mimic: bool,
+    /// Of its element, for errors.
+    pub line: u32,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Fixed,
+    Revolute,
+    Continuous,
+    Prismatic,
+}
+
+/// An element, its path for people, and the file.
+#[derive(Clone)]
+struct Element<'a> {
+    node: Node<'a, 'a>,
+    path: String,
+    source: &'a str,
+}
+
+type Result<T> = std::result::Result<T, DescriptionError>;
+
+/// An error in an element.
+pub fn fault(source: &str, line: u32, element: &str, problem: impl Into<String>) -> DescriptionError {
+    DescriptionError::Urdf {
+        source_name: source.to_owned(),
+        line,
+        element: element.to_owned(),
+        problem: problem.into(),
+    }
+}
+
+impl<'a> Element<'a> {
+    fn line(&self) -> u32 {
+        self.node.document().text_pos_at(self.node.range().start).row
+    }
+
+    fn fault<T>(&self, problem: impl Into<String>) -> Result<T> {
+        Err(fault(self.source, self.line(), &self.path, problem))
+    }
+
+    fn children(&self, tag: &'a str) -> impl Iterator<Item = Element<'a>> + use<'a> {
+        let (path, source) = (self.path.clone(), self.source);
+        let nodes = self.node.children().filter(move |node| node.has_tag_name(tag));
+        nodes.map(move |node| Element { node, path: format!("{path} <{tag}>"), source })
+    }
+
+    /// The one child of that name, if there is one.
+    fn child(&self, tag: &'a str) -> Result<Option<Element<'a>>> {
+        let mut children = self.children(tag);
+        let first = children.next();
+        match children.next() {
+            Some(second) => second.fault("is there twice"),
+            None => Ok(first),
+        }
+    }
+
+    fn needed(&self, tag: &'a str) -> Result<Element<'a>> {
+        match self.child(tag)? {
+            Some(child) => Ok(child),
+            None => self.fault(format!("<{tag}> is missing")),
+        }
+    }
+
+    fn text(&self, attribute: &str) -> Result<&'a str> {
+        match self.node.attribute(attribute) {
+            Some(text) => Ok(text),
+            None => self.fault(format!("attribute {attribute} is missing")),
+        }
+    }
+
+    fn numbers<const N: usize>(&self, attribute: &str) -> Result<Option<[f64; N]>> {
+        let Some(text) = self.node.attribute(attribute) else { return Ok(None) };
+        let numbers: std::result::Result<Vec<f64>, _> = text.split_whitespace().map(str::parse).collect();
+        let array = numbers.ok().and_then(|list| <[f64; N]>::try_from(list).ok());
+        match array.filter(|list| list.iter().all(|x| x.abs() <= MAX_MAGNITUDE)) {
+            Some(array) => Ok(Some(array)),
+            None => {
+                let what = if N == 1 { "a finite number".to_owned() } else { format!("{N} finite numbers") };
+                self.fault(format!("{attribute}=\"{text}\" is not {what}"))
+            }
+        }
+    }
+
+    fn number(&self, attribute: &str) -> Result<Option<f64>> {
+        Ok(self.numbers::<1>(attribute)?.map(|[x]| x))
+    }
+
+    fn needed_number(&self, attribute: &str) -> Result<f64> {
+        self.text(attribute)?;
+        Ok(self.number(attribute)?.unwrap_or_default())
+    }
+
+    fn positive(&self, attribute: &str) -> Result<f64> {
+        let x = self.needed_number(attribute)?;
+        if x > 0.0 { Ok(x) } else { self.fault(format!("{attribute} is {x}, but must be > 0")) }
+    }
+
+    fn at_least_zero(&self, attribute: &str) -> Result<Option<f64>> {
+        match self.number(attribute)? {
+            Some(x) if x < 0.0 => self.fault(format!("{attribute} is {x}, but must be >= 0")),
+            x => Ok(x),
+        }
+    }
+
+    /// The pose of `<origin>`, the identity without.
+    fn origin(&self) -> Result<Frame> {
+        let Some(origin) = self.child("origin")? else { return Ok(Frame::default()) };
+        if origin.node.has_attribute("quat_xyzw") {
+            return origin.fault("quat_xyzw is not read: give rpy");
+        }
+        let vector = |name| Ok(Vector3::from(origin.numbers::<3>(name)?.unwrap_or_default()));
+        Ok(Frame { position: vector("xyz")?, rpy: vector("rpy")? })
+    }
+}
+
+impl Robot {
+    /// Reads a file's text.
+    pub fn read(text: &str, source: &str) -> Result<Self> {
+        let document = Document::parse(text).map_err(|error| DescriptionError::Syntax {
+            source_name: source.to_owned(),
+            message: format!("line {}: {error}", error.pos().row),
+        })?;
+        let root = document.root_element();
+        let robot = Element { node: root, path: "<robot>".to_owned(), source };
+        if !root.has_tag_name("robot") {
+            return robot.fault(format!("the outermost element is <{}>, but must be <robot>", root.tag_name().name()));
+        }
+        let is_xacro = |node: Node| node.tag_name().namespace().is_some_and(|space| space.contains("xacro"));
+        if let Some(node) = root.descendants().find(|node| is_xacro(*node)) {
+            let name = format!("<xacro:{}>", node.tag_name().name());
+            return Element { node, path: name, source }.fault("run xacro on the file first");
+        }
+        let mut links: Vec<Link> = Vec::new();
+        for element in robot.children("link") {
+            let link = link(&element)?;
+            if links.iter().any(|other| other.name == link.name) {
+                return element.fault(format!("the name \"{}\" is taken by a link before", link.name));
+            }
+            links.push(link);
+        }
+        if links.is_empty() {
+            return robot.fault("has no <link>");
+        }
+        let mut joints: Vec<Joint> = Vec::new();
+        for element in robot.children("joint") {
+            let joint = joint(&element, &links)?;
+            if let Some(other) = joints.iter().find(|other| other.child == joint.child) {
+                let (child, before) = (&links[joint.child].name, &other.name);
+                return element.fault(format!("link \"{child}\" is the child of joint \"{before}\" already"));
+            }
+            joints.push(joint);
+        }
+        Ok(Self { name: root.attribute("name").unwrap_or_default().to_owned(), links, joints })
+    }
+}
+
+fn link(element: &Element) -> Result<Link> {
+    let name = element.text("name")?.to_owned();
+    let element = &Element { path: format!("link \"{name}\""), ..element.clone() };
+    let inertial = element.child("inertial")?.map(|inertial| self::inertial(&inertial)).transpose()?;
+    let (mut shapes, mut mesh) = (Vec::new(), false);
+    for tag in ["collision", "visual"] {
+        for part in element.children(tag) {
+            match geometry(&part)? {
+                Some(shape) => shapes.push(shape),
+                None => mesh = true,
+            }
+        }
+        if !shapes.is_empty() {
+            break;
+        }
+    }
+    Ok(Link { name, inertial, mesh: mesh && shapes.is_empty(), shapes })
+}
+
+fn inertial(element: &Element) -> Result<Inertial> {
+    let mass = element.needed("mass")?;
+    let Some(kg) = mass.at_least_zero("value")? else { return mass.fault("attribute value is missing") };
+    let inertia = element.needed("inertia")?;
+    let entry = |name| inertia.needed_number(name);
+    let (xx, xy, xz) = (entry("ixx")?, entry("ixy")?, entry("ixz")?);
+    let (yy, yz, zz) = (entry("iyy")?, entry("iyz")?, entry("izz")?);
+    let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+    let mut moments: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
+    moments.sort_by(f64::total_cmp);
+    if kg > 0.0 && (moments[0] <= 0.0 || moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6)) {
+        let moments: Vec<_> = moments.iter().map(|x| format!("{x:.4e}")).collect();
+        return inertia.fault(format!(
+            "no mass has the principal moments {}: all must be > 0, the largest at most the sum of the others",
+            moments.join(", ")
+        ));
+    }
+    Ok(Inertial { mass: kg, frame: element.origin()?, inertia: matrix })
+}
+
+/// The shape of a `<collision>` or `<visual>`; None if it is a mesh.
+fn geometry(element: &Element) -> Result<Option<Shape>> {
+    let geometry = element.needed("geometry")?;
+    let frame = element.origin()?;
+    let shape = Shape { position: frame.position, rpy: frame.rpy, ends: Ends::Joined, ..Shape::default() };
+    let Some(solid) = geometry.node.children().find(Node::is_element) else {
+        return geometry.fault("is empty");
+    };
+    let tag = solid.tag_name().name();
+    let solid = Element { node: solid, path: format!("{} <{tag}>", geometry.path), source: element.source };
+    let round = || Ok(Round { radius: solid.positive("radius")?, length: solid.positive("length")?, axis: Axis::Z });
+    Ok(Some(match tag {
+        "box" => {
+            solid.text("size")?;
+            let size = solid.numbers::<3>("size")?.unwrap_or_default();
+            if let Some(edge) = size.iter().find(|edge| **edge <= 0.0) {
+                return solid.fault(format!("size has {edge}, but edges must be > 0"));
+            }
+            Shape { cuboid: Some(size.into()), ..shape }
+        }
+        "cylinder" => Shape { cylinder: Some(round()?), ..shape },
+        "capsule" => Shape { capsule: Some(round()?), ends: Ends::Free, ..shape },
+        "sphere" => Shape { ellipsoid: Some(Vector3::repeat(solid.positive("radius")?)), ..shape },
+        "mesh" => return Ok(None),
+        _ => return solid.fault("is none of box, cylinder, capsule, sphere, mesh"),
+    }))
+}
+
+fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
+    let name = element.text("name")?.to_owned();
+    let element = &Element { path: format!("joint \"{name}\""), ..element.clone() };
+    let kind = match element.text("type")? {
+        "fixed" => Kind::Fixed,
+        "revolute" => Kind::Revolute,
+        "continuous" => Kind::Continuous,
+        "prismatic" => Kind::Prismatic,
+        other => return element.fault(format!("type=\"{other}\" is none of revolute, continuous, prismatic, fixed")),
+    };
+    let end = |tag| {
+        let end = element.needed(tag)?;
+        let name = end.text("link")?;
+        match links.iter().position(|link| link.name == name) {
+            Some(index) => Ok(index),
+            None => end.fault(format!("there is no link \"{name}\"")),
+        }
+    };
+    let (parent, child) = (end("parent")?, end("child")?);
+    let axis = match element.child("axis")? {
+        None => Vector3::x(),
+        Some(axis) => {
+            axis.text("xyz")?;
+            let vector = Vector3::from(axis.numbers::<3>("xyz")?.unwrap_or_default());
+            if vector.norm() < 1e-9 {
+                return axis.fault("xyz has no direction");
+            }
+            vector
+        }
+    };
+    let limit = element.child("limit")?;
+    let (mut limits, mut effort, mut speed) = (None, None, None);
+    if let Some(limit) = &limit {
+        // Zero stands for "not known" in most files; a motor without torque would be no motor.
+        effort = limit.at_least_zero("effort")?.filter(|x| *x > 0.0);
+        speed = limit.at_least_zero("velocity")?.filter(|x| *x > 0.0);
+        let (lower, upper) = (limit.number("lower")?.unwrap_or(0.0), limit.number("upper")?.unwrap_or(0.0));
+        if matches!(kind, Kind::Revolute | Kind::Prismatic) {
+            if lower >= upper {
+                return limit.fault(format!("lower {lower} and upper {upper} must ascend"));
+            }
+            limits = Some([lower, upper]);
+        }
+    } else if matches!(kind, Kind::Revolute | Kind::Prismatic) {
+        return element.fault("<limit> is missing, which revolute and prismatic joints need");
+    }
+    let dynamics = element.child("dynamics")?;
+    let dynamics = |name| Ok(dynamics.as_ref().map(|d| d.at_least_zero(name)).transpose()?.flatten().unwrap_or(0.0));
+    let mimic = element.child("mimic")?.is_some();
+    let (damping, friction, line) = (dynamics("damping")?, dynamics("friction")?, element.line());
+    let frame = element.origin()?;
+    Ok(Joint { name, kind, parent, child, frame, axis, limits, effort, speed, damping, friction, mimic, line })
+}

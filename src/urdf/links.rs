@@ -1,0 +1,129 @@
+//! Links of the chain: all that hangs rigidly on one moving frame.
+
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use super::chain::Chain;
+use super::file::{Inertial, Kind, Link, Robot};
+use crate::description::Frame;
+use crate::estimate::Shape;
+
+/// Least semi-axis of an ellipsoid that stands for a link without geometry, m.
+const THINNEST: f64 = 1e-3;
+
+/// One moving part: what it weighs and the shapes it has, in the frame of its joint.
+#[derive(Default)]
+pub struct Part {
+    pub mass: f64,
+    pub center_of_mass: Vector3<f64>,
+    /// About the centre of mass.
+    pub inertia: Matrix3<f64>,
+    pub shapes: Vec<Shape>,
+    /// What is to be said about it.
+    pub notes: Vec<String>,
+}
+
+/// The pose of `inner` in the parent of `outer`. A pose that is not turned keeps the other's very numbers.
+pub fn compose(outer: &Frame, inner: &Frame) -> Frame {
+    let rotation = outer.rotation();
+    let position = if *outer == Frame::default() { inner.position } else { outer.position + rotation * inner.position };
+    let rpy = if outer.rpy == Vector3::zeros() {
+        inner.rpy
+    } else if inner.rpy == Vector3::zeros() {
+        outer.rpy
+    } else {
+        angles(&(rotation * inner.rotation()))
+    };
+    Frame { position, rpy }
+}
+
+fn angles(rotation: &Matrix3<f64>) -> Vector3<f64> {
+    let (roll, pitch, yaw) = Rotation3::from_matrix_unchecked(*rotation).euler_angles();
+    Vector3::new(roll, pitch, yaw)
+}
+
+/// The even ellipsoid of the same mass and moments.
+fn ellipsoid(inertial: &Inertial) -> Shape {
+    let (moments, turn) = if inertial.inertia == Matrix3::from_diagonal(&inertial.inertia.diagonal()) {
+        (inertial.inertia.diagonal(), Matrix3::identity())
+    } else {
+        let eigen = inertial.inertia.symmetric_eigen();
+        let mut turn = eigen.eigenvectors;
+        if turn.determinant() < 0.0 {
+            turn.column_mut(0).neg_mut();
+        }
+        (eigen.eigenvalues, turn)
+    };
+    let square = Vector3::from_fn(|i, _| 2.5 * (moments.sum() - 2.0 * moments[i]) / inertial.mass);
+    let axes = Frame { position: Vector3::zeros(), rpy: angles(&turn) };
+    let frame = compose(&inertial.frame, &axes);
+    let semi_axes = square.map(|s| s.max(0.0).sqrt().max(THINNEST));
+    Shape { ellipsoid: Some(semi_axes), position: frame.position, rpy: frame.rpy, ..Shape::default() }
+}
+
+impl Part {
+    fn add(&mut self, link: &Link, at: &Frame) {
+        let own = link.inertial.as_ref().filter(|inertial| inertial.mass > 0.0);
+        if let Some(inertial) = own {
+            let frame = compose(at, &inertial.frame);
+            let inertia = if frame.rpy == Vector3::zeros() {
+                inertial.inertia
+            } else {
+                let turned = frame.rotation() * inertial.inertia * frame.rotation().transpose();
+                (turned + turned.transpose()) / 2.0
+            };
+            if self.mass == 0.0 {
+                (self.mass, self.center_of_mass, self.inertia) = (inertial.mass, frame.position, inertia);
+            } else {
+                let total = self.mass + inertial.mass;
+                let apart = (frame.position - self.center_of_mass).cross_matrix();
+                self.inertia += inertia - apart * apart * (self.mass * inertial.mass / total);
+                self.center_of_mass = (self.center_of_mass * self.mass + frame.position * inertial.mass) / total;
+                self.mass = total;
+            }
+        }
+        for shape in &link.shapes {
+            let frame = compose(at, &Frame { position: shape.position, rpy: shape.rpy });
+            self.shapes.push(Shape { position: frame.position, rpy: frame.rpy, ..shape.clone() });
+        }
+        if let (Some(inertial), true) = (own, link.shapes.is_empty()) {
+            let why = if link.mesh { "geometry is a mesh, which is not read" } else { "no geometry" };
+            let name = &link.name;
+            self.notes.push(format!("{name}: {why}: its water is that of the even ellipsoid of its mass and moments"));
+            let shape = ellipsoid(inertial);
+            let frame = compose(at, &Frame { position: shape.position, rpy: shape.rpy });
+            self.shapes.push(Shape { position: frame.position, rpy: frame.rpy, ..shape });
+        }
+    }
+}
+
+impl Robot {
+    /// All that hangs on a link, up to the next moving joint of the chain, whose frame and index come with it; and the frame of
+    /// the tip where it is part of it.
+    pub fn part(&self, chain: &Chain, link: usize) -> (Part, Option<(usize, Frame)>, Option<Frame>) {
+        let (mut part, mut next, mut tip) = (Part::default(), None, None);
+        let mut open = vec![(link, Frame::default())];
+        while let Some((at, frame)) = open.pop() {
+            part.add(&self.links[at], &frame);
+            if at == chain.tip {
+                tip = Some(frame.clone());
+            }
+            for (index, joint) in self.joints_of(at) {
+                let beyond = compose(&frame, &joint.frame);
+                if joint.kind != Kind::Fixed && chain.joints.contains(&index) {
+                    next = Some((index, beyond));
+                    continue;
+                }
+                let (to, child) = (&self.links[link].name, &self.links[joint.child].name);
+                if joint.kind != Kind::Fixed {
+                    let name = &joint.name;
+                    part.notes
+                        .push(format!("{name}: a moving joint off the chain, held at 0: {child} is part of {to}"));
+                } else if self.links[joint.child].inertial.is_some() {
+                    part.notes.push(format!("{child}: merged into {to}"));
+                }
+                open.push((joint.child, beyond));
+            }
+        }
+        (part, next, tip)
+    }
+}

@@ -1,0 +1,165 @@
+//! Doubts about scenes, and the template.
+
+use nalgebra::{Matrix6, Vector3};
+use toml::Value;
+use uvms_gym::description::Scene;
+
+fn shipped(name: &str) -> Scene {
+    Scene::shipped(name).unwrap()
+}
+
+fn texts(scene: &Scene) -> Vec<String> {
+    scene.check().unwrap();
+    scene.doubts().iter().map(ToString::to_string).collect()
+}
+
+#[test]
+fn shipped_scenes_that_hover_are_plausible() {
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "free-body", "rexrov"] {
+        assert_eq!(texts(&shipped(name)), Vec::<String>::new(), "{name}");
+    }
+}
+
+#[test]
+fn slips_are_doubted_by_key_and_number() {
+    fn changed(change: impl Fn(&mut Scene)) -> Vec<String> {
+        let mut scene = shipped("bluerov2-heavy");
+        change(&mut scene);
+        texts(&scene)
+    }
+    let cases: [(&str, Vec<String>); 8] = [
+        ("vehicle.body.volume: all bodies weigh 40.0000 kg", changed(|s| s.vehicle.body.mass = 40.0)),
+        ("vehicle.body.volume: 13.5000 kg in a volume of 0.0137", changed(|s| s.vehicle.body.volume = Some(1.37e-5))),
+        (
+            "vehicle.body.center_of_buoyancy: lies 0.0300 m below",
+            changed(|s| s.vehicle.body.center_of_buoyancy = Vector3::new(0.0, 0.0, -0.05)),
+        ),
+        ("vehicle.body.added_mass: is 0, though", changed(|s| s.vehicle.body.added_mass = Matrix6::zeros())),
+        ("vehicle.body.added_mass: 14600.0000 kg is", changed(|s| s.vehicle.body.added_mass *= 1000.0)),
+        ("vehicle.body.damping: no drag in surge, sway", changed(|s| s.vehicle.body.damping = Default::default())),
+        (
+            "vehicle.thrusters: no thruster acts in sway",
+            changed(|s| {
+                s.vehicle.thrusters.iter_mut().for_each(|t| {
+                    t.axis.y = 0.0;
+                    t.axis.normalize_mut();
+                })
+            }),
+        ),
+        ("vehicle.thrusters: they act in 4 independent directions", changed(|s| s.vehicle.thrusters.truncate(5))),
+    ];
+    for (start, doubts) in cases {
+        assert!(doubts.iter().any(|doubt| doubt.starts_with(start)), "{start}: {doubts:?}");
+    }
+}
+
+#[test]
+fn a_vacuum_and_a_held_vehicle_need_no_trim() {
+    let mut scene = shipped("bluerov2-heavy");
+    scene.vehicle.body.mass = 40.0;
+    scene.vehicle.fixed = true;
+    assert_eq!(texts(&scene), Vec::<String>::new());
+    scene.vehicle.fixed = false;
+    scene.water.density = 0.0;
+    assert_eq!(texts(&scene), Vec::<String>::new());
+}
+
+#[test]
+fn the_template_passes_its_own_check() {
+    let scene = Scene::from_toml_str(Scene::TEMPLATE, "template.toml").unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(scene.check().unwrap(), []);
+    assert_eq!(texts(&scene), Vec::<String>::new());
+    assert!(scene.numbers().iter().all(|(_, _, origin)| origin.is_some()));
+}
+
+/// Paths of all tables of the template, the first element standing for a list.
+fn tables(node: &Value, path: Vec<String>, out: &mut Vec<Vec<String>>) {
+    match node {
+        Value::Table(table) => {
+            for (key, below) in table {
+                tables(below, [path.clone(), vec![key.clone()]].concat(), out);
+            }
+            out.push(path);
+        }
+        Value::Array(list) if list[0].is_table() => tables(&list[0], [path, vec!["0".to_owned()]].concat(), out),
+        _ => {}
+    }
+}
+
+fn at<'a>(root: &'a mut Value, path: &[String]) -> &'a mut Value {
+    path.iter().fold(root, |node, step| match node {
+        Value::Array(list) => &mut list[0],
+        table => table.get_mut(step).unwrap(),
+    })
+}
+
+/// Keys that a table may have, as the reader tells who asks for one that it has not.
+fn known(root: &Value, path: &[String]) -> Vec<String> {
+    let mut asked = root.clone();
+    at(&mut asked, path).as_table_mut().unwrap().insert("zzz".to_owned(), Value::Integer(1));
+    let message = Scene::from_value(asked, "template.toml").unwrap_err().to_string();
+    let (_, expected) = message.split_once("expected ").unwrap_or_else(|| panic!("{message}"));
+    let list = expected.trim_start_matches("one of ").replace(" or ", ", ");
+    list.split(", ").map(str::to_owned).collect()
+}
+
+/// What a table is: its key, or that of its list; an arm's base is a body.
+fn kind(path: &[String]) -> &str {
+    match path {
+        [.., list, element] if element == "0" => list,
+        [.., last] if last == "base" => "body",
+        [.., last] => last,
+        [] => "",
+    }
+}
+
+/// The template, and once more for each alternative in it, switched on.
+fn variants() -> Vec<String> {
+    let is_off = |line: &str| line.starts_with('#') && line[1..].starts_with(|c: char| c.is_ascii_lowercase());
+    let lines: Vec<_> = Scene::TEMPLATE.lines().collect();
+    let switched = (0..lines.len()).filter(|i| is_off(lines[*i])).map(|i| {
+        let text: Vec<_> = lines.iter().enumerate().map(|(j, line)| if i == j { &line[1..] } else { *line }).collect();
+        text.join("\n")
+    });
+    std::iter::once(Scene::TEMPLATE.to_owned()).chain(switched).collect()
+}
+
+#[test]
+fn the_template_has_every_key_and_no_other() {
+    let roots: Vec<Value> = variants().iter().map(|text| text.parse::<toml::Table>().unwrap().into()).collect();
+    let mut shown = std::collections::BTreeSet::new();
+    let mut asked = Vec::new();
+    for root in &roots {
+        let mut paths = Vec::new();
+        tables(root, Vec::new(), &mut paths);
+        paths.retain(|path| path.first().is_none_or(|key| key != "provenance"));
+        for path in paths {
+            for key in at(&mut root.clone(), &path).as_table().unwrap().keys() {
+                shown.insert((kind(&path).to_owned(), key.clone()));
+            }
+            if asked.iter().all(|(_, other)| *other != path) {
+                asked.push((root, path));
+            }
+        }
+    }
+    let mut keys = 0;
+    for (root, path) in asked {
+        for key in known(root, &path) {
+            assert!(shown.contains(&(kind(&path).to_owned(), key.clone())), "{}: {key} is missing", path.join("."));
+            keys += 1;
+        }
+    }
+    assert!(keys > 120, "{keys}");
+}
+
+#[test]
+fn each_alternative_of_the_template_can_be_switched_on() {
+    let variants = variants();
+    for text in &variants {
+        if let Err(error) = Scene::from_toml_str(text, "template.toml") {
+            let message = error.to_string();
+            assert!(["give one of them", "takes the place of"].iter().any(|part| message.contains(part)), "{message}");
+        }
+    }
+    assert!(variants.len() > 10, "{}", variants.len());
+}

@@ -1,0 +1,362 @@
+"""Mutated scenes and random calls: what is wrong is refused by a clear error; nothing panics, hangs or is harmed.
+
+`UVMS_FUZZ=100000 pytest tests/python/test_fuzz.py -s` takes so many cases of each kind, new ones every time, and prints
+how many were accepted and refused.
+"""
+
+import contextlib
+import copy
+import faulthandler
+import inspect
+import os
+import pickle
+import random
+import string
+import tempfile
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from test_scenes import ALL, JUNK, paths, set_at
+
+import uvms_gym
+from uvms_gym import SceneError, Simulator
+
+CASES = int(os.environ.get("UVMS_FUZZ", "0"))
+SOAK = CASES > 0
+#: A case that takes longer is a hang, s.
+LONGEST = 120.0
+
+FUZZ = settings(
+    max_examples=CASES or 30,
+    derandomize=not SOAK,
+    deadline=None,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+SCENES = Path(uvms_gym.__file__).parent / "scenes"
+TEXTS = [path.read_text() for path in sorted(SCENES.glob("*.toml"))]
+URDF = (Path(__file__).parents[1] / "golden/alpha5.urdf").read_text()
+
+tally: Counter[str] = Counter()
+
+
+@pytest.fixture(autouse=True)
+def counted(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Print what came of the cases."""
+    tally.clear()
+    yield
+    faulthandler.cancel_dump_traceback_later()
+    if SOAK:
+        total = sum(tally.values())
+        print(f"\n{request.node.name}: {total} cases: " + ", ".join(f"{n} {what}" for what, n in tally.most_common()))
+
+
+@contextlib.contextmanager
+def attempt(refusals: tuple[type[Exception], ...]) -> Iterator[None]:
+    """One case: it passes, or is refused in clear words. All else, a panic above all, fails the test."""
+    faulthandler.dump_traceback_later(LONGEST, exit=True)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except refusals as error:
+        text = str(error)
+        assert 0 < len(text) < 20000, text
+        for leak in ("panicked", "unwrap()", ".rs:", "RUST_BACKTRACE"):
+            assert leak not in text, text
+        tally[f"refused by {type(error).__name__}"] += 1
+    else:
+        tally["accepted"] += 1
+
+
+def simulated(scene: Any) -> None:
+    simulator = Simulator(scene)
+    simulator.step(substeps=2)
+    simulator.energy()
+    simulator.trim()
+    uvms_gym.scene_doubts(scene)
+    assert uvms_gym.load_scene(uvms_gym.load_scene(scene)) == simulator.scene
+
+
+@FUZZ
+@given(data=st.data())
+def test_a_mutated_dict_is_simulated_or_refused(data: st.DataObject) -> None:
+    scene = copy.deepcopy(ALL[data.draw(st.sampled_from(sorted(ALL)))])
+    numbers = st.sampled_from([0.0, -1.0, 1e-9, 1e9, -1e300, float("nan"), float("inf")])
+    for _ in range(data.draw(st.integers(1, 4))):
+        there = paths(scene)
+        if not there:
+            break
+        path = data.draw(st.sampled_from(there))
+        node = scene
+        for key in path[:-1]:
+            node = node[key]
+        match data.draw(st.integers(0, 4)):
+            case 0:
+                set_at(scene, path, data.draw(JUNK))
+            case 1:
+                del node[path[-1]]
+            case 2 if isinstance(node, list):
+                node.append(copy.deepcopy(node[path[-1]]))
+            case 3 if isinstance(node[path[-1]], float):
+                node[path[-1]] *= data.draw(st.sampled_from([-1.0, 1e-3, 1e3, 1.1]))
+            case _:
+                set_at(scene, path, data.draw(numbers))
+    with attempt((ValueError,)):
+        simulated(scene)
+
+
+def mutated(text: str, rng: random.Random) -> str:
+    """Text with lines, words or characters lost, doubled, swapped or replaced."""
+    for _ in range(rng.randint(1, 3)):
+        lines = text.split("\n")
+        i, j = rng.randrange(len(lines)), rng.randrange(len(lines))
+        words = lines[i].split(" ")
+        k = rng.randrange(len(words))
+        at = rng.randrange(len(text) + 1)
+        match rng.randrange(8):
+            case 0:
+                del lines[i]
+            case 1:
+                lines.insert(j, lines[i])
+            case 2:
+                lines[i], lines[j] = lines[j], lines[i]
+            case 3:
+                words[k] = rng.choice(
+                    ["-1", "0", "nan", "inf", "1e400", '"x"', "true", "[]", "{}", "[[1, 2]]", "1979-05-27"]
+                )
+                lines[i] = " ".join(words)
+            case 4:
+                del words[k]
+                lines[i] = " ".join(words)
+            case 5:
+                lines = (text[:at] + rng.choice(string.printable + "é\u2028\0") + text[at:]).split("\n")
+            case 6:
+                lines = (text[:at] + text[at + rng.randint(1, 30) :]).split("\n")
+            case 7:
+                lines = text[:at].split("\n")
+        text = "\n".join(lines)
+    return text
+
+
+@FUZZ
+@given(seed=st.integers(0, 2**64))
+def test_a_mutated_file_is_simulated_or_refused_by_its_name(seed: int) -> None:
+    rng = random.Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mine.toml"
+        path.write_text(mutated(rng.choice(TEXTS), rng), encoding="utf-8", newline="")
+        with attempt((ValueError,)):
+            try:
+                simulated(path)
+            except SceneError as error:
+                assert str(path) in str(error), error
+                raise
+
+
+@FUZZ
+@given(seed=st.integers(0, 2**64))
+def test_a_mutated_urdf_is_imported_or_refused_by_its_name(seed: int) -> None:
+    rng = random.Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mine.urdf"
+        path.write_text(mutated(URDF, rng), encoding="utf-8", newline="")
+        with attempt((SceneError,)):
+            try:
+                scene = uvms_gym.import_urdf(path)
+            except SceneError as error:
+                assert str(path) in str(error), error
+                raise
+            assert uvms_gym.load_scene(scene) == scene
+
+
+OUTLINE: dict[str, Any] = {
+    "density": 1025.0,
+    "speed": [0.1, 0.3],
+    "shapes": [
+        {"box": [0.4, 0.3, 0.2], "perforation": 0.2, "solidity": [0.9, 0.9, 0.8], "mass": 11.0},
+        {"name": "pod", "capsule": {"radius": 0.05, "length": 0.3, "axis": "y"}, "position": [0.1, 0.0, 0.2]},
+        {"cylinder": {"radius": 0.05, "length": 0.3}, "rpy": [0.1, 0.2, 0.3], "ends": "joined", "displaced": 0.5},
+        {"ellipsoid": [0.3, 0.2, 0.1], "relative_density": 1.1},
+    ],
+}
+
+
+@FUZZ
+@given(data=st.data())
+def test_a_mutated_outline_is_estimated_or_refused(data: st.DataObject) -> None:
+    outline = copy.deepcopy(OUTLINE)
+    scale = st.sampled_from([0.0, -1.0, 1e-7, 1e-5, 0.3, 1e5, 1e7, 1e300, float("nan")])
+    for _ in range(data.draw(st.integers(1, 3))):
+        set_at(outline, data.draw(st.sampled_from(paths(outline))), data.draw(scale | JUNK))
+    with attempt((SceneError,)):
+        body = uvms_gym.estimate(outline)["body"]
+        numbers = [x for key in ("added_mass", "inertia") for x in np.ravel(body[key])]
+        assert np.all(np.isfinite([*numbers, *np.ravel(body["damping"]["quadratic"])]))
+
+
+def junk(rng: random.Random, sizes: tuple[int, ...]) -> Any:
+    """An argument that is hardly ever right: wrong types and shapes, numbers that are none, huge and negative ones."""
+    number = rng.choice([0.0, -0.0, 1.0, -1.0, 0.1, 1e-300, 1e12, -1e200, 1e308, float("nan"), float("inf")])
+    match rng.randrange(14):
+        case 0:
+            return None
+        case 1:
+            return rng.choice([True, False])
+        case 2:
+            return rng.choice([0, 1, -1, 2, -(2**63), 2**63, 2**64, 2**200])
+        case 3:
+            return number
+        case 4:
+            return rng.choice(["", "mk4", "float32", "wrench", "\ud800", "a\0b", b"", b"mk4"])
+        case 5:
+            return [[1.0], [2.0, 3.0]]
+        case 6:
+            return rng.choice([{}, {"q": number}, {1: 2}, {"position": [number] * 3}, set(), object(), 1j, print])
+        case 7:
+            return np.array([None, "x"], dtype=object)
+        case 8:
+            return np.zeros(tuple(rng.randrange(4) for _ in range(rng.randrange(5))))
+        case 9:
+            return np.full(rng.choice(sizes), rng.choice([1, -1])).astype(rng.choice([np.int8, np.uint64, np.bool_]))
+        case 10:
+            with np.errstate(all="ignore"):
+                return np.full((rng.choice(sizes), 3), number).astype(np.float32).T[::-1]
+        case _:
+            shape = (rng.choice(sizes),) if rng.random() < 0.5 else (2, rng.choice(sizes))
+            values = np.random.default_rng(rng.randrange(2**32)).normal(size=shape)
+            if values.size and rng.random() < 0.5:
+                values.flat[rng.randrange(values.size)] = number
+            with np.errstate(all="ignore"):
+                return values.astype(rng.choice([np.float64, np.float32, ">f8", np.float16]))
+
+
+def arguments(
+    function: Callable[..., Any], rng: random.Random, sizes: tuple[int, ...]
+) -> tuple[list[Any], dict[str, Any]]:
+    """Random arguments; of those that a function has, save a few too many or too few."""
+    positional, keywords = [], {}
+    for name, parameter in inspect.signature(function).parameters.items():
+        if name == "self":
+            continue
+        value = junk(rng, sizes)
+        if name in ("substeps", "threads", "num_envs") and isinstance(value, int):
+            # So many are not wrong, only long in coming.
+            value = rng.choice([-1, 0, 1, 3, 2**70])
+        if parameter.kind is parameter.VAR_KEYWORD:
+            keywords["nonsense"] = value
+        elif parameter.kind is parameter.KEYWORD_ONLY:
+            if rng.random() < 0.4:
+                keywords[name] = value
+        elif parameter.default is parameter.empty or rng.random() < 0.4:
+            positional.append(value)
+        else:
+            break
+    if rng.random() < 0.05:
+        positional.append(junk(rng, sizes))
+    return positional, keywords
+
+
+def members(thing: Any) -> tuple[list[str], list[str]]:
+    """Names of methods and of the other attributes, without those that Python reserves."""
+    names = [name for name in dir(type(thing)) if not name.startswith("_")]
+    methods = [name for name in names if callable(getattr(type(thing), name))]
+    return methods, [name for name in names if name not in methods]
+
+
+#: What a wrong argument may be called.
+WRONG = (ValueError, TypeError, OverflowError, IndexError, KeyError, AttributeError, MemoryError)
+
+
+def random_calls(thing: Any, snapshot: Callable[[], bytes], rng: random.Random, names: list[str], count: int) -> None:
+    """Call methods, and set attributes of a simulator, at random; a refusal leaves the state as it was, bit for bit."""
+    simulator: Simulator = thing if isinstance(thing, Simulator) else thing.unwrapped.simulator
+    sizes = (0, 1, 3, 4, 6, simulator.num_joints, simulator.num_thrusters, 6 + simulator.num_joints)
+    attributes = members(thing)[1] if thing is simulator else []
+    for _ in range(count):
+        before = snapshot()
+        refused = tally.total() - tally["accepted"]
+        with attempt((*WRONG, gymnasium.error.Error)):
+            if attributes and rng.random() < 0.1:
+                setattr(thing, rng.choice(attributes), junk(rng, sizes))
+            else:
+                function = getattr(thing, rng.choice(names))
+                positional, keywords = arguments(function, rng, sizes)
+                function(*positional, **keywords)
+        if tally.total() - tally["accepted"] > refused:
+            assert snapshot() == before
+
+
+@pytest.mark.parametrize("name", uvms_gym.scenes())
+def test_random_calls_do_a_simulator_no_harm(name: str) -> None:
+    rng = random.Random() if SOAK else random.Random(name)
+    each = 40
+    for _ in range(max(1, CASES // (each * len(uvms_gym.scenes()))) if SOAK else 4):
+        simulator = Simulator(name, 2, dt=0.005, dtype=rng.choice(["float64", "float32"]))
+        methods, _ = members(simulator)
+        random_calls(simulator, lambda s=simulator: pickle.dumps(s), rng, methods, each)
+        # Whatever became of it, it can be set back and stepped.
+        simulator.reset()
+        simulator.step(substeps=1)
+        assert np.all(np.isfinite(simulator.position))
+
+
+IDS = sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
+
+
+@pytest.mark.parametrize("vector", [False, True])
+@pytest.mark.parametrize("name", IDS)
+def test_random_calls_do_an_environment_no_harm(name: str, vector: bool) -> None:
+    rng = random.Random() if SOAK else random.Random(7)
+    each = 40
+    for _ in range(max(1, CASES // (2 * len(IDS) * each)) if SOAK else 2):
+        options = {
+            "scene": rng.choice(["petasus-pum", "bluerov2-heavy-alpha5"]),
+            "action": rng.choice(["wrench", "thrusters"]),
+        }
+        if vector:
+            env: Any = gymnasium.make_vec(name, num_envs=2, **options)
+        else:
+            env = gymnasium.make(name, **options).unwrapped
+        if rng.random() < 0.9:
+            env.reset(seed=1)
+        random_calls(env, lambda e=env: pickle.dumps(e.unwrapped.simulator), rng, ["reset", "step"], each)
+        observations, _ = env.reset(seed=2)
+        assert np.all(np.isfinite(observations))
+        env.step(env.action_space.sample() * 0)
+        env.close()
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_random_options_make_no_environment_or_one_that_keeps_its_space(name: str) -> None:
+    rng = random.Random() if SOAK else random.Random(5)
+    creator = gymnasium.envs.registration.load_env_creator(gymnasium.spec(name).entry_point)
+    options = [option for option in inspect.signature(creator).parameters if option != "scene"]
+    for _ in range(CASES // len(IDS) if SOAK else 60):
+        given = {option: junk(rng, (1, 3, 6)) for option in rng.sample(options, rng.randint(1, 2))}
+        for many in ("substeps", "threads"):
+            if isinstance(given.get(many), int):
+                given[many] = rng.choice([-1, 0, 1, 3, 2**70])
+        with attempt((*WRONG, gymnasium.error.Error)):
+            env = creator(scene=rng.choice(["petasus-pum", "bluerov2-heavy"]), **given)
+            observation, _ = env.reset(seed=0)
+            assert env.observation_space.contains(observation), (given, observation)
+            observation, reward, *_ = env.step(np.zeros(env.action_space.shape, np.float32))
+            assert env.observation_space.contains(observation), (given, observation)
+            assert np.isfinite(reward), given
+
+
+def test_random_arguments_make_no_simulator() -> None:
+    rng = random.Random() if SOAK else random.Random(11)
+    for _ in range(CASES or 200):
+        positional, keywords = arguments(Simulator, rng, (1, 3, 6))
+        with attempt((*WRONG, gymnasium.error.Error)):
+            Simulator(rng.choice(["free-body", "rexrov", *positional[:1]]), *positional[1:], **keywords)

@@ -1,0 +1,181 @@
+"""Users' own robots: template, estimates, arms from URDF, doubts; the functions and their commands."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import uvms_gym
+from uvms_gym import SceneError, Simulator
+from uvms_gym.cli import main
+
+URDF = Path(__file__).parents[1] / "golden/alpha5.urdf"
+CYLINDER = {"cylinder": {"radius": 0.045, "length": 0.4}, "ends": "joined", "position": [0.2, 0.0, 0.0]}
+
+
+def test_an_estimate_is_a_body_with_a_formula_for_each_number() -> None:
+    found = uvms_gym.estimate({"speed": [0.1, 0.5], "shapes": [CYLINDER | {"relative_density": 1.02}]})
+    shipped = uvms_gym.load_scene("petasus-pum")["arm"]["links"][1]["body"]
+    for key in ("mass", "volume", "inertia", "added_mass", "center_of_mass", "center_of_buoyancy"):
+        np.testing.assert_allclose(found["body"][key], shipped[key], rtol=1e-3)
+    for key in ("linear", "quadratic"):
+        np.testing.assert_allclose(found["body"]["damping"][key], shipped["damping"][key], rtol=6e-3)
+    assert found["body"]["hydrodynamic_frame"] == shipped["hydrodynamic_frame"]
+    text = tomllib.loads(found["toml"])
+    assert text["vehicle"]["body"]["added_mass"] == found["body"]["added_mass"]
+    assert text["provenance"]["vehicle.body.added_mass"] == f"derived: {found['formulas']['added_mass']}"
+
+
+def test_an_estimate_takes_numpy_and_files(tmp_path: Path) -> None:
+    path = tmp_path / "shapes.toml"
+    path.write_text("[[shapes]]\nbox = [0.4, 0.3, 0.2]\n")
+    given = {"shapes": [{"box": np.array([0.4, 0.3, 0.2])}]}
+    assert uvms_gym.estimate(path) == uvms_gym.estimate(str(path)) == uvms_gym.estimate(given)
+    for wrong, message in (
+        ({"shapes": [{"box": [1, 2]}]}, r"<dict>: shapes\[0\]\.box"),
+        (tmp_path / "none.toml", r"none\.toml"),
+    ):
+        with pytest.raises(SceneError, match=message):
+            uvms_gym.estimate(wrong)
+    with pytest.raises(TypeError):
+        uvms_gym.estimate(3)
+
+
+def test_an_imported_arm_runs() -> None:
+    scene = uvms_gym.import_urdf(URDF, "bluerov2-heavy", mount=[0.19, 0, -0.12, np.pi, 0, 0])
+    simulator = Simulator(scene, 2)
+    shipped = Simulator("bluerov2-heavy-alpha5")
+    q = np.array([0.3, 0.5, 0.7, 0.9])
+    simulator.set_state(q=q)
+    shipped.set_state(q=q)
+    np.testing.assert_allclose(simulator.end_effector_pose()[:1], shipped.end_effector_pose(), atol=1e-12)
+    simulator.step(joint_target=q, substeps=200)
+    assert np.all(np.isfinite(simulator.q))
+    assert simulator.stable_steps()["mk4"] > 0.01
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"mount": [0.0] * 5}, "mount must be 6 numbers"),
+        ({"mount": [0, 0, np.nan, 0, 0, 0]}, "position must be three finite numbers"),
+        ({"tip": "hand"}, r'alpha5\.urdf: .*no link "hand"'),
+        ({"vehicle": "nemo"}, "nemo"),
+        ({"base": "\ud800"}, "Unicode"),
+    ],
+)
+def test_an_import_that_cannot_be_says_so(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        uvms_gym.import_urdf(URDF, **options)
+
+
+def test_a_dumped_scene_reads_back(tmp_path: Path) -> None:
+    for name in uvms_gym.scenes():
+        path = tmp_path / f"{name}.toml"
+        path.write_text(uvms_gym.dump_scene(name))
+        assert uvms_gym.load_scene(path) == uvms_gym.load_scene(name)
+
+
+def test_doubts_are_lines_with_key_and_numbers() -> None:
+    assert uvms_gym.scene_doubts("petasus-pum") == []
+    scene = uvms_gym.load_scene("bluerov2-heavy")
+    scene["vehicle"]["body"]["mass"] = 1.35
+    (doubt,) = uvms_gym.scene_doubts(scene)
+    assert doubt.startswith("vehicle.body.volume: ") and "rises" in doubt
+
+
+def test_the_template_passes_its_check_and_is_an_environment(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "my.toml"
+    assert main(["scenes", "template", "--out", str(path)]) == 0
+    assert path.read_text() == uvms_gym.scene_template()
+    assert main(["scenes", "check", str(path), "--strict"]) == 0
+    assert "no fault found" in capsys.readouterr().out
+    env = gymnasium.make("UVMS-StationKeep-v0", scene=str(path))
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+    assert env.observation_space.contains(env.step(np.zeros(6, np.float32))[0])
+    # Nothing of the user's is overwritten unasked.
+    assert main(["scenes", "template", "--out", str(path)]) == 2
+    assert "--force" in capsys.readouterr().err
+    assert main(["scenes", "template", "--out", str(path), "--force"]) == 0
+
+
+def test_check_tells_doubts_and_a_balance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, numbers = tmp_path / "my.toml", tmp_path / "my.json"
+    text = (uvms_gym.dump_scene("bluerov2-heavy")).replace("mass = 13.5", "mass = 27.0", 1)
+    path.write_text(text)
+    assert main(["scenes", "check", str(path), "--json", str(numbers)]) == 0
+    out = capsys.readouterr().out
+    assert "doubtful: vehicle.body.volume: all bodies weigh 27.0000 kg" in out and "net weight in water, N" in out
+    found = json.loads(numbers.read_text())
+    assert found["summary"]["mass, kg"] == 27.0 and found["summary"]["degrees of freedom"] == 6
+    assert len(found["doubts"]) == 1 and found["recommended_step"] == 0.02
+    assert main(["scenes", "check", str(path), "--strict"]) == 1
+    assert main(["scenes", "check", "rexrov", "--strict"]) == 0
+    path.write_text(text.replace("mass = 27.0", "mass = -27.0", 1))
+    capsys.readouterr()
+    assert main(["scenes", "check", str(path)]) == 2
+    assert f"{path}: vehicle.body.mass: is -27.0, but must be > 0" in capsys.readouterr().err
+
+
+def test_check_doubts_a_scene_too_stiff_for_the_default_step(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "stiff.toml"
+    scene = uvms_gym.load_scene("petasus-pum")
+    scene["arm"]["links"][4]["joint"]["friction"]["viscous"] = 50.0
+    path.write_text(uvms_gym.dump_scene(scene))
+    assert main(["scenes", "check", str(path), "--strict"]) == 1
+    out = capsys.readouterr().out
+    assert "doubtful: joint 4 (gripper): the environments' step of 0.01 s is unstable" in out
+    assert "too stiff" in out
+
+
+def test_the_commands_estimate_and_import(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    numbers = tmp_path / "body.json"
+    command = ["scenes", "estimate", "--box", "0.4,0.3,0.2@0,0,0.05", "--capsule", "0.05,0.3,y@0.1,0,0.2,0,0.1,0"]
+    command += ["--cylinder", "0.05,0.3", "--ellipsoid", "0.3,0.2,0.1", "--perforation", "0.2,0.2,0.1"]
+    command += ["--solidity", "0.9", "--displaced", "0.5", "--relative-density", "1.01", "--table", "payload.body"]
+    assert main([*command, "--json", str(numbers)]) == 0
+    out = capsys.readouterr().out
+    body = json.loads(numbers.read_text())["body"]
+    assert tomllib.loads(out)["payload"]["body"]["added_mass"] == body["added_mass"]
+    assert np.shape(body["added_mass"]) == (6, 6)
+
+    path = tmp_path / "my.toml"
+    mount = "0.19,0,-0.12,3.141592653589793,0,0"
+    assert main(["scenes", "import", str(URDF), "--mount", mount, "--out", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert "wrist: geometry is a mesh" in out and "foot: merged into mount" in out
+    assert uvms_gym.load_scene(path) == uvms_gym.import_urdf(URDF, mount=[float(x) for x in mount.split(",")])
+    assert main(["scenes", "import", str(URDF)]) == 0
+    assert tomllib.loads(capsys.readouterr().out)["arm"]["name"] == "Reach Alpha 5"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["estimate"], "either a file of shapes"),
+        (["estimate", "--box", "1,2"], '--box "1,2" needs 3 dimensions'),
+        (["estimate", "--box", "1,2,z"], "needs 3 dimensions"),
+        (["estimate", "--cylinder", "1,two"], "--cylinder"),
+        (["estimate", "--cylinder", "1,2@3"], "3 or 6 numbers after the @"),
+        (["estimate", "--box", "1,1,1", "--perforation", "0.9"], r"shapes[0].perforation"),
+        (["estimate", "--box", "1,1,1", "--speed", "fast"], '--speed "fast"'),
+        (["estimate", "nowhere.toml"], "nowhere.toml"),
+        (["import", "nowhere.urdf"], "nowhere.urdf"),
+        (["import", str(URDF), "--mount", "1,2"], "mount must be 6 numbers"),
+        (["import", str(URDF), "--tip", "hand"], 'no link "hand"'),
+        (["template", "--out", "/"], "is there already"),
+    ],
+)
+def test_wrong_arguments_are_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenes", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count("\n") == 1

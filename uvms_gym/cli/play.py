@@ -1,0 +1,188 @@
+"""`uvms play`: watch a controller, in a window or a file."""
+
+import contextlib
+import math
+import warnings
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import gymnasium
+import typer
+
+from uvms_gym.cli.common import check_range, console, fail, prepare, progress
+from uvms_gym.cli.compare import CONTROLLERS, MLP_PREFIX
+from uvms_gym.cli.scenes import read_scene
+from uvms_gym.controllers import MLP, Controller, ResolvedMotion
+
+if TYPE_CHECKING:
+    from uvms_gym.cli.overlay import Overlay
+
+#: Longest play, s.
+MOST_SECONDS = 3600.0
+#: What is needed, by module: package, and the extra that brings it.
+NEEDS = {"PIL": ("pillow", "video"), "imageio_ffmpeg": ("imageio-ffmpeg", "video"), "pygame": ("pygame", "human")}
+_SUFFIXES = (".mp4", ".gif", ".png")
+_CHOICES: dict[str, Callable[[Any], Controller]] = {**CONTROLLERS, "resolved": ResolvedMotion}
+KNOWN = f"{', '.join(_CHOICES)}, {MLP_PREFIX}FILE"
+
+
+def play(
+    env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-v0",
+    scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
+    controller: Annotated[
+        str | None, typer.Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
+    ] = None,
+    disturbance: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Disturbance of the environment. [default: the environment's]")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help=f"How long, up to {MOST_SECONDS:g} s.")] = 20.0,
+    seed: Annotated[int, typer.Option(help="Seed of the episode.")] = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture alone (.png)."),
+    ] = None,
+    window: Annotated[bool, typer.Option("--window", help="Show it in a window.")] = False,
+) -> None:
+    """Watch a controller at work, in a window or a file."""
+    check_range("--seconds", seconds, 0.0, MOST_SECONDS)
+    check_range("--seed", seed, 0, math.inf)
+    if (out is None) != window:
+        raise fail("either --out FILE or --window is needed, and not both")
+    suffix = out.suffix.lower() if out is not None else ""
+    if out is not None and suffix not in _SUFFIXES:
+        raise fail(f"--out is {str(out)!r}, but must end in {', '.join(_SUFFIXES)}")
+    _need("PIL", *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
+    read_scene(scene)
+    made = _make(env, scene, disturbance, seconds)
+    chosen = controller or ("resolved" if made.unwrapped.task == "ee-track" else "pd")  # type: ignore[attr-defined]
+    control = _controller(chosen, made)
+    period = 1.0 / made.metadata["render_fps"]
+    steps = max(1, round(seconds / period))
+    from uvms_gym.cli.overlay import Overlay
+
+    title = (
+        f"{made.unwrapped.simulator.scene_name}  ·  {Path(chosen).name if chosen.startswith(MLP_PREFIX) else chosen}"  # type: ignore[attr-defined]
+    )
+    overlay = Overlay(title, disturbance or "", steps * period)
+    if out is not None:
+        prepare(out.absolute().parent, None)
+        if out.is_dir():
+            raise fail(f"cannot write {out}: it is a folder")
+    shown = _Noted(made, overlay, period)
+    with progress() as bar:
+        task = bar.add_task("playing", total=steps)
+        try:
+            if window:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    for _ in _run(gymnasium.wrappers.HumanRendering(shown), control, seed, steps):
+                        bar.advance(task)
+            elif out is not None:
+                _film(out, shown, control, seed, steps, lambda: bar.advance(task))
+        except OSError as error:
+            raise fail(f"cannot write {out}: {error.strerror or error}") from None
+    if shown.time < (steps - 0.5) * period:
+        console.print(f"the episode ended after {shown.time:g} s", markup=False)
+    if out is not None:
+        console.print(str(out), markup=False, soft_wrap=True)
+
+
+class _Noted(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Pictures with an overlay."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any], overlay: "Overlay", period: float) -> None:
+        super().__init__(env)
+        self._overlay = overlay
+        self._period = period
+        self._info: dict[str, Any] = {}
+        self._steps = 0
+
+    @property
+    def time(self) -> float:
+        """Since the start, s."""
+        return self._steps * self._period
+
+    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
+        observation, self._info = self.env.reset(**kwargs)
+        self._overlay.note(0.0, self._info)
+        return observation, self._info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        result = self.env.step(action)
+        self._info = result[4]
+        self._steps += 1
+        self._overlay.note(self.time, self._info)
+        return result
+
+    def render(self) -> Any:
+        return self._overlay.draw(self.env.render(), self._info)  # type: ignore[arg-type]
+
+
+def _run(env: gymnasium.Env[Any, Any], control: Controller, seed: int, steps: int) -> Iterator[None]:
+    """Step through an episode; yields at its start and after each step."""
+    observation, _ = env.reset(seed=seed)
+    state = None
+    yield
+    with contextlib.closing(env):
+        for _ in range(steps):
+            action, state = control.predict(observation, state)
+            observation, _, terminated, truncated, _ = env.step(action)
+            yield
+            if terminated or truncated:
+                return
+
+
+def _film(out: Path, env: _Noted, control: Controller, seed: int, steps: int, tick: Any) -> None:
+    from uvms_gym.cli.film import film
+
+    made = film(out, env.metadata["render_fps"])
+    moving = out.suffix.lower() != ".png"
+    try:
+        for _ in _run(env, control, seed, steps):
+            if moving:
+                made.add(env.render())
+            tick()
+        if not moving:
+            made.add(env.render())
+    finally:
+        made.close()
+
+
+def _need(*modules: str) -> None:
+    """Refuse to go on without what is optional."""
+    missing = [NEEDS[module] for module in modules if find_spec(module) is None]
+    if missing:
+        packages, extras = (sorted({pair[k] for pair in missing}) for k in (0, 1))
+        raise fail(f"{', '.join(packages)} not installed; run: pip install 'uvms-gym[{','.join(extras)}]'")
+
+
+def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymnasium.Env[Any, Any]:
+    options: dict[str, Any] = {"scene": scene, "render_mode": "rgb_array", "disable_env_checker": True}
+    if disturbance is not None:
+        options["disturbance"] = disturbance
+    try:
+        # A limit that the play does not reach.
+        made = gymnasium.make(env, max_episode_steps=round(1000.0 * seconds) + 1000, **options)
+    except (gymnasium.error.Error, ValueError, TypeError) as error:
+        # Gymnasium repeats all arguments.
+        reason = str(error).split(" was raised from the environment creator")[0]
+        raise fail(f"{env}: {reason}") from None
+    if "rgb_array" not in made.metadata["render_modes"] or not hasattr(made.unwrapped, "simulator"):
+        raise fail(f"--env is {env!r}, but only environments of uvms_gym work, such as UVMS-StationKeep-v0")
+    return made
+
+
+def _controller(name: str, env: gymnasium.Env[Any, Any]) -> Controller:
+    """Make a controller by its name, for an environment."""
+    try:
+        if name in _CHOICES:
+            return _CHOICES[name](env)
+        if name.startswith(MLP_PREFIX):
+            return MLP.load(name.removeprefix(MLP_PREFIX), env)
+    except OSError as error:
+        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
+    except (ValueError, TypeError) as error:
+        raise fail(str(error)) from None
+    raise fail(f"unknown controller {name!r}; known: {KNOWN}")

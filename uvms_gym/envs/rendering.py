@@ -1,0 +1,104 @@
+"""Pictures of environments."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, overload
+
+import numpy as np
+from gymnasium import logger
+from numpy.typing import NDArray
+
+from uvms_gym._core import Renderer, Simulator, Task
+
+Picture = NDArray[np.uint8]
+
+RENDER_MODES = ("rgb_array",)
+#: Places along a path that is drawn.
+_PLACES = 97
+
+
+def check_mode(render_mode: str | None) -> None:
+    """Refuse what is no render mode.
+
+    Raises
+    ------
+    ValueError
+        It is neither None nor one of `RENDER_MODES`; `gymnasium.make` and Gymnasium's wrappers make others of these.
+    """
+    if render_mode is not None and render_mode not in RENDER_MODES:
+        raise ValueError(f"render_mode is {render_mode!r}, but must be None or 'rgb_array'")
+
+
+class Pictures(Sequence[Picture]):
+    """One picture (height, width, 3) per instance of what was when it was made; drawn when first looked at."""
+
+    def __init__(self, renderer: Renderer, shots: Mapping[str, NDArray[Any]]) -> None:
+        self._renderer = renderer
+        self._shots = shots
+        self._drawn: dict[int, Picture] = {}
+
+    def __len__(self) -> int:
+        return len(self._shots["position"])
+
+    @overload
+    def __getitem__(self, index: int) -> Picture: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Picture]: ...
+    def __getitem__(self, index: int | slice) -> Picture | list[Picture]:
+        if isinstance(index, slice):
+            return [self[i] for i in range(len(self))[index]]
+        i = range(len(self))[index]
+        if i not in self._drawn:
+            given: dict[str, Any] = {name: rows[i] for name, rows in self._shots.items()}
+            self._drawn[i] = self._renderer.draw(**given)
+        return self._drawn[i]
+
+
+class Rendering:
+    """`render` for the environments of a task."""
+
+    render_mode: str | None
+    _native: Task
+    _renderer: Renderer | None = None
+
+    def _pictures(self) -> Pictures | None:
+        """Pictures of all instances as they are now; None, and Gymnasium's warning, without a render mode."""
+        if self.render_mode is None:
+            logger.warn("You are calling render method without specifying any render mode.")
+            return None
+        if self._renderer is None:
+            self._renderer = Renderer(self._native.scene)
+        return Pictures(self._renderer, shots(self._native))
+
+
+def shots(native: Task) -> dict[str, NDArray[Any]]:
+    """Arguments of `Renderer.draw`, one row per instance."""
+    simulator, episode = native.simulator, native.episodes()
+    pose = np.zeros((native.num_envs, 4, 4))
+    pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = episode["target_rotation"], episode["target_position"], 1.0
+    path = native.paths(_PLACES)
+    return {
+        "position": simulator.position,
+        "rotation": simulator.rotation,
+        "q": simulator.q,
+        "time": simulator.time,
+        "current": simulator.current,
+        "payload": simulator.parameters["payload"],
+        "thrust": _thrusts(native, simulator, episode),
+        "path": path,
+        # Where there is a path the pose is one of the end effector.
+        "point" if path.size else "target": pose,
+    }
+
+
+def _thrusts(native: Task, simulator: Simulator, episode: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """Thrusts (N, m) that the last actions asked for."""
+    entries, action = native.action_layout, episode["action"]
+    limits = np.array([limits for _, limits, _ in entries]).T
+    asked = np.abs(action) * np.where(action > 0.0, limits[1], limits[0])
+    names = [name for name, _, _ in entries]
+    count = simulator.num_thrusters
+    if names[:count] == simulator.thruster_names:
+        return np.asarray(asked[:, :count])
+    if "surge" in names:
+        return simulator.allocate(asked[:, :6])
+    return np.zeros((native.num_envs, count))

@@ -1,0 +1,62 @@
+"""Arms of users' own robots, from URDF files."""
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import Any
+
+from uvms_gym import _core
+
+
+def import_urdf(
+    path: str | PathLike[str],
+    vehicle: str | PathLike[str] | dict[str, Any] = "bluerov2-heavy",
+    *,
+    mount: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    base: str | None = None,
+    tip: str | None = None,
+) -> dict[str, Any]:
+    """Make a scene of a vehicle and the arm of a URDF file.
+
+    Joint frames, axes, limits, effort, speed, damping, friction and inertias are taken over; fixed joints and what
+    hangs off the chain are merged into the links that carry them. Volume, added mass and drag are estimated from the
+    collision geometry, or the visual one (see `estimate`); meshes are not read: such a link's water is that of the even
+    ellipsoid of its mass and moments. Servos and end stops follow from the inertia that each joint carries. The scene's
+    provenance says which number is which.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        URDF file; of a xacro file what xacro made of it.
+    vehicle : str, os.PathLike or dict
+        Scene whose water and vehicle are taken over, without its arm and payload.
+    mount : sequence of 6 floats
+        Base link in the vehicle frame: x, y, z (m), roll, pitch, yaw (rad).
+    base, tip : str, optional
+        First and last link of the chain; needed where the file has several roots or ends. The tip's frame is the end
+        effector's.
+
+    Returns
+    -------
+    dict
+        The scene, as of `load_scene`. `dump_scene` makes TOML text of it.
+
+    Raises
+    ------
+    SceneError
+        The message names file, line and element.
+    """
+    return import_with_notes(path, vehicle, mount=mount, base=base, tip=tip)[0]
+
+
+def import_with_notes(
+    path: str | PathLike[str],
+    vehicle: str | PathLike[str] | dict[str, Any],
+    *,
+    mount: Sequence[float],
+    base: str | None,
+    tip: str | None,
+) -> tuple[dict[str, Any], list[str]]:
+    """Make the scene, and tell what was merged, estimated or left open."""
+    if len(mount) != 6:
+        raise _core.SceneError(f"mount must be 6 numbers (x, y, z, roll, pitch, yaw), but has {len(mount)}")
+    return _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], base=base, tip=tip)
