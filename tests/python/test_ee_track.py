@@ -187,6 +187,19 @@ POSITION = {"petasus-pum": 0.004, ARM: 0.004, "bluerov2-heavy": 0.004, "rexrov":
 ATTITUDE = {"petasus-pum": 0.015, ARM: 0.03, "bluerov2-heavy": 0.02, "rexrov": 0.06}
 
 
+@pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
+@pytest.mark.parametrize(("scene", "most"), [("petasus-pum", 0), (ARM, 10)])
+def test_random_torques_hardly_make_arms_fly_apart(scene, most):
+    envs = EETrackVectorEnv(32, scene=scene, autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    rng = np.random.default_rng(0)
+    ends = 0
+    for _ in range(60):
+        ends += envs.step(rng.uniform(-1, 1, envs.action_space.shape))[2].sum()
+    # Without the drives' damping 80 of ARM's do.
+    assert ends <= most
+
+
 def test_reward_is_the_sum_of_its_weighted_terms():
     action = np.linspace(-1, 1, 11, dtype=np.float32)
 

@@ -26,11 +26,11 @@ class EETrackEnv(TaskEnv):
 
     ## Description
     A reference pose moves through the world: it stays where it is, goes along a line, a circle, a figure eight or a
-    random spline, and turns on the way. It starts at rest at the end effector's home pose and gathers speed over 3 s;
-    it is twice continuously differentiable. The end effector is to follow it, while vehicle (thrusters) and arm (joint
-    torques; the joints' servos are off) act together. A steady current of random strength and direction drags both
-    away. On a scene without an arm the end effector is the vehicle itself. The physics is that of
-    `uvms_gym.Simulator`.
+    random spline, and turns on the way. It starts at rest at the end effector's home pose and gathers speed over 3
+    s; it is twice continuously differentiable. The end effector is to follow it, while vehicle (thrusters) and arm
+    (joint torques; of the joints' servos the damping alone stays on, as friction) act together. A steady current of
+    random strength and direction drags both away. On a scene without an arm the end effector is the vehicle itself.
+    The physics is that of `uvms_gym.Simulator`.
 
     ## Action Space
     A `Box(-1, 1, (a,), float32)`, held over the control period `dt * substeps` (0.05 s). Entries beyond the range are
@@ -50,11 +50,11 @@ class EETrackEnv(TaskEnv):
     | 3 | roll | -60 | 60 | N m |
     | 4 | pitch | -60 | 60 | N m |
     | 5 | yaw | -60 | 60 | N m |
-    | 6 | yaw | -10.93 | 10.93 | N m |
-    | 7 | upper-arm | -13.41 | 13.41 | N m |
-    | 8 | forearm | -3.203 | 3.203 | N m |
-    | 9 | wrist | -0.5109 | 0.5109 | N m |
-    | 10 | gripper | -0.0329 | 0.0329 | N m |
+    | 6 | yaw | -13.93 | 13.93 | N m |
+    | 7 | upper-arm | -21.41 | 21.41 | N m |
+    | 8 | forearm | -4.103 | 4.103 | N m |
+    | 9 | wrist | -0.8609 | 0.8609 | N m |
+    | 10 | gripper | -0.0629 | 0.0629 | N m |
 
     With `action="thrusters"` (a = m + n) each of the first entries is a thruster's thrust over its limit on that side,
     in the order of the scene. With `action="residual"` (a = 6 + n) it is a correction to the action of
@@ -75,7 +75,7 @@ class EETrackEnv(TaskEnv):
     | 12-14 | `up`: direction against gravity, body axes | 1 | 1.001 | 1 |
     | 15-19 | `joint_position`: joint coordinates relative to home | 0.5 | 20 to 24.8 | rad or m |
     | 20-24 | `joint_rate`: joint rates | 0.5 | 40 | rad/s or m/s |
-    | 25-30 | `reference_twist`: velocity and angular velocity of the reference, end-effector axes | 0.2 | 50 to 100 | m/s and rad/s |
+    | 25-30 | `reference_twist`: velocities of the reference, end-effector axes | 0.2 | 50 to 100 | m/s and rad/s |
     | 31-48 | `preview`: both errors against each point of the reference ahead | 0.1 | 31.42 to 101.2 | m and rad |
     | 49-59 | `previous_action`: the last action, as clipped | 1 | 1 | 1 |
     | 60-65 | `error_integral`: leaky integral of both errors, I' = e - 0.1 I | 0.2 | 157.1 to 500 | m s and rad s |
@@ -98,13 +98,14 @@ class EETrackEnv(TaskEnv):
     joint, or a joint beyond where it is observed). Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) of the end effector (and
-    the same as `end_effector_...`); `effort` (mean of |u|^1.5) and `saturation` over thrusters and joints; their root
-    mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`, `current_z`
-    (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`, `reward_diverged`. None but these
-    depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and `mean_success` its mean;
-    `recovery_time` is for how long they were not, s: since they last left it, up to now or to when they came back (from
-    the episode's start, if they were outside then). `diverged` is 1 where the run has diverged, else 0.
+    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) of the end effector
+    (and the same as `end_effector_...`); `effort` (mean of |u|^1.5) and `saturation` over thrusters and joints;
+    their root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`,
+    `current_y`, `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`,
+    `reward_diverged`. None but these depends on the reward's weights. `success` is 1 where both errors are within
+    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is for how long they were not, s: since they
+    last left it, up to now or to when they came back (from the episode's start, if they were outside then).
+    `diverged` is 1 where the run has diverged, else 0.
     `disturbance_force`, `payload` and `thruster_gain` tell of the disturbance, as in `StationKeepEnv`.
 
     ## Arguments
@@ -122,7 +123,8 @@ class EETrackEnv(TaskEnv):
       those of the end effector, what is seen ahead is off by as much, and `arm` has no effect.
     - `dt` (0.01), `substeps` (5), `integrator` (`"mk4"`), `dtype` (`"float64"`), `max_current` (0.3), `start_distance`
       (0.05), `start_angle` (0.05), `target_distance` (0), `target_turn` (0), `reward` (None: `pose` 0.1, `effort` 0.02,
-      `rate` 0.1, `diverged` 100), `tolerance` (None: `position` 0.05, `attitude` 0.1), `residual` (0.3), `privileged` (False),
+      `rate` 0.1, `diverged` 100), `tolerance` (None: `position` 0.05, `attitude` 0.1), `residual` (0.3), `privileged`
+      (False),
       `threads` (None), `render_mode` (None): as `StationKeepEnv` has them; the target is where the vehicle would be at
       the start.
 
