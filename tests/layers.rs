@@ -1,4 +1,5 @@
-//! The layers of `src/lib.rs`, enforced: imports go strictly downward, and `unsafe` stays among the lanes.
+//! The layers of `src/lib.rs`, enforced: imports go strictly downward, and `unsafe` stays among the lanes and where their
+//! working memory is made.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -164,13 +165,14 @@ fn every_layer_of_the_crate_is_in_the_table_and_in_its_drawing() {
 }
 
 #[test]
-fn only_the_lanes_are_unsafe_and_only_python_names_python() {
+fn only_the_lanes_and_their_memory_are_unsafe_and_only_python_names_python() {
     for file in files(&source()) {
         let layer = layer(&file);
         for (number, line) in code(&file).iter().enumerate() {
             let words: Vec<&str> = line.split(|c: char| !c.is_alphanumeric() && c != '_').collect();
             let place = format!("{}:{}", file.display(), number + 1);
-            assert!(layer == "lane" || !words.contains(&"unsafe"), "{place}: unsafe");
+            let may = layer == "lane" || file.ends_with("batch/step.rs");
+            assert!(may || !words.contains(&"unsafe"), "{place}: unsafe");
             let binding = words.contains(&"pyo3") || words.contains(&"numpy");
             assert!(layer == "python" || !binding, "{place}: the Python binding");
         }
