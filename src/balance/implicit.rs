@@ -69,7 +69,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let links = &mut scratch.links[..joints.len()];
     place(joints, q, links);
     let (mut pull, mut moving) = (gravity, twist);
-    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+    for i in 0..joints.len() {
+        let (joint, link) = (&joints[i], &mut links[i]);
         pull = link.rotate_back(joint, pull);
         link.gravity = pull;
         moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
@@ -78,9 +79,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());
-    let mut i = joints.len();
-    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
-        i -= 1;
+    for i in (0..joints.len()).rev() {
+        let (joint, link) = (&joints[i], &mut links[i]);
         let (own, mut bias) = effective(&joint.body, h, link.twist, link.gravity);
         if loads.on_links {
             bias = bias - loads.links[i];

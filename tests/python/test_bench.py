@@ -106,21 +106,6 @@ def test_ppo_learns_through_the_adapter() -> None:
     assert 0.0 < found["share_of_environment"]["median"] < 1.0
 
 
-def test_the_adapter_hands_over_the_last_observation_of_an_episode() -> None:
-    pytest.importorskip("stable_baselines3")
-    env = learning._adapter(load_scene("bluerov2-heavy"), 2, 1)
-    env.seed(5)
-    first = env.reset()
-    for k in range(400):
-        observations, _, done, infos = env.step(np.zeros((2, 6), dtype=np.float32))
-        assert done.tolist() == [k == 399] * 2
-    for observation, info in zip(observations, infos, strict=True):
-        assert info["TimeLimit.truncated"]
-        # At the end of an episode without control it is far off, and another one has begun.
-        assert np.abs(info["terminal_observation"][:3]).max() > 5.0 * np.abs(observation[:3]).max()
-    assert np.abs(observations - first).max() > 1e-3
-
-
 class Counter:
     """A case that notes who was called when."""
 

@@ -176,7 +176,8 @@ pub fn accelerations<L: Lane, P: Param<L>>(
 
     place(joints, q, links);
     let (mut pull, mut moving) = (gravity, twist);
-    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+    for i in 0..joints.len() {
+        let (joint, link) = (&joints[i], &mut links[i]);
         pull = link.rotate_back(joint, pull);
         moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
         link.across = velocity_product(joint.slides(), moving, qd[i]);
@@ -276,8 +277,8 @@ pub fn link_twists<L: Lane, P: Param<L>>(
     let links = &mut scratch.links[..joints.len()];
     place(joints, q, links);
     let mut twist = twist;
-    for (i, ((joint, link), to)) in joints.iter().zip(links.iter()).zip(twists).enumerate() {
-        twist = along(joint, link.twist_from_parent(joint, twist), qd[i]);
+    for (((joint, link), qd), to) in joints.iter().zip(links.iter()).zip(qd).zip(twists) {
+        twist = along(joint, link.twist_from_parent(joint, twist), *qd);
         *to = twist;
     }
 }
