@@ -252,3 +252,27 @@ def test_the_mooring_of_a_held_vehicle_needs_no_thrust() -> None:
     assert np.abs(trim["wrench"]).max() > 0.0
     assert not trim["thrust"].any()
     assert not trim["residual"].any()
+
+
+def test_a_neutral_vehicle_without_arm_stays_at_rest() -> None:
+    scene = load_scene("bluerov2-heavy")
+    body = scene["vehicle"]["body"]
+    body["volume"] = body["mass"] / scene["water"]["density"]
+    body["center_of_mass"], body["center_of_buoyancy"] = [0.0, 0.0, -0.02], [0.0, 0.0, 0.0]
+    s = Simulator(scene)
+    s.step(substeps=10_000)
+    rounding = 1e-15 * body["mass"] * 9.81
+    assert np.abs(s.twist).max() < rounding
+    assert np.abs(s.position).max() < 100 * rounding
+
+
+@pytest.mark.parametrize("name", scenes())
+def test_every_scene_stays_at_the_equilibrium_that_trim_finds(name: str) -> None:
+    s = Simulator(name)
+    trim = s.trim()
+    before = [s.position, s.rotation, s.q]
+    s.step(wrench=trim["wrench"], joint_torque=trim["joint_torque"], substeps=2000)
+    assert np.abs(s.twist).max() < 1e-9
+    assert np.abs(s.qd).max(initial=0.0) < 1e-9
+    for was, now in zip(before, [s.position, s.rotation, s.q], strict=True):
+        assert np.abs(now - was).max(initial=0.0) < 1e-9
