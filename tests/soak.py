@@ -34,7 +34,7 @@ def resident() -> int:
 def combinations() -> list[tuple[str, str, str, str]]:
     """All that can be made: id, scene, action, disturbance."""
     ids = sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
-    levels = [level["name"] for level in uvms_gym.disturbances()]
+    levels = list(uvms_gym.disturbances())
     found = []
     for env_id, scene, action in itertools.product(ids, uvms_gym.scenes(), ACTIONS):
         try:
