@@ -234,6 +234,15 @@ def test_a_play_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str], s
         assert getattr(image, "n_frames", 1) == (1 if suffix == "png" else 5)
 
 
+@pytest.mark.parametrize("task", ["UVMS-StationKeep-v0", "UVMS-EETrack-v0"])
+def test_an_episode_is_plotted(tmp_path: Path, capsys: pytest.CaptureFixture[str], task: str) -> None:
+    plot = tmp_path / "episode.png"
+    assert main(["play", "--env", task, "--disturbance", "storm", "--seconds", "0.3", "--plot", str(plot)]) == 0
+    assert capsys.readouterr().out.strip() == str(plot)
+    with Image.open(plot) as image:
+        assert min(image.size) > 500
+
+
 def test_a_video_is_written(tmp_path: Path) -> None:
     pytest.importorskip("imageio_ffmpeg")
     out = tmp_path / "play.mp4"
@@ -260,8 +269,9 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "either --out FILE or --window"),
-        (["--out", "x.png", "--window"], "either --out FILE or --window"),
+        ([], "--out FILE, --window or --plot FILE is needed"),
+        (["--out", "x.png", "--window"], "not the first two together"),
+        (["--plot", "x.jpg"], "must end in .png"),
         (["--out", "x.avi"], "must end in .mp4, .gif, .png"),
         (["--out", "x.png", "--controller", "joystick"], "unknown controller 'joystick'; known: none, pd, pid"),
         (["--out", "x.png", "--controller", "mlp:no-such-file"], "cannot read no-such-file"),

@@ -13,6 +13,7 @@ import typer
 
 from uvms_gym.cli.common import check_range, console, fail, prepare, progress
 from uvms_gym.cli.compare import CONTROLLERS, MLP_PREFIX
+from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.controllers import MLP, Controller, ResolvedMotion
 
@@ -44,32 +45,41 @@ def play(
         typer.Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture alone (.png)."),
     ] = None,
     window: Annotated[bool, typer.Option("--window", help="Show it in a window.")] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="PNG of disturbances, errors and actions over time, with or without a video."
+        ),
+    ] = None,
 ) -> None:
-    """Watch a controller at work, in a window or a file."""
+    """Watch a controller at work: in a window, a file, or a plot over time."""
     check_range("--seconds", seconds, 0.0, MOST_SECONDS)
     check_range("--seed", seed, 0, math.inf)
-    if (out is None) != window:
-        raise fail("either --out FILE or --window is needed, and not both")
+    if (out is not None and window) or (out is None and not window and plot is None):
+        raise fail("--out FILE, --window or --plot FILE is needed, and not the first two together")
     suffix = out.suffix.lower() if out is not None else ""
     if out is not None and suffix not in _SUFFIXES:
         raise fail(f"--out is {str(out)!r}, but must end in {', '.join(_SUFFIXES)}")
-    _need("PIL", *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
+    if plot is not None and plot.suffix.lower() != ".png":
+        raise fail(f"--plot is {str(plot)!r}, but must end in .png")
+    if out is not None or window:
+        _need("PIL")
+    _need(*(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
     read_scene(scene)
     made = _make(env, scene, disturbance, seconds)
     chosen = controller or ("resolved" if made.unwrapped.task == "ee-track" else "pd")  # type: ignore[attr-defined]
     control = _controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
-    from uvms_gym.cli.overlay import Overlay
-
     title = (
         f"{made.unwrapped.simulator.scene_name}  ·  {Path(chosen).name if chosen.startswith(MLP_PREFIX) else chosen}"  # type: ignore[attr-defined]
     )
-    overlay = Overlay(title, disturbance or "", steps * period)
-    if out is not None:
-        prepare(out.absolute().parent, None)
-        if out.is_dir():
-            raise fail(f"cannot write {out}: it is a folder")
+    overlay = _overlay(title, disturbance or "", steps * period) if out is not None or window else None
+    for file in (out, plot):
+        if file is not None:
+            prepare(file.absolute().parent, None)
+            if file.is_dir():
+                raise fail(f"cannot write {file}: it is a folder")
     shown = _Noted(made, overlay, period)
     with progress() as bar:
         task = bar.add_task("playing", total=steps)
@@ -79,45 +89,62 @@ def play(
                     warnings.simplefilter("ignore")
                     for _ in _run(gymnasium.wrappers.HumanRendering(shown), control, seed, steps):
                         bar.advance(task)
-            elif out is not None:
+            elif out is None:
+                for _ in _run(shown, control, seed, steps):
+                    bar.advance(task)
+            else:
                 _film(out, shown, control, seed, steps, lambda: bar.advance(task))
         except OSError as error:
             raise fail(f"cannot write {out}: {error.strerror or error}") from None
     if shown.time < (steps - 0.5) * period:
         console.print(f"the episode ended after {shown.time:g} s", markup=False)
-    if out is not None:
-        console.print(str(out), markup=False, soft_wrap=True)
+    if plot is not None:
+        names = [name for name, _, _ in made.unwrapped.action_layout]  # type: ignore[attr-defined]
+        plot_episode(plot, f"{title}, {disturbance}" if disturbance else title, names, shown.instants)
+    for file in (out, plot):
+        if file is not None:
+            console.print(str(file), markup=False, soft_wrap=True)
+
+
+def _overlay(title: str, disturbance: str, seconds: float) -> "Overlay":
+    from uvms_gym.cli.overlay import Overlay
+
+    return Overlay(title, disturbance, seconds)
 
 
 class _Noted(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Pictures with an overlay."""
+    """Pictures with an overlay, and what happened."""
 
-    def __init__(self, env: gymnasium.Env[Any, Any], overlay: "Overlay", period: float) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], overlay: "Overlay | None", period: float) -> None:
         super().__init__(env)
         self._overlay = overlay
         self._period = period
-        self._info: dict[str, Any] = {}
-        self._steps = 0
+        self.instants: list[Instant] = []
 
     @property
     def time(self) -> float:
         """Since the start, s."""
-        return self._steps * self._period
+        return (len(self.instants) - 1) * self._period
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        observation, self._info = self.env.reset(**kwargs)
-        self._overlay.note(0.0, self._info)
-        return observation, self._info
+        observation, info = self.env.reset(**kwargs)
+        self.instants = []
+        self._note(info, None)
+        return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         result = self.env.step(action)
-        self._info = result[4]
-        self._steps += 1
-        self._overlay.note(self.time, self._info)
+        self._note(result[4], action)
         return result
 
     def render(self) -> Any:
-        return self._overlay.draw(self.env.render(), self._info)  # type: ignore[arg-type]
+        picture = self.env.render()
+        return picture if self._overlay is None else self._overlay.draw(picture, self.instants[-1][1])  # type: ignore[arg-type]
+
+    def _note(self, info: dict[str, Any], action: Any) -> None:
+        self.instants.append(Instant(len(self.instants) * self._period, info, action))
+        if self._overlay is not None:
+            self._overlay.note(self.time, info)
 
 
 def _run(env: gymnasium.Env[Any, Any], control: Controller, seed: int, steps: int) -> Iterator[None]:
