@@ -9,6 +9,7 @@ Prints what ran; exits with 1 at the first thing that is wrong, naming where.
 
 import argparse
 import itertools
+import math
 import resource
 import sys
 import time
@@ -58,7 +59,7 @@ def soak(which: tuple[str, str, str, str], steps: int, seed: int) -> tuple[int, 
     observations, _ = envs.reset(seed=seed)
     width = envs.action_space.shape
     ended = 0
-    calls = max(1, steps // n)
+    calls = math.ceil(steps / n)
     # From timid to bang-bang, held for a while so that vehicles get somewhere.
     held = np.zeros(width, dtype=np.float32)
     for call in range(calls):
@@ -84,7 +85,7 @@ def main() -> int:
     steps = parser.parse_args().steps
     warnings.simplefilter("ignore", uvms_gym.StepWarning)
     everything = combinations()
-    share = int(steps / (len(everything) * ROUNDS))
+    share = math.ceil(steps / (len(everything) * ROUNDS))
     began, done, ended, memory = time.monotonic(), 0, 0, []
     for number in range(ROUNDS):
         for which in everything:
