@@ -11,6 +11,7 @@ use super::step::{Accelerate, Step, Switches};
 use super::table::Table;
 use super::threads::for_each;
 use crate::error::SimulatorError;
+use crate::hydro::Thrusts;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
 use crate::system::{Compiled, Factors, Flow, Ingredients, State, System};
@@ -38,6 +39,8 @@ pub trait Storage: Send + Sync {
     fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Factors on the parameters of instance `i`.
     fn factors(&self, i: usize) -> Factors<f64>;
+    /// Share of its thrust that each thruster with dynamics of instance `i` has lost.
+    fn losses(&self, i: usize) -> Thrusts;
     /// Sets those factors.
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>);
     /// Every number of instance `i`, to be saved.
@@ -265,6 +268,10 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn factors(&self, i: usize) -> Factors<f64> {
         self.table.factors(&self.rows, i)
+    }
+
+    fn losses(&self, i: usize) -> Thrusts {
+        self.table.losses(&self.rows, i)
     }
 
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>) {

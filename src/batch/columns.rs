@@ -187,13 +187,14 @@ impl<T: Real> Columns<'_, T> {
         h: T,
         propulsion: &mut Propulsion<L>,
     ) {
-        let mut commands = [L::zero(); THRUSTERS];
+        let (mut commands, mut gains) = ([L::zero(); THRUSTERS], [L::zero(); THRUSTERS]);
+        let factors = self.factors(layout);
         for k in 0..layout.thrusters.min(THRUSTERS) {
             commands[k] = self.get(layout.command + k);
+            gains[k] = self.get::<L>(layout.loss + k).neg_mul_add(factors.thrust, factors.thrust);
             propulsion.thrust[k] = self.get(layout.thrust + k);
         }
-        let factors = self.factors(layout);
-        propulsion.command(thrusters, &commands, L::splat(h), [factors.thrust, factors.thruster_lag]);
+        propulsion.command(thrusters, &commands, &gains, (L::splat(h), factors.thruster_lag));
     }
 
     /// Fins, deflected.

@@ -57,6 +57,8 @@ pub struct Layout {
     pub command: usize,
     /// Thrusts in still water, of these: their state.
     pub thrust: usize,
+    /// Share of its thrust that each of these has lost.
+    pub loss: usize,
     /// Number of fins.
     pub fins: usize,
     /// Their deflections.
@@ -102,6 +104,7 @@ impl Layout {
             thrusters,
             command: take(thrusters),
             thrust: take(thrusters),
+            loss: take(thrusters),
             fins,
             fin: take(fins),
             rows: take(0),

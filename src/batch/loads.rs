@@ -77,7 +77,8 @@ impl Simulator {
         (!thrusters.is_empty()).then(|| {
             let mut propulsion = Propulsion::blank();
             propulsion.thrust = self.state(i).thrust;
-            propulsion.command(thrusters, command, self.options().dt, [factors.thrust, factors.thruster_lag]);
+            let gains = self.losses(i).map(|loss| factors.thrust * (1.0 - loss));
+            propulsion.command(thrusters, command, &gains, (self.options().dt, factors.thruster_lag));
             propulsion
         })
     }

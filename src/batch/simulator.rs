@@ -12,7 +12,7 @@ use crate::balance::{Balance, ClosedForm, Linearization, linearize};
 use crate::control::Allocation;
 use crate::description::Scene;
 use crate::error::SimulatorError;
-use crate::hydro::thrust_wrench;
+use crate::hydro::{Thrusts, thrust_wrench};
 use crate::integrate::{Attitude, Gains, Integrator};
 use crate::lane::{Isa, Real};
 use crate::lie::Vector6;
@@ -397,6 +397,11 @@ impl Simulator {
     /// Factors on the parameters of instance `i`.
     pub fn factors(&self, i: usize) -> Factors<f64> {
         self.storage.factors(i)
+    }
+
+    /// Share of its thrust that each thruster with dynamics of instance `i` has lost.
+    pub(super) fn losses(&self, i: usize) -> Thrusts {
+        self.storage.losses(i)
     }
 
     /// Sets the factors on the parameters of all instances, for domain randomisation; they stay through `reset`.

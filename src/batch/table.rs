@@ -162,6 +162,12 @@ impl Table {
         Factors::from_array(self.get_all(rows, i, self.layout.factors))
     }
 
+    /// Share of its thrust that each thruster with dynamics has lost.
+    pub fn losses<T: Real>(&self, rows: &[T], i: usize) -> Thrusts {
+        let lost = |k| if k < self.layout.thrusters { self.get(rows, i, self.layout.loss + k) } else { 0.0 };
+        std::array::from_fn(lost)
+    }
+
     /// Whether any instance has factors that are not all 1, and whether any has a payload.
     pub fn varied<T: Real>(&self, rows: &[T]) -> [bool; 2] {
         let whole = Factors::ONE.to_array().map(T::from_f64);

@@ -201,17 +201,17 @@ impl<L: Lane> Propulsion<L> {
         }
     }
 
-    /// Takes commands for steps of size `h`; `factors` are those on thrust and on time constants.
+    /// Takes commands for steps of size `h`, with gains on the thrusts and a factor on the time constants.
     #[inline(always)]
     pub fn command<P: Param<L>>(
         &mut self,
         thrusters: &[Thruster<P>],
         commands: &[L; THRUSTERS],
-        h: L,
-        [gain, lag]: [L; 2],
+        gains: &[L; THRUSTERS],
+        (h, lag): (L, L),
     ) {
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
-            self.settles[i] = thruster.steady(commands[i]) * gain;
+            self.settles[i] = thruster.steady(commands[i]) * gains[i];
             self.fading[i] = thruster.fading(h, lag);
         }
     }

@@ -11,22 +11,24 @@ use crate::lane::{Lane, Real, Rows};
 const BROKEN: f64 = 1e6;
 
 impl<T: Real> TaskKernel<T> {
-    /// What disturbs the coming control period, as `weather` has it; what acts is weakened by it.
+    /// What disturbs the coming control period, as `weather` has it.
     #[inline(always)]
     pub fn disturb<L: Lane<Real = T>>(
         &self,
         weather: &Weather<T>,
         memory: &mut Rows<'_, T>,
         stance: &Stance<L>,
-        actuated: &mut Actuated<L>,
     ) -> Forcing<L> {
         let forcing = weather.force(memory, &stance.pose, &stance.twist);
         self.show(weather, memory, &forcing);
         weather.pass::<L>(memory);
-        if weather.weakens() {
-            self.actuation.weaken(actuated, &forcing.gains);
-        }
         forcing
+    }
+
+    /// Leaves of ideal thrusters' thrusts what `forcing` does.
+    #[inline(always)]
+    pub fn weaken<L: Lane<Real = T>>(&self, forcing: &Forcing<L>, actuated: &mut Actuated<L>) {
+        self.actuation.weaken(actuated, &forcing.gains);
     }
 
     /// Notes what there is to tell of a disturbance.

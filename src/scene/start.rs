@@ -150,8 +150,16 @@ impl Task {
 
     /// Factors on the scene's parameters in an episode that starts like this; `None` where they are always 1.
     pub fn factors(&self, key: EpisodeKey, given: &StartOverride) -> Option<Factors<f64>> {
-        let disturbance = given.disturbance.as_ref().unwrap_or(self.disturbance());
-        self.disturbance().varies().then(|| disturbance.factors(key))
+        let own = self.disturbance();
+        let disturbance = match &given.disturbance {
+            // Whose parameters were asked for apart stays with these.
+            Some(given) if self.options.randomize.is_some() => {
+                &Disturbance { parameters: own.parameters.clone(), ..given.clone() }
+            }
+            Some(given) => given,
+            None => own,
+        };
+        own.varies().then(|| disturbance.factors(key))
     }
 }
 

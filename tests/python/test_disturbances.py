@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -317,3 +318,36 @@ def test_command_draws_what_it_lists(tmp_path, capsys):
     assert "payload" in capsys.readouterr().out
     assert run(["disturbances", "hurricane", "--out", str(tmp_path)]) == 2
     assert "thruster-loss" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("dynamics", [{"map": "t200"}, {"dead_band": 4.0}, {"lag": 0.01}, {"ambient_flow": 0.1}])
+def test_what_is_lost_is_thrust_not_command(dynamics: dict[str, Any]) -> None:
+    """Whatever a thruster makes of a command, gains weaken what comes out of it."""
+    scene = uvms_gym.load_scene("bluerov2-heavy")
+    for thruster in scene["vehicle"]["thrusters"]:
+        thruster.update(dynamics)
+
+    def thrust(gain: float) -> Any:
+        loss = {"gains": [gain] * 8, "time": 0.0}
+        env = gym.make("UVMS-StationKeep-v0", scene=scene, action="thrusters", disturbance={"thrusters": loss})
+        env.reset(seed=0)
+        for _ in range(3):
+            env.step(np.full(8, 0.4, dtype=np.float32))
+        return env.unwrapped.simulator.thrust  # type: ignore[attr-defined]
+
+    whole = thrust(1.0)
+    assert np.abs(whole).min() > 1.0
+    for gain in (0.1, 0.5):
+        np.testing.assert_allclose(thrust(gain), gain * whole, rtol=1e-9)
+
+
+def test_parameters_asked_for_apart_stay_at_reset() -> None:
+    def factors(randomize: Any, **options: Any) -> Any:
+        env = gym.make("UVMS-StationKeep-v0", scene=SMALL, disturbance="storm", randomize=randomize)
+        env.reset(seed=3, options=options)
+        return {name: row.tolist() for name, row in env.unwrapped.simulator.parameters.items()}  # type: ignore[attr-defined]
+
+    for randomize in (False, 0.3):
+        assert factors(randomize) == factors(randomize, disturbance="storm")
+    assert factors(False)["mass"] == [1.0]
+    assert factors(0.3)["mass"] != [1.0]

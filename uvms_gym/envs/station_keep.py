@@ -80,7 +80,7 @@ class StationKeepEnv(TaskEnv):
     `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"`, `"storm"` (all at once), or one of
     them but calm with `"-hard"`: stronger, of shapes that the others lack, meant to be held out for evaluation. Or it
     is a dict of components, each a dict of what it takes, `True` for its defaults or `None` for none; `base` names a
-    level that the dict changes: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Ranges `[least, greatest]`
+    level that the dict changes, key by key: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Ranges `[least, greatest]`
     (or one number) are drawn from, uniformly, per episode or event; shares are of the thrust that the vehicle has
     along its weakest axis. `uvms disturbances` lists and draws all of it.
 
@@ -153,7 +153,8 @@ class StationKeepEnv(TaskEnv):
     `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
     the scene's own included). SI units. `disturbance` is one for that episode, of components that the environment was
-    made with; the vector environment also takes a list of one per instance.
+    made with and with the same `delay`; parameters stay those of `randomize`, if it was given. The vector environment
+    also takes a list of one per instance.
 
     ```python
     >>> import gymnasium, uvms_gym

@@ -82,7 +82,13 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
             let mut disturbing = Vector6::zero();
             if let Some(weather) = kernel.weather() {
                 let stance = stance::<T, L>(layout, &physics);
-                let forcing = kernel.disturb(weather, &mut memory, &stance, &mut command.actuated);
+                let forcing = kernel.disturb(weather, &mut memory, &stance);
+                for k in 0..layout.thrusters {
+                    physics.set(layout.loss + k, L::c(1.0) - forcing.gains[k]);
+                }
+                if weather.weakens() && layout.thrusters == 0 {
+                    kernel.weaken(&forcing, &mut command.actuated);
+                }
                 if weather.flows() {
                     physics.set_all(layout.current, &forcing.velocity.0);
                 }

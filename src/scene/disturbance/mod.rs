@@ -164,7 +164,9 @@ impl Disturbance {
         }
         if periods(self) != periods(other) {
             let (had, asked) = (periods(self), periods(other));
-            return span::refuse("delay", format!("{asked} control periods, but the environment was made with {had}"));
+            let hint = format!("give {{\"delay\": {{\"periods\": {had}}}}} besides");
+            let reason = format!("{asked} control periods, but the environment was made with {had}: {hint}");
+            return span::refuse("delay", reason);
         }
         Ok(())
     }

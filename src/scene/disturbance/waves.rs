@@ -50,8 +50,8 @@ impl Waves {
         self.height.check("waves.height", 0.0, 20.0)?;
         self.period.check("waves.period", 1.0, 60.0)?;
         self.depth.check("waves.depth", 0.0, 1e4)?;
-        if self.trains > TRAINS {
-            return refuse("waves.trains", format!("{} must be at most {TRAINS}", self.trains));
+        if !(1..=TRAINS).contains(&self.trains) {
+            return refuse("waves.trains", format!("{} must be 1 to {TRAINS}", self.trains));
         }
         let steepness = 0.142 * 9.81 * self.period.low * self.period.low / std::f64::consts::TAU;
         check("waves.height (of the shortest waves, which break beyond)", self.height.high, 0.0, steepness)
