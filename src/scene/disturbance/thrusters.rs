@@ -42,10 +42,6 @@ impl ThrusterLoss {
         self.gain.check("thrusters.gain", 0.0, 2.0)?;
         self.time.check("thrusters.time", 0.0, 1e6)?;
         check("thrusters.fade", self.fade, 0.0, 1e6)?;
-        if self.count > site.thrusters {
-            let reason = format!("{}, but the scene has {} thrusters", self.count, site.thrusters);
-            return refuse("thrusters.count", reason);
-        }
         let gains = self.gains.as_deref().unwrap_or_default();
         if self.gains.is_some() && gains.len() != site.thrusters {
             let reason = format!("{} gains, but the scene has {} thrusters", gains.len(), site.thrusters);
