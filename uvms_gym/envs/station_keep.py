@@ -80,9 +80,9 @@ class StationKeepEnv(TaskEnv):
     `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"`, `"storm"` (all at once), or one of
     them but calm with `"-hard"`: stronger, of shapes that the others lack, meant to be held out for evaluation. Or it
     is a dict of components, each a dict of what it takes, `True` for its defaults or `None` for none; `base` names a
-    level that the dict changes, key by key: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Ranges `[least, greatest]`
-    (or one number) are drawn from, uniformly, per episode or event; shares are of the thrust that the vehicle has
-    along its weakest axis. `uvms disturbances` lists and draws all of it.
+    level that the dict changes, key by key: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Ranges
+    `[least, greatest]` (or one number) are drawn from, uniformly, per episode or event; shares are of the thrust that
+    the vehicle has along its weakest axis. `uvms disturbances` lists and draws all of it.
 
     | Component | What it is | Takes |
     | --------- | ---------- | ----- |
