@@ -62,9 +62,8 @@ def play(
         raise fail(f"--out is {str(out)!r}, but must end in {', '.join(_SUFFIXES)}")
     if plot is not None and plot.suffix.lower() != ".png":
         raise fail(f"--plot is {str(plot)!r}, but must end in .png")
-    if out is not None or window:
-        _need("PIL")
-    _need(*(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
+    pictures = ["PIL"] if out is not None or window else []
+    _need(*pictures, *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
     read_scene(scene)
     made = _make(env, scene, disturbance, seconds)
     chosen = controller or ("resolved" if made.unwrapped.task == "ee-track" else "pd")  # type: ignore[attr-defined]
