@@ -105,6 +105,12 @@ impl Vehicle {
         self.thrusters[i].lag.or(self.thruster_lag).unwrap_or(0.0)
     }
 
+    /// Gives all thrusters this time constant, s.
+    pub fn set_thruster_lag(&mut self, lag: f64) {
+        self.thruster_lag = Some(lag);
+        self.thrusters.iter_mut().for_each(|thruster| thruster.lag = None);
+    }
+
     /// Whether any thruster gives anything but its command, clipped to its limits, at once.
     pub fn has_thruster_dynamics(&self) -> bool {
         let stated = |x: Option<f64>| x.is_some_and(|x| x != 0.0);

@@ -32,6 +32,9 @@ pub struct TaskOptions {
     /// Factors on the scene's parameters, in place of those of the disturbance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub randomize: Option<Parameters>,
+    /// Time constant of all thrusters, s, in place of the scene's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thruster_lag: Option<f64>,
     /// Greatest initial distance from the target, m.
     pub start_distance: f64,
     /// Greatest initial attitude error, rad.
@@ -102,6 +105,7 @@ impl Default for TaskOptions {
             max_current: 0.3,
             disturbance: None,
             randomize: None,
+            thruster_lag: None,
             start_distance: 0.05,
             start_angle: 0.05,
             target_distance: 0.0,
@@ -229,6 +233,9 @@ impl TaskOptions {
             if !(0.0..=greatest).contains(&value) {
                 return refuse(name, value, allowed);
             }
+        }
+        if let Some(lag) = self.thruster_lag.filter(|lag| !(0.0..=10.0).contains(lag)) {
+            return refuse("thruster_lag", lag, "in [0, 10] s");
         }
         if !(self.start_distance >= 0.0 && self.start_distance < super::observation::POSITION_BOUND) {
             return refuse("start_distance", self.start_distance, "in [0, 10) m");

@@ -64,10 +64,14 @@ impl Task {
     /// joint without a servo, or an option out of its range.
     pub fn new(scene: &Scene, options: TaskOptions) -> Result<Self, TaskError> {
         options.check()?;
-        let scene = &match options.task {
+        let mut scene = match options.task {
             Goal::StationKeep => scene.clone(),
             Goal::Track => with_drives(scene),
         };
+        if let Some(lag) = options.thruster_lag {
+            scene.vehicle.set_thruster_lag(lag);
+        }
+        let scene = &scene;
         let refuse = |reason: String| Err(TaskError::Scene { scene: scene.name.clone(), reason });
         let vehicle = &scene.vehicle;
         if vehicle.fixed {

@@ -70,7 +70,7 @@ def options_of(controller: str, env: Any, given: Options) -> Options:
             raise TypeError(f"env tells the options: {', '.join(given)} cannot be given besides")
         inner = _unwrapped(controller, env)
         given = {**inner.options, "task": inner.task}
-    matters = ("task", "scene", "action", "dt", "substeps", "preview")
+    matters = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag")
     return cast(Options, {key: value for key, value in given.items() if key in matters})
 
 

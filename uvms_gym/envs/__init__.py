@@ -1,17 +1,25 @@
 """Gymnasium environments."""
 
+from typing import Any
+
 import gymnasium
 
 EPISODE_STEPS = 400
+
+#: What controllers are compared in: all disturbances at once, late sensors and slow thrusters, acted on every 0.1 s.
+_STORM: dict[str, Any] = {"disturbance": "storm", "thruster_lag": 0.1, "substeps": 10}
+_STORM_STEPS = 200
 
 
 def register_envs() -> None:
     """Register the environments with Gymnasium; importing `uvms_gym` does so."""
     for name, module in (("StationKeep", "station_keep"), ("EETrack", "ee_track")):
-        if f"UVMS-{name}-v0" not in gymnasium.registry:
-            gymnasium.register(
-                id=f"UVMS-{name}-v0",
-                entry_point=f"uvms_gym.envs.{module}:{name}Env",
-                vector_entry_point=f"uvms_gym.envs.{module}:{name}VectorEnv",
-                max_episode_steps=EPISODE_STEPS,
-            )
+        for variant, steps, arguments in (("", EPISODE_STEPS, {}), ("-Storm", _STORM_STEPS, _STORM)):
+            if f"UVMS-{name}{variant}-v0" not in gymnasium.registry:
+                gymnasium.register(
+                    id=f"UVMS-{name}{variant}-v0",
+                    entry_point=f"uvms_gym.envs.{module}:{name}Env",
+                    vector_entry_point=f"uvms_gym.envs.{module}:{name}VectorEnv",
+                    max_episode_steps=steps,
+                    kwargs=dict(arguments),
+                )

@@ -90,6 +90,7 @@ class Options(TypedDict, total=False):
     arm_amplitude: float
     disturbance: Disturbance | None
     randomize: Randomize | None
+    thruster_lag: float | None
     reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"]
     reference_size: float
     reference_speed: float
@@ -116,6 +117,7 @@ _COMMON: Options = {
     "target_turn": 0.0,
     "disturbance": None,
     "randomize": None,
+    "thruster_lag": None,
     "reward": None,
     "tolerance": None,
     "residual": 0.3,
@@ -181,6 +183,10 @@ def native(
         del given["randomize"]
     elif isinstance(given["randomize"], Mapping):
         given["randomize"] = {name: span for name, span in given["randomize"].items() if span is not None}
+    if given["thruster_lag"] is None:
+        del given["thruster_lag"]
+    else:
+        _check_number("thruster_lag", given["thruster_lag"])
     given["reward"] = {**REWARD[task], **given["reward"]}
     scene, physics = given.pop("scene"), {name: given.pop(name) for name in _PHYSICS}
     del given["privileged"]

@@ -119,7 +119,7 @@ class EETrackEnv(TaskEnv):
       third of it.
     - `preview` (None): a dict with any of `points` (3), the number of points of the reference seen ahead, up to 8, and
       `spacing` (0.2 s), the time between them.
-    - `disturbance` (None), `randomize` (None): as `StationKeepEnv` has them; noise and delay of the pose error are
+    - `disturbance` (None), `randomize` (None), `thruster_lag` (None): as `StationKeepEnv` has them; noise and delay of the pose error are
       those of the end effector, what is seen ahead is off by as much, and `arm` has no effect.
     - `dt` (0.01), `substeps` (5), `integrator` (`"mk4"`), `dtype` (`"float64"`), `max_current` (0.3), `start_distance`
       (0.05), `start_angle` (0.05), `target_distance` (0), `target_turn` (0), `reward` (None: `pose` 0.1, `effort` 0.02,
@@ -131,6 +131,8 @@ class EETrackEnv(TaskEnv):
     `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude` (of the vehicle, where
     the reference starts), `current` (3, world, the scene's own included), and `disturbance`. SI units.
+
+    `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`.
 
     ```python
     >>> import gymnasium, uvms_gym
@@ -167,6 +169,7 @@ class EETrackEnv(TaskEnv):
         target_turn: float = 0.0,
         disturbance: Disturbance | None = None,
         randomize: Randomize | None = None,
+        thruster_lag: float | None = None,
         reward: RewardWeights | None = None,
         tolerance: Tolerance | None = None,
         residual: float = 0.3,
@@ -193,6 +196,7 @@ class EETrackEnv(TaskEnv):
             "target_turn": target_turn,
             "disturbance": disturbance,
             "randomize": randomize,
+            "thruster_lag": thruster_lag,
             "reward": reward,
             "tolerance": tolerance,
             "residual": residual,

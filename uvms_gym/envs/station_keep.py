@@ -141,6 +141,7 @@ class StationKeepEnv(TaskEnv):
       number for another share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass,
       which it goes with, so that what floats still does) and `payload` (kg). `False` takes away what the disturbance
       has of it.
+    - `thruster_lag` (None): time constant of all thrusters, s, in place of the scene's.
     - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02), `rate` (0.1) and `diverged` (0).
     - `tolerance` (None): a dict with any of `position` (0.05 m) and `attitude` (0.1 rad); the reward does not know it.
     - `residual` (0.3): greatest correction of `action="residual"`, over the actuators' limits.
@@ -155,6 +156,9 @@ class StationKeepEnv(TaskEnv):
     the scene's own included). SI units. `disturbance` is one for that episode, of components that the environment was
     made with and with the same `delay`; parameters stay those of `randomize`, if it was given. The vector environment
     also takes a list of one per instance.
+
+    `UVMS-StationKeep-Storm-v0` is this task under conditions that controllers are compared in: `disturbance="storm"`,
+    `thruster_lag=0.1`, `substeps=10`, so a control period of 0.1 s and as much delay of the sensors, 200 steps.
 
     ```python
     >>> import gymnasium, uvms_gym
@@ -187,6 +191,7 @@ class StationKeepEnv(TaskEnv):
         arm_amplitude: float = 0.4,
         disturbance: Disturbance | None = None,
         randomize: Randomize | None = None,
+        thruster_lag: float | None = None,
         reward: RewardWeights | None = None,
         tolerance: Tolerance | None = None,
         residual: float = 0.3,
@@ -209,6 +214,7 @@ class StationKeepEnv(TaskEnv):
             "arm_amplitude": arm_amplitude,
             "disturbance": disturbance,
             "randomize": randomize,
+            "thruster_lag": thruster_lag,
             "reward": reward,
             "tolerance": tolerance,
             "residual": residual,
