@@ -293,7 +293,7 @@ def _settle(
         runs[name] = run(batch, contest.cell, entrant, seed, tick)
         for metric, parts in runs[name].scores.items():
             for part, matrix in parts.items():
-                scores["/".join((contest.cell.name, compare_plots.shown(name), metric, part))] = matrix
+                scores["/".join((contest.cell.name, name, metric, part))] = matrix
     batch.close()
     return summarise(contest.entrants, runs, seed)
 

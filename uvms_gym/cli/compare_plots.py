@@ -13,26 +13,24 @@ from matplotlib.patches import Rectangle
 from uvms_gym.cli.compare_cells import Cell
 from uvms_gym.cli.compare_runs import METRICS
 from uvms_gym.cli.compare_summary import HEADLINE, Summary, is_learned
-from uvms_gym.cli.plots import BLACK, BLUE, COLOURS, GREEN, ORANGE, PURPLE, STYLE, VERMILION, save
+from uvms_gym.cli.plots import BLACK, BLUE, GREEN, ORANGE, PURPLE, STYLE, VERMILION, save
 
 #: What is drawn as bars.
 _BARS = ("pose", "position", "attitude", "end_effector", "effort", "variation", "recovery", "within")
-#: Colours of learned controllers; classical ones are drawn in greys.
-_LEARNED = (VERMILION, BLUE, GREEN, ORANGE, PURPLE)
-_GREYS = ("#bdbdbd", "#8c8c8c", "#5c5c5c", BLACK)
-#: More controllers than these are abbreviated by no legend.
+#: Colours of learned controllers, which are to stand out, and of classical ones.
+_LEARNED = (VERMILION, ORANGE, PURPLE)
+_CLASSICAL = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79")
+_NONE = "#bdbdbd"
 _LINES = ("-", "--", "-.", ":")
 
 
 def colours(names: Sequence[str]) -> dict[str, str]:
-    """Greys for classical controllers, colours for learned ones; colours for all, if none is learned."""
+    """Tell controllers apart: warm colours for learned ones."""
     learned = [name for name in names if is_learned(name)]
-    if not learned:
-        return {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(names)}
+    classical = [name for name in names if name not in learned and name != "none"]
     found = {name: _LEARNED[k % len(_LEARNED)] for k, name in enumerate(learned)}
-    classical = [name for name in names if name not in found]
-    places = np.linspace(0.0, len(_GREYS) - 1.0, max(2, len(classical)))
-    return found | {name: _GREYS[round(place)] for name, place in zip(classical, places, strict=False)}
+    found |= {name: _CLASSICAL[k % len(_CLASSICAL)] for k, name in enumerate(classical)}
+    return {name: found.get(name, _NONE) for name in names}
 
 
 def shown(name: str) -> str:
@@ -75,10 +73,10 @@ def _bars(axes: Axes, summary: Summary, metric: str) -> None:
             tail = description.scale * estimates["p95"].value
             axes.plot(tail, k, "D", color="#333333", mfc="white", markersize=4.5)
     better = "" if description.less else " (more is better)"
-    axes.set(title=f"{description.label}{better}", yticks=range(len(names)), ylim=(len(names) - 0.4, -0.6))
-    axes.set_yticklabels([shown(name) for name in names])
-    for label, name in zip(axes.get_yticklabels(), names, strict=True):
-        label.set_fontweight("bold" if name == summary.winner else "normal")
+    axes.set(title=f"{description.label}{better}", ylim=(len(names) - 0.4, -0.6))
+    axes.set_yticks(range(len(names)), [shown(name) for name in names])
+    for label in axes.get_yticklabels():
+        label.set_fontweight("bold" if label.get_text() == shown(summary.winner) else "normal")
     axes.grid(axis="y", visible=False)
     axes.set_axisbelow(True)
     axes.set_xlim(left=0.0)
@@ -108,7 +106,7 @@ def profiles(path: Path, cells: Sequence[Cell], summaries: Sequence[Summary]) ->
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(max(8.0, 4.6 * columns), 3.7 * rows + 0.9))
         grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
-        names = list(dict.fromkeys(name for summary in summaries for name in summary.controllers))
+        names = list(dict.fromkeys(name for summary in summaries for name in summary.profiles))
         colour = colours(names)
         handles: dict[str, Any] = {}
         classical = [name for name in names if not is_learned(name)]

@@ -36,27 +36,32 @@ def detail(cell: Cell, summary: Summary, missing: Mapping[str, str]) -> None:
         texts = []
         for metric in _ERRORS[1:]:
             whole, scale = metrics[metric]["whole"], METRICS[metric].scale
-            texts += [text(whole["iqm"], scale), f"{scale * whole['p95'].value:.0f}"]
+            texts += [text(whole["iqm"], scale), _brief(whole["p95"], scale)]
         rows.append((name, *texts))
     header = [word for metric in _ERRORS[1:] for word in (METRICS[metric].label, "p95")]
     table("Errors, whole episode", ("controller", *header), rows)
     rows = [(name, *(_cost(summary, name, metric) for metric in _COSTS)) for name in names]
     table("Effort and what came of it, whole episode", ("controller", *(METRICS[m].label for m in _COSTS)), rows)
     rows = []
+    shown = (*_ERRORS, "effort")
     for name in names:
         metrics = summary.controllers[name]["metrics"]
-        shown = (*_ERRORS, "effort", "variation")
         rows.append((name, *(text(metrics[metric]["settled"]["iqm"], METRICS[metric].scale) for metric in shown)))
     table(f"After {SETTLED:g} s", ("controller", *(METRICS[metric].label for metric in shown)), rows)
-    for name, why in missing.items():
-        console.print(f"{name}: {why}", markup=False)
-    if missing:
-        console.print()
+    own = [
+        name for name in names if name in rivals(names) and summary.controllers[name]["origin"].get("tuned", 0) is None
+    ]
+    if own:
+        console.print(f"not tuned, but with their own gains: {', '.join(own)}", markup=False)
+    for why in dict.fromkeys(missing.values()):
+        console.print(f"{why}: {', '.join(name for name in missing if missing[name] == why)}", markup=False)
+    console.print()
 
 
 def _margins(summary: Summary, names: Sequence[str]) -> None:
     """Print by how much learned controllers (all, if none is) differ from classical ones."""
-    contenders = [name for name in names if is_learned(name)] or [n for n in names if n != summary.baseline]
+    controlled = [name for name in names if name not in ("none", summary.baseline)]
+    contenders = [name for name in names if is_learned(name)] or controlled
     others = [name for name in rivals(names) if contenders != [name]]
     if not contenders or not others:
         return
@@ -74,13 +79,13 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
     for name in names:
         metrics = summary.controllers[name]["metrics"][HEADLINE]["whole"]
         scale = METRICS[HEADLINE].scale
-        row = [name, text(metrics["iqm"], scale), text(metrics["p95"], scale)]
+        row = [name, text(metrics["iqm"], scale), _brief(metrics["p95"], scale)]
         if name != first:
             ratios = summary.against[first][name]
             pose = ratios[HEADLINE]["whole"]
             row += [
                 percent(pose["ratio"]),
-                text(pose["probability_of_improvement"], 1.0, 2),
+                f"{pose['probability_of_improvement'].value:.2f}",
                 text(pose["p95_ratio"], 1.0, 2),
                 *(text(ratios[metric]["whole"]["ratio"], 1.0, 2) for metric in ("effort", "variation")),
             ]
@@ -93,7 +98,8 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
 
 def _cost(summary: Summary, name: str, metric: str) -> str:
     estimates = summary.controllers[name]["metrics"][metric]["whole"]
-    return text(estimates.get("iqm", estimates.get("mean")), METRICS[metric].scale)
+    scale = METRICS[metric].scale
+    return text(estimates["iqm"], scale) if "iqm" in estimates else _brief(estimates["mean"], scale)
 
 
 def across(
@@ -152,6 +158,12 @@ def text(estimate: Any, scale: float = 1.0, digits: int | None = None) -> str:
     if digits is None:
         digits = max(0, 1 - math.floor(math.log10(high - low)))
     return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def _brief(estimate: Any, scale: float) -> str:
+    """Write a value alone, to three digits or more."""
+    value = scale * estimate[0]
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
 
 
 def percent(ratio: Any) -> str:

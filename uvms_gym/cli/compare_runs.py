@@ -92,7 +92,7 @@ METRICS: dict[str, Metric] = {
     "saturation": Metric("saturation", "%", _average("saturation"), 1e2),
     "variation": Metric("variation", "1e-3", _average("reward_rate", -1.0), 1e3),
     "recovery": Metric("recovery", "s", lambda tally: tally.last["recovery_time"], whole=True),
-    "within": Metric("within tolerance", "% of time", _average("success"), 1e2, less=False),
+    "within": Metric("in tolerance", "% of time", _average("success"), 1e2, less=False),
     "success": Metric("success", "%", lambda tally: tally.last["success"], 1e2, less=False, cut=0.0, whole=True),
     "diverged": Metric("diverged", "%", lambda tally: tally.terminated.astype(np.float64), 1e2, cut=0.0, whole=True),
 }

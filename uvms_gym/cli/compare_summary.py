@@ -53,7 +53,7 @@ class Summary(NamedTuple):
     thresholds : Floats
         Of the profiles.
     profiles : dict
-        Per controller.
+        Per controller but `none`.
     """
 
     controllers: dict[str, Any]
@@ -94,7 +94,9 @@ def summarise(entrants: Mapping[str, Entrant], runs: Mapping[str, Scored], seed:
     names = list(runs)
     episodes = next(iter(runs.values())).scores[HEADLINE]["whole"].shape[1]
     draws = Draws(episodes, seed)
-    thresholds = _thresholds([run.scores[HEADLINE]["whole"] for run in runs.values()])
+    # Where nothing is controlled, errors are of another size.
+    profiled = [name for name in names if name != "none"] or names
+    thresholds = _thresholds([runs[name].scores[HEADLINE]["whole"] for name in profiled])
 
     def estimate(name: str) -> tuple[str, dict[tuple[str, str], _Statistics]]:
         found = {}
@@ -132,7 +134,7 @@ def summarise(entrants: Mapping[str, Entrant], runs: Mapping[str, Scored], seed:
         ranking[1] if len(names) > 1 else None,
         margin,
         np.asarray(thresholds),
-        {name: found[name][HEADLINE, "whole"].profile for name in names},
+        {name: found[name][HEADLINE, "whole"].profile for name in profiled},
     )
 
 

@@ -143,7 +143,10 @@ class Scores:
             if len(places):
                 shares[chunk] = np.where(places == 0, 0.0, upto[:, np.maximum(places, 1) - 1]) / n
             np.clip(upto, first, last, out=upto)
-            means[chunk] = (self._sorted[-1] * (last - first) - (upto - first) @ steps) / (last - first)
+            upto -= first
+            # Not a product of matrices: its library would spread over threads.
+            summed = np.einsum("rn,n->r", upto, steps)
+            means[chunk] = self._sorted[-1] - summed / (last - first)
         value = float(self._sorted[first:last].mean())
         tail = 0.5 * (1.0 - CONFIDENCE)
         low, high = np.quantile(shares, [tail, 1.0 - tail], axis=0)
