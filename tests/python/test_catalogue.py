@@ -111,13 +111,14 @@ def test_a_policy_that_is_not_shipped_is_told_those_that_are(shipped: Path) -> N
     ("made", "words"),
     [
         ({"scene": "rexrov"}, "its scene is rexrov, the environment's bluerov2-heavy"),
-        ({"substeps": 5}, "its control_period is 0.05, the environment's 0.1"),
+        ({"substeps": 5}, "its control period is 0.050000000 s, the environment's 0.100000000 s"),
         ({"corrects": True}, "it corrects a controller, and is none by itself"),
     ],
 )
 def test_a_shipped_policy_for_something_else_is_refused(shipped: Path, made: dict[str, Any], words: str) -> None:
     network(**made).save(shipped / "ppo-0.safetensors")
-    assert message("ppo") == f"{shipped / 'ppo-0.safetensors'}: {words}"
+    line = message("ppo")
+    assert line.startswith(f"{shipped / 'ppo-0.safetensors'}: ") and words in line
 
 
 def test_corrections_to_something_else_are_refused(shipped: Path) -> None:
@@ -149,7 +150,7 @@ def test_truncated_and_foreign_files_are_refused(shipped: Path) -> None:
         ("[1]", "holds no dict of controllers"),
         ('{"pd": 3}', "pd has no dict of gains"),
         ('{"pd": {"gains": {"kp": [1, 2]}}}', "pd: gains have shape (2,), but must have (6,)"),
-        ('{"pd": {"gains": {"kq": [1]}}}', "pd: unexpected keyword argument 'kq'"),
+        ('{"pd": {"gains": {"kq": [1]}}}', "pd: unknown gain 'kq'"),
         ('{"pd": {"gains": {"kp": [1, 1, 1, 1, 1, -1]}}}', "pd: "),
     ],
 )

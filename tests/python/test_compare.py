@@ -138,7 +138,7 @@ def test_episodes_are_paired_and_do_not_depend_on_their_number() -> None:
 
 @pytest.mark.parametrize("env", [STORM, TRACK])
 def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
-    scene = SMALL if env == STORM else "bluerov2-heavy-alpha5"
+    scene = SMALL if env == STORM else "petasus-pum"
     name = "pid" if env == STORM else "resolved"
     scores = run(cell(env, scene), name, 2)
     single = gymnasium.make(env, scene=scene)

@@ -196,8 +196,8 @@ def reproduce(path: Path, full: bool = False, tolerance: float = TOLERANCE) -> l
                 for metric, parts in entry["metrics"].items():
                     for part, estimates in parts.items():
                         for kind, estimate in estimates.items():
-                            told = stored["controllers"][name]["metrics"][metric][part][kind]
-                            pairs[f"{name}, {metric}, {part}, {kind}"] = told, estimate
+                            told = stored["controllers"][name]["metrics"][metric][part][kind]["value"]
+                            pairs[f"{name}, {metric}, {part}, {kind}"] = told, estimate.value
         for what, (told, seen) in pairs.items():
             told, seen = np.asarray(told, dtype=np.float64), np.asarray(seen)
             if told.shape != seen.shape:

@@ -80,8 +80,8 @@ def is_learned(name: str) -> bool:
 
 
 def baseline(names: Any) -> str:
-    """Controller to set others against: the paper's PD, or what stands for it; else the first."""
-    return next((name for name in ("pd", "resolved") if name in names), next(iter(names)))
+    """Controller to set others against: the paper's PD, or what stands for it; else another rival, else the first."""
+    return next((name for name in ("pd", "resolved", *RIVALS) if name in names), next(iter(names)))
 
 
 def rivals(names: Any) -> list[str]:

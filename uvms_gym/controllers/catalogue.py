@@ -4,6 +4,7 @@ What is shipped for a task, a scene and a control period lies in one folder, `po
 gains as `gains.json`, a policy of training seed S as `NAME-S.safetensors`.
 """
 
+import inspect
 import json
 import os
 import re
@@ -219,6 +220,9 @@ def _classical(name: str, given: Options, gains: str) -> Controller:
         made: Controller = entry.kind(**entry.arguments, **given)
         return made
     try:
+        # Whatever a class does not know it takes for an option of an environment.
+        if unknown := stored["gains"].keys() - inspect.signature(entry.kind).parameters.keys():
+            raise TypeError(f"unknown gain {min(unknown)!r}")
         made = entry.kind(**entry.arguments, **stored["gains"], **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
