@@ -191,7 +191,7 @@ def _run(
                 write_card(export.parent)
         except OSError as error:
             raise fail(f"cannot read or write {error.filename}: {error.strerror}") from None
-        except (ValueError, TypeError, AssertionError, gymnasium.error.Error) as error:
+        except (ValueError, TypeError, AssertionError, RuntimeError, gymnasium.error.Error) as error:
             reason = str(error).split(" was raised from the environment creator")[0]
             raise fail(f"{settings.env}: {' '.join(reason.split())}") from None
     rate = outcome.steps / outcome.seconds
