@@ -52,18 +52,18 @@ def _common(
     pass
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
+def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: str = "uvms") -> int:
     """Run a command; an error of the user's is one line on stderr. Returns the exit status."""
     try:
-        status = app(args=arguments, prog_name="uvms", standalone_mode=False)
+        status = app(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()
     except typer.TyperException as error:
         # A bare `uvms` has printed its help already.
         if message := " ".join(error.format_message().split()):
-            print(f"uvms: {message}", file=sys.stderr)
+            print(f"{name}: {message}", file=sys.stderr)
         return error.exit_code
     except (KeyboardInterrupt, typer.Abort):
-        print("uvms: interrupted", file=sys.stderr)
+        print(f"{name}: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Python flushes stdout once more on its way out.
