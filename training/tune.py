@@ -7,9 +7,10 @@ python training/tune.py --controller pd,pid --period 0.05
 ```
 
 CMA-ES (`pycma`) searches in the logarithm of the gains. All candidates of a generation fly the same episodes, every
-generation has new ones, and those of the comparison are among neither. What the search ends with is flown once more on
+generation has new ones, and none of them is one of the comparison's. What the search ends with is flown once more on
 fresh episodes, and the best goes into the package's `gains.json`, with how it was found. The base, which is the PD in
-station keeping, is tuned for its errors alone; the others pay for effort beyond `LIMIT` times its own.
+station keeping, is tuned for its errors alone; the others pay for effort beyond `LIMIT` times its own
+in the same episodes.
 
 A run that was stopped goes on where it was when the same command is given again.
 """
@@ -19,6 +20,7 @@ import json
 import math
 import sys
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -32,16 +34,15 @@ from numpy.typing import NDArray
 from search import Space, rounded, search, store, write
 
 import uvms_gym
-from uvms_gym import Rollout, controllers
+from uvms_gym import Rollout, StepWarning
 from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_range, circumstances, console, fail, prepare, progress
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.cli.statistics import interquartile_mean
+from uvms_gym.controllers import Controller
+from uvms_gym.controllers.catalogue import CLASSICAL, POLICIES, check_name, folder
 
 Floats = NDArray[np.float64]
-
-#: Where the package keeps gains and policies.
-POLICIES = Path(uvms_gym.__file__).parent / "policies"
 
 #: Seeds of the episodes: the comparison has those below, the training's own evaluation those above.
 SEEDS = range(1_000_000, 2_000_000)
@@ -52,62 +53,58 @@ LEVER = 0.5
 #: Episodes that each of the last candidates flies.
 FINAL_EPISODES = 1024
 
-#: Axes that share a factor.
-GROUPS = ((0, 1), (2,), (3, 4), (5,))
-EACH = tuple((axis,) for axis in range(6))
-AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+#: What the numbers of a parameter are of, by how many there are.
+NAMES = {
+    2: ("linear", "angular"),
+    3: ("linear", "angular", "joints"),
+    6: ("x", "y", "z", "roll", "pitch", "yaw"),
+}
+Groups = tuple[tuple[int, ...], ...]
+#: Axes of the vehicle that share a factor.
+ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
+EACH: Groups = tuple((axis,) for axis in range(6))
 
 
 class Parameter(NamedTuple):
     """A keyword argument of a controller, and the range that it is sought in.
 
-    The range is of factors on the controller's own value, one factor per group of axes, or of the value itself where
-    `absolute`. A range with a `floor` has a lower end which is as good as nothing, so that the best may be there.
+    The range is of factors on the controller's own value, one factor per group of its numbers, or of the value itself
+    where `absolute`. A range with a `floor` has a lower end that is as good as nothing, so that the best may be there.
     """
 
     name: str
     low: float
     high: float
-    axes: tuple[tuple[int, ...], ...] | None = None
+    groups: Groups = ()
     absolute: bool = False
     floor: bool = False
 
     @property
     def labels(self) -> list[str]:
-        """Names of its numbers."""
-        if self.axes is None:
-            return [self.name]
-        return [f"{self.name}[{','.join(AXES[i] for i in group)}]" for group in self.axes]
+        """Names of what is sought."""
+        names = NAMES.get(sum(map(len, self.groups)), ())
+        return [f"{self.name}[{','.join(names[i] for i in group)}]" for group in self.groups] or [self.name]
 
 
-class Kind(NamedTuple):
-    """A controller's class, by its name in `uvms_gym.controllers`, and what of it is tuned."""
-
-    kind: str
-    parameters: tuple[Parameter, ...]
-
-
-def _pd(axes: tuple[tuple[int, ...], ...]) -> tuple[Parameter, ...]:
-    return Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes)
-
-
-_RESOLVED = (
-    Parameter("error", 0.1, 10.0),
-    Parameter("vehicle", 0.1, 10.0),
-    Parameter("joint", 0.1, 10.0),
-    Parameter("home", 0.02, 20.0),
-    Parameter("level", 0.02, 20.0),
-    Parameter("arm", 0.05, 20.0),
-)
-
-
-def kinds(axes: tuple[tuple[int, ...], ...]) -> dict[str, Kind]:
-    """Controllers by name; those of the vehicle have one factor per group of `axes`."""
-    pd = _pd(axes)
+def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
+    """What is tuned, by the controller's name; gains on the vehicle have one factor per group of `axes`."""
+    pd = (Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes))
+    lead = Parameter("lead", 0.01, 1.0, absolute=True, floor=True)
+    observer = Parameter("observer", 0.2, 20.0, ((0,), (1,)), absolute=True)
+    resolved = (
+        *(Parameter(name, 0.1, 10.0) for name in ("error", "vehicle", "joint")),
+        *(Parameter(name, 0.02, 20.0) for name in ("home", "level", "arm")),
+    )
     return {
-        "pd": Kind("PD", pd),
-        "pid": Kind("PID", (*pd, Parameter("ki", 0.05, 20.0, axes))),
-        "resolved": Kind("ResolvedMotion", _RESOLVED),
+        "pd": pd,
+        "pd-restoring": pd,
+        "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
+        "dob": (*pd, observer),
+        "dob-delay": (*pd, observer, lead),
+        "computed-torque": (*pd, observer, lead),
+        "resolved": resolved,
+        "resolved-pid": (*resolved, Parameter("integral", 0.05, 20.0, absolute=True)),
+        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), lead),
     }
 
 
@@ -115,9 +112,9 @@ def kinds(axes: tuple[tuple[int, ...], ...]) -> dict[str, Kind]:
 BASES = {"station-keep": "pd", "ee-track": "resolved"}
 
 
-def space_of(parameters: Sequence[Parameter]) -> Space:
+def space_of(sought: Sequence[Parameter]) -> Space:
     """Where to look for these parameters."""
-    return Space(*zip(*((label, p.low, p.high, p.floor) for p in parameters for label in p.labels)))
+    return Space(*zip(*((label, p.low, p.high, p.floor) for p in sought for label in p.labels)))
 
 
 class Score(NamedTuple):
@@ -146,7 +143,7 @@ class Arena:
             self._batches[episodes] = gymnasium.make_vec(self.env, num_envs=episodes, **self.options)
         return self._batches[episodes]
 
-    def score(self, controller: controllers.Controller, seed: int, episodes: int) -> Score:
+    def score(self, controller: Controller, seed: int, episodes: int) -> Score:
         """Score a controller in episodes of as many seeds."""
         batch = self.batch(episodes)
         batch.reset(seed=seed)
@@ -160,31 +157,25 @@ class Arena:
 
 
 class Tuner:
-    """Scores gains of one kind of controller."""
+    """Scores gains of one controller; `base` is the one whose effort is the limit."""
 
-    def __init__(self, arena: Arena, kind: Kind, base: controllers.Controller | None) -> None:
-        self._arena, self._kind, self._base = arena, kind, base
+    def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter], base: Controller | None = None) -> None:
+        self._arena, self._entry, self._sought, self._base = arena, CLASSICAL[name], sought, base
         own = self.controller({})
-        self._own = {
-            p.name: np.asarray(
-                1.0 if p.absolute else own.gains[p.name] if hasattr(own, "gains") else getattr(own, p.name)
-            )
-            for p in kind.parameters
-        }
+        self._own = {p.name: np.asarray(_own(own, p.name), dtype=np.float64) for p in sought}
 
-    def controller(self, gains: dict[str, Any]) -> controllers.Controller:
+    def controller(self, gains: dict[str, Any]) -> Controller:
         """Make the controller with these gains."""
-        return getattr(controllers, self._kind.kind)(self._arena.batch(FINAL_EPISODES), **gains)
+        return self._entry.kind(self._arena.batch(FINAL_EPISODES), **self._entry.arguments, **gains)
 
     def gains(self, values: Floats) -> dict[str, Any]:
         """Keyword arguments of the controller, to four digits."""
-        gains, left = {}, list(values)
-        for parameter in self._kind.parameters:
-            scaled = self._own[parameter.name].astype(np.float64)
-            if parameter.axes is None:
-                scaled = scaled * left.pop(0)
-            for axes in parameter.axes or ():
-                scaled[list(axes)] *= left.pop(0)
+        gains, left = {}, iter(values)
+        for parameter in self._sought:
+            own = self._own[parameter.name]
+            scaled = np.ones_like(own) if parameter.absolute else own.copy()
+            for group in map(list, parameter.groups) if parameter.groups else [...]:
+                scaled[group] *= next(left)
             gains[parameter.name] = np.vectorize(rounded)(scaled).tolist()
         return gains
 
@@ -232,7 +223,10 @@ def tune(
             began = time.monotonic()
             start = SEEDS.start + generation * budget.episodes
             limit = tuner.limit(start, budget.episodes)
-            scores = [tuner.score(tuner.gains(x), start, budget.episodes) for x in candidates]
+            with warnings.catch_warnings():
+                # Wild candidates may shake a vehicle until its steps are wrong.
+                warnings.simplefilter("ignore", StepWarning)
+                scores = [tuner.score(tuner.gains(x), start, budget.episodes) for x in candidates]
             done["scores"].append([score.objective(limit) for score in scores])
             done["seconds"] += time.monotonic() - began
             write(checkpoint, done)
@@ -287,8 +281,8 @@ def main(
     scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
     period: Annotated[float | None, typer.Option(help="Control period, s. [default: the environment's]")] = None,
     axes: Annotated[
-        Literal["each", "groups"], typer.Option(help="Gains for each axis, or x/y, roll/pitch alike.")
-    ] = "groups",
+        Literal["alike", "each"], typer.Option(help="Whether x and y, roll and pitch have the same factors.")
+    ] = "alike",
     generations: Annotated[int, typer.Option(help="Generations of the search, 1 to 1000.")] = 40,
     population: Annotated[int, typer.Option(help="Candidates of a generation, 4 to 1000.")] = 32,
     episodes: Annotated[int, typer.Option(help="Episodes of a candidate, 4 to 10000.")] = 64,
@@ -304,15 +298,20 @@ def main(
     budget = Budget(generations, population, episodes)
     if generations * episodes + FINAL_EPISODES > len(SEEDS):
         raise fail(f"--generations times --episodes is {generations * episodes}, more than there are seeds for tuning")
-    arena, folder = _arena(env, scene, period, threads)
-    task = arena.batch(FINAL_EPISODES).unwrapped.task
-    known = kinds(EACH if axes == "each" else GROUPS)
+    arena = _arena(env, scene, period, threads)
+    batch = arena.batch(FINAL_EPISODES)
+    task, place = batch.unwrapped.task, folder(batch).relative_to(POLICIES)
+    known = parameters(EACH if axes == "each" else ALIKE)
     names = [name.strip() for name in controller.split(",")]
     for name in names:
-        if name not in known or not hasattr(controllers, known[name].kind):
-            raise fail(f"unknown controller {name!r}; known: {', '.join(known)}")
-    prepare(policies / folder, work / folder / "file")
-    file, base = policies / folder / "gains.json", BASES[task]
+        try:
+            check_name(name, task)
+        except ValueError as error:
+            raise fail(str(error)) from None
+        if name not in known:
+            raise fail(f"{name} has no gains to tune")
+    prepare(policies / place, work / place / "any.json")
+    file, base = policies / place / "gains.json", BASES[task]
     where = circumstances("tune", {})
     for name in names:
         first = None
@@ -324,21 +323,21 @@ def main(
         settings = {
             "env": env,
             "scene": arena.options["scene"],
-            "period": folder.name,
-            "kind": known[name],
+            "period": place.name,
+            "controller": [name, CLASSICAL[name].arguments, known[name]],
             "budget": budget,
             "seed": seed,
             "base": first,
             "versions": {"uvms_gym": uvms_gym.__version__, "cma": cma.__version__},
         }
-        ours = Tuner(arena, known[name], first and Tuner(arena, known[base], None).controller(first))
+        limiting = first and Tuner(arena, base, known[base]).controller(first)
         with progress() as bar:
             gains, record = tune(
-                ours,
-                space_of(known[name].parameters),
+                Tuner(arena, name, known[name], limiting),
+                space_of(known[name]),
                 budget,
                 seed=seed,
-                checkpoint=work / folder / f"{name}.json",
+                checkpoint=work / place / f"{name}.json",
                 settings=settings,
                 tick=partial(bar.update, bar.add_task(name, total=generations), advance=1),
             )
@@ -354,22 +353,26 @@ def main(
     console.print(f"{file}", markup=False, soft_wrap=True)
 
 
-def _arena(env: str, scene: str, period: float | None, threads: int | None) -> tuple[Arena, Path]:
-    """Make the episodes, and tell in which folder their gains belong."""
+def _own(controller: Controller, name: str) -> Any:
+    """Value of a parameter that a controller has by itself."""
+    return controller.gains[name] if hasattr(controller, "gains") else getattr(controller, name)
+
+
+def _arena(env: str, scene: str, period: float | None, threads: int | None) -> Arena:
+    """Make the episodes; they last as long whatever the control period."""
     try:
-        spec = gymnasium.spec(env)
-        made = gymnasium.make_vec(env, num_envs=1, scene=read_scene(scene))
+        usual = gymnasium.make_vec(env, num_envs=1, scene=read_scene(scene))
     except (gymnasium.error.Error, ValueError, TypeError) as error:
         raise fail(f"{env}: {error}") from None
-    inner = made.unwrapped
-    dt, usual = inner.simulator.dt, 1.0 / inner.metadata["render_fps"]
-    substeps = round((period or usual) / dt)
-    if not math.isclose(substeps * dt, period or usual) or substeps < 1:
+    inner = usual.unwrapped
+    dt, given = inner.simulator.dt, 1.0 / inner.metadata["render_fps"]
+    period = given if period is None else period
+    substeps = round(period / dt)
+    if substeps < 1 or not math.isclose(substeps * dt, period):
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
-    steps = round((spec.max_episode_steps or 0) * usual / (substeps * dt))
+    steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
     options = {"scene": inner.options["scene"], "substeps": substeps, "max_episode_steps": steps, "threads": threads}
-    task = spec.name.removesuffix("-Storm")
-    return Arena(env, options, steps), Path(task, inner.options["scene"]["name"], f"{substeps * dt:g}s")
+    return Arena(env, options, steps)
 
 
 def _tell(name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:

@@ -11,7 +11,7 @@ pytest.importorskip("cma")
 sys.path.append(str(Path(__file__).parents[2] / "training"))
 
 from search import Space, search, store
-from tune import AXES, EACH, GROUPS, SEEDS, Score, app, kinds, space_of
+from tune import ALIKE, EACH, SEEDS, Score, app, parameters, space_of
 
 from uvms_gym.cli.app import run
 
@@ -75,11 +75,11 @@ def test_effort_beyond_the_limit_and_divergence_cost():
     assert Score(0.1, 0.2, 0.1).objective(None) == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("axes", [GROUPS, EACH])
+@pytest.mark.parametrize("axes", [ALIKE, EACH])
 def test_every_axis_is_tuned_once(axes):
-    assert sorted(axis for group in axes for axis in group) == list(range(len(AXES)))
-    for kind in kinds(axes).values():
-        labels = space_of(kind.parameters).labels
+    assert sorted(axis for group in axes for axis in group) == list(range(6))
+    for sought in parameters(axes).values():
+        labels = space_of(sought).labels
         assert len(set(labels)) == len(labels)
 
 
@@ -125,8 +125,10 @@ def test_the_command_tunes_and_goes_on_where_it_was(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--controller", "pdd"], "unknown controller 'pdd'; known: pd"),
+        (["--controller", "pdd"], "unknown controller 'pdd'; known: "),
         (["--controller", "pid"], "tune pd first"),
+        (["--controller", "none"], "none has no gains to tune"),
+        (["--controller", "resolved"], "'resolved' is not for UVMS-StationKeep"),
         (["--controller", "pd", "--period", "0.013"], "multiple of the step"),
         (["--controller", "pd", "--generations", "1000", "--episodes", "2000"], "more than there are seeds"),
     ],
