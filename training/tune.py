@@ -9,8 +9,9 @@ python training/tune.py --controller pd,pid --period 0.05
 CMA-ES (`pycma`) searches in the logarithm of the gains. All candidates of a generation fly the same episodes, every
 generation has new ones, and none of them is one of the comparison's. What the search ends with is flown once more on
 fresh episodes, and the best goes into the package's `gains.json`, with how it was found. The base, which is the PD in
-station keeping, is tuned for its errors alone; the others pay for effort beyond `LIMIT` times its own
-in the same episodes.
+station keeping, is tuned for its errors alone; the others pay for effort beyond `LIMIT` times its own in the same
+episodes, which it flies besides. In the storm the score of 64 episodes has a standard deviation of 4 %, but that of the
+difference between neighbours that fly the same ones is 1.2 %; with the 1024 of the last candidates it is 0.3 %.
 
 A run that was stopped goes on where it was when the same command is given again.
 """
