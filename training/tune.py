@@ -92,20 +92,27 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
     pd = (Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes))
     lead = Parameter("lead", 0.01, 1.0, absolute=True, floor=True)
     observer = Parameter("observer", 0.2, 20.0, ((0,), (1,)), absolute=True)
+    # What the observer takes for granted about disturbances.
+    expected = (
+        Parameter("waves", 0.003, 3.0, ((0,), (1,)), absolute=True, floor=True),
+        Parameter("frequency", 0.3, 4.0, absolute=True),
+        Parameter("jolts", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
+    )
     resolved = (
         *(Parameter(name, 0.1, 10.0) for name in ("error", "vehicle", "joint")),
         *(Parameter(name, 0.02, 20.0) for name in ("home", "level", "arm")),
     )
+    brace = Parameter("brace", 0.02, 5.0, absolute=True, floor=True)
     return {
         "pd": pd,
         "pd-restoring": pd,
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
-        "dob": (*pd, observer),
-        "dob-delay": (*pd, observer, lead),
-        "computed-torque": (*pd, observer, lead),
+        "dob": (*pd, observer, *expected),
+        "dob-delay": (*pd, observer, *expected, lead),
+        "computed-torque": (*pd, observer, *expected, lead),
         "resolved": resolved,
-        "resolved-pid": (*resolved, Parameter("integral", 0.05, 20.0, absolute=True)),
-        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), lead),
+        "resolved-pid": (*resolved, Parameter("integral", 0.01, 10.0, absolute=True)),
+        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), brace, lead),
     }
 
 
