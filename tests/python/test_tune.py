@@ -11,7 +11,7 @@ pytest.importorskip("cma")
 sys.path.append(str(Path(__file__).parents[2] / "training"))
 
 from search import Space, search, store
-from tune import ALIKE, EACH, SEEDS, Score, app, parameters, space_of
+from tune import ALIKE, EACH, SEEDS, Arena, Score, app, parameters, space_of
 
 from uvms_gym.cli.app import run
 
@@ -120,6 +120,21 @@ def test_the_command_tunes_and_goes_on_where_it_was(tmp_path, monkeypatch):
     again = json.loads(file.read_text())
     assert again["pid"]["gains"] == first["pid"]["gains"]
     assert again["pd"] == first["pd"]
+
+
+def test_an_interrupt_is_told_and_loses_nothing(tmp_path, capsys, monkeypatch):
+    score, calls = Arena.score, iter(range(6))
+
+    def interrupted(*arguments):
+        if next(calls, None) is None:
+            raise KeyboardInterrupt
+        return score(*arguments)
+
+    monkeypatch.setattr(Arena, "score", interrupted)
+    assert command(tmp_path, "--controller", "pd") == 130
+    assert capsys.readouterr().err == "tune.py: interrupted\n"
+    (checkpoint,) = tmp_path.glob("w/*/*/*/pd.json")
+    assert len(json.loads(checkpoint.read_text())["scores"]) == 1
 
 
 @pytest.mark.parametrize(

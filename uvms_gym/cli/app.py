@@ -17,6 +17,9 @@ from uvms_gym.cli.explain import explain
 from uvms_gym.cli.play import play
 from uvms_gym.cli.reproduce import reproduce
 
+#: Exit status of a command that was interrupted.
+INTERRUPTED = 130
+
 app = typer.Typer(
     name="uvms",
     help="Simulate, reproduce, compare and measure: underwater vehicle-manipulator systems.",
@@ -57,6 +60,9 @@ def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: st
     try:
         status = app(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()
+        if status == INTERRUPTED:
+            # So Typer tells of Ctrl-C.
+            raise KeyboardInterrupt
     except typer.TyperException as error:
         # A bare `uvms` has printed its help already.
         if message := " ".join(error.format_message().split()):
@@ -64,7 +70,7 @@ def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: st
         return error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         print(f"{name}: interrupted", file=sys.stderr)
-        return 130
+        return INTERRUPTED
     except BrokenPipeError:
         # Python flushes stdout once more on its way out.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
