@@ -19,7 +19,9 @@ _MARK = "<!-- Written by `uvms train` from the notes in the policies' files. -->
 _ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu", nn.ELU: "elu"}
 
 
-def policy_of(model: PPO, env: Any, *, corrects: bool = False, notes: Mapping[str, str] | None = None) -> MLP:
+def policy_of(
+    model: PPO, env: Any, *, history: int = 1, corrects: bool = False, notes: Mapping[str, str] | None = None
+) -> MLP:
     """Take the actor out of a model.
 
     Parameters
@@ -28,6 +30,8 @@ def policy_of(model: PPO, env: Any, *, corrects: bool = False, notes: Mapping[st
         With a `MlpPolicy`.
     env : UVMS environment
         What it was trained for.
+    history : int
+        Observations that it reads at once.
     corrects : bool
         Whether it corrects a controller (`uvms_gym.Residual`).
     notes : mapping of str to str, or None
@@ -44,13 +48,14 @@ def policy_of(model: PPO, env: Any, *, corrects: bool = False, notes: Mapping[st
     if activation is None or model.policy.squash_output:
         raise ValueError(f"only a MlpPolicy of {', '.join(_ACTIVATIONS.values())} layers can be exported")
     state = {name: array.detach().cpu().numpy() for name, array in model.policy.state_dict().items()}
-    policy = MLP.from_state_dict(state, env, activation=activation, corrects=corrects, notes=notes)
+    policy = MLP.from_state_dict(state, env, activation=activation, history=history, corrects=corrects, notes=notes)
     bound = np.asarray(model.observation_space.high)  # type: ignore[attr-defined]
     rows = np.random.default_rng(0).normal(size=(256, *bound.shape)).astype(np.float32)
     if model._last_obs is not None:
         rows = np.concatenate([np.clip(rows, -bound, bound), np.asarray(model._last_obs)])
     expected, _ = model.predict(rows, deterministic=True)
-    if (off := float(np.abs(policy.predict(rows)[0] - expected).max())) > TOLERANCE:
+    past, now = np.split(rows, [rows.shape[1] - rows.shape[1] // history], axis=1)
+    if (off := float(np.abs(policy.predict(now, past if history > 1 else None)[0] - expected).max())) > TOLERANCE:
         raise RuntimeError(f"the exported policy differs from the model by {off:.1e}")
     return policy
 
