@@ -10,7 +10,7 @@ SHIPPED = Path(__file__).with_name("ppo.yml")
 #: Numbers that may follow a schedule.
 _SCHEDULES = ("learning_rate", "clip_range", "clip_range_vf")
 #: What is not for PPO itself.
-_OWN = ("n_timesteps", "n_envs", "policy", "env_kwargs")
+_OWN = ("n_timesteps", "n_envs", "policy", "env_kwargs", "frame_stack")
 
 
 def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool = False) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def parse_pairs(given: Iterable[str]) -> dict[str, Any]:
 
 
 def count(hyperparameters: Mapping[str, Any], name: str) -> int:
-    """`n_timesteps` or `n_envs` as a number.
+    """`n_timesteps`, `n_envs` or `frame_stack` as a number.
 
     Raises
     ------

@@ -23,7 +23,7 @@ from uvms_gym.training import continuation
 from uvms_gym.training.evaluation import SEED, episode_steps, evaluate
 from uvms_gym.training.export import policy_of, versions, write_card
 from uvms_gym.training.hyperparameters import arguments, count
-from uvms_gym.training.wrappers import ResidualVecEnv, StaggeredStart
+from uvms_gym.training.wrappers import ResidualVecEnv, Stacked, StaggeredStart
 
 #: Seeds of environments between those of one training seed and of the next; below are those of evaluations.
 SEED_STRIDE = 10_000_000
@@ -76,6 +76,11 @@ class Settings:
     def steps(self) -> int:
         """Steps of all instances together."""
         return count(self.hyperparameters, "n_timesteps")
+
+    @property
+    def history(self) -> int:
+        """Observations that the network reads at once."""
+        return count({"frame_stack": 1} | self.hyperparameters, "frame_stack")
 
     @property
     def kwargs(self) -> dict[str, Any]:
@@ -145,10 +150,12 @@ def make_envs(settings: Settings) -> tuple[VecEnv, TaskVectorEnv, Controller | N
     if not isinstance(envs, TaskVectorEnv):
         raise ValueError(f"{settings.env} is no environment of uvms_gym")
     venv: VecEnv = StaggeredStart(native, episode_steps(settings.env, settings.kwargs))
-    if settings.base is None:
-        return venv, envs, None
-    base = base_controller(settings.base, envs)
-    return ResidualVecEnv(venv, base, settings.limit), envs, base
+    base = None if settings.base is None else base_controller(settings.base, envs)
+    if base is not None:
+        venv = ResidualVecEnv(venv, base, settings.limit)
+    if settings.history > 1:
+        venv = Stacked(venv, settings.history)
+    return venv, envs, base
 
 
 def base_controller(name: str, env: Any) -> Controller:
@@ -316,7 +323,9 @@ class _Run(BaseCallback):
 
     def controller(self, notes: Mapping[str, str] | None = None) -> tuple[MLP, Controller]:
         """The network as it is, and the controller that it makes."""
-        policy = policy_of(self.model, self.envs, corrects=self.base is not None, notes=notes)  # type: ignore[arg-type]
+        model: Any = self.model
+        told: dict[str, Any] = {"corrects": self.base is not None, "history": self.settings.history}
+        policy = policy_of(model, self.envs, notes=notes, **told)
         return policy, policy if self.base is None else Residual(self.base, policy, self.settings.limit)
 
     def evaluate(self) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStack
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from uvms_gym.controllers import Controller
@@ -119,3 +119,17 @@ class ResidualVecEnv(VecEnvWrapper):
     def _extended(self, observations: NDArray[np.float32], starts: NDArray[np.bool_]) -> NDArray[np.float32]:
         self._base_actions, self._memory = self.base.predict(observations, self._memory, starts)
         return np.hstack([observations, self._base_actions])
+
+
+class Stacked(VecFrameStack):
+    """The last observations at once, oldest first, which can be interrupted."""
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Everything that makes it go on as if it had not been interrupted."""
+        frames: Any = self.stacked_obs.stacked_obs
+        return {**self.venv.get_state(), "frames": frames.copy()}  # type: ignore[attr-defined]
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Continue from what `get_state` gave."""
+        self.venv.set_state(state)  # type: ignore[attr-defined]
+        self.stacked_obs.stacked_obs = np.array(state["frames"])
