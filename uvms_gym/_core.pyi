@@ -620,6 +620,10 @@ class Rollout:
         """Sums of their squares, (k, N)."""
 
     @property
+    def last(self) -> NDArray[np.float64]:
+        """The measures after the last control period that counts, (k, N)."""
+
+    @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 

@@ -36,7 +36,7 @@ from uvms_gym.training.wrappers import ResidualVecEnv, StaggeredStart
 ENV = "UVMS-StationKeep-Storm-v0"
 #: Five seconds of station keeping in a current.
 EASY = {"disturbance": "current", "max_episode_steps": 50}
-TINY = {"n_timesteps": 4 * 64, "n_envs": 8, "n_steps": 8, "batch_size": 32, "n_epochs": 2}
+TINY = {"n_timesteps": 4 * 64, "n_envs": 8, "n_steps": 8, "batch_size": 32, "n_epochs": 2, "frame_stack": 1}
 
 
 def settings(**options: Any) -> Settings:
@@ -157,7 +157,7 @@ def test_corrections_are_limited() -> None:
 
 def test_learning_beats_doing_nothing(tmp_path: Path) -> None:
     quick = {"n_timesteps": 61_440, "n_envs": 128, "n_steps": 16, "batch_size": 512, "n_epochs": 8}
-    found = read_hyperparameters(ENV) | quick | {"learning_rate": "lin_0.002"}
+    found = read_hyperparameters(ENV) | quick | {"learning_rate": "lin_0.002", "gamma": 0.9, "frame_stack": 1}
     outcome = train(Settings(ENV, found, EASY, eval_episodes=128), tmp_path)
     env = gymnasium.make(ENV, **EASY)
     for seed in (0, 10_000):

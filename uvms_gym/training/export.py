@@ -20,7 +20,7 @@ _ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu", nn.ELU: "elu"}
 
 
 def policy_of(
-    model: PPO, env: Any, *, corrects: bool = False, history: int = 1, notes: Mapping[str, str] | None = None
+    model: PPO, env: Any, *, history: int = 1, corrects: bool = False, notes: Mapping[str, str] | None = None
 ) -> MLP:
     """Take the actor out of a model.
 
@@ -30,10 +30,10 @@ def policy_of(
         With a `MlpPolicy`.
     env : UVMS environment
         What it was trained for.
-    corrects : bool
-        Whether it corrects a controller (`uvms_gym.Residual`).
     history : int
         Observations that it reads at once.
+    corrects : bool
+        Whether it corrects a controller (`uvms_gym.Residual`).
     notes : mapping of str to str, or None
         What goes into the policy's file.
 
@@ -48,16 +48,14 @@ def policy_of(
     if activation is None or model.policy.squash_output:
         raise ValueError(f"only a MlpPolicy of {', '.join(_ACTIVATIONS.values())} layers can be exported")
     state = {name: array.detach().cpu().numpy() for name, array in model.policy.state_dict().items()}
-    told: dict[str, Any] = {"corrects": corrects, "history": history, "notes": notes}
-    policy = MLP.from_state_dict(state, env, activation=activation, **told)
-    # Without a task it reads whatever row it is given.
-    network = MLP.from_state_dict(state, activation=activation)
+    policy = MLP.from_state_dict(state, env, activation=activation, history=history, corrects=corrects, notes=notes)
     bound = np.asarray(model.observation_space.high)  # type: ignore[attr-defined]
     rows = np.random.default_rng(0).normal(size=(256, *bound.shape)).astype(np.float32)
     if model._last_obs is not None:
         rows = np.concatenate([np.clip(rows, -bound, bound), np.asarray(model._last_obs)])
     expected, _ = model.predict(rows, deterministic=True)
-    if (off := float(np.abs(network.predict(rows)[0] - expected).max())) > TOLERANCE:
+    past, now = np.split(rows, [rows.shape[1] - rows.shape[1] // history], axis=1)
+    if (off := float(np.abs(policy.predict(now, past if history > 1 else None)[0] - expected).max())) > TOLERANCE:
         raise RuntimeError(f"the exported policy differs from the model by {off:.1e}")
     return policy
 

@@ -15,21 +15,21 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
-from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion
+from uvms_gym import MLP, Residual
 from uvms_gym.controllers import Controller
+from uvms_gym.controllers.catalogue import controller
 from uvms_gym.envs._base import TaskVectorEnv
 from uvms_gym.sb3 import make_vec_env
 from uvms_gym.training import continuation
 from uvms_gym.training.evaluation import SEED, episode_steps, evaluate
 from uvms_gym.training.export import policy_of, versions, write_card
 from uvms_gym.training.hyperparameters import arguments, count
-from uvms_gym.training.wrappers import ResidualVecEnv, Stacked, StaggeredStart
+from uvms_gym.training.wrappers import History, ResidualVecEnv, StaggeredStart
 
 #: Seeds of environments between those of one training seed and of the next; below are those of evaluations.
 SEED_STRIDE = 10_000_000
 #: Files of a run's folder.
 SETTINGS, CURVE, POLICY, BEST = "config.json", "evaluations.json", "policy.safetensors", "best_model.zip"
-_BASES: dict[str, Callable[[Any], Controller]] = {"pd": PD, "pid": PID, "resolved": ResolvedMotion}
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class Settings:
 
     @property
     def history(self) -> int:
-        """Observations that the network reads at once."""
-        return count({"frame_stack": 1} | self.hyperparameters, "frame_stack")
+        """Observations that the policy reads at once: `frame_stack`."""
+        return count({"frame_stack": 1, **self.hyperparameters}, "frame_stack")
 
     @property
     def kwargs(self) -> dict[str, Any]:
@@ -150,25 +150,12 @@ def make_envs(settings: Settings) -> tuple[VecEnv, TaskVectorEnv, Controller | N
     if not isinstance(envs, TaskVectorEnv):
         raise ValueError(f"{settings.env} is no environment of uvms_gym")
     venv: VecEnv = StaggeredStart(native, episode_steps(settings.env, settings.kwargs))
-    base = None if settings.base is None else base_controller(settings.base, envs)
+    base = None if settings.base is None else controller(settings.base, envs)
     if base is not None:
         venv = ResidualVecEnv(venv, base, settings.limit)
     if settings.history > 1:
-        venv = Stacked(venv, settings.history)
+        venv = History(venv, settings.history)
     return venv, envs, base
-
-
-def base_controller(name: str, env: Any) -> Controller:
-    """Make a controller to correct by its name.
-
-    Raises
-    ------
-    ValueError, TypeError
-        There is none of that name, or it is not for this environment.
-    """
-    if name not in _BASES:
-        raise ValueError(f"unknown controller {name!r}; known: {', '.join(_BASES)}")
-    return _BASES[name](env)
 
 
 def make_model(settings: Settings, venv: VecEnv, **more: Any) -> PPO:
@@ -324,8 +311,8 @@ class _Run(BaseCallback):
     def controller(self, notes: Mapping[str, str] | None = None) -> tuple[MLP, Controller]:
         """The network as it is, and the controller that it makes."""
         model: Any = self.model
-        told: dict[str, Any] = {"corrects": self.base is not None, "history": self.settings.history}
-        policy = policy_of(model, self.envs, notes=notes, **told)
+        settings = self.settings
+        policy = policy_of(model, self.envs, history=settings.history, corrects=self.base is not None, notes=notes)
         return policy, policy if self.base is None else Residual(self.base, policy, self.settings.limit)
 
     def evaluate(self) -> None:

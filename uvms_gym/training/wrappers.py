@@ -121,15 +121,27 @@ class ResidualVecEnv(VecEnvWrapper):
         return np.hstack([observations, self._base_actions])
 
 
-class Stacked(VecFrameStack):
-    """The last observations at once, oldest first, which can be interrupted."""
+class History(VecFrameStack):
+    """The last observations side by side, oldest first, and zeros before an episode's first; its state can be kept.
+
+    Parameters
+    ----------
+    venv : VecEnv
+        With a flat observation.
+    observations : int
+        How many.
+    """
+
+    def __init__(self, venv: VecEnv, observations: int) -> None:
+        super().__init__(venv, observations)
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Everything that makes it go on as if it had not been interrupted."""
-        frames: Any = self.stacked_obs.stacked_obs
-        return {**self.venv.get_state(), "frames": frames.copy()}  # type: ignore[attr-defined]
+        stacked: Any = self.stacked_obs
+        return {**self.venv.get_state(), "history": stacked.stacked_obs.copy()}  # type: ignore[attr-defined]
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Continue from what `get_state` gave."""
         self.venv.set_state(state)  # type: ignore[attr-defined]
-        self.stacked_obs.stacked_obs = np.array(state["frames"])
+        stacked: Any = self.stacked_obs
+        stacked.stacked_obs = np.array(state["history"])
