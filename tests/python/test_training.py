@@ -14,14 +14,15 @@ import numpy as np
 import pytest
 
 pytest.importorskip("stable_baselines3")
-yaml = pytest.importorskip("yaml")
+pytest.importorskip("yaml")
 
 import torch
+import yaml
 from helpers import same
 from stable_baselines3 import PPO
 
 import uvms_gym
-from uvms_gym import MLP, PD, PID
+from uvms_gym import MLP, PD, PID, Residual
 from uvms_gym.cli import main
 from uvms_gym.controllers import Rest
 from uvms_gym.sb3 import make_vec_env
@@ -35,7 +36,7 @@ from uvms_gym.training.wrappers import ResidualVecEnv, StaggeredStart
 ENV = "UVMS-StationKeep-Storm-v0"
 #: Five seconds of station keeping in a current.
 EASY = {"disturbance": "current", "max_episode_steps": 50}
-TINY = {"n_timesteps": 4 * 64, "n_envs": 8, "n_steps": 8, "batch_size": 32, "n_epochs": 2}
+TINY = {"n_timesteps": 4 * 64, "n_envs": 8, "n_steps": 8, "batch_size": 32, "n_epochs": 2, "frame_stack": 1}
 
 
 def settings(**options: Any) -> Settings:
@@ -78,7 +79,7 @@ def test_every_environment_has_hyperparameters_that_make_a_model(env: str, resid
     assert model.learning_rate(0.5) == pytest.approx(0.5 * model.learning_rate(1.0))
     assert bool((model.policy.log_std == (-1.8 if residual else -1.0)).all())
     # What rl_zoo3 hands to the algorithm as it is must be known to it.
-    assert set(found) - {"n_timesteps", "n_envs", "env_kwargs"} <= set(PPO.__init__.__annotations__)
+    assert set(found) - {"n_timesteps", "n_envs", "env_kwargs", "frame_stack"} <= set(PPO.__init__.__annotations__)
 
 
 def test_hyperparameters_are_what_rl_zoo3_makes_of_them() -> None:
@@ -156,7 +157,7 @@ def test_corrections_are_limited() -> None:
 
 def test_learning_beats_doing_nothing(tmp_path: Path) -> None:
     quick = {"n_timesteps": 61_440, "n_envs": 128, "n_steps": 16, "batch_size": 512, "n_epochs": 8}
-    found = read_hyperparameters(ENV) | quick | {"learning_rate": "lin_0.002"}
+    found = read_hyperparameters(ENV) | quick | {"learning_rate": "lin_0.002", "gamma": 0.9, "frame_stack": 1}
     outcome = train(Settings(ENV, found, EASY, eval_episodes=128), tmp_path)
     env = gymnasium.make(ENV, **EASY)
     for seed in (0, 10_000):
@@ -169,9 +170,10 @@ def test_learning_beats_doing_nothing(tmp_path: Path) -> None:
         assert learned["effort"] < 0.1
 
 
-@pytest.mark.parametrize("base", [None, "pid"])
-def test_a_run_that_was_stopped_ends_as_if_it_had_not(tmp_path: Path, base: str | None) -> None:
-    chosen = settings(eval_freq=64, save_freq=128, **({} if base is None else {"base": base}))
+@pytest.mark.parametrize(("base", "stack"), [(None, 1), ("pid", 1), (None, 3), ("pid", 3)])
+def test_a_run_that_was_stopped_ends_as_if_it_had_not(tmp_path: Path, base: str | None, stack: int) -> None:
+    options = {} if base is None else {"base": base}
+    chosen = settings(eval_freq=64, save_freq=128, hyperparameters={"frame_stack": stack}, **options)
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     for folder in (whole, parts):
         folder.mkdir()
@@ -251,6 +253,35 @@ def test_the_exported_policy_says_what_the_model_says(tmp_path: Path) -> None:
     (tmp_path / "README.md").write_text("mine")
     write_card(tmp_path)
     assert (tmp_path / "README.md").read_text() == "mine"
+
+
+@pytest.mark.parametrize(("base", "stack"), [("pid", 1), (None, 3), ("pid", 3)])
+def test_the_closed_loop_is_what_was_trained(base: str | None, stack: int) -> None:
+    options = {} if base is None else {"base": base}
+    chosen = settings(hyperparameters={"frame_stack": stack, "n_envs": 3}, **options)
+    venv, envs, corrected = make_envs(chosen)
+    model = make_model(chosen, venv)
+    with torch.no_grad():
+        # So that it says something.
+        model.policy.action_net.weight.mul_(100.0)
+    policy = policy_of(model, envs, corrects=corrected is not None, history=stack)
+    control = policy if corrected is None else Residual(corrected, policy, chosen.limit)
+    other = make_vec_env(ENV, 3, 11, **chosen.kwargs)
+    plain = other.reset()
+    layers = venv
+    while not isinstance(layers, StaggeredStart):
+        layers = layers.venv
+    # Episodes start together here.
+    layers.reset = layers.venv.reset
+    venv.seed(11)
+    observations = venv.reset()
+    state, starts = None, np.ones(3, dtype=bool)
+    for _ in range(30):
+        actions, state = control.predict(plain, state, starts)
+        plain, rewards, starts, _ = other.step(actions)
+        observations, expected, dones, _ = venv.step(model.predict(observations, deterministic=True)[0])
+        np.testing.assert_allclose(rewards, expected, rtol=1e-4, atol=1e-5)
+        assert same(starts, dones)
 
 
 def test_models_that_cannot_be_exported_are_refused() -> None:

@@ -68,7 +68,7 @@ def parse_pairs(given: Iterable[str]) -> dict[str, Any]:
 
 
 def count(hyperparameters: Mapping[str, Any], name: str) -> int:
-    """`n_timesteps` or `n_envs` as a number.
+    """`n_timesteps`, `n_envs` or `frame_stack` as a number.
 
     Raises
     ------
