@@ -71,11 +71,12 @@ def search(
     space: Space,
     evaluate: Callable[[int, Floats], Sequence[float]],
     *,
+    start: Floats | None = None,
     generations: int,
     population: int,
     seed: int,
 ) -> list[Floats]:
-    """Seek the least score by CMA-ES, from the middle of the ranges.
+    """Seek the least score by CMA-ES.
 
     Parameters
     ----------
@@ -83,6 +84,8 @@ def search(
         Where to look; its ranges are widened where the search leads to an edge.
     evaluate : callable
         Scores of a generation: of its number and the values (population, n) of its candidates.
+    start : numpy.ndarray (n,) or None
+        Where to begin, NaN for the middle of a range; None for the middle of all.
     seed : int
         The same scores lead to the same search.
 
@@ -93,6 +96,8 @@ def search(
     """
     rng = np.random.default_rng(seed)
     place = np.full(len(space.labels), 0.5)
+    if start is not None:
+        place = np.where(np.isnan(start), place, space.places(start))
     options = {"popsize": population, "randn": lambda *shape: rng.standard_normal(shape), "seed": np.nan, "verbose": -9}
     strategy = cma.CMAEvolutionStrategy(place, SIGMA, options)
     means = [place]
