@@ -16,6 +16,7 @@ from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
 from uvms_gym.cli.play import play
 from uvms_gym.cli.reproduce import reproduce
+from uvms_gym.cli.train import train
 
 #: Exit status of a command that was interrupted.
 INTERRUPTED = 130
@@ -31,6 +32,7 @@ app.command()(reproduce)
 app.command()(compare)
 app.command()(disturbances)
 app.command()(play)
+app.command()(train)
 app.command()(accuracy)
 app.command()(bench)
 scenes.app.command()(explain)
