@@ -15,8 +15,8 @@ Floats = NDArray[np.float64]
 
 #: Share of a range, at either end, that counts as its edge; how far the range is widened there.
 EDGE, WIDEN = 0.05, 0.5
-#: Standard deviation of the first generation, over the width of a range.
-SIGMA = 0.15
+#: Standard deviation of the first generation, over the width of a range; how much less where the start is known.
+SIGMA, KNOWN = 0.15, 0.4
 #: How many values a search ends with.
 FINALISTS = 8
 
@@ -71,11 +71,12 @@ def search(
     space: Space,
     evaluate: Callable[[int, Floats], Sequence[float]],
     *,
+    start: Floats | None = None,
     generations: int,
     population: int,
     seed: int,
 ) -> list[Floats]:
-    """Seek the least score by CMA-ES, from the middle of the ranges.
+    """Seek the least score by CMA-ES.
 
     Parameters
     ----------
@@ -83,6 +84,8 @@ def search(
         Where to look; its ranges are widened where the search leads to an edge.
     evaluate : callable
         Scores of a generation: of its number and the values (population, n) of its candidates.
+    start : numpy.ndarray (n,) or None
+        Where to begin; NaN: anywhere, so from the middle of the range; None: that for all.
     seed : int
         The same scores lead to the same search.
 
@@ -92,8 +95,15 @@ def search(
         Values worth another look: means of the last generations, late to early, and the best of the very last.
     """
     rng = np.random.default_rng(seed)
-    place = np.full(len(space.labels), 0.5)
-    options = {"popsize": population, "randn": lambda *shape: rng.standard_normal(shape), "seed": np.nan, "verbose": -9}
+    given = np.full(len(space.labels), np.nan) if start is None else space.places(start)
+    place = np.where(np.isnan(given), 0.5, given)
+    options = {
+        "popsize": population,
+        "CMA_stds": np.where(np.isnan(given), 1.0, KNOWN),
+        "randn": lambda *shape: rng.standard_normal(shape),
+        "seed": np.nan,
+        "verbose": -9,
+    }
     strategy = cma.CMAEvolutionStrategy(place, SIGMA, options)
     means = [place]
     for generation in range(generations):

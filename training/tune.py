@@ -9,9 +9,11 @@ python training/tune.py --controller pd,pid --period 0.05
 CMA-ES (`pycma`) searches in the logarithm of the gains. All candidates of a generation fly the same episodes, every
 generation has new ones, and none of them is one of the comparison's. What the search ends with is flown once more on
 fresh episodes, and the best goes into the package's `gains.json`, with how it was found. The base, which is the PD in
-station keeping, is tuned for its errors alone; the others pay for effort beyond `LIMIT` times its own in the same
-episodes, which it flies besides. In the storm the score of 64 episodes has a standard deviation of 4 %, but that of the
-difference between neighbours that fly the same ones is 1.2 %; with the 1024 of the last candidates it is 0.3 %.
+station keeping, is tuned for its errors alone; the others start from its gains where they have the same, and pay for
+effort beyond `LIMIT` times its own in the same episodes, which it flies besides.
+
+In the storm the score of 64 episodes has a standard deviation of 4 %, but that of the difference between neighbours
+that fly the same ones is 1.2 %; with the 1024 of the last candidates it is 0.3 %.
 
 A run that was stopped goes on where it was when the same command is given again.
 """
@@ -32,6 +34,7 @@ import gymnasium
 import numpy as np
 import typer
 from numpy.typing import NDArray
+from parameters import ALIKE, BASES, EACH, Parameter, parameters, space_of
 from search import Space, rounded, search, store, write
 
 import uvms_gym
@@ -53,76 +56,6 @@ LIMIT = 1.1
 LEVER = 0.5
 #: Episodes that each of the last candidates flies.
 FINAL_EPISODES = 1024
-
-#: What the numbers of a parameter are of, by how many there are.
-NAMES = {
-    2: ("linear", "angular"),
-    3: ("linear", "angular", "joints"),
-    6: ("x", "y", "z", "roll", "pitch", "yaw"),
-}
-Groups = tuple[tuple[int, ...], ...]
-#: Axes of the vehicle that share a factor.
-ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
-EACH: Groups = tuple((axis,) for axis in range(6))
-
-
-class Parameter(NamedTuple):
-    """A keyword argument of a controller, and the range that it is sought in.
-
-    The range is of factors on the controller's own value, one factor per group of its numbers, or of the value itself
-    where `absolute`. A range with a `floor` has a lower end that is as good as nothing, so that the best may be there.
-    """
-
-    name: str
-    low: float
-    high: float
-    groups: Groups = ()
-    absolute: bool = False
-    floor: bool = False
-
-    @property
-    def labels(self) -> list[str]:
-        """Names of what is sought."""
-        names = NAMES.get(sum(map(len, self.groups)), ())
-        return [f"{self.name}[{','.join(names[i] for i in group)}]" for group in self.groups] or [self.name]
-
-
-def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
-    """What is tuned, by the controller's name; gains on the vehicle have one factor per group of `axes`."""
-    pd = (Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes))
-    lead = Parameter("lead", 0.01, 1.0, absolute=True, floor=True)
-    observer = Parameter("observer", 0.2, 20.0, ((0,), (1,)), absolute=True)
-    # What the observer takes for granted about disturbances.
-    expected = (
-        Parameter("waves", 0.003, 3.0, ((0,), (1,)), absolute=True, floor=True),
-        Parameter("frequency", 0.3, 4.0, absolute=True),
-        Parameter("jolts", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
-    )
-    resolved = (
-        *(Parameter(name, 0.1, 10.0) for name in ("error", "vehicle", "joint")),
-        *(Parameter(name, 0.02, 20.0) for name in ("home", "level", "arm")),
-    )
-    brace = Parameter("brace", 0.02, 5.0, absolute=True, floor=True)
-    return {
-        "pd": pd,
-        "pd-restoring": pd,
-        "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
-        "dob": (*pd, observer, *expected),
-        "dob-delay": (*pd, observer, *expected, lead),
-        "computed-torque": (*pd, observer, *expected, lead),
-        "resolved": resolved,
-        "resolved-pid": (*resolved, Parameter("integral", 0.01, 10.0, absolute=True)),
-        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), brace, lead),
-    }
-
-
-#: The controller whose effort limits the others', by task.
-BASES = {"station-keep": "pd", "ee-track": "resolved"}
-
-
-def space_of(sought: Sequence[Parameter]) -> Space:
-    """Where to look for these parameters."""
-    return Space(*zip(*((label, p.low, p.high, p.floor) for p in sought for label in p.labels)))
 
 
 class Score(NamedTuple):
@@ -165,10 +98,13 @@ class Arena:
 
 
 class Tuner:
-    """Scores gains of one controller; `base` is the one whose effort is the limit."""
+    """Scores gains of one controller."""
 
-    def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter], base: Controller | None = None) -> None:
-        self._arena, self._entry, self._sought, self._base = arena, CLASSICAL[name], sought, base
+    #: The tuned controller whose effort is the limit.
+    limiting: Controller | None = None
+
+    def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter]) -> None:
+        self._arena, self._entry, self._sought = arena, CLASSICAL[name], sought
         own = self.controller({})
         self._own = {p.name: np.asarray(_own(own, p.name), dtype=np.float64) for p in sought}
 
@@ -187,13 +123,25 @@ class Tuner:
             gains[parameter.name] = np.vectorize(rounded)(scaled).tolist()
         return gains
 
+    def factors(self, gains: dict[str, Any]) -> dict[str, Floats]:
+        """Gains over the controller's own values."""
+        return {name: np.asarray(value) / self._own[name] for name, value in gains.items()}
+
+    def start(self, factors: dict[str, Floats]) -> Floats:
+        """Where the search begins: at these factors, as far as there are such; NaN elsewhere."""
+        numbers: list[Any] = []
+        for parameter in self._sought:
+            known = factors.get(parameter.name, np.full_like(self._own[parameter.name], np.nan))
+            numbers += [known[list(group)].mean() for group in parameter.groups] or [known]
+        return np.array(numbers, dtype=np.float64)
+
     def score(self, gains: dict[str, Any], seed: int, episodes: int) -> Score:
         """Score gains."""
         return self._arena.score(self.controller(gains), seed, episodes)
 
     def limit(self, seed: int, episodes: int) -> float | None:
         """Greatest effort in these episodes; None for the base itself."""
-        return None if self._base is None else LIMIT * self._arena.score(self._base, seed, episodes).effort
+        return None if self.limiting is None else LIMIT * self._arena.score(self.limiting, seed, episodes).effort
 
 
 class Budget(NamedTuple):
@@ -209,6 +157,7 @@ def tune(
     space: Space,
     budget: Budget,
     *,
+    start: Floats | None = None,
     seed: int,
     checkpoint: Path,
     settings: dict[str, Any],
@@ -229,12 +178,12 @@ def tune(
     def evaluate(generation: int, candidates: Floats) -> list[float]:
         if generation == len(done["scores"]):
             began = time.monotonic()
-            start = SEEDS.start + generation * budget.episodes
-            limit = tuner.limit(start, budget.episodes)
+            first = SEEDS.start + generation * budget.episodes
+            limit = tuner.limit(first, budget.episodes)
             with warnings.catch_warnings():
                 # Wild candidates may shake a vehicle until its steps are wrong.
                 warnings.simplefilter("ignore", StepWarning)
-                scores = [tuner.score(tuner.gains(x), start, budget.episodes) for x in candidates]
+                scores = [tuner.score(tuner.gains(x), first, budget.episodes) for x in candidates]
             done["scores"].append([score.objective(limit) for score in scores])
             done["seconds"] += time.monotonic() - began
             write(checkpoint, done)
@@ -242,14 +191,16 @@ def tune(
         tick()
         return scores
 
-    found = search(space, evaluate, generations=budget.generations, population=budget.population, seed=seed)
+    found = search(
+        space, evaluate, start=start, generations=budget.generations, population=budget.population, seed=seed
+    )
     began = time.monotonic()
-    start = SEEDS.start + budget.generations * budget.episodes
-    limit = tuner.limit(start, FINAL_EPISODES)
+    first = SEEDS.start + budget.generations * budget.episodes
+    limit = tuner.limit(first, FINAL_EPISODES)
     finals = []
     for values in found:
         gains = tuner.gains(values)
-        score = tuner.score(gains, start, FINAL_EPISODES)
+        score = tuner.score(gains, first, FINAL_EPISODES)
         edges = [space.labels[i] for i, _ in space.edges(space.places(values))]
         # Least of all an edge, then effort within the limit, then the objective.
         finals.append(
@@ -270,7 +221,8 @@ def tune(
             "finalists": len(found),
             "episodes_per_finalist": FINAL_EPISODES,
         },
-        "seeds": {"search": [SEEDS.start, start - 1], "final": [start, start + FINAL_EPISODES - 1], "optimizer": seed},
+        "seeds": {"search": [SEEDS.start, first - 1], "final": [first, first + FINAL_EPISODES - 1], "optimizer": seed},
+        "start": None if start is None else [None if np.isnan(x) else rounded(x) for x in start],
         "ranges": space.ranges,
         "widened": space.widened,
         "at_edge": edges,
@@ -322,12 +274,15 @@ def main(
     file, base = policies / place / "gains.json", BASES[task]
     where = circumstances("tune", {})
     for name in names:
-        first = None
+        ours = Tuner(arena, name, known[name])
+        gains, start = None, None
         if name != base:
             try:
-                first = json.loads(file.read_text())[base]["gains"]
+                gains = json.loads(file.read_text())[base]["gains"]
             except (OSError, ValueError, LookupError):
                 raise fail(f"{file} has no gains of {base}, whose effort is the limit: tune {base} first") from None
+            theirs = Tuner(arena, base, known[base])
+            ours.limiting, start = theirs.controller(gains), ours.start(theirs.factors(gains))
         settings = {
             "env": env,
             "scene": arena.options["scene"],
@@ -335,15 +290,15 @@ def main(
             "controller": [name, CLASSICAL[name].arguments, known[name]],
             "budget": budget,
             "seed": seed,
-            "base": first,
+            "base": gains,
             "versions": {"uvms_gym": uvms_gym.__version__, "cma": cma.__version__},
         }
-        limiting = first and Tuner(arena, base, known[base]).controller(first)
         with progress() as bar:
             gains, record = tune(
-                Tuner(arena, name, known[name], limiting),
+                ours,
                 space_of(known[name]),
                 budget,
+                start=start,
                 seed=seed,
                 checkpoint=work / place / f"{name}.json",
                 settings=settings,

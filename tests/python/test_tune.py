@@ -10,9 +10,11 @@ import pytest
 pytest.importorskip("cma")
 sys.path.append(str(Path(__file__).parents[2] / "training"))
 
+from parameters import ALIKE, EACH, parameters, space_of
 from search import Space, search, store
-from tune import ALIKE, EACH, SEEDS, Arena, Score, app, parameters, space_of
+from tune import SEEDS, Arena, Score, app
 
+from uvms_gym import PD
 from uvms_gym.cli.app import run
 
 TINY = ["--generations", "2", "--population", "4", "--episodes", "8", "--env", "UVMS-StationKeep-v0", "--threads", "1"]
@@ -47,6 +49,19 @@ def test_a_range_is_widened_where_the_best_is_beyond_it():
     assert set(ours.widened) == {"g0 up"}
     assert ours.ranges["g0"][1] > 100.0
     assert ours.ranges["g1"] == [0.1, 10.0]
+
+
+def test_a_search_begins_where_it_is_told_to():
+    seen = []
+
+    def evaluate(_, candidates):
+        seen.append(candidates)
+        return bowl(np.ones(2))(0, candidates)
+
+    search(space(2, 0.01, 100.0), evaluate, start=np.array([10.0, np.nan]), generations=1, population=400, seed=0)
+    places = np.log(seen[0])
+    assert np.allclose(places.mean(axis=0), np.log([10.0, 1.0]), atol=0.3)
+    assert places[:, 0].std() < 0.5 * places[:, 1].std()
 
 
 def test_edges_are_seen_unless_they_are_floors():
@@ -110,6 +125,9 @@ def test_the_command_tunes_and_goes_on_where_it_was(tmp_path, monkeypatch):
     record = first["pid"]["tuning"]
     assert record["effort_limit"] == pytest.approx(1.1 * first["pd"]["tuning"]["effort"])
     assert record["budget"]["episodes"] == 2 * 4 * 8 + 8 * record["budget"]["finalists"]
+    factors = record["start"]
+    assert len(factors) == 12 and None not in factors[:8] and factors[8:] == [None] * 4
+    assert first["pd"]["gains"]["kd"][2] == pytest.approx(factors[5] * PD(scene="petasus-pum").kd[2], rel=1e-3)
     assert SEEDS.start == record["seeds"]["search"][0] <= record["seeds"]["final"][1] < SEEDS.stop
     # What a run stopped after the first generation leaves; the second is flown again and comes out the same.
     checkpoint = tmp_path / "w" / "UVMS-StationKeep" / "petasus-pum" / "0.05s" / "pid.json"
