@@ -522,6 +522,9 @@ pub enum PolicyError {
     /// Layers that do not follow each other.
     #[error("layer {layer} has {got} weights, but must have {outputs} x {inputs}, and at least one")]
     Layer { layer: usize, outputs: usize, inputs: usize, got: usize },
+    /// Inputs that are no whole observations.
+    #[error("a policy that reads {history} observations at once cannot have {inputs} inputs")]
+    History { history: usize, inputs: usize },
     /// Too many or too few numbers.
     #[error("{tensor} has {got} numbers, but must have {expected}")]
     Length { tensor: String, got: usize, expected: usize },

@@ -693,6 +693,7 @@ class Mlp(Policy):
         *,
         activation: str,
         output: str,
+        history: int,
         normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
         task: Task | None,
         corrects: bool,
@@ -716,8 +717,12 @@ class Mlp(Policy):
         """Whether it says that it corrects a controller."""
 
     @property
+    def history(self) -> int:
+        """Observations that it reads at once."""
+
+    @property
     def sizes(self) -> list[int]:
-        """Entries of the observation and of all layers' results."""
+        """Entries of what it reads, and of all layers' results."""
 
     @property
     def activation(self) -> str:

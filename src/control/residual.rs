@@ -37,19 +37,31 @@ impl Residual {
 
 impl Policy for Residual {
     fn widths(&self) -> Widths {
-        self.base.widths()
+        let base = self.base.widths();
+        Widths { memory: base.memory + self.correction.widths().memory, ..base }
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        let Widths { observation, action, .. } = self.widths();
-        self.base.act(observations, memory, actions)?;
+        let Widths { observation, memory: remembered, action } = self.widths();
+        self.widths().rows(observations, memory, actions)?;
+        // A row of memory is the base's and then the network's.
+        let (split, mut theirs, mut own) = (self.base.widths().memory, Vec::new(), Vec::new());
+        for row in memory.chunks_exact(remembered.max(1)) {
+            theirs.extend_from_slice(&row[..split]);
+            own.extend_from_slice(&row[split..]);
+        }
+        self.base.act(observations, &mut theirs, actions)?;
         let mut seen = Vec::with_capacity(observations.len() + actions.len());
         for (row, base) in observations.chunks_exact(observation).zip(actions.chunks_exact(action)) {
             seen.extend_from_slice(row);
             seen.extend_from_slice(base);
         }
         let mut corrections = vec![0.0; actions.len()];
-        self.correction.act(&seen, &mut [], &mut corrections)?;
+        self.correction.act(&seen, &mut own, &mut corrections)?;
+        for (i, row) in memory.chunks_exact_mut(remembered.max(1)).enumerate() {
+            row[..split].copy_from_slice(&theirs[i * split..(i + 1) * split]);
+            row[split..].copy_from_slice(&own[i * (remembered - split)..(i + 1) * (remembered - split)]);
+        }
         for (a, correction) in actions.iter_mut().zip(corrections) {
             *a = (*a + self.limit * correction.clamp(-1.0, 1.0)).clamp(-1.0, 1.0);
         }

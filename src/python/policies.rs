@@ -140,13 +140,14 @@ impl Mlp {
     /// Layers `W x + b` from weights (outputs, inputs) and biases; mean, variance, epsilon and clip of a normalisation;
     /// and the task that the policy is for, alone or to correct a controller.
     #[new]
-    #[pyo3(signature = (weights, biases, *, activation, output, normalisation, task, corrects, notes))]
+    #[pyo3(signature = (weights, biases, *, activation, output, history, normalisation, task, corrects, notes))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn new(
         weights: Vec<PyReadonlyArray2<'_, f32>>,
         biases: Vec<PyReadonlyArray1<'_, f32>>,
         activation: &str,
         output: &str,
+        history: usize,
         normalisation: Option<(Vec<f32>, Vec<f32>, f32, f32)>,
         task: Option<PyRef<'_, Task>>,
         corrects: bool,
@@ -173,7 +174,7 @@ impl Mlp {
         let normalisation =
             normalisation.map(|(mean, variance, epsilon, clip)| Normalisation { mean, variance, epsilon, clip });
         let purpose = task.map(|task| purpose(&task, corrects));
-        let network = Network { normalisation, layers, activation, output };
+        let network = Network { history, normalisation, layers, activation, output };
         Ok(Self::of(control::Mlp::new(network, purpose, notes)?))
     }
 
@@ -206,7 +207,13 @@ impl Mlp {
         self.mlp.purpose().is_some_and(Purpose::corrects)
     }
 
-    /// Entries of the observation and of all layers' results.
+    /// Observations that it reads at once.
+    #[getter]
+    fn history(&self) -> usize {
+        self.mlp.network().history
+    }
+
+    /// Entries of what it reads, and of all layers' results.
     #[getter]
     fn sizes(&self) -> Vec<usize> {
         self.mlp.network().sizes()

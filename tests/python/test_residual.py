@@ -35,6 +35,21 @@ def test_val_the_action_is_the_bases_and_a_share_of_the_networks(kind: type[PD] 
     np.testing.assert_array_equal(again.predict(rows)[0], ours)
 
 
+def test_the_network_may_see_the_past() -> None:
+    base = PID(ENV)
+    network = MLP(ENV, **layers((60, 7, 6)), history=2, corrects=True)
+    corrected, rows = Residual(base, network, 0.4), [observations(9, seed) for seed in (1, 2, 3)]
+    state = own = past = None
+    for row in rows:
+        theirs, own = base.predict(row, own)
+        now = np.concatenate([row, theirs], axis=1)
+        stacked = np.concatenate([np.zeros_like(now) if past is None else past, now], axis=1)
+        more = MLP(**layers((60, 7, 6))).predict(stacked)[0]
+        actions, state = corrected.predict(row, state)
+        np.testing.assert_array_equal(actions, np.clip(theirs + np.float32(0.4) * more, -1.0, 1.0))
+        past = now
+
+
 def test_without_corrections_it_is_the_base() -> None:
     envs = gym.make_vec("UVMS-StationKeep-v0", num_envs=5, scene=SMALL)
     returns = []

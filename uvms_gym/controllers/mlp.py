@@ -38,6 +38,9 @@ class MLP(Controller):
         `clip((x - mean) / sqrt(variance + epsilon), -clip, clip)`. Nothing where None.
     epsilon, clip : float
         As VecNormalize has them (`epsilon`, `clip_obs`).
+    history : int
+        Observations that it reads at once: the last ones, oldest first, and zeros in place of those before an episode's
+        first, as `VecFrameStack` has it. They are the controller's state, which `predict` takes and gives back.
     corrects : bool
         Whether it corrects a controller, whose action it reads after the observation: see `Residual`.
     notes : mapping of str to str, or None
@@ -67,6 +70,7 @@ class MLP(Controller):
         variance: ArrayLike | None = None,
         epsilon: float = 1e-8,
         clip: float = 10.0,
+        history: int = 1,
         corrects: bool = False,
         notes: Mapping[str, str] | None = None,
         **options: Unpack[Options],
@@ -79,6 +83,7 @@ class MLP(Controller):
             [_array(f"biases[{i}]", layer, 1) for i, layer in enumerate(biases)],
             activation=activation,
             output=output,
+            history=history,
             normalisation=given,
             task=_task(type(self).__name__, env, options),
             corrects=corrects,
@@ -155,13 +160,18 @@ class MLP(Controller):
 
     @property
     def sizes(self) -> list[int]:
-        """Entries of the observation and of all layers' results."""
+        """Entries of what it reads, and of all layers' results."""
         return self.policy.sizes
 
     @property
     def purpose(self) -> dict[str, Any] | None:
         """What the policy is for: task, scene, action, actions, control_period and observation."""
         return self.policy.purpose
+
+    @property
+    def history(self) -> int:
+        """Observations that it reads at once."""
+        return self.policy.history
 
     @property
     def corrects(self) -> bool:
