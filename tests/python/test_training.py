@@ -258,7 +258,7 @@ def test_the_exported_policy_says_what_the_model_says(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("base", "stack"), [("pid", 1), (None, 3), ("pid", 3)])
 def test_the_closed_loop_is_what_was_trained(base: str | None, stack: int) -> None:
     options = {} if base is None else {"base": base}
-    chosen = settings(hyperparameters={"frame_stack": stack, "n_envs": 3}, **options)
+    chosen = settings(hyperparameters={"frame_stack": stack, "n_envs": 4}, **options)
     venv, envs, corrected = make_envs(chosen)
     model = make_model(chosen, venv)
     with torch.no_grad():
@@ -266,7 +266,7 @@ def test_the_closed_loop_is_what_was_trained(base: str | None, stack: int) -> No
         model.policy.action_net.weight.mul_(100.0)
     policy = policy_of(model, envs, corrects=corrected is not None, history=stack)
     control = policy if corrected is None else Residual(corrected, policy, chosen.limit)
-    other = make_vec_env(ENV, 3, 11, **chosen.kwargs)
+    other = make_vec_env(ENV, 4, 11, **chosen.kwargs)
     plain = other.reset()
     layers = venv
     while not isinstance(layers, StaggeredStart):
@@ -275,7 +275,7 @@ def test_the_closed_loop_is_what_was_trained(base: str | None, stack: int) -> No
     layers.reset = layers.venv.reset
     venv.seed(11)
     observations = venv.reset()
-    state, starts = None, np.ones(3, dtype=bool)
+    state, starts = None, np.ones(4, dtype=bool)
     for _ in range(30):
         actions, state = control.predict(plain, state, starts)
         plain, rewards, starts, _ = other.step(actions)
