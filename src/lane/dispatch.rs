@@ -158,8 +158,13 @@ macro_rules! real {
                 fn plain<K: Kernel<$real>>(kernel: &mut K) {
                     kernel.run::<Unfused<$real>>();
                 }
-                let _ = (isa, avx2::<Nothing>, fma::<Nothing>, plain::<Nothing>);
-                unsafe { avx512(kernel) }
+                // SAFETY: each branch is taken only where its features have been detected.
+                match isa {
+                    Isa::Avx512 if isa.detected() => unsafe { avx512(kernel) },
+                    Isa::Avx2 if isa.detected() => unsafe { avx2(kernel) },
+                    Isa::Fma if isa.detected() => unsafe { fma(kernel) },
+                    _ => plain(kernel),
+                }
             }
 
             #[cfg(not(target_arch = "x86_64"))]
@@ -187,8 +192,6 @@ macro_rules! real {
         }
     };
 }
-struct Nothing;
-impl<T: Real> Kernel<T> for Nothing { fn run<L: Lane<Real = T>>(&mut self) {} }
 mod double {
     use super::*;
     real!(f64, 8, false, F64x8, F64x4, F64x2);

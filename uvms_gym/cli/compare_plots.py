@@ -72,8 +72,7 @@ def _bars(axes: Axes, summary: Summary, metric: str) -> None:
         if description.error:
             tail = description.scale * estimates["p95"].value
             axes.plot(tail, k, "D", color="#333333", mfc="white", markersize=4.5)
-    better = "" if description.less else " (more is better)"
-    axes.set(title=f"{description.label}{better}", ylim=(len(names) - 0.4, -0.6))
+    axes.set(title=description.label, ylim=(len(names) - 0.4, -0.6))
     axes.set_yticks(range(len(names)), [shown(name) for name in names])
     for label in axes.get_yticklabels():
         label.set_fontweight("bold" if label.get_text() == shown(summary.winner) else "normal")
@@ -96,7 +95,7 @@ def _cut(axes: Axes, summary: Summary, metric: str) -> None:
     if value > 1.3 * end:
         axes.set_xlim(right=end)
         place = list(all_of).index("none")
-        axes.text(0.98 * end, place, f"{value:.0f} →", ha="right", va="center", fontsize=8.0, color="white")
+        axes.text(0.98 * end, place, f"{value:.0f} →", ha="right", va="center", fontsize=8.0, color="black")
 
 
 def profiles(path: Path, cells: Sequence[Cell], summaries: Sequence[Summary]) -> None:
