@@ -249,12 +249,12 @@ class ComputedTorque(_ModelControl):
 class MPC(_Observing):
     """Linear model-predictive control, with the observer of `DOB`.
 
-    Of all plans of the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them, it takes the one that
-    costs least within the thrusters' limits: squares of pose errors (1 rad for 0.5 m), of velocities, of the wrench
-    that is not needed against what disturbs (over its limits) and of its changes; beyond the plan as linear feedback would.
-    The model is linear: nominal inertia with the arm at home, and thrusters through their lag; forces and the disturbance
-    are those of the present, from which waves go on. Where the plan without limits keeps within them it is the best; else
-    a quadratic program tells (Clarabel).
+    Of all plans of the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them, it takes the one
+    that costs least within the thrusters' limits: squares of pose errors (1 rad for 0.5 m), of velocities, of the
+    wrench that is not needed against what disturbs (over its limits) and of its changes; beyond the plan as linear
+    feedback would. The model is linear: nominal inertia with the arm at home, and thrusters through their lag;
+    forces and the disturbance are those of the present, from which waves go on. Where the plan without limits keeps
+    within them it is the best; else a quadratic program tells (Clarabel).
 
     Parameters
     ----------
