@@ -456,6 +456,9 @@ pub enum ControlError {
     /// A gain that is no number, or that would drive the vehicle away.
     #[error("gain {name}[{index}] = {value}: must be finite and not negative")]
     Gain { name: &'static str, index: usize, value: f64 },
+    /// A delay that nobody predicts.
+    #[error("delay of {periods} control periods: at most {most} are predicted")]
+    Delay { periods: u32, most: u32 },
     /// Arrays that do not fit together.
     #[error("{what}: {got} numbers, expected {expected}")]
     Shape { what: &'static str, got: usize, expected: usize },

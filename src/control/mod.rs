@@ -20,4 +20,4 @@ pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, Purpose};
 pub use pd::{Pd, Reading};
 pub use pid::Pid;
 pub use policy::{Policy, Rest, Widths};
-pub use resolved::{Entries, ResolvedGains, ResolvedMotion, TrackReading};
+pub use resolved::{Entries, MOST_DELAY, ResolvedGains, ResolvedMotion, TrackReading};

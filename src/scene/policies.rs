@@ -67,8 +67,8 @@ impl Task {
             reference: find(&["reference_twist"]),
             ahead,
         };
-        let [.., up] = self.level;
-        Ok(ResolvedMotion::new(&self.scene, up, reading, gains.unwrap_or_default(), self.actions().clone())?)
+        let (gains, period) = (gains.unwrap_or_default(), self.options().control_period());
+        Ok(ResolvedMotion::new(&self.scene, reading, gains, self.actions().clone(), period)?)
     }
 
     /// [`Self::pd`] with an integral, whose gains follow from the others where `ki` does not give them: see [`Pid`].
