@@ -575,7 +575,6 @@ class Task:
         home: float | None = None,
         level: float | None = None,
         arm: float | None = None,
-        brace: float | None = None,
         lead: float | None = None,
         integral: float | None = None,
         observer: list[float] | None = None,

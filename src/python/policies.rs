@@ -133,7 +133,6 @@ impl ResolvedMotion {
             ("home", gains.home),
             ("level", gains.level),
             ("arm", gains.arm),
-            ("brace", gains.brace),
             ("lead", gains.lead),
             ("integral", gains.integral),
         ] {
@@ -264,7 +263,7 @@ impl Task {
     }
 
     /// Resolved motion with these gains; the usual ones where they are not given.
-    #[pyo3(signature = (*, error=None, vehicle=None, joint=None, home=None, level=None, arm=None, brace=None, lead=None,
+    #[pyo3(signature = (*, error=None, vehicle=None, joint=None, home=None, level=None, arm=None, lead=None,
                         integral=None, observer=None, delay=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn resolved_motion(
@@ -276,7 +275,6 @@ impl Task {
         home: Option<f64>,
         level: Option<f64>,
         arm: Option<f64>,
-        brace: Option<f64>,
         lead: Option<f64>,
         integral: Option<f64>,
         observer: Option<[f64; 3]>,
@@ -290,7 +288,6 @@ impl Task {
             home: home.unwrap_or(usual.home),
             level: level.unwrap_or(usual.level),
             arm: arm.unwrap_or(usual.arm),
-            brace: brace.unwrap_or(usual.brace),
             lead: lead.unwrap_or(usual.lead),
             integral: integral.unwrap_or(usual.integral),
             observer: observer.unwrap_or(usual.observer),

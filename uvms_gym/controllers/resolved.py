@@ -33,8 +33,6 @@ class ResolvedMotion(Controller):
         Of the joints' distance from home and of the vehicle's tilt on their rates, 1/s (0.5 and 0.5).
     arm : float or None
         How readily joints move against the vehicle: an arm of length 1 m takes as much of a motion at 1 (2).
-    brace : float
-        Share of the vehicle's error of its twist that the joints make up for at the end effector.
     lead : float
         Share of the thrusters' nominal lag over a period that is made up for; only with `observer` or `delay`.
     integral : float
@@ -68,7 +66,6 @@ class ResolvedMotion(Controller):
         home: float | None = None,
         level: float | None = None,
         arm: float | None = None,
-        brace: float = 0.0,
         lead: float = 0.0,
         integral: float = 0.0,
         observer: Sequence[float] = (0.0, 0.0, 0.0),
@@ -85,7 +82,6 @@ class ResolvedMotion(Controller):
             home=home,
             level=level,
             arm=arm,
-            brace=brace,
             lead=lead,
             integral=integral,
             observer=list(observer),

@@ -29,8 +29,6 @@ pub struct ResolvedGains {
     pub level: f64,
     /// How readily joints move against the vehicle: an arm of length 1 m takes as much of a motion at 1.
     pub arm: f64,
-    /// Share of the vehicle's error of its twist that the joints make up for at the end effector.
-    pub brace: f64,
     /// Share of the thrusters' nominal lag over a period that is made up for; only where a model runs along.
     pub lead: f64,
     /// Of the integral of the pose error, over `error`, 1/s; 0 for none.
@@ -54,7 +52,6 @@ impl Default for ResolvedGains {
             home: 0.5,
             level: 0.5,
             arm: 2.0,
-            brace: 0.0,
             lead: 0.0,
             integral: 0.0,
             observer: [0.0; 3],
@@ -65,7 +62,7 @@ impl Default for ResolvedGains {
 
 impl ResolvedGains {
     fn check(&self) -> Result<(), ControlError> {
-        let Self { error, vehicle, joint, home, level, arm, brace, lead, integral, observer, delay } = *self;
+        let Self { error, vehicle, joint, home, level, arm, lead, integral, observer, delay } = *self;
         let named = [
             ("error", error),
             ("vehicle", vehicle),
@@ -73,7 +70,6 @@ impl ResolvedGains {
             ("home", home),
             ("level", level),
             ("arm", arm),
-            ("brace", brace),
             ("lead", lead),
             ("integral", integral),
         ];
@@ -98,8 +94,6 @@ impl ResolvedGains {
 const MARGIN: f64 = 0.15;
 /// Damping of the pseudo-inverse, as a share of the vehicle's own weight.
 const DAMPING: f64 = 1e-3;
-/// Likewise of the arm alone, which does not reach everywhere.
-const BRACING: f64 = 1e-2;
 /// An actuator falls short where it misses more than this share of its limit: actions are rounded to f32.
 const MISSED: f64 = 1e-4;
 
@@ -270,18 +264,7 @@ impl ResolvedMotion {
             leisure[6 + k] = gains.home * (self.home[k] - q[k]);
         }
         let error = now.error + integral * gains.integral;
-        let mut wanted = leisure + share_out(&(now.reference - error * gains.error - jacobian * leisure));
-        if gains.brace > 0.0 {
-            let mut short = Velocities::zeros();
-            short.fixed_rows_mut::<6>(0).copy_from(&(wanted - now.velocities).fixed_rows::<6>(0));
-            let lacks = jacobian * short * gains.brace;
-            let mut arm = scaled;
-            arm.fixed_rows_mut::<6>(0).fill(0.0);
-            let damped = jacobian * arm + SMatrix::<f64, 6, 6>::identity() * BRACING;
-            if let Some(factor) = damped.cholesky() {
-                wanted += arm * factor.solve(&lacks);
-            }
-        }
+        let wanted = leisure + share_out(&(now.reference - error * gains.error - jacobian * leisure));
 
         let mut acceleration = share_out(&now.acceleration);
         for k in 0..6 + n {

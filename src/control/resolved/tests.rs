@@ -158,7 +158,7 @@ fn without_errors_all_velocities_die_out_at_their_gains() {
 
 #[test]
 fn rows_are_independent_and_remember_for_themselves() {
-    let gains = ResolvedGains { integral: 0.4, observer: [3.0, 3.0, 4.0], delay: 2, brace: 0.5, ..gains() };
+    let gains = ResolvedGains { integral: 0.4, observer: [3.0, 3.0, 4.0], delay: 2, lead: 0.5, ..gains() };
     let policy = policy(gains).unwrap();
     let (Widths { observation, memory, action }, mut draw) = (policy.widths(), noise(5));
     let mut together = (vec![0.0; 4 * memory], vec![0.0f32; 4 * action]);
@@ -251,7 +251,7 @@ fn bad_gains_are_refused_by_name() {
     let refused = |gains| policy(gains).err().unwrap();
     let gain = |name, index, value| ControlError::Gain { name, index, value };
     assert_eq!(refused(ResolvedGains { integral: -1.0, ..gains() }), gain("integral", 0, -1.0));
-    assert_eq!(refused(ResolvedGains { brace: -0.5, ..gains() }), gain("brace", 0, -0.5));
+    assert_eq!(refused(ResolvedGains { lead: -0.5, ..gains() }), gain("lead", 0, -0.5));
     assert_eq!(refused(ResolvedGains { observer: [1.0, -2.0, 0.0], ..gains() }), gain("observer", 1, -2.0));
     assert!(matches!(refused(ResolvedGains { joint: f64::NAN, ..gains() }), ControlError::Gain { name: "joint", .. }));
     assert_eq!(refused(ResolvedGains { delay: 11, ..gains() }), ControlError::Delay { periods: 11, most: MOST_DELAY });
