@@ -7,7 +7,7 @@ use nalgebra::{Matrix6, SMatrix, SVector, Vector3, Vector6};
 
 use super::appendages::Appendages;
 use super::body::DenseBody;
-use super::dense::{Pose, ad, angular, linear, stack};
+use super::dense::{Pose, ad, angular, blocks, cross, linear, stack};
 use super::joint::{EndStop, friction, joint_axis};
 use crate::description::{Joint, JointKind, Scene};
 use crate::error::BalanceError;
@@ -38,13 +38,47 @@ pub struct Recursion {
 #[derive(Debug, Clone, Default)]
 struct Moving {
     inertia: Matrix6<f64>,
-    parts: Vec<(Pose, DenseBody)>,
+    /// Mass that is not buoyed up, kg, and its first moment, kg m.
+    weight: f64,
+    moment: Vector3<f64>,
+    drags: Vec<Drag>,
+}
+
+/// Drag in the frame of its coefficients, at its pose.
+#[derive(Debug, Clone)]
+struct Drag {
+    pose: Pose,
+    linear: Matrix6<f64>,
+    quadratic: Matrix6<f64>,
 }
 
 impl Moving {
-    fn add(&mut self, pose: Pose, body: DenseBody) {
+    fn add(&mut self, pose: Pose, body: &DenseBody) {
         self.inertia += inertia_to_parent(&pose, &body.inertia());
-        self.parts.push((pose, body));
+        // Restoring wrenches are linear in gravity: the force is the weight times it, the moment its product with the moment.
+        let [x, y] = [Vector3::x(), Vector3::y()].map(|axis| body.restoring(&axis));
+        self.weight += x[0];
+        self.moment += pose.rotation * Vector3::new(y[5], -x[5], x[4]) + pose.position * x[0];
+        let (linear, quadratic) = (body.linear_drag, body.quadratic_drag);
+        if linear != Matrix6::zeros() || quadratic != Matrix6::zeros() {
+            self.drags.push(Drag { pose: pose * body.hydrodynamic, linear, quadratic });
+        }
+    }
+
+    /// What it takes to move it so without accelerating it beyond `drift`.
+    #[inline]
+    fn force(&self, twist: &Vector6<f64>, drift: &Vector6<f64>, gravity: &Vector3<f64>) -> Vector6<f64> {
+        let momentum = self.inertia * twist;
+        let (p, l, v, omega) = (linear(&momentum), angular(&momentum), linear(twist), angular(twist));
+        // -ad_V^T A V.
+        let mut force = self.inertia * drift + stack(&omega.cross(&p), &(omega.cross(&l) + v.cross(&p)));
+        force -= stack(&(gravity * self.weight), &self.moment.cross(gravity));
+        for drag in &self.drags {
+            let there = to_child(&drag.pose, twist);
+            let squared = there.component_mul(&there.abs());
+            force += drag.pose.carry_wrench(&(drag.linear * there + drag.quadratic * squared));
+        }
+        force
     }
 }
 
@@ -86,7 +120,7 @@ impl Recursion {
     pub fn new(scene: &Scene) -> Result<Self, BalanceError> {
         let body = |body| DenseBody::new(body, &scene.water);
         let mut bodies = vec![Moving::default()];
-        bodies[0].add(Pose::identity(), body(&scene.vehicle.body));
+        bodies[0].add(Pose::identity(), &body(&scene.vehicle.body));
         let mut joints = Vec::new();
         // What is carried next, in the last moving body.
         let mut at = Pose::identity();
@@ -102,18 +136,18 @@ impl Recursion {
                 hinge(&mut at, joint, &mut bodies);
             }
             if let (Some(base), Some(last)) = (&arm.base, bodies.last_mut()) {
-                last.add(at, body(base));
+                last.add(at, &body(base));
             }
             for link in &arm.links {
                 hinge(&mut at, &link.joint, &mut bodies);
                 if let Some(last) = bodies.last_mut() {
-                    last.add(at, body(&link.body));
+                    last.add(at, &body(&link.body));
                 }
             }
             at = at * Pose::from_frame(&arm.end_effector);
         }
         if let (Some(payload), Some(last)) = (&scene.payload, bodies.last_mut()) {
-            last.add(at * Pose::from_frame(&payload.frame), body(&payload.body));
+            last.add(at * Pose::from_frame(&payload.frame), &body(&payload.body));
         }
         if joints.len() > JOINTS {
             return Err(BalanceError::Joints { joints: joints.len(), max: JOINTS });
@@ -207,32 +241,25 @@ impl Hinge {
     }
 }
 
-impl Moving {
-    /// What it takes to move it so without accelerating it beyond `drift`.
-    fn force(&self, twist: &Vector6<f64>, drift: &Vector6<f64>, gravity: &Vector3<f64>) -> Vector6<f64> {
-        let mut force = self.inertia * drift - ad(twist).tr_mul(&(self.inertia * twist));
-        for (pose, body) in &self.parts {
-            let own = body.drag(&to_child(pose, twist)) + body.restoring(&pose.rotation.tr_mul(gravity));
-            force -= pose.carry_wrench(&own);
-        }
-        force
-    }
-}
-
 /// A twist of the parent at the child.
+#[inline]
 fn to_child(pose: &Pose, twist: &Vector6<f64>) -> Vector6<f64> {
     let (v, omega) = (linear(twist), angular(twist));
     stack(&pose.rotation.tr_mul(&(v + omega.cross(&pose.position))), &pose.rotation.tr_mul(&omega))
 }
 
-/// `Ad^-T A Ad^-1`.
+/// `Ad^-T A Ad^-1`, block by block.
 fn inertia_to_parent(pose: &Pose, inertia: &Matrix6<f64>) -> Matrix6<f64> {
-    let to_child = pose.adjoint_inverse();
-    to_child.tr_mul(&(inertia * to_child))
+    let (r, p) = (&pose.rotation, cross(&pose.position));
+    let turned = |i, k| r * inertia.fixed_view::<3, 3>(i, k) * r.transpose();
+    let (a, b, c, d) = (turned(0, 0), turned(0, 3), turned(3, 0), turned(3, 3));
+    let (right, below) = (b - a * p, c + p * a);
+    blocks(a, right, below, d + p * right - c * p)
 }
 
 impl Pose {
     /// [`Self::wrench_to_parent`] without the matrix.
+    #[inline]
     fn carry_wrench(&self, wrench: &Vector6<f64>) -> Vector6<f64> {
         let force = self.rotation * linear(wrench);
         stack(&force, &(self.rotation * angular(wrench) + self.position.cross(&force)))

@@ -351,8 +351,8 @@ def test_options_of_resolved_motion_at_zero_are_none():
         ({"observer": (1.0, 1.0)}, ValueError, "3"),
         ({"lead": float("inf")}, ValueError, "lead"),
         ({"delay": 11}, ValueError, "delay of 11"),
-        ({"delay": -1}, OverflowError, ""),
-        ({"delay": 0.5}, TypeError, ""),
+        ({"delay": -1}, OverflowError, "int"),
+        ({"delay": 0.5}, TypeError, "int"),
     ],
 )
 def test_bad_gains_of_resolved_motion_are_refused(gains, error, words):

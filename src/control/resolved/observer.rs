@@ -112,7 +112,7 @@ impl Model {
             let (terms, passive) = known.take().unwrap_or_else(|| of.terms(now));
             let effort = taken(&efforts[step * size..][..size]);
             self.advance(of, now, &terms, &passive, &effort, &mut wrench, &disturbance, step as f64 + 0.5);
-            if step + 1 == past && next.is_none() {
+            if step + 1 == past {
                 next = Some((now.velocities, wrench));
             }
         }
