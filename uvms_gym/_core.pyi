@@ -612,6 +612,10 @@ class Task:
         home: float | None = None,
         level: float | None = None,
         arm: float | None = None,
+        lead: float | None = None,
+        integral: float | None = None,
+        observer: list[float] | None = None,
+        delay: int | None = None,
     ) -> ResolvedMotion:
         """Resolved motion with these gains; the usual ones where they are not given."""
 
@@ -788,8 +792,8 @@ class ResolvedMotion(Policy):
     """Resolved motion and inverse dynamics, for an end effector that follows a path."""
 
     @property
-    def gains(self) -> dict[str, float]:
-        """Gains by name, 1/s but for `arm`."""
+    def gains(self) -> dict[str, Any]:
+        """Gains by name, as `Task.resolved_motion` takes them."""
 
 @final
 class Mlp(Policy):

@@ -20,6 +20,7 @@ mod ledger;
 mod linearize;
 mod modes;
 mod momentum;
+mod recursive;
 
 pub use appendages::Appendages;
 pub use closed_form::{Balance, BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
@@ -29,3 +30,4 @@ pub use ledger::{Energy, Momentum, Power, seen_from_water};
 pub use linearize::{Linearization, linearize};
 pub use modes::{Modes, Servos};
 pub use momentum::Whole;
+pub use recursive::{Masses, Passive, Recursion, Terms, VELOCITIES, Velocities};

@@ -27,4 +27,4 @@ pub use pd::{Pd, Reading};
 pub use pid::Pid;
 pub use policy::{Policy, Rest, Widths};
 pub use residual::{BASE_ACTION, Residual};
-pub use resolved::{Entries, ResolvedGains, ResolvedMotion, TrackReading};
+pub use resolved::{Entries, MOST_DELAY, ResolvedGains, ResolvedMotion, TrackReading};

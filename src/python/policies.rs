@@ -235,9 +235,31 @@ impl Mpc {
 /// Resolved motion and inverse dynamics, for an end effector that follows a path.
 #[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
 pub struct ResolvedMotion {
-    /// Gains by name, 1/s but for `arm`.
-    #[pyo3(get)]
-    gains: BTreeMap<&'static str, f64>,
+    gains: ResolvedGains,
+}
+
+#[pymethods]
+impl ResolvedMotion {
+    /// Gains by name, as `Task.resolved_motion` takes them.
+    #[getter]
+    fn gains<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (gains, result) = (&self.gains, PyDict::new(py));
+        for (name, value) in [
+            ("error", gains.error),
+            ("vehicle", gains.vehicle),
+            ("joint", gains.joint),
+            ("home", gains.home),
+            ("level", gains.level),
+            ("arm", gains.arm),
+            ("lead", gains.lead),
+            ("integral", gains.integral),
+        ] {
+            result.set_item(name, value)?;
+        }
+        result.set_item("observer", gains.observer)?;
+        result.set_item("delay", gains.delay)?;
+        Ok(result)
+    }
 }
 
 /// A multilayer perceptron in single precision.
@@ -458,7 +480,8 @@ impl Task {
     }
 
     /// Resolved motion with these gains; the usual ones where they are not given.
-    #[pyo3(signature = (*, error=None, vehicle=None, joint=None, home=None, level=None, arm=None))]
+    #[pyo3(signature = (*, error=None, vehicle=None, joint=None, home=None, level=None, arm=None, lead=None,
+                        integral=None, observer=None, delay=None))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn resolved_motion(
         &self,
@@ -469,6 +492,10 @@ impl Task {
         home: Option<f64>,
         level: Option<f64>,
         arm: Option<f64>,
+        lead: Option<f64>,
+        integral: Option<f64>,
+        observer: Option<[f64; 3]>,
+        delay: Option<u32>,
     ) -> PyResult<Py<ResolvedMotion>> {
         let usual = ResolvedGains::default();
         let gains = ResolvedGains {
@@ -478,17 +505,13 @@ impl Task {
             home: home.unwrap_or(usual.home),
             level: level.unwrap_or(usual.level),
             arm: arm.unwrap_or(usual.arm),
+            lead: lead.unwrap_or(usual.lead),
+            integral: integral.unwrap_or(usual.integral),
+            observer: observer.unwrap_or(usual.observer),
+            delay: delay.unwrap_or(usual.delay),
         };
         let policy = self.batch.task().resolved_motion(Some(gains))?;
-        let named = [
-            ("error", gains.error),
-            ("vehicle", gains.vehicle),
-            ("joint", gains.joint),
-            ("home", gains.home),
-            ("level", gains.level),
-            ("arm", gains.arm),
-        ];
-        Py::new(py, Policy::of(policy).add_subclass(ResolvedMotion { gains: named.into() }))
+        Py::new(py, Policy::of(policy).add_subclass(ResolvedMotion { gains }))
     }
 
     /// The PD with an integral; its gains follow from the others where they are not given.

@@ -60,8 +60,8 @@ impl Task {
             reference: find(&["reference_twist"]),
             ahead,
         };
-        let [.., up] = self.level;
-        Ok(ResolvedMotion::new(&self.scene, up, reading, gains.unwrap_or_default(), self.actions().clone())?)
+        let (gains, period) = (gains.unwrap_or_default(), self.options().control_period());
+        Ok(ResolvedMotion::new(&self.scene, reading, gains, self.actions().clone(), period)?)
     }
 
     /// Entries of these blocks, which follow each other.
