@@ -456,6 +456,9 @@ pub enum ControlError {
     /// A gain that is no number, or that would drive the vehicle away.
     #[error("gain {name}[{index}] = {value}: must be finite and not negative")]
     Gain { name: &'static str, index: usize, value: f64 },
+    /// A bound that is not a share of an actuator's limit.
+    #[error("{name} is {value}, but must be in [0, 1]")]
+    Limit { name: &'static str, value: f64 },
     /// Arrays that do not fit together.
     #[error("{what}: {got} numbers, expected {expected}")]
     Shape { what: &'static str, got: usize, expected: usize },

@@ -691,6 +691,7 @@ class Mlp(Policy):
         output: str,
         normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
         task: Task | None,
+        corrects: bool,
         notes: dict[str, str],
     ) -> Mlp: ...
     @staticmethod
@@ -700,8 +701,15 @@ class Mlp(Policy):
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
 
-    def check(self, task: Task) -> None:
-        """Refuse a task that the policy is not for."""
+    def check(self, task: Task, *, corrects: bool) -> None:
+        """Refuse a task that the policy is not for, alone or to correct a controller."""
+
+    def correcting(self, base: Policy, limit: float) -> Policy:
+        """Give this network's corrections to a controller, of at most `limit`."""
+
+    @property
+    def corrects(self) -> bool:
+        """Whether it says that it corrects a controller."""
 
     @property
     def sizes(self) -> list[int]:
