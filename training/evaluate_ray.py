@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 # Before Ray itself: it says what is missing, and keeps Ray quiet.
-from ray_common import Address, connect, run  # isort: split
+from ray_common import Address, connect, make_single, run  # isort: split
 
 import gymnasium
 import numpy as np
@@ -126,14 +126,14 @@ def evaluate(
     names = _unlike("--controllers", [name.strip() for name in controllers.split(",") if name.strip()])
     if not names:
         raise fail(f"no controllers given; known: {KNOWN}")
-    spec = _spec(env)
     given: dict[Combination, tuple[dict[str, Any], Controller]] = {}
     for name in scenes:
         loaded = read_scene(name)
         for level in levels:
             options = {"scene": loaded, **({"disturbance": level} if level else {})}
-            single = _single(env, options)
+            single = make_single(env, options)
             for controller in names:
+                steps = single.spec.max_episode_steps
                 where = Combination(name, level or str(single.unwrapped.options.get("disturbance")), controller)
                 given[where] = options, _controller(controller, single)
     prepare(out, json_file, ("evaluate.json",))
@@ -145,9 +145,7 @@ def evaluate(
         connect(address, num_cpus=workers)
     with progress() as bar:
         task = bar.add_task("episodes", total=episodes * len(given))
-        arguments = {
-            cell: (env, *given[cell.where], spec.max_episode_steps, seed + cell.first, cell.episodes) for cell in cells
-        }
+        arguments = {cell: (env, *given[cell.where], steps, seed + cell.first, cell.episodes) for cell in cells}
         for cell, result in _here(arguments) if local else _spread(arguments):
             found[cell] = result
             bar.advance(task, cell.episodes)
@@ -203,24 +201,6 @@ def _unlike(option: str, given: Iterable[str]) -> list[str]:
         if names.count(name) > 1:
             raise fail(f"{option}: {name!r} is given twice")
     return names
-
-
-def _spec(env: str) -> Any:
-    try:
-        return gymnasium.spec(env)
-    except gymnasium.error.Error as error:
-        raise fail(str(error)) from None
-
-
-def _single(env: str, options: dict[str, Any]) -> gymnasium.Env:
-    """Make one environment, to ask what it is like; one that is wrong fails here."""
-    try:
-        single = gymnasium.make(env, **options)
-    except (gymnasium.error.Error, ValueError, TypeError) as error:
-        raise fail(f"{env}: {error}") from None
-    if not hasattr(single.unwrapped, "task"):
-        raise fail(f"{env} is no environment of uvms_gym")
-    return single
 
 
 def _controller(name: str, env: gymnasium.Env) -> Controller:

@@ -11,9 +11,11 @@ os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
 
 try:
+    import gymnasium
     import ray
     import typer
 
+    import uvms_gym  # noqa: F401 (registers the environments)
     from uvms_gym.cli.common import fail
 except ImportError as error:
     print(f"needs {error.name or error}: pip install 'uvms-gym[rllib]'", file=sys.stderr)
@@ -70,6 +72,24 @@ def check_resources(**wanted: float) -> None:
     for name, amount in wanted.items():
         if amount > there.get(name, 0):
             raise fail(f"{amount:g} {name}s are needed, but Ray has {there.get(name, 0):g}: ask for less, or --address")
+
+
+def make_single(env: str, options: dict[str, Any]) -> gymnasium.Env:
+    """Make one environment, to ask what it is like.
+
+    Raises
+    ------
+    TyperException
+        There is none of that name here, or the options are wrong.
+    """
+    try:
+        if not str(gymnasium.spec(env).entry_point).startswith("uvms_gym."):
+            raise fail(f"{env} is no environment of uvms_gym")
+        return gymnasium.make(env, **options)
+    except (gymnasium.error.Error, ValueError, TypeError) as error:
+        # Gymnasium appends all arguments, whole scenes among them.
+        reason = str(error).partition(" was raised from the environment creator")[0]
+        raise fail(f"{env}: {reason}") from None
 
 
 def run(app: typer.Typer, name: str) -> int:

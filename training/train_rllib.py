@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 # Before Ray itself: it says what is missing, and keeps Ray quiet.
-from ray_common import Address, check_resources, connect, run  # isort: split
+from ray_common import Address, check_resources, connect, make_single, run  # isort: split
 
 import gymnasium
 import numpy as np
@@ -402,18 +402,6 @@ def keywords(given: list[str] | None) -> dict[str, Any]:
         except (ValueError, SyntaxError):
             read[name] = value
     return read
-
-
-def make_single(env: str, options: dict[str, Any]) -> gymnasium.Env:
-    """Make one environment, to ask what it is like; one that is wrong fails here."""
-    try:
-        single = gymnasium.make(env, **options)
-        gymnasium.make_vec(env, **options).close()
-    except (gymnasium.error.Error, ValueError, TypeError) as error:
-        raise fail(f"{env}: {error}") from None
-    if not hasattr(single.unwrapped, "task"):
-        raise fail(f"{env} is no environment of uvms_gym")
-    return single
 
 
 def make_folder(log_folder: Path, env: str) -> Path:
