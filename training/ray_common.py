@@ -28,6 +28,8 @@ Address = Annotated[
 ]
 #: How long an address is waited for, s.
 PATIENCE = 5.0
+#: How often Ray is started on this machine before that is given up.
+ATTEMPTS = 3
 
 
 def connect(address: str | None, **local: Any) -> None:
@@ -41,10 +43,16 @@ def connect(address: str | None, **local: Any) -> None:
     where = {"address": address} if address else {"address": "local", "include_dashboard": False, **local}
     if address and address not in ("auto", "local"):
         _knock(address)
-    try:
-        ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
-    except (ConnectionError, RuntimeError, ValueError) as error:
-        raise fail(f"--address {address}: {str(error).strip().splitlines()[0]}") from None
+    for left in reversed(range(1 if address else ATTEMPTS)):
+        try:
+            ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
+            break
+        # Ray raises bare Exceptions, too: it gives a node 30 s to start, which a busy machine may not.
+        except Exception as error:
+            ray.shutdown()
+            if not left:
+                what = f"--address {address}" if address else "Ray does not start"
+                raise fail(f"{what}: {str(error).strip().splitlines()[0]}") from None
     for name in ("ray", "ray.rllib"):
         logging.getLogger(name).setLevel(logging.ERROR)
 
