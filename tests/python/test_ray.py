@@ -39,7 +39,12 @@ def start(script: str, *arguments: str) -> subprocess.Popen[str]:
 
 def finish(process: subprocess.Popen[str], status: int = 0) -> tuple[str, str]:
     """Wait for it; returns what it said, and complained of."""
-    out, complaints = process.communicate(timeout=600)
+    try:
+        out, complaints = process.communicate(timeout=600)
+    except subprocess.TimeoutExpired:
+        # With what it started.
+        os.killpg(process.pid, signal.SIGKILL)
+        raise
     assert process.returncode == status, complaints[-2000:]
     return out, complaints
 
