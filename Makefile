@@ -8,7 +8,7 @@ PACKAGE := $(shell find uvms_gym -type f -not -name '*.so' -not -path '*/__pycac
 develop = env -u CONDA_PREFIX PIP_QUIET=1 VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/maturin develop --release --quiet --extras $(1)
 
 .DEFAULT_GOAL := help
-.PHONY: help run test prerequisites test-rust lint test-python test-wheel clean
+.PHONY: help run test prerequisites test-rust lint test-python test-wheel test-ray clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -39,8 +39,14 @@ test-wheel: dist/installed/made ## Python tests against the installed wheel, fro
 		"$(abspath $(BIN)/python)" -P -m pytest -n auto -p no:cacheprovider \
 		--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
 
+test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluation on a local Ray; downloads 300 MB
+	UVMS_GYM_UNDER_TEST="$(CURDIR)" .venv-ray/bin/python -m pytest -n auto --dist loadfile tests/python/test_ray.py \
+		tests/python/test_contract_single.py tests/python/test_contract_vector.py \
+		tests/python/test_check_vector_env.py tests/python/test_sb3.py tests/python/test_station_keep.py \
+		tests/python/test_ee_track.py tests/python/test_examples.py tests/python/test_rollouts.py
+
 clean: ## remove everything that was built
-	rm -rf $(VENV) dist target $(OUT) uvms_gym/*.so
+	rm -rf $(VENV) .venv-ray dist target $(OUT) uvms_gym/*.so
 
 prerequisites:
 	@sh .ci/prerequisites.sh >/dev/null
@@ -63,4 +69,13 @@ dist/installed/made: $(VENV)/dev $(PACKAGE)
 	rm -rf dist
 	$(BIN)/maturin build --release --quiet --out dist
 	$(BIN)/python -m pip install --quiet --no-deps --no-index --target dist/installed dist/*.whl
+	touch $@
+
+# Ray pins Gymnasium 1.2. All that it does not bring, and the package itself, is looked up in $(VENV).
+.venv-ray/made: $(VENV)/dev
+	rm -rf .venv-ray
+	$(BIN)/python -m venv .venv-ray
+	$(BIN)/python -c 'import site; print("import site; site.addsitedir(%r)" % site.getsitepackages()[0])' \
+		>"$$(.venv-ray/bin/python -c 'import site; print(site.getsitepackages()[0])')/venv.pth"
+	.venv-ray/bin/python -m pip install --quiet 'ray[rllib]>=2.60,<3' 'gymnasium==1.2.2'
 	touch $@
