@@ -221,12 +221,18 @@ def _classical(name: str, given: Options, gains: str) -> Controller:
         return made
     try:
         # Whatever a class does not know it takes for an option of an environment.
-        if unknown := stored["gains"].keys() - inspect.signature(entry.kind).parameters.keys():
+        if unknown := stored["gains"].keys() - _parameters(entry.kind):
             raise TypeError(f"unknown gain {min(unknown)!r}")
         made = entry.kind(**entry.arguments, **stored["gains"], **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
     return made
+
+
+def _parameters(kind: type[Any]) -> set[str]:
+    """Names of what a class and those that it is derived from take."""
+    made = (vars(base)["__init__"] for base in kind.__mro__[:-1] if "__init__" in vars(base))
+    return {name for function in made for name in inspect.signature(function).parameters}
 
 
 def _entry(name: str) -> Classical | Learned:
