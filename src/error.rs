@@ -459,6 +459,9 @@ pub enum ControlError {
     /// A bound that is not a share of an actuator's limit.
     #[error("{name} is {value}, but must be in [0, 1]")]
     Limit { name: &'static str, value: f64 },
+    /// A delay that nobody predicts.
+    #[error("delay of {periods} control periods: at most {most} are predicted")]
+    Delay { periods: u32, most: u32 },
     /// Arrays that do not fit together.
     #[error("{what}: {got} numbers, expected {expected}")]
     Shape { what: &'static str, got: usize, expected: usize },

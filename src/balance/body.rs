@@ -17,9 +17,9 @@ pub struct DenseBody {
     /// Mass of the displaced water, kg.
     displaced: f64,
     center_of_buoyancy: Vector3<f64>,
-    hydrodynamic: Pose,
-    linear_drag: Matrix6<f64>,
-    quadratic_drag: Matrix6<f64>,
+    pub(super) hydrodynamic: Pose,
+    pub(super) linear_drag: Matrix6<f64>,
+    pub(super) quadratic_drag: Matrix6<f64>,
 }
 
 impl DenseBody {

@@ -79,16 +79,19 @@ pub fn ad(twist: &Vector6<f64>) -> Matrix6<f64> {
 }
 
 /// First three entries of a 6-vector.
+#[inline]
 pub fn linear(x: &Vector6<f64>) -> Vector3<f64> {
     x.fixed_rows::<3>(0).into_owned()
 }
 
 /// Last three entries of a 6-vector.
+#[inline]
 pub fn angular(x: &Vector6<f64>) -> Vector3<f64> {
     x.fixed_rows::<3>(3).into_owned()
 }
 
 /// `[linear; angular]`.
+#[inline]
 pub fn stack(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }

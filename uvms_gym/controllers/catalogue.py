@@ -123,8 +123,12 @@ def controller(
     if said != base:
         raise ValueError(f"{file}: it corrects {said}, not {base}")
     try:
-        return Residual(_classical(base, given, gains), correction, float(correction.notes.get("limit", LIMIT)))
-    except ValueError as error:
+        # With the gains that it was trained with, whatever is tuned since.
+        corrected = CLASSICAL[base].kind(
+            **CLASSICAL[base].arguments, **json.loads(correction.notes.get("base_gains", "{}")), **given
+        )
+        return Residual(corrected, correction, float(correction.notes.get("limit", LIMIT)))
+    except (TypeError, ValueError) as error:
         raise ValueError(f"{file}: {error}") from None
 
 

@@ -12,7 +12,7 @@ _STORM: dict[str, Any] = {
     "disturbance": "storm",
     "thruster_lag": 0.1,
     "substeps": 10,
-    "reward": {"effort": 0.05, "rate": 0.5},
+    "reward": {"effort": 0.05, "rate": 0.8},
 }
 _STORM_STEPS = 200
 

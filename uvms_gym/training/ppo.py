@@ -17,7 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from uvms_gym import MLP, Residual
 from uvms_gym.controllers import Controller
-from uvms_gym.controllers.catalogue import controller
+from uvms_gym.controllers.catalogue import controller, tuned
 from uvms_gym.envs._base import TaskVectorEnv
 from uvms_gym.sb3 import make_vec_env
 from uvms_gym.training import continuation
@@ -359,7 +359,9 @@ class _Run(BaseCallback):
             **self.origin,
         }
         if settings.base is not None:
-            notes |= {"base": settings.base, "limit": f"{settings.limit:g}"}
+            stored = tuned(settings.base, self.envs)
+            gains = json.dumps(stored["gains"] if stored else {})
+            notes |= {"base": settings.base, "base_gains": gains, "limit": f"{settings.limit:g}"}
         policy, _ = self.controller(notes)
         policy.save(path)
         return path

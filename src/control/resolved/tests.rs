@@ -1,0 +1,258 @@
+//! Laws of resolved motion, on a plant that is its own model.
+
+use nalgebra::{Rotation3, Vector3, Vector6};
+
+use super::*;
+use crate::balance::{Balance, Loads};
+use crate::control::{ActionKind, Allocation};
+use crate::system::State;
+
+const PERIOD: f64 = 0.1;
+const SUBSTEPS: u32 = 50;
+const JOINT_TORQUES: [f64; 5] = [14.0, 21.0, 4.0, 0.9, 0.06];
+const N: usize = 5;
+
+/// An observation in SI units, without a preview.
+fn reading() -> TrackReading {
+    let entries = |offset, count| Entries { offset, scale: vec![1.0; count] };
+    TrackReading {
+        width: 31,
+        error: entries(0, 6),
+        twist: entries(6, 6),
+        up: entries(12, 3),
+        q: entries(15, N),
+        qd: entries(20, N),
+        reference: entries(25, 6),
+        ahead: None,
+    }
+}
+
+fn scene() -> Scene {
+    Scene::shipped("petasus-pum").unwrap()
+}
+
+fn policy(gains: ResolvedGains) -> Result<ResolvedMotion, ControlError> {
+    let allocation = Allocation::new(&scene().vehicle).unwrap();
+    let actions = ActionMap::new(ActionKind::Wrench, allocation, JOINT_TORQUES.to_vec());
+    ResolvedMotion::new(&scene(), reading(), gains, actions, PERIOD)
+}
+
+fn gains() -> ResolvedGains {
+    ResolvedGains { error: 1.5, vehicle: 4.0, joint: 6.0, ..ResolvedGains::default() }
+}
+
+/// Vehicle and arm in still water, and the pose error for small motions.
+#[derive(Clone)]
+struct Plant {
+    rotation: Rotation3<f64>,
+    now: Present,
+}
+
+impl Plant {
+    fn at_home() -> Self {
+        let mut q = [0.0; JOINTS];
+        scene().joints().zip(&mut q).for_each(|(joint, q)| *q = joint.home);
+        let now = Present {
+            error: Vector6::zeros(),
+            velocities: Velocities::zeros(),
+            up: Vector3::z(),
+            q,
+            reference: Vector6::zeros(),
+            acceleration: Vector6::zeros(),
+        };
+        Self { rotation: Rotation3::identity(), now }
+    }
+
+    fn observation(&self, home: &[f64]) -> Vec<f32> {
+        let now = &self.now;
+        let q = now.q.iter().zip(home).map(|(q, home)| q - home);
+        let (twist, rates) = now.velocities.as_slice()[..6 + N].split_at(6);
+        let row = now.error.iter().chain(twist).chain(&now.up).copied().chain(q.take(N));
+        row.chain(rates.iter().copied()).chain([0.0; 6]).map(|x| x as f32).collect()
+    }
+
+    /// A control period under an effort and a load.
+    fn pass(&mut self, policy: &ResolvedMotion, effort: &Velocities, load: &Velocities) {
+        let (now, dt) = (&mut self.now, PERIOD / f64::from(SUBSTEPS));
+        for _ in 0..SUBSTEPS {
+            let (terms, passive) = policy.terms(now);
+            let mut net = effort + load - terms.bias;
+            (0..N).for_each(|k| net[6 + k] += passive[k].torque);
+            now.velocities += terms.mass.cholesky().unwrap().solve(&net) * dt;
+            now.error += terms.jacobian * now.velocities * dt;
+            (0..N).for_each(|k| now.q[k] += now.velocities[6 + k] * dt);
+            let turn = now.velocities.fixed_rows::<3>(3) * dt;
+            self.rotation *= Rotation3::from_scaled_axis(turn);
+            now.up = self.rotation.inverse() * Vector3::z();
+        }
+    }
+}
+
+/// A closed loop with measurements `late` periods old. Gives the root mean square of the pose error over the second
+/// half, the error at the end, and the memory.
+fn closed_loop(
+    policy: &ResolvedMotion,
+    start: Plant,
+    load: &Velocities,
+    late: usize,
+    periods: usize,
+) -> (f64, f64, Vec<f64>) {
+    let widths = policy.widths();
+    let (mut plant, mut memory, mut action) = (start, vec![0.0; widths.memory], vec![0.0; widths.action]);
+    let mut seen = vec![plant.observation(&policy.home)];
+    let mut sum = 0.0;
+    for k in 0..periods {
+        policy.act(&seen[seen.len().saturating_sub(1 + late)], &mut memory, &mut action).unwrap();
+        plant.pass(policy, &policy.reached(&action), load);
+        seen.push(plant.observation(&policy.home));
+        if k >= periods / 2 {
+            sum += plant.now.error.norm_squared();
+        }
+    }
+    ((sum / (periods - periods / 2) as f64).sqrt(), plant.now.error.norm(), memory)
+}
+
+fn load() -> Velocities {
+    let mut load = Velocities::zeros();
+    load.as_mut_slice()[..11].copy_from_slice(&[20.0, -10.0, 8.0, 2.0, -3.0, 1.5, 1.0, -1.0, 0.3, 0.1, 0.005]);
+    load
+}
+
+/// Numbers in [-1, 1) that look random.
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+#[test]
+fn without_errors_all_velocities_die_out_at_their_gains() {
+    let gains = ResolvedGains { home: 0.0, level: 0.0, ..ResolvedGains::default() };
+    let (policy, balance, mut draw) = (policy(gains).unwrap(), Balance::new(&scene()).unwrap(), noise(3));
+    for _ in 0..10 {
+        let mut plant = Plant::at_home();
+        plant.rotation = Rotation3::from_euler_angles(0.05 * draw(), 0.05 * draw(), 0.0);
+        plant.now.up = plant.rotation.inverse() * Vector3::z();
+        for k in 0..6 + N {
+            plant.now.velocities[k] = 0.02 * draw();
+        }
+        // What is seen is rounded to single precision.
+        let mut action = vec![0.0; 11];
+        policy.act(&plant.observation(&policy.home), &mut [], &mut action).unwrap();
+        let effort = policy.reached(&action);
+        let mut state = State { rotation: plant.rotation.into_inner(), q: plant.now.q, ..State::default() };
+        state.twist = plant.now.velocities.fixed_rows::<6>(0).into_owned();
+        state.qd[..N].copy_from_slice(&plant.now.velocities.as_slice()[6..6 + N]);
+        let mut external = vec![Vector6::zeros(); 1 + N];
+        external[0] = effort.fixed_rows::<6>(0).into_owned();
+        let loads = Loads { external: &external, joint_command: &effort.as_slice()[6..6 + N], ..Loads::default() };
+        let accelerations = balance.at(&state, Vector3::zeros()).accelerations(&loads).unwrap();
+        for k in 0..6 + N {
+            let gain = if k < 6 { 6.0 } else { 10.0 };
+            assert!((accelerations[k] + gain * plant.now.velocities[k]).abs() < 2e-4, "{k}");
+        }
+    }
+}
+
+#[test]
+fn rows_are_independent_and_remember_for_themselves() {
+    let gains = ResolvedGains { integral: 0.4, observer: [3.0, 3.0, 4.0], delay: 2, lead: 0.5, ..gains() };
+    let policy = policy(gains).unwrap();
+    let (Widths { observation, memory, action }, mut draw) = (policy.widths(), noise(5));
+    let mut together = (vec![0.0; 4 * memory], vec![0.0f32; 4 * action]);
+    let mut alone = vec![(vec![0.0; memory], vec![0.0f32; action]); 4];
+    for _ in 0..8 {
+        let rows: Vec<f32> =
+            (0..4 * observation).map(|k| if k % observation == 14 { 1.0 } else { 0.1 * draw() as f32 }).collect();
+        policy.act(&rows, &mut together.0, &mut together.1).unwrap();
+        for (k, (memory, action)) in alone.iter_mut().enumerate() {
+            policy.act(&rows[k * observation..][..observation], memory, action).unwrap();
+        }
+        let (memories, actions): (Vec<_>, Vec<_>) = alone.iter().cloned().unzip();
+        assert_eq!(together, (memories.concat(), actions.concat()));
+    }
+    assert!(together.0.iter().chain(&together.0).all(|x| x.is_finite()));
+}
+
+#[test]
+fn options_at_zero_are_no_options() {
+    assert_eq!(policy(gains()).unwrap().widths().memory, 0);
+    let integrating = ResolvedGains { integral: 1e-300, ..gains() };
+    let mut plant = Plant::at_home();
+    plant.now.error[0] = 0.1;
+    let (policy_plain, mut plain) = (policy(gains()).unwrap(), vec![0.0; 11]);
+    let row = plant.observation(&policy_plain.home);
+    policy_plain.act(&row, &mut [], &mut plain).unwrap();
+    let integrated = {
+        let policy = policy(integrating).unwrap();
+        let (mut memory, mut action) = (vec![0.0; 6], vec![0.0; 11]);
+        (0..9).for_each(|_| policy.act(&row, &mut memory, &mut action).unwrap());
+        action
+    };
+    assert_eq!(plain, integrated);
+}
+
+#[test]
+fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
+    let with = |observer, delay| ResolvedGains { observer, delay, ..gains() };
+    let (_, plain, _) = closed_loop(&policy(gains()).unwrap(), Plant::at_home(), &load(), 0, 150);
+    assert!(plain > 0.02, "{plain}");
+    for delay in [0, 1, 2] {
+        let policy = policy(with([3.0, 3.0, 3.0], delay)).unwrap();
+        let (_, error, memory) = closed_loop(&policy, Plant::at_home(), &load(), delay as usize, 150);
+        let found = &memory[1 + 6 + N..][..6 + N];
+        for k in 0..6 + N {
+            let scale = if k < 6 { 1.0 } else { JOINT_TORQUES[k - 6] };
+            assert!((found[k] - load()[k]).abs() < 1e-2 * scale, "delay {delay}, {k}: {} of {}", found[k], load()[k]);
+        }
+        assert!(error < 0.05 * plain, "delay {delay}: {error}");
+    }
+}
+
+#[test]
+fn the_integral_takes_out_what_a_constant_force_leaves_and_does_not_wind_up() {
+    let policy = policy(ResolvedGains { integral: 0.5, ..gains() }).unwrap();
+    let (_, error, _) = closed_loop(&policy, Plant::at_home(), &load(), 0, 300);
+    assert!(error < 2e-3, "{error}");
+    // More than the thrusters reach.
+    let mut plant = Plant::at_home();
+    plant.now.error[0] = 20.0;
+    let (mut memory, mut action) = (vec![0.0; 6], vec![0.0; 11]);
+    for _ in 0..1000 {
+        policy.act(&plant.observation(&policy.home), &mut memory, &mut action).unwrap();
+    }
+    assert!(memory[0] <= PERIOD * 20.0 * (1.0 + 1e-6), "{memory:?}");
+    // It turns at once.
+    let before = memory[0];
+    plant.now.error[0] = -20.0;
+    policy.act(&plant.observation(&policy.home), &mut memory, &mut action).unwrap();
+    assert!(memory[0] < before);
+}
+
+#[test]
+fn a_prediction_makes_up_for_the_delay() {
+    let fast = ResolvedGains { error: 2.5, vehicle: 5.0, joint: 6.0, ..gains() };
+    let mut start = Plant::at_home();
+    start.now.error[1] = 0.1;
+    start.now.velocities[0] = 0.2;
+    let run = |delay, late| {
+        let policy = policy(ResolvedGains { delay, ..fast }).unwrap();
+        closed_loop(&policy, start.clone(), &Velocities::zeros(), late, 60).0
+    };
+    let (prompt, blind, foreseen) = (run(0, 0), run(0, 3), run(3, 3));
+    assert!(foreseen < 3.0 * prompt.max(1e-4), "{foreseen} {prompt}");
+    assert!(blind > 10.0 * foreseen, "{blind} {foreseen}");
+}
+
+#[test]
+fn bad_gains_are_refused_by_name() {
+    let refused = |gains| policy(gains).err().unwrap();
+    let gain = |name, index, value| ControlError::Gain { name, index, value };
+    assert_eq!(refused(ResolvedGains { integral: -1.0, ..gains() }), gain("integral", 0, -1.0));
+    assert_eq!(refused(ResolvedGains { lead: -0.5, ..gains() }), gain("lead", 0, -0.5));
+    assert_eq!(refused(ResolvedGains { observer: [1.0, -2.0, 0.0], ..gains() }), gain("observer", 1, -2.0));
+    assert!(matches!(refused(ResolvedGains { joint: f64::NAN, ..gains() }), ControlError::Gain { name: "joint", .. }));
+    assert_eq!(refused(ResolvedGains { delay: 11, ..gains() }), ControlError::Delay { periods: 11, most: MOST_DELAY });
+}
