@@ -115,7 +115,8 @@ def controller(
     """
     if gains not in ("tuned", "scene"):
         raise ValueError(f"gains is {gains!r}, but must be 'tuned' or 'scene'")
-    given = options_of("controller", env, options)
+    # Of the disturbance some controllers have to know the sensors' delay.
+    given = options_of("controller", env, options, "disturbance")
     task = given.get("task", "station-keep")
     if name.startswith(MLP_PREFIX):
         return MLP.load(name.removeprefix(MLP_PREFIX), **given)
