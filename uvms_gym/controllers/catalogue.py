@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple, Unpack
 from uvms_gym.controllers.base import Controller, options_of
 from uvms_gym.controllers.feedback import PD, PID, Rest
 from uvms_gym.controllers.mlp import MLP
+from uvms_gym.controllers.model import DOB, MPC, ComputedTorque, PDRestoring
 from uvms_gym.controllers.residual import Residual
 from uvms_gym.controllers.resolved import ResolvedMotion
 from uvms_gym.envs._base import Options, native
@@ -49,8 +50,15 @@ class Learned(NamedTuple):
 CLASSICAL: dict[str, Classical] = {
     "none": Classical(Rest, _BOTH),
     "pd": Classical(PD),
+    "pd-restoring": Classical(PDRestoring),
     "pid": Classical(PID),
+    "dob": Classical(DOB),
+    "dob-delay": Classical(DOB, arguments={"delay": None}),
+    "computed-torque": Classical(ComputedTorque),
+    "mpc": Classical(MPC),
     "resolved": Classical(ResolvedMotion, _TRACK),
+    "resolved-pid": Classical(ResolvedMotion, _TRACK, {"integral": 0.5}),
+    "resolved-dob": Classical(ResolvedMotion, _TRACK, {"observer": (1.0, 1.0, 1.0)}),
 }
 LEARNED: dict[str, Learned] = {
     "ppo": Learned(_BOTH),
@@ -107,7 +115,8 @@ def controller(
     """
     if gains not in ("tuned", "scene"):
         raise ValueError(f"gains is {gains!r}, but must be 'tuned' or 'scene'")
-    given = options_of("controller", env, options)
+    # Of the disturbance some controllers have to know the sensors' delay.
+    given = options_of("controller", env, options, "disturbance")
     task = given.get("task", "station-keep")
     if name.startswith(MLP_PREFIX):
         return MLP.load(name.removeprefix(MLP_PREFIX), **given)
@@ -225,12 +234,18 @@ def _classical(name: str, given: Options, gains: str) -> Controller:
         return made
     try:
         # Whatever a class does not know it takes for an option of an environment.
-        if unknown := stored["gains"].keys() - inspect.signature(entry.kind).parameters.keys():
+        if unknown := stored["gains"].keys() - _parameters(entry.kind):
             raise TypeError(f"unknown gain {min(unknown)!r}")
-        made = entry.kind(**entry.arguments, **stored["gains"], **given)
+        made = entry.kind(**{**entry.arguments, **stored["gains"]}, **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
     return made
+
+
+def _parameters(kind: type[Any]) -> set[str]:
+    """Names of what a class and those that it is derived from take."""
+    made = (vars(base)["__init__"] for base in kind.__mro__[:-1] if "__init__" in vars(base))
+    return {name for function in made for name in inspect.signature(function).parameters}
 
 
 def _entry(name: str) -> Classical | Learned:
