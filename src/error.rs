@@ -459,6 +459,9 @@ pub enum ControlError {
     /// A delay that nobody predicts.
     #[error("delay of {periods} control periods: at most {most} are predicted")]
     Delay { periods: u32, most: u32 },
+    /// A bound that is not a share of an actuator's limit.
+    #[error("{name} is {value}, but must be in [0, 1]")]
+    Limit { name: &'static str, value: f64 },
     /// Arrays that do not fit together.
     #[error("{what}: {got} numbers, expected {expected}")]
     Shape { what: &'static str, got: usize, expected: usize },
@@ -522,6 +525,9 @@ pub enum PolicyError {
     /// Layers that do not follow each other.
     #[error("layer {layer} has {got} weights, but must have {outputs} x {inputs}, and at least one")]
     Layer { layer: usize, outputs: usize, inputs: usize, got: usize },
+    /// Inputs that are no whole observations.
+    #[error("a policy that reads {history} observations at once cannot have {inputs} inputs")]
+    History { history: usize, inputs: usize },
     /// Too many or too few numbers.
     #[error("{tensor} has {got} numbers, but must have {expected}")]
     Length { tensor: String, got: usize, expected: usize },

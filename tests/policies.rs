@@ -29,7 +29,7 @@ fn network(sizes: &[usize], activation: Activation, output: Output, seed: u64) -
         weights: noise.row(pair[0] * pair[1], 1.5 / (pair[0] as f32).sqrt()),
         biases: noise.row(pair[1], 0.3),
     });
-    Network { normalisation: None, layers: layers.collect(), activation, output }
+    Network { history: 1, normalisation: None, layers: layers.collect(), activation, output }
 }
 
 fn normalised(sizes: &[usize], seed: u64) -> Network {
@@ -131,6 +131,25 @@ proptest! {
         let together = act(&mlp, &observations);
         for (i, observation) in observations.chunks_exact(9).enumerate() {
             prop_assert_eq!(bits(&act(&mlp, observation)), bits(&together[3 * i..3 * i + 3]));
+        }
+    }
+
+    #[test]
+    fn history_is_the_last_observations_side_by_side(history in 2usize..5, n in 1usize..20, seed: u64) {
+        let network = Network { history, ..normalised(&[4 * history, 9, 2], seed) };
+        let (at_once, mlp) = (mlp(Network { history: 1, ..network.clone() }), mlp(network));
+        let widths = mlp.widths();
+        prop_assert_eq!((widths.observation, widths.memory), (4, 4 * (history - 1)));
+        let (mut memory, mut actions) = (vec![0.0; n * widths.memory], vec![0.0; 2 * n]);
+        let mut seen = vec![vec![0.0; 4 * history]; n];
+        for step in 0..6 {
+            let observations = Noise(seed ^ step).row(4 * n, 2.0);
+            mlp.act(&observations, &mut memory, &mut actions).unwrap();
+            for (row, (seen, actions)) in observations.chunks(4).zip(seen.iter_mut().zip(actions.chunks(2))) {
+                seen.drain(..4);
+                seen.extend(row);
+                prop_assert_eq!(bits(&act(&at_once, seen)), bits(actions));
+            }
         }
     }
 
@@ -258,6 +277,10 @@ fn networks_that_do_not_fit_together_are_refused() {
     let refused = |network: Network| Mlp::new(network, None, BTreeMap::new()).unwrap_err();
     let good = || normalised(&[7, 10, 6], 4);
     assert_eq!(refused(Network { layers: vec![], ..good() }), PolicyError::NoLayers);
+    for history in [0, 2, usize::MAX] {
+        let error = PolicyError::History { history, inputs: good().inputs() };
+        assert_eq!(refused(Network { history, ..good() }), error);
+    }
     let mut network = good();
     network.layers[1].weights.pop();
     assert_eq!(refused(network), PolicyError::Layer { layer: 1, outputs: 6, inputs: 10, got: 59 });

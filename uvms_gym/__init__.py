@@ -17,7 +17,7 @@ from uvms_gym._core import (
     scene_template,
     scenes,
 )
-from uvms_gym.controllers import MLP, PD, PID, ResolvedMotion
+from uvms_gym.controllers import MLP, PD, PID, Residual, ResolvedMotion
 from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
 from uvms_gym.robots import import_urdf
@@ -28,6 +28,7 @@ __all__ = [
     "PD",
     "PID",
     "Renderer",
+    "Residual",
     "ResolvedMotion",
     "Rollout",
     "SceneError",

@@ -624,6 +624,10 @@ class Rollout:
         """Sums of their squares, (k, N)."""
 
     @property
+    def last(self) -> NDArray[np.float64]:
+        """The measures after the last control period that counts, (k, N)."""
+
+    @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances, in ascending order.
 
@@ -693,8 +697,10 @@ class Mlp(Policy):
         *,
         activation: str,
         output: str,
+        history: int,
         normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
         task: Task | None,
+        corrects: bool,
         notes: dict[str, str],
     ) -> Mlp: ...
     @staticmethod
@@ -704,12 +710,23 @@ class Mlp(Policy):
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
 
-    def check(self, task: Task) -> None:
-        """Refuse a task that the policy is not for."""
+    def check(self, task: Task, *, corrects: bool) -> None:
+        """Refuse a task that the policy is not for, alone or to correct a controller."""
+
+    def correcting(self, base: Policy, limit: float) -> Policy:
+        """Give this network's corrections to a controller, of at most `limit`."""
+
+    @property
+    def corrects(self) -> bool:
+        """Whether it says that it corrects a controller."""
+
+    @property
+    def history(self) -> int:
+        """Observations that it reads at once."""
 
     @property
     def sizes(self) -> list[int]:
-        """Entries of the observation and of all layers' results."""
+        """Entries of what it reads, and of all layers' results."""
 
     @property
     def activation(self) -> str:

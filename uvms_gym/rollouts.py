@@ -28,6 +28,8 @@ class Tally(NamedTuple):
         Whether the episode ended in them, and how.
     sums, squares : dict of str to numpy.ndarray (N,)
         Sums of every entry of `info` over them, and of its square.
+    last : dict of str to numpy.ndarray (N,)
+        Every entry of `info` after the last of them; 0 where there are none.
     """
 
     steps: NDArray[np.uint32]
@@ -36,6 +38,7 @@ class Tally(NamedTuple):
     truncated: NDArray[np.bool_]
     sums: dict[str, Floats]
     squares: dict[str, Floats]
+    last: dict[str, Floats]
 
 
 class Rollout:
@@ -92,6 +95,7 @@ class Rollout:
             rollout.truncated,
             dict(zip(INFO, rollout.sums, strict=True)),
             dict(zip(INFO, rollout.squares, strict=True)),
+            dict(zip(INFO, rollout.last, strict=True)),
         )
         rollout.count_anew()
         return tally

@@ -167,6 +167,23 @@ class NativeVecEnv(VecEnv):
         """Close the environment."""
         self.envs.close()
 
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Everything that makes it go on as if it had not been interrupted, but for the seed of the next `reset`."""
+        state = cast(Any, self.envs.unwrapped).get_state()
+        return {**state, "returns": self._returns.copy(), "lengths": self._lengths.copy()}
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from what `get_state` of one with the same environment gave.
+
+        Raises
+        ------
+        ValueError, TypeError
+            The state is not one of such an environment.
+        """
+        cast(Any, self.envs.unwrapped).set_state(state)
+        self._returns, self._lengths = np.array(state["returns"]), np.array(state["lengths"])
+        self._started = True
+
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """One picture (height, width, 3) of each instance."""
         if self.render_mode != "rgb_array":

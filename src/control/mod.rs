@@ -1,5 +1,5 @@
 //! Control of one vehicle: thruster allocation, what an action means, and policies that choose one from observations
-//! alone: the paper's PD, PID, resolved motion, neural networks.
+//! alone: the paper's PD, PID, resolved motion, neural networks, and such that correct one of the others.
 
 mod action;
 mod actuation;
@@ -8,6 +8,7 @@ mod mlp;
 mod pd;
 mod pid;
 mod policy;
+mod residual;
 mod resolved;
 
 #[cfg(test)]
@@ -20,4 +21,5 @@ pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, Purpose};
 pub use pd::{Pd, Reading};
 pub use pid::Pid;
 pub use policy::{Policy, Rest, Widths};
+pub use residual::{BASE_ACTION, Residual};
 pub use resolved::{Entries, MOST_DELAY, ResolvedGains, ResolvedMotion, TrackReading};

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use super::task::{Rows, Task, name_of, one_of, rows};
-use crate::control::{self, Activation, Layer, Network, Normalisation, Output, ResolvedGains};
+use crate::control::{self, Activation, Layer, Network, Normalisation, Output, Purpose, Residual, ResolvedGains};
 use crate::description::VehicleServo;
 use crate::error::PolicyError;
 
@@ -160,16 +160,19 @@ impl Mlp {
 #[pymethods]
 impl Mlp {
     /// Layers `W x + b` from weights (outputs, inputs) and biases; mean, variance, epsilon and clip of a normalisation;
-    /// and the task that the policy is for.
+    /// and the task that the policy is for, alone or to correct a controller.
     #[new]
-    #[pyo3(signature = (weights, biases, *, activation, output, normalisation, task, notes))]
+    #[pyo3(signature = (weights, biases, *, activation, output, history, normalisation, task, corrects, notes))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn new(
         weights: Vec<PyReadonlyArray2<'_, f32>>,
         biases: Vec<PyReadonlyArray1<'_, f32>>,
         activation: &str,
         output: &str,
+        history: usize,
         normalisation: Option<(Vec<f32>, Vec<f32>, f32, f32)>,
         task: Option<PyRef<'_, Task>>,
+        corrects: bool,
         notes: BTreeMap<String, String>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let (activation, output) = (one_of("activation", activation, ACTIVATIONS)?, one_of("output", output, OUTPUTS)?);
@@ -192,8 +195,8 @@ impl Mlp {
         }
         let normalisation =
             normalisation.map(|(mean, variance, epsilon, clip)| Normalisation { mean, variance, epsilon, clip });
-        let purpose = task.map(|task| task.batch.task().purpose());
-        let network = Network { normalisation, layers, activation, output };
+        let purpose = task.map(|task| purpose(&task, corrects));
+        let network = Network { history, normalisation, layers, activation, output };
         Ok(Self::of(control::Mlp::new(network, purpose, notes)?))
     }
 
@@ -208,12 +211,31 @@ impl Mlp {
         Ok(PyBytes::new(py, &self.mlp.to_bytes()?))
     }
 
-    /// Refuses a task that the policy is not for.
-    fn check(&self, task: PyRef<'_, Task>) -> Result<(), PolicyError> {
-        self.mlp.check(&task.batch.task().purpose())
+    /// Refuses a task that the policy is not for, alone or to correct a controller.
+    #[pyo3(signature = (task, *, corrects))]
+    fn check(&self, task: PyRef<'_, Task>, corrects: bool) -> Result<(), PolicyError> {
+        self.mlp.check(&purpose(&task, corrects))
     }
 
-    /// Entries of the observation and of all layers' results.
+    /// This network's corrections to a controller, of at most `limit`.
+    fn correcting(&self, base: PyRef<'_, Policy>, limit: f64) -> PyResult<Policy> {
+        let inner = Arc::new(Residual::new(base.inner.clone(), self.mlp.clone(), limit)?);
+        Ok(Policy { inner })
+    }
+
+    /// Whether it says that it corrects a controller.
+    #[getter]
+    fn corrects(&self) -> bool {
+        self.mlp.purpose().is_some_and(Purpose::corrects)
+    }
+
+    /// Observations that it reads at once.
+    #[getter]
+    fn history(&self) -> usize {
+        self.mlp.network().history
+    }
+
+    /// Entries of what it reads, and of all layers' results.
     #[getter]
     fn sizes(&self) -> Vec<usize> {
         self.mlp.network().sizes()
@@ -244,6 +266,11 @@ impl Mlp {
     fn notes(&self) -> BTreeMap<String, String> {
         self.mlp.notes().clone()
     }
+}
+
+fn purpose(task: &Task, corrects: bool) -> Purpose {
+    let purpose = task.batch.task().purpose();
+    if corrects { purpose.correcting() } else { purpose }
 }
 
 /// What policies need to know of the task.

@@ -59,6 +59,12 @@ impl Rollout {
         self.measures(py, |tally| &tally.squares)
     }
 
+    /// The measures after the last control period that counts, (k, N).
+    #[getter]
+    fn last<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
+        self.measures(py, |tally| &tally.last)
+    }
+
     /// Records of the chosen instances, in ascending order: instance, observations (T, d), actions (T, a), rewards (T,)
     /// and info (T, k).
     #[getter]

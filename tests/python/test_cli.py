@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import SMALL, policy
 
 import uvms_gym
-from uvms_gym.cli import arm_motion, compare, main, momentum
+from uvms_gym.cli import arm_motion, main, momentum
+from uvms_gym.controllers import Rest
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -29,14 +29,6 @@ def reproduction(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     data = json.loads((out / "c/numbers.json").read_text())
     assert data == json.loads((out / "a/b/reproduce.json").read_text())
     return data | {"text": done.stdout, "folder": out / "a/b"}
-
-
-@pytest.fixture(scope="module")
-def comparison(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    out = tmp_path_factory.mktemp("compare")
-    assert main(["compare", "--episodes", "24", "--seed", "3", "--out", str(out)]) == 0
-    assert (out / "compare.png").read_bytes().startswith(PNG)
-    return json.loads((out / "compare.json").read_text())
 
 
 def test_table_1_is_the_time_modulo_two_pi_at_both_instants(reproduction: dict[str, Any]) -> None:
@@ -118,90 +110,6 @@ def test_reproduce_prints_tables_and_writes_pictures(reproduction: dict[str, Any
     assert reproduction["circumstances"]["machine"]["cores"] == os.cpu_count()
 
 
-def test_pd_beats_no_control_with_intervals_apart(comparison: dict[str, Any]) -> None:
-    assert set(comparison["results"]) == set(compare.SCENES)
-    for result in comparison["results"].values():
-        none, pd = (result["estimates"][name] for name in ("none", "pd"))
-        for entry in ("position_error", "attitude_error", "end_effector_position_error"):
-            for part in ("whole", "settled"):
-                assert pd[entry][part]["high"] < none[entry][part]["low"]
-                against = result["against_baseline"]["pd"][entry][part]
-                assert against["difference"]["high"] < 0.0
-                assert against["probability_of_improvement"]["low"] > 0.8
-        assert none["effort"]["whole"]["value"] == 0.0 < pd["effort"]["whole"]["low"]
-
-
-def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_path: Path) -> None:
-    def again(seed: str) -> Any:
-        arguments = ["compare", "--scene", "petasus-pum", "--episodes", "24", "--seed", seed, "--out", str(tmp_path)]
-        assert main(arguments) == 0
-        return json.loads((tmp_path / "compare.json").read_text())["results"]["petasus-pum"]
-
-    def timeless(result: Any) -> Any:
-        for run in result["runs"].values():
-            run.pop("seconds", None)
-        return result
-
-    first = timeless(comparison["results"]["petasus-pum"])
-    assert timeless(again("3")) == first
-    assert timeless(again("4")) != first
-
-
-def test_episodes_are_paired_and_do_not_depend_on_their_number() -> None:
-    options = {"scene": "bluerov2-heavy"}
-    few, many = (compare.run("UVMS-StationKeep-v0", options, "pd", n, 5) for n in (3, 9))
-    for part in ("whole", "settled"):
-        assert np.array_equal(few["position_error"][part], many["position_error"][part][:3])
-    shifted = compare.run("UVMS-StationKeep-v0", options, "pd", 2, 6)
-    assert np.array_equal(shifted["position_error"]["whole"], few["position_error"]["whole"][1:])
-
-
-def test_a_comparison_measures_what_the_environment_reports() -> None:
-    import gymnasium
-
-    run = compare.run("UVMS-StationKeep-v0", {"scene": "bluerov2-heavy"}, "none", 2, 5)
-    env = gymnasium.make("UVMS-StationKeep-v0", scene="bluerov2-heavy")
-    env.reset(seed=6)
-    over = False
-    while not over:
-        *_, terminated, truncated, info = env.step(np.zeros(6, dtype=np.float32))
-        over = terminated or truncated
-    assert run["position_error"]["whole"][1] == pytest.approx(info["rms_position_error"], rel=1e-12)
-    assert run["attitude_error"]["whole"][1] == pytest.approx(info["rms_attitude_error"], rel=1e-12)
-
-
-def test_a_comparison_takes_every_kind_of_controller(tmp_path: Path) -> None:
-    file = tmp_path / "policies/own.safetensors"
-    file.parent.mkdir()
-    policy().save(file)
-    names = ["none", "pid", f"mlp:{file}"]
-    arguments = ["--scene", SMALL, "--episodes", "4", "--controllers", ",".join(names), "--out", str(tmp_path)]
-    assert main(["compare", *arguments]) == 0
-    result = json.loads((tmp_path / "compare.json").read_text())["results"][SMALL]
-    assert list(result["estimates"]) == names
-    errors = [result["estimates"][name]["position_error"]["settled"]["value"] for name in names]
-    assert errors[1] < min(errors[0], errors[2])
-
-
-def test_a_policy_that_does_not_fit_is_refused_before_computing(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    file, out = tmp_path / "own.safetensors", tmp_path / "out"
-
-    def message(*scenes: str) -> str:
-        given = [word for scene in scenes for word in ("--scene", scene)]
-        assert main(["compare", *given, "--controllers", f"none,mlp:{file}", "--out", str(out)]) == 2
-        assert not out.exists()
-        (line,) = capsys.readouterr().err.splitlines()
-        return line
-
-    assert f"cannot read {file}: No such file" in message(SMALL)
-    policy().save(file)
-    assert "its scene is bluerov2-heavy, the environment's rexrov" in message(SMALL, "rexrov")
-    file.write_bytes(file.read_bytes()[:-5])
-    assert "own.safetensors: no policy of uvms_gym" in message(SMALL)
-
-
 BAD_INPUT = {
     "unknown command": ["juggle"],
     "unknown option": ["compare", "--wrong"],
@@ -251,29 +159,6 @@ def test_errors_name_what_is_wrong(capsys: pytest.CaptureFixture[str], tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--current", "nan"], "--current is nan"),
-        (["--current", "1e300"], "--current is 1e+300"),
-        (["--current", "-0.1"], "--current is -0.1"),
-        (["--episodes", "0"], "--episodes is 0"),
-        (["--episodes", "100001"], "--episodes is 100001, but must be 2 to 100000"),
-        (["--seed", "-1"], "--seed is -1"),
-        (["--env", "CartPole-v1"], "--env is 'CartPole-v1', but only versions of UVMS-StationKeep"),
-        (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
-    ],
-)
-def test_options_of_a_comparison_are_named_with_their_value(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    assert main(["compare", *arguments, "--out", str(out)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
-    assert not out.exists()
-
-
-@pytest.mark.parametrize(
     ("command", "name"), [("compare", "compare.json"), ("compare", "compare.png"), ("reproduce", "fig7.png")]
 )
 def test_files_that_cannot_be_written_are_refused_before_computing(
@@ -297,7 +182,7 @@ def test_files_that_cannot_be_written_are_refused_before_computing(
 def test_no_control_is_asked_as_any_policy_is() -> None:
     env = uvms_gym.envs.station_keep.StationKeepVectorEnv(2)
     observations, _ = env.reset(seed=0)
-    actions, state = compare.Rest(env).predict(observations, None, episode_start=np.ones(2), deterministic=True)
+    actions, state = Rest(env).predict(observations, None, episode_start=np.ones(2), deterministic=True)
     assert (actions.shape, actions.any(), state) == ((2, 6), False, None)
 
 

@@ -55,6 +55,20 @@ def test_val_a_policy_of_stable_baselines3_is_the_same_without_torch(algorithm: 
     assert np.abs(expected).max() > 0.1
 
 
+def test_val_history_is_what_stable_baselines3_stacks() -> None:
+    stacking = pytest.importorskip("stable_baselines3.common.vec_env")
+    from uvms_gym.sb3 import make_vec_env
+
+    venv = stacking.VecFrameStack(make_vec_env("UVMS-StationKeep-v0", 3, seed=0, scene=SMALL, max_episode_steps=4), 3)
+    made = MLP(StationKeepEnv(scene=SMALL), **layers((72, 5, 6)), history=3)
+    at_once, state, starts = MLP(**layers((72, 5, 6))), None, np.zeros(3, dtype=np.bool_)
+    stacked = venv.reset()
+    for _ in range(10):
+        actions, state = made.predict(stacked[:, -24:], state, starts)
+        np.testing.assert_array_equal(actions, at_once.predict(stacked)[0])
+        stacked, _, starts, _ = venv.step(actions)
+
+
 def test_a_sequential_of_torch_is_taken_in_the_order_of_its_numbers() -> None:
     given = layers((24, *[7] * 10, 6))
     named = {}

@@ -20,7 +20,7 @@ def stepped(env: StationKeepVectorEnv, controller: Any, seed: int, steps: int) -
     observations, _ = env.reset(seed=seed)
     result: dict[str, Any] = {"steps": np.zeros(n, np.uint32), "returns": np.zeros(n)}
     result |= {name: np.zeros(n, np.bool_) for name in ("terminated", "truncated")}
-    result |= {kind: {name: np.zeros(n) for name in INFO} for kind in ("sums", "squares")}
+    result |= {kind: {name: np.zeros(n) for name in INFO} for kind in ("sums", "squares", "last")}
     running, state, seen = np.ones(n, np.bool_), None, []
     for _ in range(steps):
         actions, state = controller.predict(observations, state)
@@ -32,6 +32,7 @@ def stepped(env: StationKeepVectorEnv, controller: Any, seed: int, steps: int) -
         for name in INFO:
             result["sums"][name][running] += infos[name][running]
             result["squares"][name][running] += infos[name][running] ** 2
+            result["last"][name][running] = infos[name][running]
         result["terminated"] |= running & terminated
         result["truncated"] |= running & truncated
         running &= ~(terminated | truncated)
@@ -41,7 +42,7 @@ def stepped(env: StationKeepVectorEnv, controller: Any, seed: int, steps: int) -
 def assert_equal(tally: Any, expected: dict[str, Any]) -> None:
     for name in ("steps", "returns", "terminated", "truncated"):
         np.testing.assert_array_equal(getattr(tally, name), expected[name], err_msg=name)
-    for kind in ("sums", "squares"):
+    for kind in ("sums", "squares", "last"):
         for name in INFO:
             np.testing.assert_array_equal(getattr(tally, kind)[name], expected[kind][name], err_msg=f"{kind} {name}")
 

@@ -16,6 +16,10 @@ from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
 from uvms_gym.cli.play import play
 from uvms_gym.cli.reproduce import reproduce
+from uvms_gym.cli.train import train
+
+#: Exit status of a command that was interrupted.
+INTERRUPTED = 130
 
 app = typer.Typer(
     name="uvms",
@@ -28,6 +32,7 @@ app.command()(reproduce)
 app.command()(compare)
 app.command()(disturbances)
 app.command()(play)
+app.command()(train)
 app.command()(accuracy)
 app.command()(bench)
 scenes.app.command()(explain)
@@ -52,19 +57,22 @@ def _common(
     pass
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
+def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: str = "uvms") -> int:
     """Run a command; an error of the user's is one line on stderr. Returns the exit status."""
     try:
-        status = app(args=arguments, prog_name="uvms", standalone_mode=False)
+        status = app(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()
+        if status == INTERRUPTED:
+            # So Typer tells of Ctrl-C.
+            raise KeyboardInterrupt
     except typer.TyperException as error:
         # A bare `uvms` has printed its help already.
         if message := " ".join(error.format_message().split()):
-            print(f"uvms: {message}", file=sys.stderr)
+            print(f"{name}: {message}", file=sys.stderr)
         return error.exit_code
     except (KeyboardInterrupt, typer.Abort):
-        print("uvms: interrupted", file=sys.stderr)
-        return 130
+        print(f"{name}: interrupted", file=sys.stderr)
+        return INTERRUPTED
     except BrokenPipeError:
         # Python flushes stdout once more on its way out.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,19 +1,15 @@
 """`uvms compare`: controllers over the same seeded episodes."""
 
+import json
 import math
-import time
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-import gymnasium
 import numpy as np
 import typer
-from numpy.typing import NDArray
 
-from uvms_gym import Rollout
-from uvms_gym.cli import plots
+from uvms_gym.cli import compare_plots, compare_report
 from uvms_gym.cli.common import (
     Json,
     Out,
@@ -24,267 +20,330 @@ from uvms_gym.cli.common import (
     prepare,
     progress,
     say,
-    table,
     write_json,
 )
+from uvms_gym.cli.compare_cells import CONDITIONS, DESIGN, Cell, cells
+from uvms_gym.cli.compare_runs import Entrant, enter, make, run
+from uvms_gym.cli.compare_summary import KEPT, Summary, summarise
 from uvms_gym.cli.scenes import read_scene
-from uvms_gym.cli.statistics import Estimate, bootstrap, improvement_probability
-from uvms_gym.controllers import MLP, PD, PID, Controller, Rest
-from uvms_gym.envs import EPISODE_STEPS
+from uvms_gym.cli.statistics import CONFIDENCE, RESAMPLES
+from uvms_gym.controllers import catalogue
 
-Floats = NDArray[np.float64]
-
-SCENES = ("petasus-pum", "bluerov2-heavy-alpha5")
-#: Time after which the start counts no more in the second of the two numbers, s.
-SETTLED = 3.0
 #: Most episodes of one run, so that a slip of the keyboard does not ask for all memory.
 MOST_EPISODES = 100_000
 #: Greatest speed of the current that can be asked for, m/s.
 MOST_CURRENT = 10.0
+#: What is printed where there is no policy.
+NO_POLICY = "no policy"
+KNOWN = f"{', '.join(catalogue.NAMES)}, {catalogue.MLP_PREFIX}FILE"
+#: By how much stored numbers may differ from those of another machine, relatively.
+TOLERANCE = 1e-4
 
 
-class Metric(NamedTuple):
-    """A measure of an episode: root mean square or mean of an entry of `info` over its steps. Less is better.
+class Contest(NamedTuple):
+    """A cell with those who take part, and why others do not."""
 
-    `scale` leads from the entry to the unit.
-    """
-
-    title: str
-    unit: str
-    entry: str
-    square: bool
-    scale: float = 1.0
-
-    @property
-    def label(self) -> str:
-        """Title with unit."""
-        return f"{self.title}, {self.unit}"
-
-
-#: Saturation comes last: it is for the table alone.
-METRICS = (
-    Metric("position", "m", "position_error", True),
-    Metric("attitude", "rad", "attitude_error", True),
-    Metric("end effector", "m", "end_effector_position_error", True),
-    Metric("effort", "%", "effort", False, 100.0),
-    Metric("saturation", "%", "saturation", False, 100.0),
-)
-
-
-#: Controllers by name; `mlp:FILE` besides.
-CONTROLLERS: dict[str, type[PD] | type[PID] | type[Rest]] = {"none": Rest, "pd": PD, "pid": PID}
-#: What stands before the file of a neural policy.
-MLP_PREFIX = "mlp:"
-KNOWN = f"{', '.join(CONTROLLERS)}, {MLP_PREFIX}FILE"
+    cell: Cell
+    entrants: dict[str, Entrant]
+    missing: dict[str, str]
 
 
 def compare(
-    env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-v0",
+    env: Annotated[
+        list[str] | None,
+        typer.Option(help="Environment, by Gymnasium's id; may be repeated. [default: UVMS-StationKeep-Storm-v0]"),
+    ] = None,
     scene: Annotated[
         list[str] | None,
-        typer.Option(help=f"Scene: name or TOML file; may be repeated. Without it: {', '.join(SCENES)}."),
+        typer.Option(help="Scene: name or TOML file; may be repeated. [default: petasus-pum]"),
+    ] = None,
+    controllers: Annotated[
+        str | None,
+        typer.Option(help=f"Any of {KNOWN}, separated by commas. [default: all that there is all for]"),
     ] = None,
     episodes: Annotated[
-        int, typer.Option(help=f"Episodes of each controller in each scene, 2 to {MOST_EPISODES}.")
-    ] = 256,
+        int, typer.Option(help=f"Episodes of each controller in each cell, 2 to {MOST_EPISODES}.")
+    ] = 1024,
     seed: Annotated[int, typer.Option(help="Episode i has the seed SEED + i.")] = 0,
-    controllers: Annotated[
-        str, typer.Option(help=f"Any of {KNOWN}; the others are set against the first.")
-    ] = "none,pd",
+    cell: Annotated[
+        list[str] | None,
+        typer.Option(help=f"Conditions; may be repeated. Any of {', '.join(CONDITIONS)}. [default: {DESIGN}]"),
+    ] = None,
+    off_design: Annotated[bool, typer.Option("--off-design", help="All conditions.")] = False,
     disturbance: Annotated[
-        str | None,
-        typer.Option(help="Level of disturbances, such as storm; `uvms disturbances` lists them. [default: a current]"),
+        list[str] | None,
+        typer.Option(
+            help="Level of disturbances, such as storm, in place of the environment's; may be repeated. "
+            "`uvms disturbances` lists them."
+        ),
     ] = None,
     current: Annotated[
-        float, typer.Option(help=f"Greatest speed of the drawn current, 0 to {MOST_CURRENT:g} m/s.")
-    ] = 0.3,
+        float | None,
+        typer.Option(
+            help=f"Greatest speed of the drawn current where nothing else disturbs, 0 to {MOST_CURRENT:g} m/s."
+        ),
+    ] = None,
     action: Annotated[Literal["wrench", "thrusters"], typer.Option(help="What controllers command.")] = "wrench",
+    check: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Instead of all this, run again what a compare.json or results.json holds."),
+    ] = None,
     out: Out = Path("out/compare"),
     json_file: Json = None,
 ) -> None:
     """Compare controllers over paired seeded episodes.
 
-    Prints interquartile means with 95 % intervals, and writes a picture and compare.json to --out.
+    Prints interquartile means with 95 % intervals, and writes pictures, compare.json and scores.npz to --out.
     """
-    names = _controllers(controllers)
+    if check is not None:
+        _check(check)
+        return
     check_range("--episodes", episodes, 2, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
-    check_range("--current", current, 0.0, MOST_CURRENT)
-    chosen = scene or list(SCENES)
-    for name in chosen:
-        if chosen.count(name) > 1:
-            raise fail(f"scene {name!r} is given twice")
-    loaded = {name: read_scene(name) for name in chosen}
-    steps = _length(env)
-    given = {"action": action, "max_current": current, "disturbance": disturbance}
-    settings = {name: {"scene": scene, **given} for name, scene in loaded.items()}
-    for options in settings.values():
-        for controller in names:
-            _controller(env, controller, options)
-    prepare(out, json_file, ("compare.json", "compare.png"))
-    results: dict[str, Any] = {}
+    envs, scenes = env or ["UVMS-StationKeep-Storm-v0"], scene or ["petasus-pum"]
+    conditions = list(CONDITIONS) if off_design else (cell or [DESIGN])
+    levels = disturbance or []
+    for option, given in (("env", envs), ("scene", scenes), ("cell", conditions), ("disturbance", levels)):
+        for name in given:
+            if given.count(name) > 1:
+                raise fail(f"{option} {name!r} is given twice")
+    arguments: dict[str, Any] = {"action": action}
+    if current is not None:
+        check_range("--current", current, 0.0, MOST_CURRENT)
+        arguments["max_current"] = current
+    asked = None if controllers is None else _names(controllers)
+    found = cells(envs, scenes, {name: read_scene(name) for name in scenes}, levels, conditions, arguments)
+    contests = _contests(found, asked)
+    several = len(contests) > len({contest.cell.group for contest in contests})
+    pictures = ["compare.png", "profiles.png", *(["off-design.png"] if several else [])]
+    files = ["compare.json", "scores.npz", *pictures]
+    prepare(out, json_file, files)
     with progress() as bar:
-        for name, description in loaded.items():
-            runs = {}
-            for controller in names:
-                task = bar.add_task(f"{description['name']}, {controller}", total=steps)
-                runs[controller] = run(env, settings[name], controller, episodes, seed, partial(bar.advance, task))
-            results[name] = summarise(runs, seed)
-        task = bar.add_task("picture", total=None)
-        plots.comparison(out / "compare.png", results, METRICS[:-1])
-    for name, result in results.items():
-        _print(name, result, episodes)
-    say(
-        "Interquartile means over episodes with 95 % bootstrap intervals. Errors are root mean squares over an "
-        f"episode's steps, of the whole episode and of what comes after {SETTLED:g} s; effort is the mean of "
-        "|T/T_max|^1.5. The difference is over pairs of episodes with the same seed; P(better) is the chance that an "
-        "episode of one beats any episode of the other (rliable's probability of improvement)."
-    )
-    arguments = {
-        "env": env,
-        "scene": chosen,
-        "episodes": episodes,
-        "seed": seed,
-        "controllers": names,
-        "current": current,
-        "disturbance": disturbance,
-        "action": action,
+        work = sum(len(e.controllers) * c.cell.steps for c in contests for e in c.entrants.values())
+        task = bar.add_task("comparing", total=work)
+
+        def tick(steps: int) -> None:
+            bar.advance(task, steps)
+
+        scores: dict[str, Any] = {}
+        summaries = []
+        for contest in contests:
+            bar.update(task, description=contest.cell.label)
+            summaries.append(_settle(contest, episodes, seed, scores, tick))
+        bar.update(task, description="pictures")
+        _draw(out, contests, summaries, several)
+    _print(contests, summaries)
+    data = {
+        "circumstances": circumstances(
+            "compare",
+            {
+                "env": envs,
+                "scene": scenes,
+                "controllers": asked,
+                "episodes": episodes,
+                "seed": seed,
+                "cell": conditions,
+                "disturbance": levels,
+                **arguments,
+            },
+        ),
+        "statistics": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": seed},
+        "results": [_stored(contest, summary) for contest, summary in zip(contests, summaries, strict=True)],
     }
-    data = {"circumstances": circumstances("compare", arguments), "results": results}
     for path in {out / "compare.json", json_file or out / "compare.json"}:
         write_json(path, data)
-    console.print(f"{out}: compare.json, compare.png", markup=False, soft_wrap=True)
-
-
-def run(
-    env: str,
-    options: dict[str, Any],
-    controller: str,
-    episodes: int,
-    seed: int,
-    tick: Callable[[int], object] | None = None,
-) -> dict[str, Any]:
-    """Run one episode of every seed from `seed` on; `tick` is told of every part how many steps it had.
-
-    Returns
-    -------
-    dict
-        per metric's entry: whole and settled (episodes,); diverged, the number of episodes that ended early; seconds.
-    """
-    started = time.perf_counter()
-    control = _controller(env, controller, options)
     try:
-        batch = gymnasium.make_vec(env, num_envs=episodes, **options)
-    except (gymnasium.error.Error, ValueError, TypeError) as error:
-        raise fail(f"{env}: {error}") from None
-    batch.reset(seed=seed)
-    period = 1.0 / batch.metadata["render_fps"]
-    begin, length = round(SETTLED / period), _length(env)
-    rollout = Rollout(batch, control)
-    tallies = []
-    for steps in (min(begin, length), max(0, length - begin)):
-        rollout.run(steps, tick)
-        tallies.append(rollout.take())
-    batch.close()
-    early, late = tallies
-    # An episode that ended before anything was settled has nothing but its whole to show.
-    settled = late.steps > 0
-    result: dict[str, Any] = {
-        "diverged": int((early.terminated | late.terminated).sum()),
-        "control_period": period,
-        "seconds": time.perf_counter() - started,
-    }
-    for metric in METRICS:
-        first, last = ((t.squares if metric.square else t.sums)[metric.entry] for t in tallies)
-        whole = (first + last) / (early.steps + late.steps)
-        after = np.where(settled, last / np.maximum(late.steps, 1), whole)
-        parts = {"whole": whole, "settled": after}
-        result[metric.entry] = {part: np.sqrt(mean) if metric.square else mean for part, mean in parts.items()}
-    return result
+        np.savez(out / "scores.npz", **scores)
+    except OSError as error:
+        raise fail(f"cannot write {out / 'scores.npz'}: {error.strerror}") from None
+    console.print(f"{out}: {', '.join(files)}", markup=False, soft_wrap=True)
 
 
-def summarise(runs: dict[str, dict[str, Any]], seed: int) -> dict[str, Any]:
-    """Estimate every metric of every controller, and set the others against the first."""
-    first, *others = runs
-    estimates: dict[str, Any] = {}
-    against: dict[str, Any] = {name: {} for name in others}
-    for metric in METRICS:
-        scores = {name: run[metric.entry] for name, run in runs.items()}
-        for name, parts in scores.items():
-            estimates.setdefault(name, {})[metric.entry] = {part: bootstrap([x], seed) for part, x in parts.items()}
-        for name in others:
-            against[name][metric.entry] = {
-                part: {
-                    "difference": bootstrap([x - scores[first][part]], seed),
-                    "probability_of_improvement": improvement_probability([(x, scores[first][part])], seed),
-                }
-                for part, x in scores[name].items()
-            }
-    return {"baseline": first, "estimates": estimates, "against_baseline": against, "runs": runs}
+def reproduce(path: Path, full: bool = False, tolerance: float = TOLERANCE) -> list[str]:
+    """Run again what stored results are of, and tell where they differ, a line each.
+
+    Parameters
+    ----------
+    path : Path
+        A compare.json, or the results.json of shipped policies.
+    full : bool
+        Compare all statistics over all episodes, not only the scores of the first episodes one by one.
+    tolerance : float
+        Relative difference that is none.
+
+    Raises
+    ------
+    TyperException
+        The file cannot be read or holds no results, or a controller is no longer there.
+    """
+    differences = []
+    for stored, contest, seed in _read(path):
+        for name in stored["controllers"]:
+            if name in contest.missing:
+                differences.append(f"{contest.cell.name}, {name}: {contest.missing[name]}")
+        any_of = next(iter(stored["controllers"].values()))
+        episodes = any_of["episodes"] if full else min(any_of["episodes"], KEPT)
+        batch = make(contest.cell, episodes)
+        runs = {name: run(batch, contest.cell, entrant, seed) for name, entrant in contest.entrants.items()}
+        batch.close()
+        pairs: dict[str, tuple[Any, Any]] = {}
+        for name, scored in runs.items():
+            for metric, rows in stored["controllers"][name]["kept"].items():
+                pairs[f"{name}, {metric}"] = rows, scored.scores[metric]["whole"][:, :KEPT]
+        if full:
+            summary = summarise(contest.entrants, runs, seed)
+            for name, entry in summary.controllers.items():
+                for metric, parts in entry["metrics"].items():
+                    for part, estimates in parts.items():
+                        for kind, estimate in estimates.items():
+                            told = stored["controllers"][name]["metrics"][metric][part][kind]["value"]
+                            pairs[f"{name}, {metric}, {part}, {kind}"] = told, estimate.value
+        for what, (told, seen) in pairs.items():
+            told, seen = np.asarray(told, dtype=np.float64), np.asarray(seen)
+            if told.shape != seen.shape:
+                differences.append(f"{contest.cell.name}, {what}: shape {told.shape} is stored, {seen.shape} found")
+            elif not np.allclose(seen, told, rtol=tolerance, atol=1e-9):
+                worst = np.unravel_index(np.argmax(np.abs(seen - told)), told.shape)
+                differences.append(f"{contest.cell.name}, {what}: {told[worst]:.9g} is stored, {seen[worst]:.9g} found")
+    return differences
 
 
-def _print(name: str, result: dict[str, Any], episodes: int) -> None:
-    rows = [
-        (metric.label, controller, *(_text(estimate, metric.scale) for estimate in by_entry[metric.entry].values()))
-        for metric in METRICS
-        for controller, by_entry in result["estimates"].items()
-    ]
-    header = ("metric", "controller", "whole episode", f"after {SETTLED:g} s")
-    table(f"{name}: {episodes} episodes", header, rows, text_columns=2)
-    baseline = result["baseline"]
-    for controller, by_entry in result["against_baseline"].items():
-        rows = []
-        for metric in METRICS:
-            settled = by_entry[metric.entry]["settled"]
-            better = settled["probability_of_improvement"]
-            rows.append((metric.label, _text(settled["difference"], metric.scale), _text(better)))
-        title = f"{name}: {controller} against {baseline}, after {SETTLED:g} s"
-        table(title, ("metric", f"{controller} - {baseline}", "P(better)"), rows)
-    for controller, episode_run in result["runs"].items():
-        if episode_run["diverged"]:
-            console.print(f"{controller}: {episode_run['diverged']} of {episodes} episodes diverged", markup=False)
+def _read(path: Path) -> list[tuple[dict[str, Any], Contest, int]]:
+    """Read stored results, each with what takes part and the first episode's seed."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        arguments, results = data["circumstances"]["arguments"], data["results"]
+        given = {name: arguments[name] for name in ("action", "max_current") if name in arguments}
+        found = []
+        for stored in results:
+            scene, level = stored["scene"], stored["disturbance"]
+            levels = [] if level is None else [level]
+            (cell,) = cells([stored["env"]], [scene], {scene: read_scene(scene)}, levels, [stored["condition"]], given)
+            found.append((stored, _contest(cell, list(stored["controllers"]), False), int(arguments["seed"])))
+    except OSError as error:
+        raise fail(f"cannot read {path}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise fail(f"{path} holds no results of uvms compare: {type(error).__name__}: {error}") from None
+    return found
 
 
-def _text(estimate: Estimate, scale: float = 1.0) -> str:
-    """Write a value with its interval, to two digits of the interval's width."""
-    value, low, high = (scale * number for number in estimate)
-    if high == low:
-        return f"{value:g}"
-    digits = max(0, 1 - math.floor(math.log10(high - low)))
-    return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+def _check(path: Path) -> None:
+    differences = reproduce(path, full=True)
+    for line in differences:
+        console.print(line, markup=False, soft_wrap=True)
+    if differences:
+        raise fail(f"{path}: {len(differences)} numbers are not reproduced to {TOLERANCE:g}")
+    console.print(f"{path}: all numbers are reproduced to {TOLERANCE:g}", markup=False, soft_wrap=True)
 
 
-def _controllers(given: str) -> list[str]:
+def _names(given: str) -> list[str]:
     names = [name.strip() for name in given.split(",") if name.strip()]
     if not names:
         raise fail(f"no controllers given; known: {KNOWN}")
     for name in names:
-        if name not in CONTROLLERS and not name.startswith(MLP_PREFIX):
+        if name not in catalogue.NAMES and not name.startswith(catalogue.MLP_PREFIX):
             raise fail(f"unknown controller {name!r}; known: {KNOWN}")
         if names.count(name) > 1:
             raise fail(f"controller {name!r} is given twice")
     return names
 
 
-def _controller(env: str, name: str, options: dict[str, Any]) -> Controller:
-    """Make a controller by its name, for the environment with these options."""
-    chosen = {key: value for key, value in options.items() if key in ("scene", "action")}
-    try:
-        if name in CONTROLLERS:
-            return CONTROLLERS[name](**chosen)
-        return MLP.load(name.removeprefix(MLP_PREFIX), **chosen)
-    except OSError as error:
-        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
-    except (ValueError, TypeError) as error:
-        raise fail(f"{env}: {error}") from None
+def _contests(found: Sequence[Cell], asked: list[str] | None) -> list[Contest]:
+    """Make the controllers of all cells, before anything is computed."""
+    for name in asked or ():
+        # Other tasks may be compared along; one has to be its own.
+        try:
+            if not any(_suits(name, cell) for cell in found):
+                catalogue.check_name(name, found[0].designed["task"])
+        except ValueError as error:
+            raise fail(str(error)) from None
+    contests = []
+    for cell in found:
+        names = catalogue.names(cell.designed["task"]) if asked is None else [n for n in asked if _suits(n, cell)]
+        contests.append(_contest(cell, names, asked is not None))
+    return contests
 
 
-def _length(env: str) -> int:
-    """Look up the number of steps of an episode, and whether it is station keeping."""
-    try:
-        spec = gymnasium.spec(env)
-    except gymnasium.error.Error as error:
-        raise fail(str(error)) from None
-    if spec.name != "UVMS-StationKeep":
-        raise fail(f"--env is {env!r}, but only versions of UVMS-StationKeep, such as UVMS-StationKeep-v0, work")
-    return spec.max_episode_steps or EPISODE_STEPS
+def _suits(name: str, cell: Cell) -> bool:
+    return name in catalogue.names(cell.designed["task"]) or name.startswith(catalogue.MLP_PREFIX)
+
+
+def _contest(cell: Cell, names: Sequence[str], asked: bool) -> Contest:
+    """Make the controllers of a cell; without a policy a controller is missing or, if it was asked for, an error."""
+    entrants, missing = {}, {}
+    for name in names:
+        try:
+            entrants[name] = enter(cell, name)
+        except catalogue.Unavailable as error:
+            if asked:
+                raise fail(str(error)) from None
+            missing[name] = NO_POLICY
+    if not entrants:
+        raise fail(f"{cell.name}: there is no controller for it")
+    return Contest(cell, entrants, missing)
+
+
+def _settle(
+    contest: Contest, episodes: int, seed: int, scores: dict[str, Any], tick: Callable[[int], object]
+) -> Summary:
+    """Run a cell; notes all scores by cell, controller, metric and part."""
+    batch = make(contest.cell, episodes)
+    runs = {}
+    for name, entrant in contest.entrants.items():
+        runs[name] = run(batch, contest.cell, entrant, seed, tick)
+        for metric, parts in runs[name].scores.items():
+            for part, matrix in parts.items():
+                scores["/".join((contest.cell.name, name, metric, part))] = matrix
+    batch.close()
+    return summarise(contest.entrants, runs, seed)
+
+
+def _groups(
+    contests: Sequence[Contest], summaries: Sequence[Summary]
+) -> dict[str, tuple[list[Cell], list[Summary], list[Mapping[str, str]]]]:
+    """Cells with their summaries and who is missing, by environment and scene."""
+    groups: dict[str, tuple[list[Cell], list[Summary], list[Mapping[str, str]]]] = {}
+    for contest, summary in zip(contests, summaries, strict=True):
+        members = groups.setdefault(contest.cell.group, ([], [], []))
+        for member, value in zip(members, (contest.cell, summary, contest.missing), strict=True):
+            member.append(value)  # type: ignore[attr-defined]
+    return groups
+
+
+def _draw(out: Path, contests: Sequence[Contest], summaries: Sequence[Summary], several: bool) -> None:
+    groups = _groups(contests, summaries)
+    firsts = [(cells[0], of[0]) for cells, of, _ in groups.values()]
+    compare_plots.bars(out / "compare.png", [cell for cell, _ in firsts], [summary for _, summary in firsts])
+    compare_plots.profiles(out / "profiles.png", [contest.cell for contest in contests], summaries)
+    if several:
+        compare_plots.heat(out / "off-design.png", groups)
+
+
+def _print(contests: Sequence[Contest], summaries: Sequence[Summary]) -> None:
+    for group, (members, of, missing) in _groups(contests, summaries).items():
+        compare_report.detail(members[0], of[0], missing[0])
+        if len(members) > 1:
+            compare_report.across(group, members, of, missing)
+    say(compare_report.NOTES)
+
+
+def _stored(contest: Contest, summary: Summary) -> dict[str, Any]:
+    cell = contest.cell
+    profiles: Mapping[str, Any] = summary.profiles
+    return {
+        "env": cell.env,
+        "scene": cell.scene,
+        "disturbance": cell.level,
+        "condition": cell.condition,
+        "summary": CONDITIONS[cell.condition].summary,
+        "options": {key: value for key, value in cell.options.items() if key != "scene"},
+        "steps": cell.steps,
+        "baseline": summary.baseline,
+        "winner": summary.winner,
+        "runner_up": summary.runner_up,
+        "margin": summary.margin,
+        "controllers": summary.controllers,
+        "missing": contest.missing,
+        "against": summary.against,
+        "profiles": {"thresholds": summary.thresholds, **profiles},
+    }

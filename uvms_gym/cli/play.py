@@ -3,7 +3,7 @@
 import contextlib
 import math
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,10 +12,9 @@ import gymnasium
 import typer
 
 from uvms_gym.cli.common import check_range, console, fail, prepare, progress
-from uvms_gym.cli.compare import CONTROLLERS, MLP_PREFIX
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.scenes import read_scene
-from uvms_gym.controllers import MLP, Controller, ResolvedMotion
+from uvms_gym.controllers import Controller, catalogue
 
 if TYPE_CHECKING:
     from uvms_gym.cli.overlay import Overlay
@@ -25,8 +24,7 @@ MOST_SECONDS = 3600.0
 #: What is needed, by module: package, and the extra that brings it.
 NEEDS = {"PIL": ("pillow", "video"), "imageio_ffmpeg": ("imageio-ffmpeg", "video"), "pygame": ("pygame", "human")}
 _SUFFIXES = (".mp4", ".gif", ".png")
-_CHOICES: dict[str, Callable[[Any], Controller]] = {**CONTROLLERS, "resolved": ResolvedMotion}
-KNOWN = f"{', '.join(_CHOICES)}, {MLP_PREFIX}FILE"
+KNOWN = f"{', '.join(catalogue.NAMES)}, {catalogue.MLP_PREFIX}FILE"
 
 
 def play(
@@ -70,9 +68,8 @@ def play(
     control = _controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
-    title = (
-        f"{made.unwrapped.simulator.scene_name}  ·  {Path(chosen).name if chosen.startswith(MLP_PREFIX) else chosen}"  # type: ignore[attr-defined]
-    )
+    name = Path(chosen).name if chosen.startswith(catalogue.MLP_PREFIX) else chosen
+    title = f"{made.unwrapped.simulator.scene_name}  ·  {name}"  # type: ignore[attr-defined]
     overlay = _overlay(title, disturbance or "", steps * period) if out is not None or window else None
     for file in (out, plot):
         if file is not None:
@@ -201,14 +198,10 @@ def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymn
 
 
 def _controller(name: str, env: gymnasium.Env[Any, Any]) -> Controller:
-    """Make a controller by its name, for an environment."""
+    """Make a controller by its name, for an environment; of learned ones the first training seed."""
     try:
-        if name in _CHOICES:
-            return _CHOICES[name](env)
-        if name.startswith(MLP_PREFIX):
-            return MLP.load(name.removeprefix(MLP_PREFIX), env)
+        return catalogue.controller(name, env, seed=next(iter(catalogue.seeds(name, env)), 0))
     except OSError as error:
         raise fail(f"cannot read {error.filename}: {error.strerror}") from None
     except (ValueError, TypeError) as error:
         raise fail(str(error)) from None
-    raise fail(f"unknown controller {name!r}; known: {KNOWN}")

@@ -172,51 +172,6 @@ def end_effector(path: Path, cases: Mapping[str, Mapping[str, Any]]) -> None:
         save(figure, path)
 
 
-def comparison(path: Path, results: Mapping[str, Any], metrics: Sequence[Any]) -> None:
-    """Every episode as a dot, and interquartile means with their intervals, by scene, metric and controller."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(2.6 * len(metrics) + 0.6, 3.2 * len(results) + 0.5))
-        grid = figure.subplots(len(results), len(metrics), squeeze=False)
-        for row, (scene, result) in zip(grid, results.items(), strict=True):
-            for axes, metric in zip(row, metrics, strict=True):
-                _compare(axes, metric, result)
-            row[0].annotate(scene, (0.0, 1.16), xycoords="axes fraction", fontweight="bold")
-        handles, labels = grid[0][0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3)
-        save(figure, path)
-
-
-def _compare(axes: Axes, metric: Any, result: Mapping[str, Any]) -> None:
-    """One metric of one scene."""
-    shift = np.random.default_rng(0)
-    for k, (controller, by_entry) in enumerate(result["estimates"].items()):
-        colour = COLOURS[k % len(COLOURS)]
-        episodes = metric.scale * result["runs"][controller][metric.entry]["whole"]
-        places = k - 0.25 + shift.uniform(-0.1, 0.1, size=len(episodes))
-        axes.plot(places, episodes, ".", color=colour, alpha=0.25, markersize=3.0, markeredgewidth=0.0)
-        for part, place, face in (("whole", k, colour), ("settled", k + 0.22, "white")):
-            value, low, high = (metric.scale * number for number in by_entry[metric.entry][part])
-            interval = [[value - low], [high - value]]
-            axes.errorbar(
-                place, value, yerr=interval, fmt="o", color=colour, mfc=face, markersize=6.0, capsize=4.0, clip_on=False
-            )
-    # One legend for all: shapes mean the same everywhere, colours are on the axis.
-    axes.plot([], [], ".", color="#888888", label="an episode")
-    axes.plot([], [], "o", color="#888888", label="interquartile mean and 95 % interval: whole episode")
-    axes.plot([], [], "o", color="#888888", mfc="white", label="after 3 s")
-    axes.set(
-        title=f"RMS {metric.title} error, {metric.unit}" if metric.square else metric.label,
-        xlim=(-0.6, len(result["estimates"]) - 0.4),
-    )
-    # Of a policy's file its name is enough.
-    axes.set_xticks(range(len(result["estimates"])), [name.rsplit("/", 1)[-1] for name in result["estimates"]])
-    axes.grid(axis="x", visible=False)
-    if metric.square:
-        axes.set_yscale("log")
-    else:
-        axes.set_ylim(0.0, None)
-
-
 def _three(axes: Axes, time: Any, values: Any, names: Sequence[str]) -> None:
     # Curves may lie on one another: dashes let the one beneath be seen.
     for k, (name, colour, line) in enumerate(zip(names, (BLUE, ORANGE, VERMILION), ("-", "--", "-."), strict=True)):

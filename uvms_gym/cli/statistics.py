@@ -1,21 +1,29 @@
-"""Interquartile means, stratified-bootstrap intervals and probability of improvement, as rliable defines them.
+"""Statistics of scores with their intervals, as rliable defines them.
 
-Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical Precipice", 2021. Scores come as strata:
-one array (n,) of independent episodes per task.
+Agarwal et al., "Deep Reinforcement Learning at the Edge of the Statistical Precipice", 2021: interquartile means,
+probability of improvement and performance profiles, with percentile intervals of a bootstrap within each task.
+
+A controller's scores in one task are a matrix (S, N): training seeds by episodes, S = 1 without training. All seeds and
+all controllers run the same N episodes, so what they score there goes together. A resample therefore draws seeds and
+episodes, each with replacement and independently of one another, and takes the scores where they cross; its episodes
+are the same for all controllers. Intervals thus hold for other training seeds as well as for other episodes, and those
+of a ratio or a difference make use of the pairing.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-RESAMPLES = 2000
+RESAMPLES = 1000
 CONFIDENCE = 0.95
-# Numbers that a chunk of resamples may hold, so that memory stays small whatever the number of episodes.
-_CHUNK = 1_000_000
+#: What interquartile means leave out at either end.
+QUARTER = 0.25
+#: Scores that a chunk of resamples holds, so that it stays in the processor's cache.
+_CHUNK = 1 << 19
 
 
 class Estimate(NamedTuple):
@@ -26,99 +34,172 @@ class Estimate(NamedTuple):
     high: float
 
 
-def interquartile_mean(scores: ArrayLike) -> Floats:
-    """Mean along the last axis of what is left when a quarter (rounded down) is cut off at either end.
+class Sample(NamedTuple):
+    """A statistic: its value, and those of the resamples (R,)."""
+
+    value: float
+    resampled: Floats
+
+    def estimate(self, confidence: float = CONFIDENCE) -> Estimate:
+        """Give the percentile interval; NaN where a resample has no value."""
+        if not np.isfinite(self.resampled).all():
+            return Estimate(self.value, float("nan"), float("nan"))
+        tail = 0.5 * (1.0 - confidence)
+        low, high = np.quantile(self.resampled, [tail, 1.0 - tail])
+        return Estimate(self.value, float(low), float(high))
+
+    def over(self, other: Self) -> "Sample":
+        """Divide resample by resample; NaN where the other is 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            resampled = np.where(other.resampled == 0.0, np.nan, self.resampled / other.resampled)
+        return Sample(self.value / other.value if other.value else float("nan"), resampled)
+
+
+class Profile(NamedTuple):
+    """Share of scores up to each of T thresholds (T,), with the ends of its confidence intervals (T,)."""
+
+    value: Floats
+    low: Floats
+    high: Floats
+
+
+class Draws:
+    """Resamples of N episodes, and of training seeds: how often each is drawn.
+
+    Parameters
+    ----------
+    episodes : int
+        N.
+    seed : int
+        Seed of the resampling.
+    resamples : int
+        R.
+    """
+
+    def __init__(self, episodes: int, seed: int, resamples: int = RESAMPLES) -> None:
+        self._seed, self.resamples = seed, resamples
+        #: How often each resample has each episode, (R, N).
+        self.episodes = _copies(np.random.default_rng([seed, 0]), episodes, resamples)
+
+    def seeds(self, count: int) -> NDArray[np.uint8]:
+        """How often each resample has each of so many training seeds, (R, S)."""
+        return _copies(np.random.default_rng([self._seed, count]), count, self.resamples)
+
+    def counts(
+        self, shape: tuple[int, int], order: NDArray[np.intp], width: int
+    ) -> Iterator[tuple[slice, NDArray[np.int32]]]:
+        """Tell how often resamples have the scores of a matrix (S, N), taken in an order (S N,): chunks (k, S N).
+
+        Chunks are such that they hold `width` numbers per resample.
+        """
+        seeds, episodes = shape
+        step = max(1, _CHUNK // width)
+        drawn = self.seeds(seeds)
+        for start in range(0, self.resamples, step):
+            chunk = slice(start, min(start + step, self.resamples))
+            counts = self.episodes[chunk].take(order % episodes, axis=1).astype(np.int32)
+            if seeds > 1:
+                counts *= drawn[chunk].take(order // episodes, axis=1)
+            yield chunk, counts
+
+
+class Scores:
+    """Scores (S, N) of a controller in a task, in order, with their resamples.
+
+    Raises
+    ------
+    ValueError
+        There are none, or not as many episodes as are drawn.
+    """
+
+    def __init__(self, scores: ArrayLike, draws: Draws) -> None:
+        self.scores = np.atleast_2d(np.asarray(scores, dtype=np.float64))
+        if self.scores.size == 0:
+            raise ValueError("no scores")
+        if self.scores.shape[1] != draws.episodes.shape[1]:
+            raise ValueError(f"{self.scores.shape[1]} episodes, but {draws.episodes.shape[1]} are drawn")
+        self._draws = draws
+        self._order = np.argsort(self.scores, axis=None, kind="stable")
+        self._sorted = self.scores.ravel()[self._order]
+
+    def statistics(
+        self, cut: float = QUARTER, quantile: float = 0.95, thresholds: Sequence[float] = ()
+    ) -> tuple[Sample, Sample, Profile]:
+        """Mean without a share `cut` (rounded down) at either end, a quantile, and the performance profile."""
+        n, draws = self._sorted.size, self._draws
+        first, last = int(cut * n), n - int(cut * n)
+        rank = quantile * (n - 1)
+        below = int(rank)
+        # Where the sorted scores are counted up to, a mean of ranks is a sum over their steps.
+        steps = np.diff(self._sorted, append=self._sorted[-1])
+        places = np.searchsorted(self._sorted, np.asarray(thresholds), side="right")
+        means, quantiles = np.empty(draws.resamples), np.empty(draws.resamples)
+        shares = np.empty((draws.resamples, len(places)))
+        for chunk, counts in draws.counts(self._shape, self._order, n):
+            upto = np.cumsum(counts, axis=1, dtype=np.int32)
+            ends = np.array([np.searchsorted(row, (below, min(below + 1, n - 1)), side="right") for row in upto])
+            low, high = self._sorted[ends].T
+            quantiles[chunk] = low + (rank - below) * (high - low)
+            if len(places):
+                shares[chunk] = np.where(places == 0, 0.0, upto[:, np.maximum(places, 1) - 1]) / n
+            np.clip(upto, first, last, out=upto)
+            upto -= first
+            # Not a product of matrices: its library would spread over threads.
+            summed = np.einsum("rn,n->r", upto, steps)
+            means[chunk] = self._sorted[-1] - summed / (last - first)
+        value = float(self._sorted[first:last].mean())
+        tail = 0.5 * (1.0 - CONFIDENCE)
+        low, high = np.quantile(shares, [tail, 1.0 - tail], axis=0)
+        return (
+            Sample(value, means),
+            Sample(float(np.quantile(self._sorted, quantile)), quantiles),
+            Profile(places / n, low, high),
+        )
+
+    def improvement(self, other: Self) -> Sample:
+        """Probability that a score of these is less than one of another controller's; ties count half.
+
+        That is the Mann-Whitney statistic over all pairs of a score here with one there. Less is better here: scores
+        are errors and efforts.
+        """
+        below = np.searchsorted(other._sorted, self._sorted, side="left")
+        upto = np.searchsorted(other._sorted, self._sorted, side="right")
+        pairs = float(self._sorted.size * other._sorted.size)
+        resampled = np.empty(self._draws.resamples)
+        width = self._sorted.size + other._sorted.size
+        ours, theirs = (x._draws.counts(x._shape, x._order, width) for x in (self, other))
+        for (chunk, counts), (_, others) in zip(ours, theirs, strict=True):
+            passed = np.zeros((len(others), other._sorted.size + 1), dtype=np.int32)
+            np.cumsum(others, axis=1, out=passed[:, 1:])
+            both = passed.take(below, axis=1)
+            both += passed.take(upto, axis=1)
+            resampled[chunk] = 1.0 - 0.5 * np.einsum("rn,rn->r", both, counts, dtype=np.float64) / pairs
+        return Sample(1.0 - 0.5 * float((below + upto).sum()) / pairs, resampled)
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        seeds, episodes = self.scores.shape
+        return seeds, episodes
+
+
+def interquartile_mean(scores: ArrayLike) -> float:
+    """Mean of what is left when a quarter (rounded down) is cut off at either end.
 
     Raises
     ------
     ValueError
         There are no scores.
     """
-    ordered = np.sort(np.asarray(scores, dtype=np.float64), axis=-1)
-    n = ordered.shape[-1]
-    if n == 0:
+    ordered = np.sort(np.asarray(scores, dtype=np.float64), axis=None)
+    if ordered.size == 0:
         raise ValueError("no scores")
-    cut = n // 4
-    return np.asarray(ordered[..., cut : n - cut].mean(axis=-1))
+    cut = int(QUARTER * ordered.size)
+    return float(ordered[cut : ordered.size - cut].mean())
 
 
-def bootstrap(
-    strata: Sequence[ArrayLike],
-    seed: int,
-    statistic: Callable[[Floats], Floats] = interquartile_mean,
-    resamples: int = RESAMPLES,
-    confidence: float = CONFIDENCE,
-) -> Estimate:
-    """Estimate a statistic of all scores, with the percentile interval of a stratified bootstrap.
-
-    Parameters
-    ----------
-    strata : sequence of array_like (n,)
-        Scores per task; each is resampled within itself.
-    seed : int
-        Seed of the resampling.
-    statistic : callable
-        Maps (..., sum of n) to (...).
-    """
-    groups = [np.asarray(stratum, dtype=np.float64) for stratum in strata]
-    rng = np.random.default_rng(seed)
-    total = sum(len(group) for group in groups)
-    values = [
-        statistic(np.concatenate([group[rng.integers(len(group), size=(k, len(group)))] for group in groups], axis=1))
-        for k in _chunks(resamples, total)
-    ]
-    return _estimate(float(statistic(np.concatenate(groups))), np.concatenate(values), confidence)
-
-
-def improvement_probability(
-    pairs: Sequence[tuple[ArrayLike, ArrayLike]],
-    seed: int,
-    resamples: int = RESAMPLES,
-    confidence: float = CONFIDENCE,
-) -> Estimate:
-    """Estimate the probability that an episode of x scores less than one of y; ties count half.
-
-    That is the Mann-Whitney statistic over all pairs of an episode of x with one of y, averaged over tasks, with the
-    interval of a bootstrap that resamples x and y of each task. Less is better here: scores are errors and efforts.
-
-    Parameters
-    ----------
-    pairs : sequence of (array_like (n,), array_like (m,))
-        Scores x and y per task.
-    """
-    rng = np.random.default_rng(seed)
-    values = np.zeros(resamples)
-    value = 0.0
-    for given_x, given_y in pairs:
-        x = np.asarray(given_x, dtype=np.float64)
-        y = np.sort(np.asarray(given_y, dtype=np.float64))
-        # A resample is a number of copies of each score; their running sum counts the copies of y up to a place.
-        below, upto = np.searchsorted(y, x, "left"), np.searchsorted(y, x, "right")
-        value += (1.0 - 0.5 * (below + upto).mean() / len(y)) / len(pairs)
-        start = 0
-        for k in _chunks(resamples, len(x) + len(y)):
-            counts = np.zeros((k, len(y) + 1), dtype=np.int64)
-            np.cumsum(_copies(rng, len(y), k), axis=1, out=counts[:, 1:])
-            passed = (_copies(rng, len(x), k) * (counts[:, below] + counts[:, upto])).sum(axis=1) / len(x)
-            values[start : start + k] += (1.0 - 0.5 * passed / len(y)) / len(pairs)
-            start += k
-    return _estimate(value, values, confidence)
-
-
-def _copies(rng: np.random.Generator, n: int, resamples: int) -> NDArray[np.int64]:
-    """How often each of n scores is in each resample: (resamples, n)."""
-    drawn = rng.integers(n, size=(resamples, n)) + n * np.arange(resamples)[:, None]
-    return np.bincount(drawn.ravel(), minlength=n * resamples).reshape(resamples, n)
-
-
-def _chunks(resamples: int, width: int) -> Iterator[int]:
-    """Sizes of chunks that add up to `resamples`."""
-    size = max(1, _CHUNK // max(1, width))
-    for start in range(0, resamples, size):
-        yield min(size, resamples - start)
-
-
-def _estimate(value: float, values: Floats, confidence: float) -> Estimate:
-    tail = 0.5 * (1.0 - confidence)
-    low, high = np.quantile(values, [tail, 1.0 - tail])
-    return Estimate(value, float(low), float(high))
+def _copies(rng: np.random.Generator, n: int, resamples: int) -> NDArray[np.uint8]:
+    """How often each of n is in each resample of n: (resamples, n)."""
+    copies = np.empty((resamples, n), dtype=np.uint8)
+    for row in copies:
+        row[:] = np.bincount(rng.integers(n, size=n), minlength=n)
+    return copies

@@ -38,6 +38,11 @@ class MLP(Controller):
         `clip((x - mean) / sqrt(variance + epsilon), -clip, clip)`. Nothing where None.
     epsilon, clip : float
         As VecNormalize has them (`epsilon`, `clip_obs`).
+    history : int
+        Observations that it reads at once: the last ones, oldest first, and zeros in place of those before an episode's
+        first, as `VecFrameStack` has it. They are the controller's state, which `predict` takes and gives back.
+    corrects : bool
+        Whether it corrects a controller, whose action it reads after the observation: see `Residual`.
     notes : mapping of str to str, or None
         What else is to be known: seeds, steps, scores.
     **options
@@ -65,6 +70,8 @@ class MLP(Controller):
         variance: ArrayLike | None = None,
         epsilon: float = 1e-8,
         clip: float = 10.0,
+        history: int = 1,
+        corrects: bool = False,
         notes: Mapping[str, str] | None = None,
         **options: Unpack[Options],
     ) -> None:
@@ -76,8 +83,10 @@ class MLP(Controller):
             [_array(f"biases[{i}]", layer, 1) for i, layer in enumerate(biases)],
             activation=activation,
             output=output,
+            history=history,
             normalisation=given,
             task=_task(type(self).__name__, env, options),
+            corrects=corrects,
             notes=dict(notes or {}),
         )
 
@@ -114,8 +123,12 @@ class MLP(Controller):
         raise ValueError(f"no layers found among the names {', '.join(state_dict)}")
 
     @classmethod
-    def load(cls, file: str | os.PathLike[str], env: Any = None, **options: Unpack[Options]) -> Self:
+    def load(
+        cls, file: str | os.PathLike[str], env: Any = None, *, corrects: bool = False, **options: Unpack[Options]
+    ) -> Self:
         """Read a policy from a safetensors file, and check that it is for `env` (or `options`), if given.
+
+        With `corrects` it is to be one that corrects a controller, without it is not.
 
         Raises
         ------
@@ -127,8 +140,10 @@ class MLP(Controller):
         task = _task(cls.__name__, env, options)
         try:
             policy = _core.Mlp.from_bytes(Path(file).read_bytes())
+            if policy.corrects and not corrects:
+                raise ValueError("it corrects a controller, and is none by itself")
             if task is not None:
-                policy.check(task)
+                policy.check(task, corrects=corrects)
         except ValueError as error:
             raise ValueError(f"{os.fspath(file)}: {error}") from None
         return cls._of(policy)
@@ -145,13 +160,23 @@ class MLP(Controller):
 
     @property
     def sizes(self) -> list[int]:
-        """Entries of the observation and of all layers' results."""
+        """Entries of what it reads, and of all layers' results."""
         return self.policy.sizes
 
     @property
     def purpose(self) -> dict[str, Any] | None:
         """What the policy is for: task, scene, action, actions, control_period and observation."""
         return self.policy.purpose
+
+    @property
+    def history(self) -> int:
+        """Observations that it reads at once."""
+        return self.policy.history
+
+    @property
+    def corrects(self) -> bool:
+        """Whether it says that it corrects a controller."""
+        return self.policy.corrects
 
     @property
     def notes(self) -> dict[str, str]:

@@ -119,8 +119,8 @@ class EETrackEnv(TaskEnv):
       third of it.
     - `preview` (None): a dict with any of `points` (3), the number of points of the reference seen ahead, up to 8, and
       `spacing` (0.2 s), the time between them.
-    - `disturbance` (None), `randomize` (None), `thruster_lag` (None): as `StationKeepEnv` has them; noise and delay of the pose error are
-      those of the end effector, what is seen ahead is off by as much, and `arm` has no effect.
+    - `disturbance` (None), `randomize` (None), `thruster_lag` (None): as `StationKeepEnv` has them; noise and delay of
+      the pose error are those of the end effector, what is seen ahead is off by as much, and `arm` has no effect.
     - `dt` (0.01), `substeps` (5), `integrator` (`"mk4"`), `dtype` (`"float64"`), `max_current` (0.3), `start_distance`
       (0.05), `start_angle` (0.05), `target_distance` (0), `target_turn` (0), `reward` (None: `pose` 0.1, `effort` 0.02,
       `rate` 0.1, `diverged` 100), `tolerance` (None: `position` 0.05, `attitude` 0.1), `residual` (0.3), `privileged`

@@ -22,6 +22,8 @@ pub struct Tally {
     pub sums: [f64; INFO],
     /// Sums of their squares.
     pub squares: [f64; INFO],
+    /// Themselves after the last of the control periods.
+    pub last: [f64; INFO],
 }
 
 /// Every control period of one instance, as far as it counts.
@@ -141,6 +143,7 @@ impl Tally {
         for (entry, row) in out.info.iter().enumerate() {
             self.sums[entry] += row[k];
             self.squares[entry] += row[k] * row[k];
+            self.last[entry] = row[k];
         }
     }
 }

@@ -27,10 +27,16 @@ struct Header {
     sizes: Vec<usize>,
     activation: Activation,
     output: Output,
+    #[serde(default = "one")]
+    history: usize,
     normalisation: Option<Bounds>,
     purpose: Option<Purpose>,
     #[serde(default)]
     notes: BTreeMap<String, String>,
+}
+
+fn one() -> usize {
+    1
 }
 
 /// The numbers of a normalisation that are no tensors.
@@ -53,6 +59,7 @@ impl Mlp {
             sizes: network.sizes(),
             activation: network.activation,
             output: network.output,
+            history: network.history,
             normalisation: network.normalisation.as_ref().map(|n| Bounds { epsilon: n.epsilon, clip: n.clip }),
             purpose: self.purpose.clone(),
             notes: self.notes.clone(),
@@ -126,7 +133,8 @@ impl Mlp {
         if let Some(name) = tensors.names().into_iter().find(|name| !names.iter().any(|known| known == name)) {
             return Err(file(format!("it has a tensor '{name}', which its sizes do not ask for")));
         }
-        let network = Network { normalisation, layers, activation: header.activation, output: header.output };
+        let Header { activation, output, history, .. } = header;
+        let network = Network { history, normalisation, layers, activation, output };
         Self::new(network, header.purpose, header.notes)
     }
 }

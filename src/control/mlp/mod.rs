@@ -37,7 +37,7 @@ impl Mlp {
     ) -> Result<Self, PolicyError> {
         network.check()?;
         if let Some(purpose) = &purpose {
-            purpose.check_widths(network.inputs(), network.outputs())?;
+            purpose.check_widths(network.observation_len(), network.outputs())?;
         }
         let packed = Packed::new(&network);
         Ok(Self { network, purpose, notes, packed, isa: Isa::best()? })
@@ -67,7 +67,7 @@ impl Mlp {
         if let Some(own) = &self.purpose {
             own.check(environment)?;
         }
-        environment.check_widths(self.network.inputs(), self.network.outputs())
+        environment.check_widths(self.network.observation_len(), self.network.outputs())
     }
 
     /// The same policy on lanes of `isa`.
@@ -79,12 +79,25 @@ impl Mlp {
 
 impl Policy for Mlp {
     fn widths(&self) -> Widths {
-        Widths { observation: self.network.inputs(), memory: 0, action: self.network.outputs() }
+        let (inputs, observation) = (self.network.inputs(), self.network.observation_len());
+        Widths { observation, memory: inputs - observation, action: self.network.outputs() }
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
         self.widths().rows(observations, memory, actions)?;
-        f32::dispatch(self.isa, &mut Forward::new(&self.packed, observations, actions));
+        if memory.is_empty() {
+            f32::dispatch(self.isa, &mut Forward::new(&self.packed, observations, actions));
+            return Ok(());
+        }
+        let Widths { observation, memory: before, .. } = self.widths();
+        let mut inputs = Vec::with_capacity(observations.len() + memory.len());
+        for (memory, row) in memory.chunks_exact_mut(before).zip(observations.chunks_exact(observation)) {
+            inputs.extend(memory.iter().map(|x| *x as f32));
+            inputs.extend(row);
+            memory.copy_within(observation.., 0);
+            memory[before - observation..].iter_mut().zip(row).for_each(|(old, new)| *old = f64::from(*new));
+        }
+        f32::dispatch(self.isa, &mut Forward::new(&self.packed, &inputs, actions));
         Ok(())
     }
 }

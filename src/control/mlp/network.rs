@@ -66,6 +66,9 @@ pub struct Normalisation {
 /// Layers with an activation between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Network {
+    /// Observations that it reads at once: the last ones, oldest first, and zeros in place of those before an episode's
+    /// first (as Stable-Baselines3's `VecFrameStack` has it). Usually 1.
+    pub history: usize,
     /// First of all.
     pub normalisation: Option<Normalisation>,
     /// At least one.
@@ -78,6 +81,11 @@ pub struct Network {
 
 impl Network {
     /// Entries of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.inputs() / self.history.max(1)
+    }
+
+    /// Entries of what it reads.
     pub fn inputs(&self) -> usize {
         self.layers.first().map_or(0, Layer::inputs)
     }
@@ -87,7 +95,7 @@ impl Network {
         self.layers.last().map_or(0, Layer::outputs)
     }
 
-    /// Entries of all layers' results, the observation first.
+    /// Entries of what it reads, and of all layers' results.
     pub fn sizes(&self) -> Vec<usize> {
         std::iter::once(self.inputs()).chain(self.layers.iter().map(Layer::outputs)).collect()
     }
@@ -98,6 +106,9 @@ impl Network {
             return Err(PolicyError::NoLayers);
         }
         let mut inputs = self.inputs();
+        if self.history == 0 || inputs % self.history != 0 {
+            return Err(PolicyError::History { history: self.history, inputs });
+        }
         for (i, layer) in self.layers.iter().enumerate() {
             let (got, expected) = (layer.weights.len(), layer.outputs() * inputs);
             if got != expected || got == 0 {

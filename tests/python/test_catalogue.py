@@ -1,0 +1,194 @@
+"""Controllers by name: tuned gains, shipped policies, and what is said where they do not fit."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from helpers import SMALL, layers, observations
+
+from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion
+from uvms_gym.cli import main
+from uvms_gym.controllers import Rest, catalogue
+from uvms_gym.controllers.catalogue import Unavailable, available, controller, names, seeds
+
+STORM = "UVMS-StationKeep-Storm-v0"
+OPTIONS: dict[str, Any] = {"scene": SMALL, "substeps": 10}
+KP = [10.0, 20.0, 30.0, 4.0, 5.0, 6.0]
+KD = [11.0, 21.0, 31.0, 5.0, 6.0, 7.0]
+
+
+def network(seed: int = 0, **arguments: Any) -> MLP:
+    """A policy for the small scene at a control period of 0.1 s."""
+    options = {"scene": SMALL, "substeps": 10} | arguments
+    corrects = options.pop("corrects", False)
+    return MLP(**layers((30 if corrects else 24, 8, 6), seed), corrects=corrects, **options)
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of policies for the small scene: two seeds of ppo, one of corrections, tuned gains of PD."""
+    monkeypatch.setattr(catalogue, "POLICIES", tmp_path)
+    folder = tmp_path / "UVMS-StationKeep" / SMALL / "0.1s"
+    folder.mkdir(parents=True)
+    for seed in (0, 3):
+        network(seed).save(folder / f"ppo-{seed}.safetensors")
+    network(5, corrects=True, notes={"base": "pd", "limit": "0.2"}).save(folder / "ppo-pd-1.safetensors")
+    tuned = {"pd": {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}}
+    (folder / "gains.json").write_text(json.dumps(tuned))
+    return folder
+
+
+def message(name: str, error: type[Exception] = ValueError, **options: Any) -> str:
+    with pytest.raises(error) as caught:
+        controller(name, **(OPTIONS | options))
+    (line,) = str(caught.value).splitlines()
+    return line
+
+
+def test_classical_controllers_have_the_tuned_gains_or_their_own(shipped: Path) -> None:
+    tuned = controller("pd", **OPTIONS)
+    assert isinstance(tuned, PD)
+    np.testing.assert_array_equal(tuned.kp, KP)
+    np.testing.assert_array_equal(tuned.kd, KD)
+    own = PD(scene=SMALL)
+    for other in (controller("pd", gains="scene", **OPTIONS), controller("pd", scene=SMALL)):
+        np.testing.assert_array_equal(other.kp, own.kp)
+    assert isinstance(controller("pid", **OPTIONS), PID)
+    assert isinstance(controller("none", **OPTIONS), Rest)
+    assert isinstance(controller("resolved", task="ee-track"), ResolvedMotion)
+    with pytest.raises(ValueError, match="gains is 'mine', but must be 'tuned' or 'scene'"):
+        controller("pd", gains="mine", **OPTIONS)  # type: ignore[arg-type]
+
+
+def test_learned_controllers_are_the_shipped_policies(shipped: Path) -> None:
+    env = gymnasium.make(STORM, scene=SMALL)
+    rows = observations(20)
+    assert seeds("ppo", env) == (0, 3)
+    assert seeds("ppo-pd", env) == (1,)
+    assert seeds("pd", env) == seeds("ppo-dob", env) == ()
+    for seed in (0, 3):
+        np.testing.assert_array_equal(
+            controller("ppo", env, seed=seed).predict(rows)[0], network(seed).predict(rows)[0]
+        )
+    corrected = controller("ppo-pd", env, seed=1)
+    expected = Residual(controller("pd", env), network(5, corrects=True), 0.2)
+    np.testing.assert_array_equal(corrected.predict(rows)[0], expected.predict(rows)[0])
+    file = shipped / "ppo-3.safetensors"
+    np.testing.assert_array_equal(controller(f"mlp:{file}", env).predict(rows)[0], network(3).predict(rows)[0])
+
+
+def test_what_is_available_is_what_there_is_all_for(shipped: Path) -> None:
+    classical = [name for name in names("station-keep") if name in catalogue.CLASSICAL]
+    assert list(available(**OPTIONS)) == [*classical, "ppo", "ppo-pd"]
+    assert list(available(scene=SMALL)) == classical
+    assert list(available(**OPTIONS, action="thrusters")) == classical
+    assert set(names()) == set(catalogue.NAMES) > set(names("ee-track")) > {"none", "resolved", "ppo"}
+
+
+def test_an_unknown_controller_is_told_the_known_ones_of_its_task() -> None:
+    line = message("magic")
+    assert "unknown controller 'magic'; known: none, pd" in line and "mlp:FILE" in line and "resolved" not in line
+    assert "controller 'pd' is not for UVMS-EETrack; known: none, resolved" in message("pd", task="ee-track")
+
+
+def test_a_policy_that_is_not_shipped_is_told_those_that_are(shipped: Path) -> None:
+    where = f"UVMS-StationKeep, scene {SMALL}, control period 0.1 s, actions wrench"
+    assert message("ppo-dob", Unavailable) == f"no policy ppo-dob is shipped for {where}; shipped for it: ppo, ppo-pd"
+    assert message("ppo", Unavailable, seed=1) == (
+        f"no policy ppo of training seed 1 is shipped for {where}; its seeds: 0, 3"
+    )
+    line = message("ppo", Unavailable, substeps=5)
+    assert "control period 0.05 s" in line and f"shipped are those for UVMS-StationKeep {SMALL} 0.1s" in line
+    assert "scene petasus-pum" in message("ppo", Unavailable, scene="petasus-pum")
+    assert "UVMS-EETrack" in message("ppo", Unavailable, task="ee-track")
+    assert "actions thrusters" in message("ppo", Unavailable, action="thrusters")
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        ({"scene": "rexrov"}, "its scene is rexrov, the environment's bluerov2-heavy"),
+        ({"substeps": 5}, "its control period is 0.050000000 s, the environment's 0.100000000 s"),
+        ({"corrects": True}, "it corrects a controller, and is none by itself"),
+    ],
+)
+def test_a_shipped_policy_for_something_else_is_refused(shipped: Path, made: dict[str, Any], words: str) -> None:
+    network(**made).save(shipped / "ppo-0.safetensors")
+    line = message("ppo")
+    assert line.startswith(f"{shipped / 'ppo-0.safetensors'}: ") and words in line
+
+
+def test_corrections_to_something_else_are_refused(shipped: Path) -> None:
+    file = shipped / "ppo-pd-1.safetensors"
+    network(corrects=True, notes={"base": "pid"}).save(file)
+    assert message("ppo-pd", seed=1) == f"{file}: it corrects pid, not pd"
+    network(corrects=True, notes={"limit": "7"}).save(file)
+    assert message("ppo-pd", seed=1) == f"{file}: limit is 7, but must be in [0, 1]"
+
+
+def test_truncated_and_foreign_files_are_refused(shipped: Path) -> None:
+    file = shipped / "ppo-0.safetensors"
+    whole = file.read_bytes()
+    for content in (
+        whole[:-9],
+        whole[:20],
+        b"",
+        b"\x00" * 100,
+        whole.replace(b"UVMS-StationKeep", b"CartPole-v1\x00\x00\x00\x00\x00"),
+    ):
+        file.write_bytes(content)
+        assert message("ppo").startswith(f"{file}: ")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "no JSON: Expecting property name"),
+        ("[1]", "holds no dict of controllers"),
+        ('{"pd": 3}', "pd has no dict of gains"),
+        ('{"pd": {"gains": {"kp": [1, 2]}}}', "pd: gains have shape (2,), but must have (6,)"),
+        ('{"pd": {"gains": {"kq": [1]}}}', "pd: unknown gain 'kq'"),
+        ('{"pd": {"gains": {"kp": [1, 1, 1, 1, 1, -1]}}}', "pd: "),
+    ],
+)
+def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words: str) -> None:
+    file = shipped / "gains.json"
+    file.write_text(text)
+    assert message("pd").startswith(f"{file}: {words}")
+
+
+def test_gains_are_for_their_scene_task_and_period_alone(shipped: Path) -> None:
+    assert catalogue.tuned("pd", **OPTIONS) == {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}
+    assert catalogue.tuned("pid", **OPTIONS) is None
+    assert catalogue.tuned("pd", scene=SMALL) is None
+    # Conditions other than those change nothing.
+    env = gymnasium.make(STORM, scene=SMALL, disturbance="calm", thruster_lag=0.3)
+    np.testing.assert_array_equal(controller("pd", env).kp, KP)  # type: ignore[attr-defined]
+
+
+def test_play_takes_names_of_the_catalogue(shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def play(name: str) -> int:
+        plot = str(tmp_path / "plot.png")
+        return main(
+            ["play", "--env", STORM, "--scene", SMALL, "--controller", name, "--seconds", "0.3", "--plot", plot]
+        )
+
+    assert [play(name) for name in ("none", "pid", "ppo", "ppo-pd")] == [0, 0, 0, 0]
+    capsys.readouterr()
+    for name, words in (("magic", "unknown controller 'magic'"), ("ppo-dob", "no policy ppo-dob is shipped")):
+        assert play(name) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert words in line
+
+
+@pytest.mark.parametrize("name", catalogue.CLASSICAL)
+def test_every_classical_controller_is_made_for_its_tasks(name: str) -> None:
+    for task in catalogue.CLASSICAL[name].tasks:
+        made = controller(name, task=task, scene="bluerov2-heavy-alpha5", substeps=10)
+        env = gymnasium.make(f"{catalogue.TASKS[task]}-Storm-v0", scene="bluerov2-heavy-alpha5")
+        observation, _ = env.reset(seed=0)
+        action, _ = made.predict(observation)
+        assert action.shape == env.action_space.shape

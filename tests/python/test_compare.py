@@ -1,0 +1,373 @@
+"""`uvms compare`: cells, episodes, statistics, and what is written."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from helpers import SMALL, layers, policy
+
+import uvms_gym
+from uvms_gym import MLP
+from uvms_gym.cli import compare, compare_cells, compare_plots, compare_report, compare_runs, compare_summary, main
+from uvms_gym.cli.statistics import Estimate, interquartile_mean
+from uvms_gym.controllers import catalogue
+
+PNG = b"\x89PNG\r\n\x1a\n"
+STORM, TRACK = "UVMS-StationKeep-Storm-v0", "UVMS-EETrack-Storm-v0"
+
+
+def cell(
+    env: str = STORM, scene: str = SMALL, level: str | None = None, condition: str = "design", **given: Any
+) -> Any:
+    """One cell."""
+    levels = [] if level is None else [level]
+    (found,) = compare_cells.cells([env], [scene], {scene: scene}, levels, [condition], given)
+    return found
+
+
+def run(of: Any, name: str, episodes: int, seed: int = 5) -> dict[str, dict[str, np.ndarray]]:
+    """Scores of a controller in a cell."""
+    return compare_runs.run(compare_runs.make(of, episodes), of, compare_runs.enter(of, name), seed).scores
+
+
+def compared(out: Path, *arguments: str) -> dict[str, Any]:
+    assert main(["compare", *arguments, "--out", str(out)]) == 0
+    return json.loads((out / "compare.json").read_text())
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with two policies for the small scene at 0.1 s."""
+    monkeypatch.setattr(catalogue, "POLICIES", tmp_path / "policies")
+    folder = tmp_path / "policies" / "UVMS-StationKeep" / SMALL / "0.1s"
+    folder.mkdir(parents=True)
+    for seed in (0, 1):
+        made = MLP(scene=SMALL, substeps=10, notes={"steps": "7"}, **layers((24, 6), seed))
+        made.save(folder / f"ppo-{seed}.safetensors")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def comparison(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    out = tmp_path_factory.mktemp("compare")
+    data = compared(out, "--scene", SMALL, "--controllers", "none,pd,pid", "--episodes", "48", "--seed", "3")
+    for picture in ("compare.png", "profiles.png"):
+        assert (out / picture).read_bytes().startswith(PNG)
+    assert not (out / "off-design.png").exists()
+    return data | {"scores": dict(np.load(out / "scores.npz"))}
+
+
+def test_pd_beats_no_control_with_intervals_apart(comparison: dict[str, Any]) -> None:
+    (result,) = comparison["results"]
+    none, pd = (result["controllers"][name]["metrics"] for name in ("none", "pd"))
+    assert result["baseline"] == "pd"
+    for metric in ("pose", "position", "attitude", "end_effector"):
+        for part in ("whole", "settled"):
+            assert pd[metric][part]["iqm"]["high"] < none[metric][part]["iqm"]["low"]
+            assert pd[metric][part]["iqm"]["value"] < pd[metric][part]["p95"]["value"]
+            against = result["against"]["pd"]["none"][metric][part]
+            assert against["difference"]["low"] > 0.0
+            assert against["probability_of_improvement"]["high"] < 0.2
+            assert against["ratio"]["low"] > 1.0
+    assert none["effort"]["whole"]["iqm"]["value"] == none["variation"]["whole"]["iqm"]["value"] == 0.0
+    assert pd["effort"]["whole"]["iqm"]["low"] > 0.0 and pd["variation"]["whole"]["iqm"]["low"] > 0.0
+    assert result["winner"] in ("pd", "pid") and result["margin"]["value"] <= 1.0
+    assert "none" not in result["profiles"]
+
+
+def test_statistics_are_those_of_the_stored_scores(comparison: dict[str, Any]) -> None:
+    (result,) = comparison["results"]
+    scores = comparison["scores"]
+    name = f"{STORM}, {SMALL}, design"
+    for controller, entry in result["controllers"].items():
+        for metric, parts in entry["metrics"].items():
+            for part, estimates in parts.items():
+                stored = scores[f"{name}/{controller}/{metric}/{part}"]
+                assert stored.shape == (1, 48)
+                if "iqm" in estimates:
+                    assert estimates["iqm"]["value"] == pytest.approx(interquartile_mean(stored))
+                    assert estimates["p95"]["value"] == pytest.approx(np.quantile(stored, 0.95))
+                else:
+                    assert estimates["mean"]["value"] == pytest.approx(stored.mean())
+    pd, pid = (scores[f"{name}/{controller}/pose/whole"][0] for controller in ("pd", "pid"))
+    against = result["against"]["pd"]["pid"]["pose"]["whole"]
+    assert against["ratio"]["value"] == pytest.approx(interquartile_mean(pid) / interquartile_mean(pd))
+    assert against["difference"]["value"] == pytest.approx(interquartile_mean(pid - pd))
+    better = np.mean(pid[:, None] < pd) + 0.5 * np.mean(pid[:, None] == pd)
+    assert against["probability_of_improvement"]["value"] == pytest.approx(better)
+    profile, tau = result["profiles"]["pd"], np.array(result["profiles"]["thresholds"])
+    np.testing.assert_allclose(profile["value"], [(pd <= t).mean() for t in tau])
+    np.testing.assert_allclose(result["controllers"]["pd"]["kept"]["pose"][0], pd[: compare_summary.KEPT])
+
+
+def test_circumstances_tell_what_a_result_depends_on(comparison: dict[str, Any]) -> None:
+    told = comparison["circumstances"]
+    assert told["arguments"]["controllers"] == ["none", "pd", "pid"]
+    assert told["arguments"]["seed"] == 3 and told["arguments"]["episodes"] == 48
+    assert {"commit", "machine", "numpy", "gymnasium", "uvms_gym"} <= told.keys()
+    assert comparison["results"][0]["options"]["disturbance"] == "storm"
+    assert comparison["results"][0]["controllers"]["pd"]["origin"] == {"tuned": None}
+
+
+def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_path: Path) -> None:
+    def again(seed: int) -> Any:
+        given = ["--scene", SMALL, "--controllers", "none,pd,pid", "--episodes", "48", "--seed", str(seed)]
+        return timeless(compared(tmp_path, *given)["results"])
+
+    def timeless(results: Any) -> Any:
+        for result in results:
+            for entry in result["controllers"].values():
+                entry.pop("seconds", None)
+        return results
+
+    first = timeless(comparison["results"])
+    assert again(3) == first
+    assert again(4) != first
+
+
+def test_episodes_are_paired_and_do_not_depend_on_their_number() -> None:
+    few, many = (run(cell(), "pd", n)["pose"] for n in (3, 9))
+    for part in ("whole", "settled"):
+        assert np.array_equal(few[part], many[part][:, :3])
+    shifted = run(cell(), "pd", 2, 6)["pose"]["whole"]
+    assert np.array_equal(shifted, few["whole"][:, 1:])
+
+
+@pytest.mark.parametrize("env", [STORM, TRACK])
+def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
+    scene = SMALL if env == STORM else "petasus-pum"
+    name = "pid" if env == STORM else "resolved"
+    scores = run(cell(env, scene), name, 2)
+    single = gymnasium.make(env, scene=scene)
+    controller = catalogue.controller(name, single)
+    observation, _ = single.reset(seed=6)
+    over, state, before, pose, changes = False, None, 0.0, [], []
+    while not over:
+        action, state = controller.predict(observation, state)
+        observation, _, terminated, truncated, info = single.step(action)
+        pose.append(info["position_error"] ** 2 + 0.25 * info["attitude_error"] ** 2)
+        # What the observation calls the previous action is the one as clipped.
+        changes.append(np.mean((np.clip(action, -1.0, 1.0) - before) ** 2))
+        before = np.clip(action, -1.0, 1.0)
+        over = terminated or truncated
+    told = {
+        "position": info["rms_position_error"],
+        "attitude": info["rms_attitude_error"],
+        "pose": np.sqrt(np.mean(pose)),
+        "effort": info["mean_effort"],
+        "saturation": info["mean_saturation"],
+        "variation": np.mean(changes),
+        "within": info["mean_success"],
+        "recovery": info["recovery_time"],
+        "success": info["success"],
+        "diverged": 0.0,
+    }
+    for metric, value in told.items():
+        assert scores[metric]["whole"][0, 1] == pytest.approx(value, rel=1e-6), metric
+    settled = np.sqrt(np.mean(pose[30:]))
+    assert scores["pose"]["settled"][0, 1] == pytest.approx(settled, rel=1e-6)
+
+
+def test_who_diverges_never_recovers() -> None:
+    away = cell(scene=SMALL, level="storm-hard")
+    wild = compare_runs.Entrant("wild", (), [policy(weights=[np.zeros((6, 24))], biases=[np.ones(6)])], {})
+    scores = compare_runs.run(compare_runs.make(away, 3), away, wild, 0).scores
+    assert scores["diverged"]["whole"].all()
+    assert (scores["recovery"]["whole"] == 20.0).all()
+    assert (scores["pose"]["whole"] > 1.0).all() and np.isfinite(scores["pose"]["settled"]).all()
+
+
+# Conditions
+
+
+def made(condition: str, env: str = STORM) -> dict[str, Any]:
+    return cell(env, condition=condition).options
+
+
+def test_every_condition_makes_an_environment_and_changes_episodes() -> None:
+    poses = {}
+    for condition in compare_cells.CONDITIONS:
+        of = cell(condition=condition)
+        poses[condition] = run(of, "pd", 2)["pose"]["whole"][0, 1]
+        compare_runs.make(cell(TRACK, "bluerov2-heavy-alpha5", condition=condition), 2)
+    assert len(set(poses.values())) == len(poses)
+    assert poses["x1.3"] > poses["design"] > poses["arm-only"]
+    assert poses["delay"] > poses["design"] > poses["calm"]
+
+
+def test_conditions_are_what_they_say() -> None:
+    storm = uvms_gym.disturbances()["storm"].components
+    assert made("lag")["thruster_lag"] == 0.2
+    assert made("delay")["disturbance"] == {**storm, "delay": {"time": 0.2}}
+    assert made("storm-hard")["disturbance"] == "storm-hard"
+    harder = made("x1.3")["disturbance"]
+    assert harder["current"]["speed"] == pytest.approx([0.13, 0.39])
+    assert harder["impulse"]["share"] == pytest.approx([0.39, 1.3])
+    assert harder["thrusters"]["gain"] == pytest.approx([0.5 / 1.3, 0.8 / 1.3])
+    assert harder["noise"] == storm["noise"] and harder["delay"] == storm["delay"]
+    assert set(made("arm-only")["disturbance"]) == {"arm", "noise", "delay"}
+    assert set(made("impulses-only")["disturbance"]) == {"impulse", "noise", "delay"}
+    assert made("impulses-only")["arm_amplitude"] == 0.0
+    assert "arm_amplitude" not in made("impulses-only", TRACK)
+    fast = cell(condition="period-0.05")
+    assert (fast.options["substeps"], fast.steps) == (5, 400)
+    # Of the lag controllers are not told, of the control period they are.
+    assert cell(condition="lag").designed["thruster_lag"] == 0.1
+    assert fast.designed["substeps"] == 5
+    assert cell("UVMS-StationKeep-v0", condition="delay").options["disturbance"]["current"] == {"speed": [0.0, 0.3]}
+
+
+def test_cells_are_compared_next_to_one_another(
+    shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--scene", SMALL, "--episodes", "4", "--cell", "design", "--cell", "period-0.05", "--cell", "calm"]
+    data = compared(tmp_path, *given)
+    design, fast, calm = data["results"]
+    assert design["controllers"]["ppo"]["training_seeds"] == [0, 1]
+    files = design["controllers"]["ppo"]["origin"]["files"]
+    assert [file["name"] for file in files] == ["ppo-0.safetensors", "ppo-1.safetensors"]
+    assert files[0]["notes"] == {"steps": "7"} and len(files[0]["sha256"]) == 64
+    assert fast["missing"]["ppo"] == design["missing"]["ppo-dob"] == "no policy"
+    assert "ppo" not in fast["controllers"] and "ppo" in calm["controllers"]
+    assert np.load(tmp_path / "scores.npz")[f"{STORM}, {SMALL}, calm/ppo/pose/whole"].shape == (2, 4)
+    printed = capsys.readouterr().out
+    assert "no policy" in printed and "Who wins" in printed and "against pid" in printed
+    for picture in ("compare.png", "profiles.png", "off-design.png"):
+        assert (tmp_path / picture).read_bytes().startswith(PNG)
+
+
+def test_tasks_scenes_and_disturbances_are_crossed() -> None:
+    envs, scenes, levels = [STORM, TRACK], ["bluerov2-heavy-alpha5", "petasus-pum"], ["calm", "waves"]
+    found = compare_cells.cells(envs, scenes, {name: name for name in scenes}, levels, ["design", "lag"], {})
+    assert [(one.env, one.scene, one.level, one.condition) for one in found] == [
+        (env, scene, level, condition)
+        for env in envs
+        for scene in scenes
+        for level in levels
+        for condition in ("design", "lag")
+    ]
+    assert all(one.options["disturbance"] == one.level for one in found)
+    assert [one.label for one in found[:4]] == ["calm", "calm lag", "waves", "waves lag"]
+    # Of controllers that are asked for each task has its own.
+    for contest in compare._contests(found, ["none", "pd", "resolved"]):
+        assert list(contest.entrants) == ["none", "pd" if contest.cell.env == STORM else "resolved"]
+
+
+def test_a_comparison_takes_any_file(tmp_path: Path) -> None:
+    file = tmp_path / "policies/own.safetensors"
+    file.parent.mkdir()
+    policy().save(file)
+    names = ["none", "pid", f"mlp:{file}"]
+    given = ["--env", "UVMS-StationKeep-v0", "--scene", SMALL, "--episodes", "4", "--controllers", ",".join(names)]
+    (result,) = compared(tmp_path, *given)["results"]
+    assert list(result["controllers"]) == names
+    errors = [entry["metrics"]["pose"]["settled"]["iqm"]["value"] for entry in result["controllers"].values()]
+    assert errors[1] < min(errors[0], errors[2])
+
+
+# Stored results
+
+
+def test_stored_results_are_reproduced(shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--scene", SMALL, "--episodes", "20", "--controllers", "pd,ppo", "--cell", "design", "--cell", "lag"]
+    compared(tmp_path, *given)
+    file = tmp_path / "compare.json"
+    assert compare.reproduce(file) == compare.reproduce(file, full=True) == []
+    assert main(["compare", "--check", str(file)]) == 0
+    assert "all numbers are reproduced" in capsys.readouterr().out
+    MLP(scene=SMALL, substeps=10, **layers((24, 6), 7)).save(shipped / "ppo-1.safetensors")
+    first, second = compare.reproduce(file)[::2]
+    assert first.startswith(f"{STORM}, {SMALL}, design, ppo, pose: ") and "lag" in second
+    assert main(["compare", "--check", str(file)]) == 2
+    assert "numbers are not reproduced" in capsys.readouterr().err
+    (shipped / "ppo-1.safetensors").unlink()
+    assert any("shape (2, 16) is stored, (1, 16) found" in line for line in compare.reproduce(file))
+    (shipped / "ppo-0.safetensors").unlink()
+    assert compare.reproduce(file) == [f"{STORM}, {SMALL}, {label}, ppo: no policy" for label in ("design", "lag")]
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"circumstances": {"arguments": {"seed": 0}}, "results": [{}]}'])
+def test_what_holds_no_results_is_refused(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "results.json"
+    assert main(["compare", "--check", str(file)]) == 2
+    assert f"cannot read {file}" in capsys.readouterr().err
+    file.write_text(text)
+    assert main(["compare", "--check", str(file)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{file} holds no results of uvms compare" in line
+
+
+# Bad input
+
+
+def test_a_policy_that_does_not_fit_is_refused_before_computing(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file, out = tmp_path / "own.safetensors", tmp_path / "out"
+
+    def message(*scenes: str) -> str:
+        given = ["--env", "UVMS-StationKeep-v0", *(word for scene in scenes for word in ("--scene", scene))]
+        assert main(["compare", *given, "--controllers", f"none,mlp:{file}", "--out", str(out)]) == 2
+        assert not out.exists()
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    assert f"cannot read {file}: No such file" in message(SMALL)
+    policy().save(file)
+    assert "its scene is bluerov2-heavy, the environment's rexrov" in message(SMALL, "rexrov")
+    file.write_bytes(file.read_bytes()[:-5])
+    assert "own.safetensors: no policy of uvms_gym" in message(SMALL)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--current", "nan"], "--current is nan"),
+        (["--current", "1e300"], "--current is 1e+300"),
+        (["--current", "-0.1"], "--current is -0.1"),
+        (["--episodes", "0"], "--episodes is 0"),
+        (["--episodes", "100001"], "--episodes is 100001, but must be 2 to 100000"),
+        (["--seed", "-1"], "--seed is -1"),
+        (["--env", "CartPole-v1"], "--env is 'CartPole-v1', but only those of uvms_gym work"),
+        (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
+        (["--cell", "moon"], "there is no cell 'moon'; known: design, lag"),
+        (["--disturbance", "tsunami"], "there is no disturbance 'tsunami'; known: calm"),
+        (["--controllers", "resolved"], "controller 'resolved' is not for UVMS-StationKeep; known: none, pd"),
+        (["--scene", SMALL, "--controllers", "pd,ppo"], "no policy ppo is shipped for UVMS-StationKeep, scene blue"),
+    ],
+)
+def test_options_are_named_with_their_value(
+    arguments: list[str],
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setattr(catalogue, "POLICIES", tmp_path)
+    out = tmp_path / "out"
+    assert main(["compare", *arguments, "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert not out.exists()
+
+
+# What is printed and drawn
+
+
+def test_numbers_are_written_to_the_digits_that_their_intervals_leave() -> None:
+    assert compare_report.text(Estimate(0.0304, 0.0298, 0.0311), 1e3) == "30.4 [29.8, 31.1]"
+    assert compare_report.text(Estimate(123.4, 110.0, 140.0)) == "123 [110, 140]"
+    assert compare_report.text(Estimate(0.0, 0.0, 0.0)) == "0"
+    assert compare_report.text(Estimate(3.0, float("nan"), float("nan"))) == "3"
+    assert compare_report.percent(Estimate(0.36, 0.34, 0.38)) == "-64 % [-66, -62]"
+    assert compare_report.percent(Estimate(1.002, 0.999, 1.004)) == "+0.2 % [-0.1, +0.4]"
+    assert compare_report.percent(Estimate(float("nan"), float("nan"), float("nan"))) == "-"
+
+
+def test_controllers_are_told_apart_by_colours() -> None:
+    colours = compare_plots.colours([*catalogue.names("station-keep")])
+    assert len(set(colours.values())) == len(colours)
+    assert compare_plots.shown("mlp:a/b/own.safetensors") == "own"

@@ -1,0 +1,76 @@
+"""What is tuned of each controller, and within which ranges."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from search import Space
+
+#: What the numbers of a parameter are of, by how many there are.
+NAMES = {
+    2: ("linear", "angular"),
+    3: ("linear", "angular", "joints"),
+    6: ("x", "y", "z", "roll", "pitch", "yaw"),
+}
+Groups = tuple[tuple[int, ...], ...]
+#: Axes of the vehicle that share a factor.
+ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
+EACH: Groups = tuple((axis,) for axis in range(6))
+
+
+class Parameter(NamedTuple):
+    """A keyword argument of a controller, and the range that it is sought in.
+
+    The range is of factors on the controller's own value, one factor per group of its numbers, or of the value itself
+    where `absolute`. A range with a `floor` has a lower end that is as good as nothing, so that the best may be there.
+    """
+
+    name: str
+    low: float
+    high: float
+    groups: Groups = ()
+    absolute: bool = False
+    floor: bool = False
+
+    @property
+    def labels(self) -> list[str]:
+        """Names of what is sought."""
+        names = NAMES.get(sum(map(len, self.groups)), ())
+        return [f"{self.name}[{','.join(names[i] for i in group)}]" for group in self.groups] or [self.name]
+
+
+def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
+    """What is tuned, by the controller's name; gains on the vehicle have one factor per group of `axes`."""
+    pd = (Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes))
+    lead = Parameter("lead", 0.01, 1.0, absolute=True, floor=True)
+    observer = Parameter("observer", 0.2, 20.0, ((0,), (1,)), absolute=True)
+    # What the observer takes for granted about disturbances.
+    expected = (
+        Parameter("waves", 0.003, 3.0, ((0,), (1,)), absolute=True, floor=True),
+        Parameter("frequency", 0.3, 4.0, absolute=True),
+        Parameter("jolts", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
+    )
+    resolved = (
+        *(Parameter(name, 0.1, 10.0) for name in ("error", "vehicle", "joint")),
+        *(Parameter(name, 0.02, 20.0) for name in ("home", "level", "arm")),
+    )
+    brace = Parameter("brace", 0.02, 5.0, absolute=True, floor=True)
+    return {
+        "pd": pd,
+        "pd-restoring": pd,
+        "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
+        "dob": (*pd, observer, *expected),
+        "dob-delay": (*pd, observer, *expected, lead),
+        "computed-torque": (*pd, observer, *expected, lead),
+        "resolved": resolved,
+        "resolved-pid": (*resolved, Parameter("integral", 0.01, 10.0, absolute=True)),
+        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), brace, lead),
+    }
+
+
+#: The controller whose effort limits the others', by task.
+BASES = {"station-keep": "pd", "ee-track": "resolved"}
+
+
+def space_of(sought: Sequence[Parameter]) -> Space:
+    """Where to look for these parameters."""
+    return Space(*zip(*((label, p.low, p.high, p.floor) for p in sought for label in p.labels)))

@@ -1,0 +1,288 @@
+"""`uvms train`: proximal policy optimisation on the native environments."""
+
+import math
+from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import gymnasium
+import typer
+
+from uvms_gym.cli.common import check_range, circumstances, console, fail, prepare, progress
+
+if TYPE_CHECKING:
+    from uvms_gym.training.ppo import Settings
+
+#: What the extra `train` brings, by module.
+NEEDS = {"stable_baselines3": "stable-baselines3", "yaml": "pyyaml", "tensorboard": "tensorboard"}
+#: Parts of a run between evaluations and between checkpoints, unless it is told how many steps.
+PARTS = 10
+#: Most episodes of an evaluation, and most threads.
+MOST_EPISODES, MOST_THREADS = 100_000, 1024
+
+
+def train(
+    algo: Annotated[Literal["ppo"], typer.Option(help="Algorithm.")] = "ppo",
+    env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
+    n_timesteps: Annotated[
+        int | None,
+        typer.Option("-n", "--n-timesteps", help="Steps of all instances together. Without it: as the YAML says."),
+    ] = None,
+    n_envs: Annotated[int | None, typer.Option(help="Instances. Without it: as the YAML says.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Training seed. Without it: 0.")] = None,
+    base: Annotated[
+        str | None, typer.Option(metavar="CONTROLLER", help="Learn corrections to this controller, such as pd.")
+    ] = None,
+    residual: Annotated[
+        float | None, typer.Option(metavar="LIMIT", help="Greatest correction with --base, 0 to 1. Without it: 0.3.")
+    ] = None,
+    env_kwargs: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY:VALUE", help="Argument of the environment, such as substeps:5; may be repeated."),
+    ] = None,
+    hyperparams: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-params", "--hyperparams", metavar="KEY:VALUE", help="Hyperparameter, such as gamma:0.95; may be repeated."
+        ),
+    ] = None,
+    conf_file: Annotated[
+        Path | None,
+        typer.Option("-conf", "--conf-file", metavar="FILE", help="Hyperparameters, rl_zoo3's YAML."),
+    ] = None,
+    eval_freq: Annotated[
+        int | None,
+        typer.Option(help="Steps between evaluations; negative: one in the end. Without it: a tenth of all."),
+    ] = None,
+    eval_episodes: Annotated[
+        int | None, typer.Option(help="Held-out episodes of an evaluation. Without it: 512.")
+    ] = None,
+    save_freq: Annotated[
+        int | None,
+        typer.Option(help="Steps between checkpoints; negative: one in the end. Without it: a tenth of all."),
+    ] = None,
+    log_folder: Annotated[
+        Path,
+        typer.Option("-f", "--log-folder", metavar="DIR", help="Folder for the run's own, ppo/ENV_1 and so on."),
+    ] = Path("out/train"),
+    tensorboard_log: Annotated[
+        Path | None, typer.Option("-tb", "--tensorboard-log", metavar="DIR", help="Folder for TensorBoard.")
+    ] = None,
+    trained_agent: Annotated[
+        Path | None,
+        typer.Option(
+            "-i",
+            "--trained-agent",
+            metavar="PATH",
+            help="Run's folder, or a checkpoint there, to go on from with its settings: to the end, or to -n steps.",
+        ),
+    ] = None,
+    export: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the policy here (.safetensors), and a model card.")
+    ] = None,
+    num_threads: Annotated[
+        int | None, typer.Option(help="Threads of torch and of the environment; -1: all. Without it: 1.")
+    ] = None,
+    device: Annotated[str | None, typer.Option(help="Device of torch. Without it: cpu.")] = None,
+    show_progress: Annotated[
+        bool, typer.Option("--progress/--no-progress", "-P/", help="Show a bar, on a terminal.")
+    ] = True,
+    verbose: Annotated[
+        int, typer.Option(help="0: only the result; 1: evaluations; 2: what Stable-Baselines3 logs, too.")
+    ] = 1,
+) -> int:
+    """Train a policy by PPO, evaluate it on held-out episodes, and export it.
+
+    Ctrl-C stops it after the iteration that runs, with all saved and exported, and exit status 130; -i goes on from
+    there, to the weights that the run would have ended with anyway. A second Ctrl-C ends it at once.
+    """
+    missing = [package for module, package in NEEDS.items() if find_spec(module) is None]
+    if missing:
+        raise fail(f"{', '.join(missing)} not installed; run: pip install 'uvms-gym[train]'")
+    check_range("--verbose", verbose, 0, 2)
+    if export is not None and export.suffix != ".safetensors":
+        raise fail(f"--export is {str(export)!r}, but must end in .safetensors")
+    given = {
+        "n_timesteps": n_timesteps,
+        "eval_freq": eval_freq,
+        "eval_episodes": eval_episodes,
+        "save_freq": save_freq,
+        "num_threads": num_threads,
+        "device": device,
+    }
+    ranges = {"n_timesteps": (1, 1e15), "eval_episodes": (2, MOST_EPISODES), "num_threads": (-1, MOST_THREADS)}
+    for name, (least, most) in ranges.items():
+        if given[name] is not None:
+            check_range(f"--{name.replace('_', '-')}", given[name], least, most)  # type: ignore[arg-type]
+    if num_threads == 0:
+        raise fail("--num-threads is 0, but must be at least 1, or -1 for all")
+    if trained_agent is not None:
+        fixed = {
+            "--n-envs": n_envs,
+            "--seed": seed,
+            "--base": base,
+            "--residual": residual,
+            "--env-kwargs": env_kwargs,
+            "--hyperparams": hyperparams,
+            "--conf-file": conf_file,
+        }
+        if wrong := next((option for option, value in fixed.items() if value is not None), None):
+            raise fail(f"{wrong} cannot be given with --trained-agent, which goes on with its own settings")
+        settings, folder, agent = _resumed(trained_agent)
+    else:
+        check_range("--seed", seed or 0, 0, 2**31 - 1)
+        if residual is not None:
+            check_range("--residual", residual, 0.0, 1.0)
+            if base is None:
+                raise fail("--residual is for --base")
+        settings = _settings(env, n_envs, seed or 0, base, residual, env_kwargs, hyperparams, conf_file)
+        folder, agent = log_folder, None
+    settings = _with(settings, given)
+    for file in (export, *([] if agent else [log_folder / "x"]), *([tensorboard_log / "x"] if tensorboard_log else [])):
+        if file is not None:
+            prepare(file.absolute().parent, None)
+            if file.is_dir():
+                raise fail(f"cannot write {file}: it is a folder")
+    return _run(settings, folder, agent, export, tensorboard_log, show_progress, verbose)
+
+
+def _run(
+    settings: "Settings",
+    folder: Path,
+    agent: Path | None,
+    export: Path | None,
+    tensorboard_log: Path | None,
+    show_progress: bool,
+    verbose: int,
+) -> int:
+    from uvms_gym.training import ppo
+    from uvms_gym.training.export import write_card
+
+    here = circumstances("train", {})
+    origin = {"commit": here["commit"] or f"release {here['uvms_gym']}", "processor": here["machine"]["processor"]}
+    with progress() as bar:
+        bar.disable = bar.disable or not show_progress
+        task = bar.add_task("training", total=settings.steps)
+
+        def tell(found: dict[str, Any]) -> None:
+            bar.update(task, completed=found["steps"])
+            if verbose:
+                bar.console.print(_line(found), markup=False, soft_wrap=True, highlight=False)
+
+        try:
+            if agent is None:
+                # What is wrong shows before there is a folder.
+                ppo.make_model(settings, ppo.make_envs(settings)[0])
+                folder = _new_folder(folder, settings)
+            outcome = ppo.train(
+                settings,
+                folder,
+                agent=agent,
+                tensorboard_log=tensorboard_log,
+                verbose=int(verbose > 1),
+                origin=origin,
+                tick=partial(bar.advance, task),
+                tell=tell,
+            )
+            if export is not None:
+                export.write_bytes(outcome.policy.read_bytes())
+                write_card(export.parent)
+        except OSError as error:
+            raise fail(f"cannot read or write {error.filename}: {error.strerror}") from None
+        except (ValueError, TypeError, AssertionError, RuntimeError, gymnasium.error.Error) as error:
+            reason = str(error).split(" was raised from the environment creator")[0]
+            raise fail(f"{settings.env}: {' '.join(reason.split())}") from None
+    rate = outcome.steps / outcome.seconds
+    console.print(
+        f"{outcome.steps} steps in {outcome.seconds:.0f} s ({rate:.0f} per second): {_line(outcome.evaluation)}",
+        markup=False,
+        soft_wrap=True,
+    )
+    console.print(
+        f"{folder}: {outcome.policy.name}, {outcome.checkpoint.name}, README.md", markup=False, soft_wrap=True
+    )
+    if export is not None:
+        console.print(str(export), markup=False, soft_wrap=True)
+    if not outcome.finished:
+        console.print(f"stopped; to go on: uvms train -i {folder}", markup=False, soft_wrap=True)
+        return 130
+    return 0
+
+
+def _settings(
+    env: str,
+    n_envs: int | None,
+    seed: int,
+    base: str | None,
+    residual: float | None,
+    env_kwargs: list[str] | None,
+    hyperparams: list[str] | None,
+    conf_file: Path | None,
+) -> "Settings":
+    from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
+    from uvms_gym.training.ppo import Settings
+
+    try:
+        pairs = {"env_kwargs": parse_pairs(env_kwargs or ()), "hyperparams": parse_pairs(hyperparams or ())}
+        gymnasium.spec(env)
+        found = read_hyperparameters(env, conf_file, residual=base is not None) | pairs["hyperparams"]
+    except OSError as error:
+        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
+    except (ValueError, gymnasium.error.Error) as error:
+        raise fail(" ".join(str(error).split())) from None
+    if n_envs is not None:
+        found["n_envs"] = n_envs
+    settings = Settings(env, found, pairs["env_kwargs"], seed, base)
+    return settings if residual is None else replace(settings, limit=residual)
+
+
+def _resumed(agent: Path) -> tuple["Settings", Path, Path]:
+    from uvms_gym.training.ppo import Settings, latest_checkpoint
+
+    try:
+        # Says which file there is not.
+        agent.stat()
+        folder = agent if agent.is_dir() else agent.parent
+        return Settings.load(folder), folder, latest_checkpoint(folder) if agent.is_dir() else agent
+    except OSError as error:
+        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
+    except ValueError as error:
+        raise fail(str(error)) from None
+
+
+def _with(settings: "Settings", given: dict[str, Any]) -> "Settings":
+    """Settings with the options that were given, and with evaluations and checkpoints in every tenth of a new run."""
+    steps = given.pop("n_timesteps")
+    if steps is not None:
+        settings = replace(settings, hyperparameters=settings.hyperparameters | {"n_timesteps": steps})
+    try:
+        tenth = max(1, math.ceil(settings.steps / PARTS))
+    except ValueError as error:
+        raise fail(str(error)) from None
+    for name in ("eval_freq", "save_freq"):
+        if getattr(settings, name) == 0:
+            given.setdefault(name, tenth)
+            given[name] = tenth if given[name] is None else given[name]
+    return replace(settings, **{name: value for name, value in given.items() if value is not None})
+
+
+def _new_folder(logs: Path, settings: "Settings") -> Path:
+    """Make the folder of a run, with the first number that is free."""
+    name = "ppo" if settings.base is None else f"ppo-{settings.base}"
+    number = 1
+    while True:
+        folder = logs / name / f"{settings.env}_{number}"
+        try:
+            folder.mkdir(parents=True)
+            return folder
+        except FileExistsError:
+            number += 1
+
+
+def _line(found: dict[str, Any]) -> str:
+    return (
+        f"{found['steps']:>9d} steps {found['seconds']:6.1f} s  pose {found['pose']:.4f} m (95 %: "
+        f"{found['pose_95']:.4f} m)  effort {found['effort']:.4f}  variation {found['variation']:.4f}"
+    )

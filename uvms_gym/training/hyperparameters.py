@@ -1,0 +1,130 @@
+"""Hyperparameters in rl_zoo3's format: YAML by environment, and KEY:VALUE."""
+
+import ast
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+#: The hyperparameters that come with the package.
+SHIPPED = Path(__file__).with_name("ppo.yml")
+#: Numbers that may follow a schedule.
+_SCHEDULES = ("learning_rate", "clip_range", "clip_range_vf")
+#: What is not for PPO itself.
+_OWN = ("n_timesteps", "n_envs", "policy", "env_kwargs", "frame_stack")
+
+
+def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool = False) -> dict[str, Any]:
+    """Read an environment's hyperparameters; those of `ENV/residual` come on top where a controller is corrected.
+
+    Parameters
+    ----------
+    env : str
+        Gymnasium's id.
+    file : path or None
+        YAML; None: `SHIPPED`.
+    residual : bool
+        Whether a controller is corrected.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It is no YAML by environment, or lacks this one.
+    """
+    import yaml
+
+    path = file or SHIPPED
+    try:
+        tables = yaml.safe_load(path.read_text())
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    if not isinstance(tables, dict) or not all(isinstance(table, dict) for table in tables.values()):
+        raise ValueError(f"{path}: no hyperparameters by environment")
+    if env not in tables:
+        known = ", ".join(name for name in tables if "/" not in str(name))
+        raise ValueError(f"{path}: no hyperparameters for {env}; known: {known}")
+    return {**tables[env], **(tables.get(f"{env}/residual", {}) if residual else {})}
+
+
+def parse_pairs(given: Iterable[str]) -> dict[str, Any]:
+    """Read KEY:VALUE; a value that is no Python literal is a string.
+
+    Raises
+    ------
+    ValueError
+        There is no colon.
+    """
+    pairs: dict[str, Any] = {}
+    for pair in given:
+        key, colon, value = pair.partition(":")
+        if not colon or not key:
+            raise ValueError(f"{pair!r} is not KEY:VALUE")
+        try:
+            pairs[key] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            pairs[key] = value
+    return pairs
+
+
+def count(hyperparameters: Mapping[str, Any], name: str) -> int:
+    """`n_timesteps`, `n_envs` or `frame_stack` as a number.
+
+    Raises
+    ------
+    ValueError
+        It lacks or is none that is positive.
+    """
+    value = hyperparameters.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 1 <= value < 1e18 or value != int(value):
+        raise ValueError(f"{name} is {value!r}, but must be a positive whole number")
+    return int(value)
+
+
+def arguments(hyperparameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Turn hyperparameters into arguments of `stable_baselines3.PPO`.
+
+    Raises
+    ------
+    ValueError
+        One cannot be read.
+    """
+    given = {key: value for key, value in hyperparameters.items() if key not in _OWN}
+    for key in _SCHEDULES:
+        if isinstance(given.get(key), str):
+            given[key] = _schedule(key, given[key])
+    if isinstance(given.get("policy_kwargs"), str):
+        given["policy_kwargs"] = _expression(given["policy_kwargs"])
+    return given
+
+
+def _schedule(key: str, text: str) -> Any:
+    """A number that falls linearly to 0 ("lin_0.001"), or a plain one."""
+    from stable_baselines3.common.utils import LinearSchedule
+
+    try:
+        if text.startswith("lin_"):
+            return LinearSchedule(float(text.removeprefix("lin_")), 0.0, 1.0)
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{key} is {text!r}, but must be a number or such as 'lin_0.001'") from None
+
+
+def _expression(text: str) -> Any:
+    """What rl_zoo3 evaluates, without evaluating anything else: literals, `dict(key=...)` and `nn.Tanh`."""
+    from torch import nn
+
+    def read(node: ast.expr) -> Any:
+        match node:
+            case ast.Call(func=ast.Name(id="dict"), args=[], keywords=keywords):
+                return {str(keyword.arg): read(keyword.value) for keyword in keywords}
+            case ast.List(elts=items):
+                return [read(item) for item in items]
+            case ast.Attribute(value=ast.Name(id="nn"), attr=name) if isinstance(getattr(nn, name, None), type):
+                return getattr(nn, name)
+        return ast.literal_eval(node)
+
+    try:
+        return read(ast.parse(text.strip(), mode="eval").body)
+    except (ValueError, SyntaxError, TypeError):
+        raise ValueError(f"policy_kwargs is {text!r}, but must be such as 'dict(net_arch=[64, 64])'") from None

@@ -1,0 +1,410 @@
+"""Proximal policy optimisation by Stable-Baselines3 on the native environments: one run, from start or checkpoint."""
+
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+
+from uvms_gym import MLP, Residual
+from uvms_gym.controllers import Controller
+from uvms_gym.controllers.catalogue import controller, tuned
+from uvms_gym.envs._base import TaskVectorEnv
+from uvms_gym.sb3 import make_vec_env
+from uvms_gym.training import continuation
+from uvms_gym.training.evaluation import SEED, episode_steps, evaluate
+from uvms_gym.training.export import policy_of, versions, write_card
+from uvms_gym.training.hyperparameters import arguments, count
+from uvms_gym.training.wrappers import History, ResidualVecEnv, StaggeredStart
+
+#: Seeds of environments between those of one training seed and of the next; below are those of evaluations.
+SEED_STRIDE = 10_000_000
+#: Files of a run's folder.
+SETTINGS, CURVE, POLICY, BEST = "config.json", "evaluations.json", "policy.safetensors", "best_model.zip"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a run follows from, to the bit.
+
+    Attributes
+    ----------
+    env : str
+        Gymnasium's id of a UVMS environment.
+    hyperparameters : dict
+        In rl_zoo3's format: `n_timesteps`, `n_envs`, `policy` and arguments of `stable_baselines3.PPO`.
+    env_kwargs : dict
+        Arguments of the environment.
+    seed : int
+        Of the network and of the order of batches; environments have seeds from `SEED_STRIDE * (1 + seed)` on.
+    base : str or None
+        Name of a controller that is corrected.
+    limit : float
+        Greatest correction.
+    eval_freq, eval_episodes : int
+        Steps between evaluations (not positive: only one in the end), and episodes of each.
+    save_freq : int
+        Steps between checkpoints; not positive: none but in the end.
+    num_threads : int
+        Of torch and of the environment; -1: as many as they take.
+    device : str
+        Of torch.
+    """
+
+    env: str
+    hyperparameters: dict[str, Any]
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    seed: int = 0
+    base: str | None = None
+    limit: float = 0.3
+    eval_freq: int = 0
+    eval_episodes: int = 512
+    save_freq: int = 0
+    num_threads: int = 1
+    device: str = "cpu"
+
+    @property
+    def steps(self) -> int:
+        """Steps of all instances together."""
+        return count(self.hyperparameters, "n_timesteps")
+
+    @property
+    def history(self) -> int:
+        """Observations that the policy reads at once: `frame_stack`."""
+        return count({"frame_stack": 1, **self.hyperparameters}, "frame_stack")
+
+    @property
+    def kwargs(self) -> dict[str, Any]:
+        """Arguments of the environment with those of the hyperparameters."""
+        threads = {} if self.num_threads < 0 else {"threads": self.num_threads}
+        return {**threads, **self.hyperparameters.get("env_kwargs", {}), **self.env_kwargs}
+
+    def save(self, folder: Path) -> None:
+        """Write them into a run's folder."""
+        (folder / SETTINGS).write_text(json.dumps(asdict(self), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, folder: Path) -> "Settings":
+        """Read them from a run's folder.
+
+        Raises
+        ------
+        OSError
+            There is no such file.
+        ValueError
+            It is another one.
+        """
+        try:
+            return cls(**json.loads((folder / SETTINGS).read_text()))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{folder / SETTINGS}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a run.
+
+    Attributes
+    ----------
+    steps : int
+        Of all instances together, from the run's very start.
+    seconds : float
+        Wall-clock, evaluations included, likewise.
+    finished : bool
+        Whether it took all its steps.
+    checkpoint : Path
+        From which it goes on.
+    policy : Path
+        The exported policy.
+    evaluation : dict
+        See `uvms_gym.training.evaluation.evaluate`.
+    """
+
+    steps: int
+    seconds: float
+    finished: bool
+    checkpoint: Path
+    policy: Path
+    evaluation: dict[str, Any]
+
+
+def make_envs(settings: Settings) -> tuple[VecEnv, TaskVectorEnv, Controller | None]:
+    """Make what is trained on: as Stable-Baselines3 has it, as it is itself, and the controller that is corrected.
+
+    Raises
+    ------
+    ValueError, TypeError, gymnasium.error.Error
+        An argument is unknown or out of range, or it is none of the environments of uvms_gym.
+    """
+    native = make_vec_env(settings.env, count(settings.hyperparameters, "n_envs"), **settings.kwargs)
+    envs = native.envs.unwrapped
+    if not isinstance(envs, TaskVectorEnv):
+        raise ValueError(f"{settings.env} is no environment of uvms_gym")
+    venv: VecEnv = StaggeredStart(native, episode_steps(settings.env, settings.kwargs))
+    base = None if settings.base is None else controller(settings.base, envs)
+    if base is not None:
+        venv = ResidualVecEnv(venv, base, settings.limit)
+    if settings.history > 1:
+        venv = History(venv, settings.history)
+    return venv, envs, base
+
+
+def make_model(settings: Settings, venv: VecEnv, **more: Any) -> PPO:
+    """Make an untrained model.
+
+    Raises
+    ------
+    ValueError, TypeError, AssertionError
+        A hyperparameter is unknown or out of range.
+    """
+    given = arguments(settings.hyperparameters)
+    policy = settings.hyperparameters.get("policy", "MlpPolicy")
+    model = PPO(policy, venv, seed=settings.seed, device=settings.device, **given, **more)
+    # The model has seeded them with its own seed.
+    venv.seed(SEED_STRIDE * (1 + settings.seed))
+    return model
+
+
+def train(
+    settings: Settings,
+    folder: Path,
+    *,
+    agent: Path | None = None,
+    tensorboard_log: Path | None = None,
+    verbose: int = 0,
+    origin: Mapping[str, str] | None = None,
+    tick: Callable[[int], object] = lambda steps: None,
+    tell: Callable[[dict[str, Any]], object] = lambda evaluation: None,
+) -> Outcome:
+    """Train, evaluate, keep checkpoints and export the policy, all in `folder`.
+
+    An interrupt (Ctrl-C) stops it after the iteration that runs: all is saved and exported then, and the checkpoint
+    goes on to the very weights that the run would have ended with. A second interrupt is a `KeyboardInterrupt`.
+
+    Parameters
+    ----------
+    settings : Settings
+    folder : Path
+        It must exist.
+    agent : Path or None
+        Checkpoint of a run with these settings (but for steps, evaluations, checkpoints) to go on from.
+    tensorboard_log : Path or None
+        Folder for TensorBoard.
+    verbose : int
+        Of Stable-Baselines3.
+    origin : mapping of str to str, or None
+        Further notes for the policy, such as the commit.
+    tick : callable
+        Told of steps that were taken.
+    tell : callable
+        Told of every evaluation.
+
+    Raises
+    ------
+    ValueError, TypeError, AssertionError, gymnasium.error.Error
+        A setting is unknown or out of range.
+    OSError
+        A file cannot be read or written.
+    """
+    if settings.num_threads > 0:
+        torch.set_num_threads(settings.num_threads)
+    venv, envs, base = make_envs(settings)
+    log = {"tensorboard_log": None if tensorboard_log is None else str(tensorboard_log), "verbose": verbose}
+    if agent is None:
+        model, before = make_model(settings, venv, **log), 0.0
+    else:
+        given = arguments(settings.hyperparameters)
+        schedules = {key: given[key] for key in ("learning_rate", "clip_range") if key in given}
+        model, before = continuation.load(agent, venv, device=settings.device, **schedules, **log)
+    settings.save(folder)
+    run = _Run(settings, folder, venv, envs, base, before, dict(origin or {}), tick, tell)
+    run.init_callback(model)
+    if agent is not None:
+        run.read_curve()
+    left = settings.steps - model.num_timesteps
+    if left <= 0:
+        raise ValueError(f"the run has taken its {model.num_timesteps} steps; n_timesteps can ask for more")
+    finished = True
+    with _interrupts() as run.interrupted:
+        try:
+            model.learn(left, run, tb_log_name=settings.env, reset_num_timesteps=agent is None)
+        except _Stop:
+            finished = False
+        if not run.evaluated:
+            run.evaluate()
+        name = f"{settings.env}.zip" if finished else _checkpoint(model.num_timesteps)
+        run.save(folder / name)
+        policy = run.export(folder / POLICY)
+        write_card(folder)
+    venv.close()
+    return Outcome(model.num_timesteps, run.seconds, finished, folder / name, policy, run.curve[-1])
+
+
+class _Stop(Exception):
+    """The run is to stop here."""
+
+
+class _Run(BaseCallback):
+    """What happens between iterations of PPO, where a run can be interrupted and taken up again."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        folder: Path,
+        venv: VecEnv,
+        envs: TaskVectorEnv,
+        base: Controller | None,
+        before: float,
+        origin: dict[str, str],
+        tick: Callable[[int], object],
+        tell: Callable[[dict[str, Any]], object],
+    ) -> None:
+        super().__init__()
+        self.settings, self.folder, self.venv, self.envs, self.base = settings, folder, venv, envs, base
+        self.origin, self.tick, self.tell = origin, tick, tell
+        self.curve: list[dict[str, Any]] = []
+        self.interrupted: threading.Event = threading.Event()
+        self._begun = time.perf_counter() - before
+        self._last: int | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Time spent on the run so far."""
+        return time.perf_counter() - self._begun
+
+    @property
+    def evaluated(self) -> bool:
+        """Whether the model has been evaluated as it is."""
+        return bool(self.curve) and bool(self.curve[-1]["steps"] == self.model.num_timesteps)
+
+    def _on_training_start(self) -> None:
+        # A new run evaluates what it begins with; one that goes on did so before.
+        if not self.curve and self.settings.eval_freq > 0:
+            self.evaluate()
+        self._last = self.model.num_timesteps
+
+    def _on_rollout_start(self) -> None:
+        assert self._last is not None
+        now = self.model.num_timesteps
+        if now > self._last:
+            self.tick(now - self._last)
+            if _passed(self.settings.eval_freq, self._last, now):
+                self.evaluate()
+            if _passed(self.settings.save_freq, self._last, now):
+                self.save(self.folder / _checkpoint(now))
+        self._last = now
+        if self.interrupted.is_set():
+            raise _Stop
+
+    def _on_step(self) -> bool:
+        return True
+
+    def controller(self, notes: Mapping[str, str] | None = None) -> tuple[MLP, Controller]:
+        """The network as it is, and the controller that it makes."""
+        model: Any = self.model
+        settings = self.settings
+        policy = policy_of(model, self.envs, history=settings.history, corrects=self.base is not None, notes=notes)
+        return policy, policy if self.base is None else Residual(self.base, policy, self.settings.limit)
+
+    def evaluate(self) -> None:
+        """Evaluate the model, and keep it if it is the best so far."""
+        episodes = self.settings.eval_episodes
+        found: dict[str, Any] = {"steps": self.model.num_timesteps, "seconds": round(self.seconds, 3)}
+        found |= evaluate(self.settings.env, self.settings.kwargs, self.controller()[1], episodes)
+        best = min((entry["pose"] for entry in self.curve), default=float("inf"))
+        self.curve.append(found | {"episodes": episodes, "seed": SEED})
+        (self.folder / CURVE).write_text(json.dumps(self.curve, indent=1) + "\n")
+        for name in ("pose", "pose_95", "position", "attitude", "end_effector", "effort", "variation", "diverged"):
+            self.logger.record(f"eval/{name}", found[name])
+        self.logger.dump(self.model.num_timesteps)
+        if found["pose"] < best:
+            self.save(self.folder / BEST)
+        self.tell(found)
+
+    def read_curve(self) -> None:
+        """Take up what was evaluated before the checkpoint."""
+        try:
+            curve = json.loads((self.folder / CURVE).read_text())
+        except FileNotFoundError:
+            curve = []
+        self.curve = [entry for entry in curve if entry["steps"] <= self.model.num_timesteps]
+
+    def save(self, path: Path) -> None:
+        """Write a checkpoint."""
+        continuation.save(self.model, self.venv, self.seconds, path)  # type: ignore[arg-type]
+
+    def export(self, path: Path) -> Path:
+        """Write the policy with its notes."""
+        settings = self.settings
+        notes = {
+            "environment": settings.env,
+            "env_kwargs": json.dumps({key: value for key, value in settings.kwargs.items() if key != "threads"}),
+            "algorithm": "PPO",
+            "hyperparameters": json.dumps(settings.hyperparameters | {"n_timesteps": settings.steps}),
+            "seed": str(settings.seed),
+            "steps": str(self.model.num_timesteps),
+            "seconds": f"{self.seconds:.0f}",
+            "threads": str(torch.get_num_threads()),
+            "versions": json.dumps(versions()),
+            "evaluation": json.dumps(self.curve[-1]),
+            **self.origin,
+        }
+        if settings.base is not None:
+            stored = tuned(settings.base, self.envs)
+            gains = json.dumps(stored["gains"] if stored else {})
+            notes |= {"base": settings.base, "base_gains": gains, "limit": f"{settings.limit:g}"}
+        policy, _ = self.controller(notes)
+        policy.save(path)
+        return path
+
+
+def latest_checkpoint(folder: Path) -> Path:
+    """Find the newest checkpoint of a run.
+
+    Raises
+    ------
+    ValueError
+        There is none.
+    """
+    found = [*folder.glob(_checkpoint("*")), *folder.glob(f"{Settings.load(folder).env}.zip")]
+    if not found:
+        raise ValueError(f"{folder} has no checkpoint")
+    return max(found, key=lambda path: path.stat().st_mtime_ns)
+
+
+def _checkpoint(steps: int | str) -> str:
+    return f"rl_model_{steps}_steps.zip"
+
+
+def _passed(every: int, before: int, now: int) -> bool:
+    """Whether a multiple of `every` was reached since."""
+    return every > 0 and now // every > before // every
+
+
+@contextmanager
+def _interrupts() -> Iterator[threading.Event]:
+    """Take the first interrupt as a wish to stop; the second is as ever."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    usual = signal.getsignal(signal.SIGINT)
+
+    def ask(number: int, frame: Any) -> None:
+        asked.set()
+        signal.signal(signal.SIGINT, usual)
+
+    signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, usual)
