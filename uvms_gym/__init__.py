@@ -17,16 +17,20 @@ from uvms_gym._core import (
     scene_template,
     scenes,
 )
-from uvms_gym.controllers import MLP, PD, PID, Residual, ResolvedMotion
+from uvms_gym.controllers import DOB, MLP, MPC, PD, PID, ComputedTorque, PDRestoring, Residual, ResolvedMotion
 from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
 from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
 
 __all__ = [
+    "DOB",
     "MLP",
+    "MPC",
     "PD",
     "PID",
+    "ComputedTorque",
+    "PDRestoring",
     "Renderer",
     "Residual",
     "ResolvedMotion",

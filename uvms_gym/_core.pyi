@@ -9,6 +9,8 @@ from typing_extensions import disjoint_base
 
 __all__ = [
     "Mlp",
+    "ModelControl",
+    "Mpc",
     "Pd",
     "Pid",
     "Policy",
@@ -566,6 +568,41 @@ class Task:
     def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
         """The PD with an integral; its gains follow from the others where they are not given."""
 
+    def pd_restoring(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
+        """The PD with restoring compensation."""
+
+    def model_control(
+        self,
+        law: str,
+        *,
+        kp: list[float] | None = None,
+        kd: list[float] | None = None,
+        observer: list[float] | None = None,
+        waves: list[float] | None = None,
+        frequency: float | None = None,
+        jolts: list[float] | None = None,
+        delay: int | None = None,
+        lead: float | None = None,
+    ) -> ModelControl:
+        """Feedback on an observer's estimate; the usual gains where they are not given, and the task's own delay.
+
+        `law` is "disturbance" or "computed-torque".
+        """
+
+    def mpc(
+        self,
+        *,
+        velocity: list[float] | None = None,
+        effort: list[float] | None = None,
+        change: list[float] | None = None,
+        observer: list[float] | None = None,
+        waves: list[float] | None = None,
+        frequency: float | None = None,
+        jolts: list[float] | None = None,
+        delay: int | None = None,
+    ) -> Mpc:
+        """Model-predictive control; the usual weights where they are not given, and the task's own delay."""
+
     def resolved_motion(
         self,
         *,
@@ -677,6 +714,78 @@ class Pid(Policy):
     @property
     def ki(self) -> list[float]:
         """Integral gains, N/(m s) and N m/(rad s)."""
+
+@final
+class ModelControl(Policy):
+    """Feedback on what an observer tells that knows the nominal model."""
+
+    @property
+    def kp(self) -> list[float]:
+        """Proportional gains: N/m and N m/rad, or 1/s2 for computed torque."""
+
+    @property
+    def kd(self) -> list[float]:
+        """Derivative gains: N s/m and N m s/rad, or 1/s."""
+
+    @property
+    def observer(self) -> list[float]:
+        """Bandwidth of the observer, linear and angular, rad/s."""
+
+    @property
+    def waves(self) -> list[float]:
+        """Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2."""
+
+    @property
+    def frequency(self) -> float:
+        """Their angular frequency, rad/s."""
+
+    @property
+    def jolts(self) -> list[float]:
+        """White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second."""
+
+    @property
+    def delay(self) -> int:
+        """Age of measurements that is compensated, in control periods."""
+
+    @property
+    def lead(self) -> float:
+        """Time beyond the present that is predicted, s."""
+
+@final
+class Mpc(Policy):
+    """Linear model-predictive control."""
+
+    @property
+    def velocity(self) -> list[float]:
+        """Weights on velocities, linear and angular."""
+
+    @property
+    def effort(self) -> list[float]:
+        """Weights on wrenches, forces and moments."""
+
+    @property
+    def change(self) -> list[float]:
+        """Weights on their changes."""
+
+    @property
+    def observer(self) -> list[float]:
+        """Bandwidth of the observer, linear and angular, rad/s."""
+
+    @property
+    def waves(self) -> list[float]:
+        """Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2."""
+
+    @property
+    def frequency(self) -> float:
+        """Their angular frequency, rad/s."""
+
+    @property
+    def jolts(self) -> list[float]:
+        """White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second."""
+
+    @property
+    def delay(self) -> int:
+        """Age of measurements that is compensated, in control periods."""
 
 @final
 class ResolvedMotion(Policy):

@@ -19,6 +19,7 @@ mod kinematics;
 mod ledger;
 mod linearize;
 mod modes;
+mod momentum;
 mod recursive;
 
 pub use appendages::Appendages;
@@ -28,4 +29,5 @@ pub use inverse::Effort;
 pub use ledger::{Energy, Momentum, Power, seen_from_water};
 pub use linearize::{Linearization, linearize};
 pub use modes::{Modes, Servos};
+pub use momentum::Whole;
 pub use recursive::{Masses, Passive, Recursion, Terms, VELOCITIES, Velocities};

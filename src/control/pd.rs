@@ -1,11 +1,13 @@
 //! The paper's PD station keeping, from observations alone.
 
-use nalgebra::Vector6;
+use nalgebra as na;
 
 use super::ActionMap;
 use super::policy::{Policy, Widths};
 use crate::description::VehicleServo;
 use crate::error::ControlError;
+use crate::lane::Lane;
+use crate::lie::Vector6;
 
 /// Where a controller finds what it reads in a row of observations: offset, and the scale that undoes the
 /// normalisation.
@@ -55,16 +57,27 @@ impl Pd {
     }
 
     /// Pose error (m, rad) at one row of observations.
-    pub(super) fn error(&self, observation: &[f32]) -> Vector6<f64> {
-        Vector6::from_fn(|k, _| read(observation, self.reading.error[k]))
+    pub(super) fn error(&self, observation: &[f32]) -> na::Vector6<f64> {
+        na::Vector6::from_fn(|k, _| read(observation, self.reading.error[k]))
+    }
+
+    /// `-kp e - kd V` in lanes.
+    #[inline(always)]
+    pub(super) fn feedback<L: Lane<Real = f64>>(&self, error: &Vector6<L>, twist: &Vector6<L>) -> Vector6<L> {
+        let (error, twist, mut wrench) = (error.to_array(), twist.to_array(), [L::zero(); 6]);
+        for k in 0..6 {
+            let damped = L::c(self.gains.kd[k]) * twist[k];
+            wrench[k] = -L::c(self.gains.kp[k]).mul_add(error[k], damped);
+        }
+        Vector6::from_array(wrench)
     }
 
     /// Body wrench (N, N m) that the PD asks for at one row of observations.
     #[inline(always)]
-    pub fn wrench(&self, observation: &[f32]) -> Vector6<f64> {
+    pub fn wrench(&self, observation: &[f32]) -> na::Vector6<f64> {
         let (kp, kd) = (&self.gains.kp, &self.gains.kd);
         let error = self.error(observation);
-        Vector6::from_fn(|k, _| -kp[k] * error[k] - kd[k] * read(observation, self.reading.twist[k]))
+        na::Vector6::from_fn(|k, _| -kp[k] * error[k] - kd[k] * read(observation, self.reading.twist[k]))
     }
 }
 
@@ -84,7 +97,7 @@ impl Policy for Pd {
 }
 
 /// Refuses gains that are not finite, or that push the wrong way.
-pub(super) fn check_gains(name: &'static str, gains: &[f64; 6]) -> Result<(), ControlError> {
+pub(super) fn check_gains(name: &'static str, gains: &[f64]) -> Result<(), ControlError> {
     match gains.iter().enumerate().find(|(_, k)| !(k.is_finite() && **k >= 0.0)) {
         None => Ok(()),
         Some((index, &value)) => Err(ControlError::Gain { name, index, value }),

@@ -31,7 +31,7 @@ mod core {
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]
-    use super::policies::{Mlp, Pd, Pid, Policy, ResolvedMotion};
+    use super::policies::{Mlp, ModelControl, Mpc, Pd, Pid, Policy, ResolvedMotion};
     #[pymodule_export]
     use super::renderer::Renderer;
     #[pymodule_export]

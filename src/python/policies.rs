@@ -9,12 +9,16 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
 use super::task::{Rows, Task, name_of, one_of, rows};
-use crate::control::{self, Activation, Layer, Network, Normalisation, Output, Purpose, Residual, ResolvedGains};
+use crate::control::{
+    self, Activation, Law, Layer, ModelGains, MpcGains, Network, Normalisation, Observing, Output, Purpose, Residual,
+    ResolvedGains,
+};
 use crate::description::VehicleServo;
 use crate::error::PolicyError;
 
 const ACTIVATIONS: [(&str, Activation); 3] =
     [("tanh", Activation::Tanh), ("relu", Activation::Relu), ("elu", Activation::Elu)];
+const LAWS: [(&str, Law); 2] = [("disturbance", Law::Disturbance), ("computed-torque", Law::ComputedTorque)];
 const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::Tanh)];
 
 /// A controller that runs here: alone by `act`, or in a closed loop by `Task.run`.
@@ -111,6 +115,120 @@ impl Pid {
     #[getter]
     fn ki(&self) -> [f64; 6] {
         self.ki
+    }
+}
+
+/// Feedback on what an observer tells that knows the nominal model.
+#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+pub struct ModelControl {
+    gains: ModelGains,
+}
+
+#[pymethods]
+impl ModelControl {
+    /// Proportional gains: N/m and N m/rad, or 1/s2 for computed torque.
+    #[getter]
+    fn kp(&self) -> [f64; 6] {
+        self.gains.kp
+    }
+
+    /// Derivative gains: N s/m and N m s/rad, or 1/s.
+    #[getter]
+    fn kd(&self) -> [f64; 6] {
+        self.gains.kd
+    }
+
+    /// Bandwidth of the observer, linear and angular, rad/s.
+    #[getter]
+    fn observer(&self) -> [f64; 2] {
+        self.gains.observing.observer
+    }
+
+    /// Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2.
+    #[getter]
+    fn waves(&self) -> [f64; 2] {
+        self.gains.observing.waves
+    }
+
+    /// Their angular frequency, rad/s.
+    #[getter]
+    fn frequency(&self) -> f64 {
+        self.gains.observing.frequency
+    }
+
+    /// White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second.
+    #[getter]
+    fn jolts(&self) -> [f64; 2] {
+        self.gains.observing.jolts
+    }
+
+    /// Age of measurements that is compensated, in control periods.
+    #[getter]
+    fn delay(&self) -> usize {
+        self.gains.observing.delay
+    }
+
+    /// Time beyond the present that is predicted, s.
+    #[getter]
+    fn lead(&self) -> f64 {
+        self.gains.lead
+    }
+}
+
+/// Linear model-predictive control.
+#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+pub struct Mpc {
+    gains: MpcGains,
+}
+
+#[pymethods]
+impl Mpc {
+    /// Weights on velocities, linear and angular.
+    #[getter]
+    fn velocity(&self) -> [f64; 2] {
+        self.gains.velocity
+    }
+
+    /// Weights on wrenches, forces and moments.
+    #[getter]
+    fn effort(&self) -> [f64; 2] {
+        self.gains.effort
+    }
+
+    /// Weights on their changes.
+    #[getter]
+    fn change(&self) -> [f64; 2] {
+        self.gains.change
+    }
+
+    /// Bandwidth of the observer, linear and angular, rad/s.
+    #[getter]
+    fn observer(&self) -> [f64; 2] {
+        self.gains.observing.observer
+    }
+
+    /// Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2.
+    #[getter]
+    fn waves(&self) -> [f64; 2] {
+        self.gains.observing.waves
+    }
+
+    /// Their angular frequency, rad/s.
+    #[getter]
+    fn frequency(&self) -> f64 {
+        self.gains.observing.frequency
+    }
+
+    /// White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second.
+    #[getter]
+    fn jolts(&self) -> [f64; 2] {
+        self.gains.observing.jolts
+    }
+
+    /// Age of measurements that is compensated, in control periods.
+    #[getter]
+    fn delay(&self) -> usize {
+        self.gains.observing.delay
     }
 }
 
@@ -287,6 +405,78 @@ impl Task {
         let pd = self.batch.task().pd(Some(self.gains(kp, kd)?))?;
         let gains = pd.gains().clone();
         Py::new(py, Policy::of(pd).add_subclass(Pd { gains }))
+    }
+
+    /// The PD with restoring compensation.
+    #[pyo3(signature = (kp=None, kd=None))]
+    fn pd_restoring(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
+        let policy = self.batch.task().pd_restoring(Some(self.gains(kp, kd)?))?;
+        let gains = policy.pd().gains().clone();
+        Py::new(py, Policy::of(policy).add_subclass(Pd { gains }))
+    }
+
+    /// Feedback on an observer's estimate; the usual gains where they are not given, and the task's own delay.
+    #[pyo3(signature = (law, *, kp=None, kd=None, observer=None, waves=None, frequency=None, jolts=None, delay=None, lead=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
+    fn model_control(
+        &self,
+        py: Python<'_>,
+        law: &str,
+        kp: Option<[f64; 6]>,
+        kd: Option<[f64; 6]>,
+        observer: Option<[f64; 2]>,
+        waves: Option<[f64; 2]>,
+        frequency: Option<f64>,
+        jolts: Option<[f64; 2]>,
+        delay: Option<usize>,
+        lead: Option<f64>,
+    ) -> PyResult<Py<ModelControl>> {
+        let task = self.batch.task();
+        let law = one_of("law", law, LAWS)?;
+        let usual = task.model_gains(law, kp, kd)?;
+        let observing = Observing {
+            observer: observer.unwrap_or(usual.observing.observer),
+            waves: waves.unwrap_or(usual.observing.waves),
+            frequency: frequency.unwrap_or(usual.observing.frequency),
+            jolts: jolts.unwrap_or(usual.observing.jolts),
+            delay: delay.unwrap_or(usual.observing.delay),
+        };
+        let gains = ModelGains { observing, lead: lead.unwrap_or(usual.lead), ..usual };
+        let policy = task.model_control(law, gains)?;
+        Py::new(py, Policy::of(policy).add_subclass(ModelControl { gains }))
+    }
+
+    /// Model-predictive control; the usual weights where they are not given, and the task's own delay.
+    #[pyo3(signature = (*, velocity=None, effort=None, change=None, observer=None, waves=None, frequency=None, jolts=None, delay=None))]
+    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
+    fn mpc(
+        &self,
+        py: Python<'_>,
+        velocity: Option<[f64; 2]>,
+        effort: Option<[f64; 2]>,
+        change: Option<[f64; 2]>,
+        observer: Option<[f64; 2]>,
+        waves: Option<[f64; 2]>,
+        frequency: Option<f64>,
+        jolts: Option<[f64; 2]>,
+        delay: Option<usize>,
+    ) -> PyResult<Py<Mpc>> {
+        let task = self.batch.task();
+        let usual = MpcGains::usual(task.observing(true));
+        let observing = Observing {
+            observer: observer.unwrap_or(usual.observing.observer),
+            waves: waves.unwrap_or(usual.observing.waves),
+            frequency: frequency.unwrap_or(usual.observing.frequency),
+            jolts: jolts.unwrap_or(usual.observing.jolts),
+            delay: delay.unwrap_or(usual.observing.delay),
+        };
+        let gains = MpcGains {
+            velocity: velocity.unwrap_or(usual.velocity),
+            effort: effort.unwrap_or(usual.effort),
+            change: change.unwrap_or(usual.change),
+            observing,
+        };
+        Py::new(py, Policy::of(task.mpc(gains)?).add_subclass(Mpc { gains }))
     }
 
     /// Resolved motion with these gains; the usual ones where they are not given.

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::{Goal, Task};
 use crate::control::{
-    ActionKind, Entries, Pid, Policy, Purpose, ResolvedGains, ResolvedMotion, Rest, TrackReading, Widths,
+    ActionKind, Entries, Law, ModelControl, ModelGains, ModelReading, Mpc, MpcGains, Observing, Pd, PdRestoring, Pid,
+    Plant, Policy, Purpose, ResolvedGains, ResolvedMotion, Rest, TrackReading, Widths,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
@@ -42,15 +43,7 @@ impl Task {
         if self.options().task != Goal::Track {
             return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
         }
-        let find = |names: &[&str]| {
-            let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
-            let first =
-                blocks.next().map_or_else(Entries::default, |b| Entries { offset: b.offset, scale: b.scale.clone() });
-            blocks.fold(first, |mut entries, block| {
-                entries.scale.extend(&block.scale);
-                entries
-            })
-        };
+        let find = |names: &[&str]| self.entries(names);
         let spacing = self.options().preview.spacing;
         let ahead = self
             .layout()
@@ -69,6 +62,96 @@ impl Task {
         };
         let (gains, period) = (gains.unwrap_or_default(), self.options().control_period());
         Ok(ResolvedMotion::new(&self.scene, reading, gains, self.actions().clone(), period)?)
+    }
+
+    /// Entries of these blocks, which follow each other.
+    fn entries(&self, names: &[&str]) -> Entries {
+        let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
+        let first =
+            blocks.next().map_or_else(Entries::default, |b| Entries { offset: b.offset, scale: b.scale.clone() });
+        blocks.fold(first, |mut entries, block| {
+            entries.scale.extend(&block.scale);
+            entries
+        })
+    }
+
+    /// Age of what sensors show, in control periods.
+    pub fn delay(&self) -> usize {
+        self.disturbance().delay.as_ref().map_or(0, |delay| delay.in_periods(self.options().control_period()))
+    }
+
+    fn model_reading(&self, pd: &Pd) -> ModelReading {
+        ModelReading {
+            vehicle: pd.reading().clone(),
+            arm: [self.entries(&["joint_position"]), self.entries(&["joint_rate"])],
+            reference: [self.entries(&["joint_reference"]), self.entries(&["joint_reference_rate"])],
+            home: self.home()[..self.joint_count()].to_vec(),
+        }
+    }
+
+    /// [`Self::pd`] less weight and buoyancy: see [`PdRestoring`].
+    ///
+    /// # Errors
+    /// As [`Self::pd`].
+    pub fn pd_restoring(&self, gains: Option<VehicleServo>) -> Result<PdRestoring, TaskError> {
+        let pd = self.pd(gains)?;
+        let reading = self.model_reading(&pd);
+        Ok(PdRestoring::new(pd, reading, self.scene()))
+    }
+
+    /// What controllers usually observe by: with a filter that expects waves, or measurements as they are.
+    pub fn observing(&self, filter: bool) -> Observing {
+        let delay = self.delay();
+        let (waves, jolts) = if filter { ([0.3; 2], [0.05, 0.3]) } else { ([0.0; 2], [0.0; 2]) };
+        Observing { observer: if filter { [8.0; 2] } else { [2.0; 2] }, waves, frequency: 1.0, jolts, delay }
+    }
+
+    /// Usual gains of [`Self::model_control`], with these gains of its feedback or such as the scene's PD has: for computed
+    /// torque over the diagonal of the nominal inertia at home.
+    ///
+    /// # Errors
+    /// `TaskError` if there are no gains.
+    pub fn model_gains(&self, law: Law, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> Result<ModelGains, TaskError> {
+        let mut own = match (kp, kd) {
+            (Some(kp), Some(kd)) => VehicleServo { kp, kd },
+            _ => self.pd(None)?.gains().clone(),
+        };
+        if law == Law::ComputedTorque {
+            let inertia = Plant::new(self.scene()).inertia(self.home());
+            for (gains, given) in [(&mut own.kp, kp), (&mut own.kd, kd)] {
+                if given.is_none() {
+                    gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
+                }
+            }
+        }
+        Ok(ModelGains {
+            kp: kp.unwrap_or(own.kp),
+            kd: kd.unwrap_or(own.kd),
+            observing: self.observing(law == Law::ComputedTorque),
+            lead: 0.0,
+        })
+    }
+
+    /// Feedback on the estimate of an observer that knows the nominal model: see [`ModelControl`].
+    ///
+    /// # Errors
+    /// As [`Self::pd`], and `ControlError::Gain` for other gains that are not finite or are negative.
+    pub fn model_control(&self, law: Law, gains: ModelGains) -> Result<ModelControl, TaskError> {
+        let pd = self.pd(Some(VehicleServo { kp: gains.kp, kd: gains.kd }))?;
+        let reading = self.model_reading(&pd);
+        let period = self.options().control_period();
+        Ok(ModelControl::new(law, gains, reading, self.scene(), self.actions().clone(), period)?)
+    }
+
+    /// Model-predictive control: see [`Mpc`].
+    ///
+    /// # Errors
+    /// As [`Self::pd`], and `ControlError::Gain` for a weight that is not finite or is negative.
+    pub fn mpc(&self, gains: MpcGains) -> Result<Mpc, TaskError> {
+        // Only what it reads counts of the PD.
+        let pd = self.pd(Some(VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }))?;
+        let reading = self.model_reading(&pd);
+        Ok(Mpc::new(gains, reading, self.scene(), self.actions().clone(), self.options().control_period())?)
     }
 
     /// [`Self::pd`] with an integral, whose gains follow from the others where `ki` does not give them: see [`Pid`].

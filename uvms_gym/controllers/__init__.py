@@ -3,7 +3,20 @@
 from uvms_gym.controllers.base import Controller
 from uvms_gym.controllers.feedback import PD, PID, Rest
 from uvms_gym.controllers.mlp import MLP
+from uvms_gym.controllers.model import DOB, MPC, ComputedTorque, PDRestoring
 from uvms_gym.controllers.residual import Residual
 from uvms_gym.controllers.resolved import ResolvedMotion
 
-__all__ = ["MLP", "PD", "PID", "Controller", "Residual", "ResolvedMotion", "Rest"]
+__all__ = [
+    "DOB",
+    "MLP",
+    "MPC",
+    "PD",
+    "PID",
+    "ComputedTorque",
+    "Controller",
+    "PDRestoring",
+    "Residual",
+    "ResolvedMotion",
+    "Rest",
+]

@@ -63,14 +63,14 @@ class Controller:
         return actions, (memory if width else state)
 
 
-def options_of(controller: str, env: Any, given: Options) -> Options:
-    """Options that matter to a controller, of an environment or as given."""
+def options_of(controller: str, env: Any, given: Options, *more: str) -> Options:
+    """Options that matter to a controller, of an environment or as given; `more` of them to some."""
     if env is not None:
         if given:
             raise TypeError(f"env tells the options: {', '.join(given)} cannot be given besides")
         inner = _unwrapped(controller, env)
         given = {**inner.options, "task": inner.task}
-    matters = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag")
+    matters = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", *more)
     return cast(Options, {key: value for key, value in given.items() if key in matters})
 
 

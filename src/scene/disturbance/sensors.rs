@@ -94,7 +94,7 @@ impl Delay {
     }
 
     /// In control periods.
-    pub(super) fn in_periods(&self, period: f64) -> usize {
+    pub(in crate::scene) fn in_periods(&self, period: f64) -> usize {
         (self.time / period).round() as usize + self.periods as usize
     }
 }

@@ -1,0 +1,169 @@
+"""Controllers that know the nominal model: restoring compensation, disturbance observer, computed torque."""
+
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import uvms_gym
+from uvms_gym.controllers import DOB, PD, ComputedTorque, PDRestoring
+from uvms_gym.envs.station_keep import StationKeepVectorEnv
+
+KINDS: list[Any] = [PDRestoring, DOB, ComputedTorque]
+SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]
+FILTERED = {"waves": [0.3, 0.3], "jolts": [0.05, 0.3], "observer": [8.0, 8.0]}
+
+
+def run(env: StationKeepVectorEnv, controller: Any, steps: int, **reset: Any) -> tuple[np.ndarray, Any, Any]:
+    """Last observation, state of the controller and info."""
+    observation, info = env.reset(**reset)
+    state = None
+    for _ in range(steps):
+        action, state = controller.predict(observation, state)
+        observation, _, _, _, info = env.step(action)
+    return observation, state, info
+
+
+def pushed(wrench: list[float], steps: int, **more: Any) -> StationKeepVectorEnv:
+    """Still water, and a constant wrench on the vehicle."""
+    disturbance = {"script": {"wrench": [wrench] * steps}, **more}
+    return StationKeepVectorEnv(2, disturbance=disturbance, substeps=10, thruster_lag=0.1, max_episode_steps=None)
+
+
+@pytest.mark.parametrize("kind", [DOB, ComputedTorque])
+@pytest.mark.parametrize("options", [{}, FILTERED])
+@pytest.mark.parametrize("delay", [0, 1])
+def test_a_constant_wrench_is_observed_as_it_is(kind: Any, options: Any, delay: int) -> None:
+    wrench = [30.0, -20.0, 25.0, 4.0, -5.0, 3.0]
+    env = pushed(wrench, 200, arm={"amplitude": 0.0}, delay={"periods": delay})
+    controller = kind(env, delay=None, **options)
+    assert controller.delay == delay
+    _, state, _ = run(env, controller, 200, seed=1)
+    np.testing.assert_allclose(controller.disturbance(state), [wrench] * 2, atol=0.03)
+
+
+@pytest.mark.parametrize("kind", [DOB, ComputedTorque])
+def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any) -> None:
+    env = pushed([0.0] * 6, 1)
+    controller = kind(env, observer=[2.0, 2.0])
+    observation, _ = env.reset(seed=3)
+    state, greatest = None, np.zeros(6)
+    for _ in range(120):
+        action, state = controller.predict(observation, state)
+        observation, *_ = env.step(action)
+        greatest = np.maximum(greatest, np.abs(controller.disturbance(state)).max(0))
+    # The arm's own momentum is that of its rates, which change within a period.
+    assert (greatest < [0.5, 0.5, 0.5, 0.2, 0.2, 0.2]).all(), greatest
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("action", ["wrench", "thrusters"])
+def test_a_current_is_held_against(kind: Any, scene: str, action: Any) -> None:
+    still = {"start_distance": 0.0, "start_angle": 0.0}
+    env = StationKeepVectorEnv(16, scene=scene, action=action, max_current=0.2, max_episode_steps=None, **still)
+    rollout = uvms_gym.Rollout(env, kind(env))
+    env.reset(seed=5)
+    rollout.run(200)
+    rollout.take()
+    rollout.run(200)
+    with_model = rollout.take().sums["position_error"].mean() / 200
+    rollout = uvms_gym.Rollout(env, PD(env))
+    env.reset(seed=5)
+    rollout.run(200)
+    rollout.take()
+    rollout.run(200)
+    plain = rollout.take().sums["position_error"].mean() / 200
+    assert with_model < (1.02 if kind is PDRestoring else 0.4) * plain, (with_model, plain)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rows_do_not_depend_on_each_other_nor_on_their_number(kind: Any) -> None:
+    env = StationKeepVectorEnv(13, disturbance="storm", substeps=10, thruster_lag=0.1)
+    controller = kind(env) if kind is PDRestoring else kind(env, delay=1, **FILTERED)
+    observation, _ = env.reset(seed=1)
+    state = None
+    for step in range(12):
+        action, after = controller.predict(observation, state)
+        for row in range(13):
+            one, one_after = controller.predict(observation[row], None if step == 0 or state is None else state[row])
+            assert one.tobytes() == action[row].tobytes()
+            if after is not None:
+                assert one_after.tobytes() == after[row].tobytes()
+        observation, *_ = env.step(action)
+        state = after
+
+
+def test_without_delay_there_is_nothing_to_bridge() -> None:
+    env = StationKeepVectorEnv(8, disturbance={"base": "storm", "delay": {"periods": 0}}, substeps=10)
+    plain, bridging = DOB(env), DOB(env, delay=None)
+    observation, _ = env.reset(seed=1)
+    states: list[Any] = [None, None]
+    for _ in range(20):
+        actions = []
+        for k, controller in enumerate((plain, bridging)):
+            action, states[k] = controller.predict(observation, states[k])
+            actions.append(action)
+        assert actions[0].tobytes() == actions[1].tobytes()
+        observation, *_ = env.step(actions[0])
+
+
+def pose(env: Any, controller: Any, steps: int = 200) -> np.ndarray:
+    """RMS pose error of each episode."""
+    env.reset(seed=0)
+    rollout = uvms_gym.Rollout(env, controller)
+    rollout.run(steps)
+    squares = rollout.take().squares
+    return np.sqrt((squares["position_error"] + 0.25 * squares["attitude_error"]) / steps)
+
+
+def test_in_a_storm_each_does_better_than_the_one_before() -> None:
+    env = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=256)
+    errors = [
+        np.sort(pose(env, controller))[64:192].mean()
+        for controller in (PD(env), DOB(env, observer=[1.0, 1.0]), ComputedTorque(env))
+    ]
+    assert errors[1] < 0.8 * errors[0], errors
+    assert errors[2] < 0.7 * errors[1], errors
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
+    env = gym.make("UVMS-StationKeep-Storm-v0")
+    controller = kind(env)
+    again = pickle.loads(pickle.dumps(controller))
+    observation, _ = env.reset(seed=2)
+    assert again.predict(observation)[0].tobytes() == controller.predict(observation)[0].tobytes()
+    np.testing.assert_array_equal(again.kp, controller.kp)
+    if kind is not PDRestoring:
+        assert (again.delay, again.lead, again.frequency) == (controller.delay, controller.lead, controller.frequency)
+        for name in ("observer", "waves", "jolts"):
+            with pytest.raises(ValueError, match=rf"gain {name}\[1\] = -1"):
+                kind(env, **{name: [1.0, -1.0]})
+        with pytest.raises(ValueError, match="lead"):
+            kind(env, lead=float("nan"))
+        with pytest.raises(ValueError, match="must have"):
+            kind(env, observer=[1.0])
+        with pytest.raises(ValueError, match="state has shape"):
+            controller.disturbance(np.zeros(3))
+    with pytest.raises(ValueError, match=r"gain kp\[2\]"):
+        kind(env, kp=[1.0, 1.0, float("inf"), 1.0, 1.0, 1.0])
+    with pytest.raises(ValueError, match="corrections"):
+        kind(scene="petasus-pum", action="residual")
+    with pytest.raises(ValueError, match="keeps station"):
+        kind(gym.make("UVMS-EETrack-v0"))
+
+
+def test_restoring_compensation_leaves_no_tilt() -> None:
+    """A payload at the gripper tilts the vehicle under a PD."""
+    scene = uvms_gym.load_scene("petasus-pum")
+    scene["vehicle"]["body"]["center_of_mass"][0] += 0.02
+    env = StationKeepVectorEnv(1, scene=scene, max_current=0.0, arm_amplitude=0.0, max_episode_steps=None)
+    tilts = []
+    for kind in (PD, PDRestoring):
+        _, _, info = run(env, kind(env), 400, seed=1)
+        tilts.append(info["attitude_error"][0])
+    assert tilts[0] > 0.05
+    assert tilts[1] < 1e-3
