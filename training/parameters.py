@@ -53,7 +53,6 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         *(Parameter(name, 0.1, 10.0) for name in ("error", "vehicle", "joint")),
         *(Parameter(name, 0.02, 20.0) for name in ("home", "level", "arm")),
     )
-    brace = Parameter("brace", 0.02, 5.0, absolute=True, floor=True)
     return {
         "pd": pd,
         "pd-restoring": pd,
@@ -63,7 +62,7 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         "computed-torque": (*pd, observer, *expected, lead),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral", 0.01, 10.0, absolute=True)),
-        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), brace, lead),
+        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), lead),
     }
 
 

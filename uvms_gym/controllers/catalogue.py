@@ -58,13 +58,13 @@ CLASSICAL: dict[str, Classical] = {
     "mpc": Classical(MPC),
     "resolved": Classical(ResolvedMotion, _TRACK),
     "resolved-pid": Classical(ResolvedMotion, _TRACK, {"integral": 0.5}),
-    "resolved-dob": Classical(ResolvedMotion, _TRACK, {"observer": (1.0, 1.0, 1.0)}),
+    "resolved-dob": Classical(ResolvedMotion, _TRACK, {"observer": (4.0, 4.0, 8.0), "delay": 1}),
 }
 LEARNED: dict[str, Learned] = {
     "ppo": Learned(_BOTH),
     "ppo-pd": Learned(_STATION, "pd"),
-    "ppo-dob": Learned(_STATION, "dob"),
-    "ppo-resolved": Learned(_TRACK, "resolved"),
+    "ppo-dob": Learned(_STATION, "dob-delay"),
+    "ppo-resolved-dob": Learned(_TRACK, "resolved-dob"),
 }
 #: All controllers, of whatever task; `mlp:FILE` besides.
 NAMES = (*CLASSICAL, *LEARNED)
