@@ -59,6 +59,7 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
         "dob": (*pd, observer, *expected),
         "dob-delay": (*pd, observer, *expected, lead),
+        "dob-calm": (*pd, observer, *expected, lead),
         "computed-torque": (*pd, observer, *expected, lead),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral", 0.01, 10.0, absolute=True)),

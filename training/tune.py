@@ -52,23 +52,41 @@ Floats = NDArray[np.float64]
 SEEDS = range(1_000_000, 2_000_000)
 #: Greatest effort, over the tuned base's on the same episodes.
 LIMIT = 1.1
+#: Controllers whose commands may vary no more than `CALM_LIMIT` times as much as the tuned base's.
+CALM = ("dob-calm",)
+CALM_LIMIT = 1.2
 #: Lever that turns attitude errors into a distance, m.
 LEVER = 0.5
 #: Episodes that each of the last candidates flies.
 FINAL_EPISODES = 1024
 
 
+class Limits(NamedTuple):
+    """Greatest effort, and greatest variation of commands; None where there is no limit."""
+
+    effort: float | None = None
+    variation: float | None = None
+
+
 class Score(NamedTuple):
-    """How a controller did: the comparison's pose error, m; mean effort; share of episodes that diverged."""
+    """How a controller did: the comparison's pose error, m; means of effort and of command variation; share that diverged."""
 
     pose: float
     effort: float
+    variation: float
     diverged: float
 
-    def objective(self, limit: float | None) -> float:
-        """Pose error, times (effort / limit)^2 beyond the limit, times 1 + 10 times the share that diverged."""
-        over = 1.0 if limit is None else max(1.0, self.effort / limit)
-        return self.pose * over**2 * (1.0 + 10.0 * self.diverged)
+    def within(self, limits: Limits) -> bool:
+        """Whether it keeps to the limits."""
+        return self._over(limits) == 1.0
+
+    def objective(self, limits: Limits) -> float:
+        """Pose error, times (value / limit)^2 beyond a limit, times 1 + 10 times the share that diverged."""
+        return self.pose * self._over(limits) ** 2 * (1.0 + 10.0 * self.diverged)
+
+    def _over(self, limits: Limits) -> float:
+        pairs = ((self.effort, limits.effort), (self.variation, limits.variation))
+        return math.prod(max(1.0, value / limit) for value, limit in pairs if limit is not None)
 
 
 class Arena:
@@ -94,7 +112,9 @@ class Arena:
         position, attitude = (tally.squares[f"{name}_error"] for name in ("position", "attitude"))
         pose = np.sqrt((position + LEVER**2 * attitude) / tally.steps)
         effort = tally.sums["effort"].sum() / tally.steps.sum()
-        return Score(float(interquartile_mean(pose)), float(effort), float(tally.terminated.mean()))
+        # The environment's reward tells it, by a weight of 1.
+        variation = -tally.sums["reward_rate"].sum() / tally.steps.sum()
+        return Score(float(interquartile_mean(pose)), float(effort), float(variation), float(tally.terminated.mean()))
 
 
 class Tuner:
@@ -104,7 +124,7 @@ class Tuner:
     limiting: Controller | None = None
 
     def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter]) -> None:
-        self._arena, self._entry, self._sought = arena, CLASSICAL[name], sought
+        self._arena, self._entry, self._sought, self._calm = arena, CLASSICAL[name], sought, name in CALM
         own = self.controller({})
         self._own = {p.name: np.asarray(_own(own, p.name), dtype=np.float64) for p in sought}
 
@@ -139,9 +159,12 @@ class Tuner:
         """Score gains."""
         return self._arena.score(self.controller(gains), seed, episodes)
 
-    def limit(self, seed: int, episodes: int) -> float | None:
-        """Greatest effort in these episodes; None for the base itself."""
-        return None if self.limiting is None else LIMIT * self._arena.score(self.limiting, seed, episodes).effort
+    def limits(self, seed: int, episodes: int) -> Limits:
+        """Limits in these episodes; none for the base itself."""
+        if self.limiting is None:
+            return Limits()
+        base = self._arena.score(self.limiting, seed, episodes)
+        return Limits(LIMIT * base.effort, CALM_LIMIT * base.variation if self._calm else None)
 
 
 class Budget(NamedTuple):
@@ -179,12 +202,12 @@ def tune(
         if generation == len(done["scores"]):
             began = time.monotonic()
             first = SEEDS.start + generation * budget.episodes
-            limit = tuner.limit(first, budget.episodes)
+            limits = tuner.limits(first, budget.episodes)
             with warnings.catch_warnings():
                 # Wild candidates may shake a vehicle until its steps are wrong.
                 warnings.simplefilter("ignore", StepWarning)
                 scores = [tuner.score(tuner.gains(x), first, budget.episodes) for x in candidates]
-            done["scores"].append([score.objective(limit) for score in scores])
+            done["scores"].append([score.objective(limits) for score in scores])
             done["seconds"] += time.monotonic() - began
             write(checkpoint, done)
         scores = done["scores"][generation]
@@ -196,22 +219,22 @@ def tune(
     )
     began = time.monotonic()
     first = SEEDS.start + budget.generations * budget.episodes
-    limit = tuner.limit(first, FINAL_EPISODES)
+    limits = tuner.limits(first, FINAL_EPISODES)
     finals = []
     for values in found:
         gains = tuner.gains(values)
         score = tuner.score(gains, first, FINAL_EPISODES)
         edges = [space.labels[i] for i, _ in space.edges(space.places(values))]
-        # Least of all an edge, then effort within the limit, then the objective.
-        finals.append(
-            ((len(edges), limit is not None and score.effort > limit, score.objective(limit)), gains, edges, score)
-        )
+        # Least of all an edge, then what is within the limits, then the objective.
+        finals.append(((len(edges), not score.within(limits), score.objective(limits)), gains, edges, score))
     _, gains, edges, score = min(finals, key=lambda final: final[0])
     record = {
         "objective": "interquartile mean of the episodes' RMS of sqrt(position^2 + (0.5 m * attitude)^2), m",
         "score": score.pose,
         "effort": score.effort,
-        "effort_limit": limit,
+        "effort_limit": limits.effort,
+        "variation": score.variation,
+        "variation_limit": limits.variation,
         "diverged": score.diverged,
         "budget": {
             "episodes": budget.generations * budget.population * budget.episodes + len(found) * FINAL_EPISODES,
@@ -335,7 +358,7 @@ def _arena(env: str, scene: str, period: float | None, threads: int | None) -> A
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
     steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
     options = {"scene": inner.options["scene"], "substeps": substeps, "max_episode_steps": steps, "threads": threads}
-    return Arena(env, options, steps)
+    return Arena(env, {**options, "reward": {"rate": 1.0}}, steps)
 
 
 def _tell(name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:

@@ -54,6 +54,7 @@ CLASSICAL: dict[str, Classical] = {
     "pid": Classical(PID),
     "dob": Classical(DOB),
     "dob-delay": Classical(DOB, arguments={"delay": None}),
+    "dob-calm": Classical(DOB, arguments={"delay": None}),
     "computed-torque": Classical(ComputedTorque),
     "mpc": Classical(MPC),
     "resolved": Classical(ResolvedMotion, _TRACK),
@@ -64,6 +65,7 @@ LEARNED: dict[str, Learned] = {
     "ppo": Learned(_BOTH),
     "ppo-pd": Learned(_STATION, "pd"),
     "ppo-dob": Learned(_STATION, "dob-delay"),
+    "ppo-computed-torque": Learned(_STATION, "computed-torque"),
     "ppo-resolved-dob": Learned(_TRACK, "resolved-dob"),
 }
 #: All controllers, of whatever task; `mlp:FILE` besides.

@@ -1,0 +1,131 @@
+"""What the package ships: tuned gains, policies, and the results that are stored beside them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from uvms_gym import MLP, Rollout
+from uvms_gym.cli import compare
+from uvms_gym.controllers import catalogue
+from uvms_gym.controllers.catalogue import CLASSICAL, LEARNED, POLICIES, controller
+
+FILES = sorted(POLICIES.glob("*/*/*/*.safetensors"))
+RESULTS = sorted(POLICIES.glob("*/*/*/results.json"))
+GAINS = sorted(POLICIES.glob("*/*/*/gains.json"))
+
+
+def named(path: Path) -> str:
+    return str(path.relative_to(POLICIES))
+
+
+def environment(folder: Path) -> dict[str, Any]:
+    """Arguments of the storm with this folder's scene and control period."""
+    period = float(folder.name.removesuffix("s"))
+    return {
+        "id": f"{folder.parents[1].name}-Storm-v0",
+        "scene": folder.parent.name,
+        "substeps": round(period / 0.01),
+        "max_episode_steps": round(20.0 / period),
+    }
+
+
+@pytest.mark.parametrize("path", RESULTS, ids=named)
+def test_regress_the_stored_results_come_out_again(path: Path) -> None:
+    assert compare.reproduce(path) == []
+
+
+def test_stored_results_that_are_no_more_are_told(tmp_path: Path) -> None:
+    stored = json.loads(RESULTS[0].read_text())
+
+    def raised(entry: Any) -> Any:
+        if isinstance(entry, dict):
+            return {key: raised(value) for key, value in entry.items()}
+        return entry
+
+    text = json.dumps(stored)
+    kept = next(iter(_kept(stored)))
+    changed = text.replace(json.dumps(kept), json.dumps(kept * 1.01), 1)
+    assert changed != text
+    (tmp_path / "results.json").write_text(changed)
+    assert len(compare.reproduce(tmp_path / "results.json")) == 1
+
+
+def _kept(entry: Any) -> Any:
+    """Scores of single episodes, wherever they are."""
+    if isinstance(entry, dict):
+        for key, value in entry.items():
+            yield from (value["pose"][0] if key == "kept" else _kept(value))
+    elif isinstance(entry, list):
+        for value in entry:
+            yield from _kept(value)
+
+
+@pytest.mark.parametrize("path", FILES, ids=named)
+def test_policies_say_what_they_are_for_and_where_they_come_from(path: Path) -> None:
+    name, seed = path.stem.rsplit("-", 1)
+    policy = MLP.load(path, corrects=LEARNED[name].base is not None)
+    purpose = policy.purpose
+    assert purpose is not None
+    said = (purpose["task"], purpose["scene"], f"{purpose['control_period']:g}s")
+    assert said == (path.parents[2].name, path.parents[1].name, path.parents[0].name)
+    notes = policy.notes
+    assert notes["seed"] == seed and notes.get("base") == LEARNED[name].base
+    assert {"environment", "hyperparameters", "steps", "seconds", "commit", "versions", "evaluation"} <= notes.keys()
+    assert f"`{path.name}`" in (path.parent / "README.md").read_text()
+
+
+@pytest.mark.parametrize("path", FILES, ids=named)
+def test_val_a_policy_is_what_torch_makes_of_its_file(path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    data = path.read_bytes()
+    header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
+    inside = json.loads(header.pop("__metadata__")["uvms_gym"])
+    assert inside["activation"] == "tanh" and inside["output"] == "clip"
+    body = data[8 + int.from_bytes(data[:8], "little") :]
+    tensors = {
+        name: torch.from_numpy(np.frombuffer(body[slice(*at["data_offsets"])], "<f4").reshape(at["shape"]).copy())
+        for name, at in header.items()
+    }
+    policy = MLP.load(path, corrects=True)
+    d, history = policy.policy.widths[0], policy.history
+    rows = np.random.default_rng(0).normal(size=(500, d * history)).astype(np.float32)
+    x = torch.from_numpy(rows)
+    depth = len(inside["sizes"]) - 1
+    for k in range(depth):
+        x = torch.nn.functional.linear(x, tensors[f"layers.{k}.weight"], tensors[f"layers.{k}.bias"])
+        x = torch.tanh(x) if k + 1 < depth else torch.clamp(x, -1.0, 1.0)
+    past = rows[:, : d * (history - 1)] if history > 1 else None
+    np.testing.assert_allclose(policy.predict(rows[:, d * (history - 1) :], past)[0], x.numpy(), atol=1e-6)
+
+
+@pytest.mark.parametrize("path", GAINS, ids=named)
+def test_tuned_gains_are_off_the_edges_at_equal_budgets_and_within_the_limit(path: Path) -> None:
+    stored = json.loads(path.read_text())
+    assert stored.keys() <= CLASSICAL.keys()
+    assert len({entry["tuning"]["budget"]["episodes"] for entry in stored.values()}) == 1
+    for name, entry in stored.items():
+        tuning = entry["tuning"]
+        assert tuning["at_edge"] == [], name
+        first, last = tuning["seeds"]["search"][0], tuning["seeds"]["final"][1]
+        assert 1_000_000 <= first < last < 2_000_000
+        limit = tuning["effort_limit"]
+        assert limit is None or tuning["effort"] <= 1.001 * limit, name
+
+
+@pytest.mark.parametrize("folder", sorted({path.parent for path in FILES}), ids=named)
+def test_learned_policies_beat_what_they_are_set_against(folder: Path) -> None:
+    made = environment(folder)
+    errors = {}
+    for name in (catalogue.TASK_BASE[folder.parents[1].name], *sorted({path.stem.rsplit("-", 1)[0] for path in folder.glob("*.safetensors")})):
+        envs = gym.make_vec(**made, num_envs=32)
+        envs.reset(seed=500_000)
+        rollout = Rollout(envs, controller(name, envs))
+        rollout.run(made["max_episode_steps"])
+        tally = rollout.take()
+        errors[name] = np.median(np.sqrt(tally.squares["position_error"] / tally.steps))
+    base, *learned = errors.values()
+    assert learned and all(error < base for error in learned), errors
