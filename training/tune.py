@@ -130,7 +130,7 @@ class Tuner:
 
     def controller(self, gains: dict[str, Any]) -> Controller:
         """Make the controller with these gains."""
-        return self._entry.kind(self._arena.batch(FINAL_EPISODES), **self._entry.arguments, **gains)
+        return self._entry.kind(self._arena.batch(FINAL_EPISODES), **{**self._entry.arguments, **gains})
 
     def gains(self, values: Floats) -> dict[str, Any]:
         """Keyword arguments of the controller, to four digits."""

@@ -12,7 +12,7 @@ sys.path.append(str(Path(__file__).parents[2] / "training"))
 
 from parameters import ALIKE, EACH, parameters, space_of
 from search import Space, search, store
-from tune import SEEDS, Arena, Score, app
+from tune import SEEDS, Arena, Limits, Score, app
 
 from uvms_gym import PD
 from uvms_gym.cli.app import run
@@ -83,11 +83,15 @@ def test_the_same_scores_make_the_same_search():
     assert (run(remember) == run(lambda generation, _: scores[generation])).all()
 
 
-def test_effort_beyond_the_limit_and_divergence_cost():
-    assert Score(0.1, 0.2, 0.0).objective(None) == 0.1
-    assert Score(0.1, 0.2, 0.0).objective(0.2) == 0.1
-    assert Score(0.1, 0.2, 0.0).objective(0.1) == pytest.approx(0.4)
-    assert Score(0.1, 0.2, 0.1).objective(None) == pytest.approx(0.2)
+def test_what_is_beyond_a_limit_and_divergence_cost():
+    assert Score(0.1, 0.2, 0.3, 0.0).objective(Limits()) == 0.1
+    assert Score(0.1, 0.2, 0.3, 0.0).objective(Limits(0.2, 0.3)) == 0.1
+    assert Score(0.1, 0.2, 0.3, 0.0).objective(Limits(effort=0.1)) == pytest.approx(0.4)
+    assert Score(0.1, 0.2, 0.3, 0.0).objective(Limits(0.2, 0.1)) == pytest.approx(0.9)
+    assert Score(0.1, 0.2, 0.3, 0.1).objective(Limits()) == pytest.approx(0.2)
+    assert Score(0.1, 0.2, 0.3, 0.0).within(Limits(0.2, 0.3)) and not Score(0.1, 0.2, 0.3, 0.0).within(
+        Limits(0.2, 0.29)
+    )
 
 
 @pytest.mark.parametrize("axes", [ALIKE, EACH])

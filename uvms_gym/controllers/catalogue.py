@@ -135,9 +135,8 @@ def controller(
         raise ValueError(f"{file}: it corrects {said}, not {base}")
     try:
         # With the gains that it was trained with, whatever is tuned since.
-        corrected = CLASSICAL[base].kind(
-            **CLASSICAL[base].arguments, **json.loads(correction.notes.get("base_gains", "{}")), **given
-        )
+        kind, _, arguments = CLASSICAL[base]
+        corrected = kind(**{**arguments, **json.loads(correction.notes.get("base_gains", "{}"))}, **given)
         return Residual(corrected, correction, float(correction.notes.get("limit", LIMIT)))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{file}: {error}") from None
