@@ -14,7 +14,7 @@
 //! balance       the principle of dynamical balance: closed form, articulated bodies, ledger
 //! integrate     Munthe-Kaas methods, a linearly implicit one, rivals
 //! render        pictures
-//! control       thruster allocation; policies: PD, PID, resolved motion, neural networks
+//! control       thruster allocation; policies: PD, PID, feedback on the nominal model, resolved motion, neural networks
 //! scene         tasks: sampling, observation, reward
 //! batch         blocks of lanes, threads, closed loops
 //! python        the Python module

@@ -1,4 +1,4 @@
-"""Controllers that know the nominal model: restoring compensation, disturbance observer, computed torque."""
+"""Controllers that know the nominal model: restoring compensation, disturbance observer, computed torque, MPC."""
 
 import pickle
 from typing import Any
@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym.controllers import DOB, PD, ComputedTorque, PDRestoring
+from uvms_gym.controllers import DOB, MPC, PD, ComputedTorque, PDRestoring
 from uvms_gym.envs.station_keep import StationKeepVectorEnv
 
-KINDS: list[Any] = [PDRestoring, DOB, ComputedTorque]
+OBSERVING: list[Any] = [DOB, ComputedTorque, MPC]
+KINDS: list[Any] = [PDRestoring, *OBSERVING]
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]
 FILTERED = {"waves": [0.3, 0.3], "jolts": [0.05, 0.3], "observer": [8.0, 8.0]}
 
@@ -32,7 +33,7 @@ def pushed(wrench: list[float], steps: int, **more: Any) -> StationKeepVectorEnv
     return StationKeepVectorEnv(2, disturbance=disturbance, substeps=10, thruster_lag=0.1, max_episode_steps=None)
 
 
-@pytest.mark.parametrize("kind", [DOB, ComputedTorque])
+@pytest.mark.parametrize("kind", OBSERVING)
 @pytest.mark.parametrize("options", [{}, FILTERED])
 @pytest.mark.parametrize("delay", [0, 1])
 def test_a_constant_wrench_is_observed_as_it_is(kind: Any, options: Any, delay: int) -> None:
@@ -44,7 +45,7 @@ def test_a_constant_wrench_is_observed_as_it_is(kind: Any, options: Any, delay: 
     np.testing.assert_allclose(controller.disturbance(state), [wrench] * 2, atol=0.03)
 
 
-@pytest.mark.parametrize("kind", [DOB, ComputedTorque])
+@pytest.mark.parametrize("kind", OBSERVING)
 def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any) -> None:
     env = pushed([0.0] * 6, 1)
     controller = kind(env, observer=[2.0, 2.0])
@@ -123,10 +124,11 @@ def test_in_a_storm_each_does_better_than_the_one_before() -> None:
     env = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=256)
     errors = [
         np.sort(pose(env, controller))[64:192].mean()
-        for controller in (PD(env), DOB(env, observer=[1.0, 1.0]), ComputedTorque(env))
+        for controller in (PD(env), DOB(env, observer=[1.0, 1.0]), ComputedTorque(env), MPC(env))
     ]
     assert errors[1] < 0.8 * errors[0], errors
     assert errors[2] < 0.7 * errors[1], errors
+    assert errors[3] < errors[2], errors
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -136,20 +138,24 @@ def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
     again = pickle.loads(pickle.dumps(controller))
     observation, _ = env.reset(seed=2)
     assert again.predict(observation)[0].tobytes() == controller.predict(observation)[0].tobytes()
-    np.testing.assert_array_equal(again.kp, controller.kp)
-    if kind is not PDRestoring:
-        assert (again.delay, again.lead, again.frequency) == (controller.delay, controller.lead, controller.frequency)
+    own = {DOB: ("kp", "kd", "lead"), ComputedTorque: ("kp", "kd", "lead"), MPC: ("velocity", "effort", "change")}
+    if kind is PDRestoring:
+        np.testing.assert_array_equal([again.kp, again.kd], [controller.kp, controller.kd])
+    else:
+        for name in ("observer", "waves", "frequency", "jolts", "delay", *own[kind]):
+            np.testing.assert_array_equal(getattr(again, name), getattr(controller, name))
         for name in ("observer", "waves", "jolts"):
             with pytest.raises(ValueError, match=rf"gain {name}\[1\] = -1"):
                 kind(env, **{name: [1.0, -1.0]})
-        with pytest.raises(ValueError, match="lead"):
-            kind(env, lead=float("nan"))
+        with pytest.raises(ValueError, match="gain frequency"):
+            kind(env, frequency=float("nan"))
         with pytest.raises(ValueError, match="must have"):
             kind(env, observer=[1.0])
         with pytest.raises(ValueError, match="state has shape"):
             controller.disturbance(np.zeros(3))
-    with pytest.raises(ValueError, match=r"gain kp\[2\]"):
-        kind(env, kp=[1.0, 1.0, float("inf"), 1.0, 1.0, 1.0])
+    name, length = ("effort", 2) if kind is MPC else ("kp", 6)
+    with pytest.raises(ValueError, match=rf"gain {name}\[1\]"):
+        kind(env, **{name: [1.0, float("inf"), *[1.0] * (length - 2)]})
     with pytest.raises(ValueError, match="corrections"):
         kind(scene="petasus-pum", action="residual")
     with pytest.raises(ValueError, match="keeps station"):

@@ -266,10 +266,12 @@ impl Mpc {
     fn plan(&self, parameters: &DVector<f64>) -> Vector6<f64> {
         let mut plan = &self.gain * parameters;
         let within = (0..MOVES.len()).all(|k| (&self.bounds * plan.rows(6 * k, 6)).max() <= 1.0);
-        if !within && parameters.iter().all(|x| x.is_finite()) {
-            if let Some(best) = self.solve(&(&self.cross * parameters)) {
-                plan = best;
-            }
+        let finite = parameters.iter().all(|x| x.is_finite());
+        if !within
+            && finite
+            && let Some(best) = self.solve(&(&self.cross * parameters))
+        {
+            plan = best;
         }
         Vector6::from_fn(|k, _| plan[k] * self.unit[k])
     }
