@@ -49,6 +49,11 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         Parameter("frequency", 0.3, 4.0, absolute=True),
         Parameter("jolts", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
     )
+    weights = (
+        Parameter("velocity", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
+        Parameter("effort", 1e-6, 0.1, ((0,), (1,)), absolute=True, floor=True),
+        Parameter("change", 1e-6, 0.1, ((0,), (1,)), absolute=True, floor=True),
+    )
     resolved = (
         *(Parameter(name, 0.1, 10.0) for name in ("error", "vehicle", "joint")),
         *(Parameter(name, 0.02, 20.0) for name in ("home", "level", "arm")),
@@ -61,6 +66,7 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         "dob-delay": (*pd, observer, *expected, lead),
         "dob-calm": (*pd, observer, *expected, lead),
         "computed-torque": (*pd, observer, *expected, lead),
+        "mpc": (*weights, observer, *expected),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral", 0.01, 10.0, absolute=True)),
         "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), lead),

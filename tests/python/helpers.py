@@ -167,6 +167,11 @@ def task_ids() -> list[str]:
     return sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
 
 
+def control_rate(task: str) -> float:
+    """Control periods per second at the default step, 0.01 s."""
+    return 100.0 / gymnasium.spec(task).kwargs.get("substeps", 5)
+
+
 def small(task: str) -> str:
     """A cheap scene; one with joints where they are acted on."""
     return "bluerov2-heavy-alpha5" if "EETrack" in task else SMALL

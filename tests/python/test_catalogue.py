@@ -35,7 +35,9 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder.mkdir(parents=True)
     for seed in (0, 3):
         network(seed).save(folder / f"ppo-{seed}.safetensors")
-    network(5, corrects=True, notes={"base": "pd", "limit": "0.2"}).save(folder / "ppo-pd-1.safetensors")
+    # It was trained on the PD with other gains than those tuned since.
+    notes = {"base": "pd", "base_gains": json.dumps({"kp": KD, "kd": KD}), "limit": "0.2"}
+    network(5, corrects=True, notes=notes).save(folder / "ppo-pd-1.safetensors")
     tuned = {"pd": {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}}
     (folder / "gains.json").write_text(json.dumps(tuned))
     return folder
@@ -74,7 +76,7 @@ def test_learned_controllers_are_the_shipped_policies(shipped: Path) -> None:
             controller("ppo", env, seed=seed).predict(rows)[0], network(seed).predict(rows)[0]
         )
     corrected = controller("ppo-pd", env, seed=1)
-    expected = Residual(controller("pd", env), network(5, corrects=True), 0.2)
+    expected = Residual(PD(env, kp=KD, kd=KD), network(5, corrects=True), 0.2)
     np.testing.assert_array_equal(corrected.predict(rows)[0], expected.predict(rows)[0])
     file = shipped / "ppo-3.safetensors"
     np.testing.assert_array_equal(controller(f"mlp:{file}", env).predict(rows)[0], network(3).predict(rows)[0])

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from gymnasium.utils import performance
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from helpers import LEAVING, same, scenes_with_thrusters, small, task_ids
+from helpers import LEAVING, control_rate, same, scenes_with_thrusters, small, task_ids
 
 pytestmark = pytest.mark.parametrize("task", task_ids())
 MODES = list(AutoresetMode)
@@ -87,7 +87,7 @@ def test_metadata_belongs_to_the_instance(task):
     one, other = make(task, autoreset_mode="SameStep"), make(task, dt=0.02)
     assert one.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert other.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert (one.metadata["render_fps"], other.metadata["render_fps"]) == (20.0, 10.0)
+    assert (one.metadata["render_fps"], other.metadata["render_fps"]) == (control_rate(task), control_rate(task) / 2)
     assert "autoreset_mode" not in type(one).metadata
 
 
@@ -296,7 +296,8 @@ def test_statistics_survive_a_masked_reset(task):
 def test_episodes_are_truncated_by_their_own_limit(task):
     envs = make(task, substeps=1)
     envs.reset(seed=0)
-    assert [step for step in range(401) if envs.step(idle(envs))[3].all()] == [399]
+    limit = gym.spec(task).max_episode_steps
+    assert [step for step in range(limit + 1) if envs.step(idle(envs))[3].all()] == [limit - 1]
     for never in (None, 0):
         envs = make(task, 1, substeps=1, max_episode_steps=never)
         envs.reset(seed=0)

@@ -273,7 +273,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys:
         (["--out", "x.png", "--window"], "not the first two together"),
         (["--plot", "x.jpg"], "must end in .png"),
         (["--out", "x.avi"], "must end in .mp4, .gif, .png"),
-        (["--out", "x.png", "--controller", "joystick"], "unknown controller 'joystick'; known: none, pd, pid"),
+        (["--out", "x.png", "--controller", "joystick"], "unknown controller 'joystick'; known: none, pd"),
         (["--out", "x.png", "--controller", "mlp:no-such-file"], "cannot read no-such-file"),
         (["--out", "x.png", "--scene", "nowhere"], "nowhere"),
         (["--out", "x.png", "--env", "CartPole-v1"], "CartPole-v1"),

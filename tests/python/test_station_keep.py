@@ -394,6 +394,7 @@ heavy = {"torch", "stable_baselines3", "pygame", "matplotlib"} & set(sys.modules
 assert not heavy, heavy
 uvms_gym.register_envs()
 importlib.reload(uvms_gym)
-assert sum(name.startswith("UVMS-StationKeep") for name in gymnasium.registry) == 1
+ids = [name for name in gymnasium.registry if name.startswith("UVMS-StationKeep")]
+assert ids == ["UVMS-StationKeep-v0", "UVMS-StationKeep-Storm-v0"], ids
 """
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -35,7 +35,7 @@ from uvms_gym.training.wrappers import ResidualVecEnv, StaggeredStart
 
 ENV = "UVMS-StationKeep-Storm-v0"
 #: Five seconds of station keeping in a current.
-EASY = {"disturbance": "current", "max_episode_steps": 50}
+EASY = {"disturbance": "current", "max_episode_steps": 50, "reward": {"rate": 0.1}}
 TINY = {"n_timesteps": 4 * 64, "n_envs": 8, "n_steps": 8, "batch_size": 32, "n_epochs": 2, "frame_stack": 1}
 
 

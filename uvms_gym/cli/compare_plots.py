@@ -18,8 +18,8 @@ from uvms_gym.cli.plots import BLACK, BLUE, GREEN, ORANGE, PURPLE, STYLE, VERMIL
 #: What is drawn as bars.
 _BARS = ("pose", "position", "attitude", "end_effector", "effort", "variation", "recovery", "within")
 #: Colours of learned controllers, which are to stand out, and of classical ones.
-_LEARNED = (VERMILION, ORANGE, PURPLE)
-_CLASSICAL = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79")
+_LEARNED = (VERMILION, ORANGE, PURPLE, "#7a1f00")
+_CLASSICAL = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
 _NONE = "#bdbdbd"
 _LINES = ("-", "--", "-.", ":")
 

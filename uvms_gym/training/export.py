@@ -49,10 +49,11 @@ def policy_of(
         raise ValueError(f"only a MlpPolicy of {', '.join(_ACTIVATIONS.values())} layers can be exported")
     state = {name: array.detach().cpu().numpy() for name, array in model.policy.state_dict().items()}
     policy = MLP.from_state_dict(state, env, activation=activation, history=history, corrects=corrects, notes=notes)
-    bound = np.asarray(model.observation_space.high)  # type: ignore[attr-defined]
-    rows = np.random.default_rng(0).normal(size=(256, *bound.shape)).astype(np.float32)
-    if model._last_obs is not None:
-        rows = np.concatenate([np.clip(rows, -bound, bound), np.asarray(model._last_obs)])
+    # Of what it was trained on, if that is at hand: rounding grows with what is read.
+    rows: Any = model._last_obs
+    if rows is None:
+        size = (256, *model.observation_space.shape)  # type: ignore[misc]
+        rows = np.random.default_rng(0).normal(size=size).astype(np.float32)
     expected, _ = model.predict(rows, deterministic=True)
     past, now = np.split(rows, [rows.shape[1] - rows.shape[1] // history], axis=1)
     if (off := float(np.abs(policy.predict(now, past if history > 1 else None)[0] - expected).max())) > TOLERANCE:
