@@ -209,7 +209,9 @@ def test_observations_are_of_order_one(task):
             size = np.sqrt(np.mean(part**2))
             assert size < 20.0, (scene, block["name"], size)
             # Actions and directions are bounded by themselves.
-            assert block["name"] in ("previous_action", "up") or np.abs(part).max() < np.max(block["bound"]), block["name"]
+            assert block["name"] in ("previous_action", "up") or np.abs(part).max() < np.max(block["bound"]), block[
+                "name"
+            ]
 
 
 # Reset
