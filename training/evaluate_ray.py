@@ -20,13 +20,11 @@ import typer
 
 from uvms_gym.cli.common import Json, Out, check_range, circumstances, fail, prepare, progress, table, write_json
 from uvms_gym.cli.scenes import read_scene
-from uvms_gym.cli.statistics import bootstrap
-from uvms_gym.controllers import MLP, PD, PID, Controller, ResolvedMotion, Rest
+from uvms_gym.cli.statistics import Draws, Scores
+from uvms_gym.controllers import Controller, catalogue
 
 NAME = "evaluate_ray"
-CONTROLLERS: dict[str, type[Controller]] = {"none": Rest, "pd": PD, "pid": PID, "resolved": ResolvedMotion}
-MLP_PREFIX = "mlp:"
-KNOWN = f"{', '.join(CONTROLLERS)}, {MLP_PREFIX}FILE"
+KNOWN = f"{', '.join(catalogue.NAMES)}, {catalogue.MLP_PREFIX}FILE"
 MOST_EPISODES = 100_000
 #: Lever that turns angles into distances in the pose error, m.
 LEVER = 0.5
@@ -149,11 +147,11 @@ def evaluate(
         for cell, result in _here(arguments) if local else _spread(arguments):
             found[cell] = result
             bar.advance(task, cell.episodes)
-    results = []
+    results, draws = [], Draws(episodes, seed)
     for where in given:
         blocks = [found[cell] for cell in cells if cell.where == where]
         runs = {name: np.concatenate([part[name] for part in blocks]) for name in blocks[0]}
-        estimates = {name: bootstrap([runs[name]], seed) for name in MEASURES}
+        estimates = {name: Scores(runs[name], draws).statistics()[0].estimate() for name in MEASURES}
         results.append({**where._asdict(), "estimates": estimates, "runs": runs})
     data = {
         "circumstances": circumstances(NAME, {"env": env, "episodes": episodes, "seed": seed}),
@@ -206,15 +204,11 @@ def _unlike(option: str, given: Iterable[str]) -> list[str]:
 def _controller(name: str, env: gymnasium.Env) -> Controller:
     """Make a controller by its name; it travels to the workers, files and all."""
     try:
-        if name in CONTROLLERS:
-            return CONTROLLERS[name](env)
-        if name.startswith(MLP_PREFIX):
-            return MLP.load(name.removeprefix(MLP_PREFIX), env)
+        return catalogue.controller(name, env)
     except OSError as error:
         raise fail(f"cannot read {error.filename}: {error.strerror}") from None
     except (ValueError, TypeError) as error:
-        raise fail(f"{name}: {error}") from None
-    raise fail(f"unknown controller {name!r}; known: {KNOWN}")
+        raise fail(str(error)) from None
 
 
 if __name__ == "__main__":

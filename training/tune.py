@@ -69,7 +69,7 @@ class Limits(NamedTuple):
 
 
 class Score(NamedTuple):
-    """How a controller did: pose error, m; means of effort and of command variation; share of episodes that diverged."""
+    """How a controller did: pose error, m; means of effort and command variation; share of episodes that diverged."""
 
     pose: float
     effort: float
