@@ -65,7 +65,6 @@ LEARNED: dict[str, Learned] = {
     "ppo": Learned(_BOTH),
     "ppo-pd": Learned(_STATION, "pd"),
     "ppo-dob": Learned(_STATION, "dob-delay"),
-    "ppo-computed-torque": Learned(_STATION, "computed-torque"),
     "ppo-resolved-dob": Learned(_TRACK, "resolved-dob"),
 }
 #: All controllers, of whatever task; `mlp:FILE` besides.
