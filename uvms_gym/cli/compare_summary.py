@@ -22,6 +22,7 @@ RIVALS = (
     "pid",
     "dob",
     "dob-delay",
+    "dob-calm",
     "computed-torque",
     "mpc",
     "resolved",
