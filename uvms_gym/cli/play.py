@@ -200,7 +200,7 @@ def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymn
 def _controller(name: str, env: gymnasium.Env[Any, Any]) -> Controller:
     """Make a controller by its name, for an environment; of learned ones the first training seed."""
     try:
-        return catalogue.controller(name, env, seed=next(iter(catalogue.seeds(name, env)), 0))
+        return catalogue.controller(name, env)
     except OSError as error:
         raise fail(f"cannot read {error.filename}: {error.strerror}") from None
     except (ValueError, TypeError) as error:

@@ -85,7 +85,7 @@ def controller(
     env: Any = None,
     *,
     gains: Literal["tuned", "scene"] = "tuned",
-    seed: int = 0,
+    seed: int | None = None,
     **options: Unpack[Options],
 ) -> Controller:
     """Make a controller by its name.
@@ -99,8 +99,8 @@ def controller(
     gains : {"tuned", "scene"}
         Gains of classical controllers: those that are shipped for this task, scene and control period, the class's own
         where there are none; or its own in any case.
-    seed : int
-        Training seed of the policy.
+    seed : int or None
+        Training seed of the policy; None: the first that is shipped.
     **options
         Without `env`: arguments of its environment, and `task` ("station-keep" or "ee-track").
 
@@ -203,7 +203,7 @@ def tuned(name: str, env: Any = None, **options: Unpack[Options]) -> dict[str, A
     return entry
 
 
-def policy_file(name: str, seed: int = 0, env: Any = None, **options: Unpack[Options]) -> Path:
+def policy_file(name: str, seed: int | None = None, env: Any = None, **options: Unpack[Options]) -> Path:
     """File of a learned controller's shipped policy.
 
     Raises
@@ -218,6 +218,7 @@ def policy_file(name: str, seed: int = 0, env: Any = None, **options: Unpack[Opt
     if name not in shipped:
         there = f"shipped for it: {', '.join(shipped)}" if shipped else f"shipped are {_places()}"
         raise Unavailable(f"no policy {name} is shipped for {where}; {there}")
+    seed = shipped[name][0] if seed is None else seed
     if seed not in shipped[name]:
         known = ", ".join(map(str, shipped[name]))
         raise Unavailable(f"no policy {name} of training seed {seed} is shipped for {where}; its seeds: {known}")
