@@ -84,7 +84,8 @@ fn later(arm: &Arm<f64>, time: f64) -> Arm<f64> {
 
 #[test]
 fn predictions_start_as_the_closed_form_says() {
-    for (seed, mut scene) in scenes().enumerate() {
+    // Without thrusters nothing lags.
+    for (seed, mut scene) in scenes().filter(|scene| !scene.vehicle.thrusters.is_empty()).enumerate() {
         (scene.vehicle.fins, scene.vehicle.tether) = (Vec::new(), None);
         scene.vehicle.set_thruster_lag(0.1);
         let (state, motion, arm) = somewhere(seed as u64, &scene);

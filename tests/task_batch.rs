@@ -409,6 +409,7 @@ fn stepped(batch: &mut TaskBatch, policy: &dyn Policy, steps: u32) -> Vec<Tally>
             // Where the next episode has begun already, what the last step came to is among the ends.
             let end = done.finals.iter().find(|end| end.instance == i);
             let info = end.map_or(verdict.info, |end| end.info);
+            tally.last = info;
             tally.steps += 1;
             tally.reward += verdict.reward;
             (tally.terminated, tally.truncated) = (verdict.terminated, verdict.truncated);
