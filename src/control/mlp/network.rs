@@ -106,7 +106,7 @@ impl Network {
             return Err(PolicyError::NoLayers);
         }
         let mut inputs = self.inputs();
-        if self.history == 0 || inputs % self.history != 0 {
+        if self.history == 0 || !inputs.is_multiple_of(self.history) {
             return Err(PolicyError::History { history: self.history, inputs });
         }
         for (i, layer) in self.layers.iter().enumerate() {
