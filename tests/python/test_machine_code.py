@@ -60,7 +60,7 @@ ELSEWHERE = {
     r"4core(9panicking|5slice5index)": "checks bounds",
     r"^_Unwind_Resume$": "frees memory after a panic",
     r"Scratch.*3new": "working memory",
-    r"7control.*(allocate|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
+    r"7control.*(allocate|ask|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
     r"^r[a-z0-9]+$": "one of these through a register",
 }
 
