@@ -26,18 +26,23 @@ SPACE = gymnasium.spaces.Box(-100.0, 100.0, (9,), np.float32)
 
 
 def look(simulator: uvms_gym.Simulator) -> np.ndarray:
-    """What the agent sees, (N, 9): direction of gravity, water's velocity past the vehicle, turning; body axes."""
-    down = -simulator.rotation[:, 2]
-    current = (simulator.rotation * simulator.current[:, :, None]).sum(axis=1)
-    water = current - simulator.twist[:, :3]
-    return np.clip(np.hstack([down, water, simulator.twist[:, 3:]]), SPACE.low, SPACE.high).astype(np.float32)
+    """What the agent sees, (N, 9): direction of gravity, water's velocity past the vehicle, turning; body axes.
+
+    The state of a run that has diverged may hold NaN; 0 stands for it. (Such a run has ended: it is `terminated`.)
+    """
+    rotation, twist = np.nan_to_num(simulator.rotation), np.nan_to_num(simulator.twist)
+    current = (rotation * simulator.current[:, :, None]).sum(axis=1)
+    seen = np.hstack([-rotation[:, 2], current - twist[:, :3], twist[:, 3:]])
+    return np.clip(seen, SPACE.low, SPACE.high).astype(np.float32)
 
 
 def judge(simulator: uvms_gym.Simulator, info: Mapping[str, Any]) -> np.ndarray:
-    """Rewards (N,): less for tilt and speed through the water; the shipped terms of effort stay, thrice as heavy."""
+    """Rewards (N,): less for tilt and speed through the water; the shipped terms of effort stay, thrice as heavy, and
+    what divergence costs.
+    """
     seen = look(simulator).astype(np.float64)
     tilt, speed = 1.0 + seen[:, 2], (seen[:, 3:6] ** 2).sum(axis=1)
-    return -tilt - speed + 3.0 * info["reward_effort"] + info["reward_rate"]
+    return -tilt - speed + 3.0 * info["reward_effort"] + info["reward_rate"] + info["reward_diverged"]
 
 
 class OwnTask(gymnasium.Wrapper, RecordConstructorArgs):

@@ -59,6 +59,25 @@ def test_an_own_task_is_another_one(task):
         own_task.OwnTasks(gym.make_vec(task, 2, autoreset_mode="SameStep"))
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_run_that_diverges_shows_nothing_but_numbers(task):
+    envs = own_task.OwnTasks(gym.make_vec(task, 4, autoreset_mode="Disabled", dt=0.5, **options(task)))
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    lost = 0
+    for _ in range(20):
+        observations, rewards, ends, stops, infos = envs.step(np.sign(envs.action_space.sample()))
+        assert envs.observation_space.contains(observations)
+        assert np.isfinite(rewards).all()
+        assert (rewards[ends] <= infos["reward_diverged"][ends]).all()
+        gone = np.isnan(envs.unwrapped.simulator.twist).any(axis=1)
+        assert ends[gone].all()
+        lost += gone.sum()
+        if (ends | stops).any():
+            envs.reset(options={"reset_mask": ends | stops})
+    assert lost > 0
+
+
 def test_own_tasks_train(task):
     sb3 = pytest.importorskip("stable_baselines3")
     from uvms_gym.sb3 import NativeVecEnv
