@@ -63,11 +63,11 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time, .. } = *at;
     let Ahead { h, station } = ahead;
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
-    place(joints, q, links);
+    place(joints, true, q, links);
     let (mut pull, mut moving) = (gravity, twist);
     for i in 0..joints.len() {
         let (joint, link) = (&joints[i], &mut links[i]);

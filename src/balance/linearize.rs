@@ -98,6 +98,7 @@ fn accelerations_along(
     let mut surfaces = Surfaces::blank();
     surfaces.deflect(&system.fins, &fins.map(|x| Dual::new(x, 0.0)));
     let instant = Instant {
+        is_start: true,
         gravity: gravity - pull,
         twist,
         q: &q,
@@ -109,7 +110,7 @@ fn accelerations_along(
     let loads = Loads {
         torque: std::array::from_fn(|k| number(loads.torque[k], Direction::Torque(k))),
         servo: false,
-        target: [[zero; 6]; JOINTS],
+        target: [[zero; 4]; JOINTS],
         on_links: loads.on_links,
         links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| Dual::new(x, 0.0)))),
     };

@@ -34,7 +34,7 @@ impl<L: Lane> Whole<L> {
     ) -> Self {
         let joints = system.chain();
         let links = &mut scratch.links[..joints.len()];
-        place(joints, q, links);
+        place(joints, true, q, links);
         let (mut pull, mut moving) = (gravity, twist);
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
             pull = link.rotate_back(joint, pull);

@@ -95,6 +95,8 @@ pub struct Blocks<T> {
 #[derive(Clone)]
 struct Parameters<T> {
     system: System<Shared<T>>,
+    /// The same for one instance at a time.
+    alone: System<T>,
     ingredients: Vec<Ingredients<Shared<T>>>,
     /// Where payloads are held.
     grip: [Shared<T>; 3],
@@ -121,7 +123,8 @@ impl<T: Real> Blocks<T> {
         let system = compiled.system.map(number).put_together(&ingredients, &Factors::ONE);
         let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
         let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
-        let scene = Parameters { system, ingredients, grip, rigid };
+        let alone = system.map(|Shared(x)| x);
+        let scene = Parameters { system, alone, ingredients, grip, rigid };
         let layout =
             Layout::new(compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
@@ -218,6 +221,7 @@ impl<T: Real> Part<'_, T> {
         let [varied, laden] = self.table.varied(self.rows);
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
+            alone: scene.rigid.is_none().then_some(&scene.alone),
             ingredients: varied.then_some(&scene.ingredients[..]),
             grip: laden.then_some(scene.grip),
             lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),

@@ -221,7 +221,7 @@ impl<T: Real> Columns<'_, T> {
             loads.torque[k] = self.get(layout.torque + k);
             if switches.servo {
                 let row = layout.target + 4 * k;
-                loads.set_target(k, [self.get(row), self.get(row + 1), self.get(row + 2), self.get(row + 3)]);
+                loads.target[k] = [self.get(row), self.get(row + 1), self.get(row + 2), self.get(row + 3)];
             }
             if switches.on_links {
                 loads.links[k] = self.six(layout.links + 6 * k);

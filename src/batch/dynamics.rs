@@ -101,7 +101,8 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
             let gravity = gravity + at.to_body(self.acceleration);
             wrench = wrench + system.appendages(self.surfaces, twist, gravity);
         }
-        Instant { gravity, twist, q, qd, wrench, held_rate, time: self.time + elapsed }
+        let (is_start, time) = (at.is_start(), self.time + elapsed);
+        Instant { is_start, gravity, twist, q, qd, wrench, held_rate, time }
     }
 }
 

@@ -5,9 +5,12 @@ use super::inputs::Applied;
 use super::table::Table;
 use crate::control::THRUSTERS;
 use crate::lane::{Isa, Kernel, Lane, Real};
+use crate::system::JOINTS;
 
 /// Greatest number of instances in a block.
 const WIDEST: usize = 16;
+/// Most numbers of an instance that are worked on at once: its thrusts, its servo targets, or its station.
+const PAGE: usize = if THRUSTERS > 4 * JOINTS { THRUSTERS } else { 4 * JOINTS };
 
 /// A number of each instance of a block. In f64 whatever the precision of the rows, by operations that are rounded one by
 /// one, in the order of [`Applied::fill`]: the same loads, bit for bit, whatever the instruction set.
@@ -40,14 +43,14 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
         const { assert!(T::BLOCK <= WIDEST) };
         let (given, layout) = (self.given, &self.table.layout);
         let n = layout.joints;
-        let mut page = [[0.0; WIDEST]; THRUSTERS];
+        let mut page = [[0.0; WIDEST]; PAGE];
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((layout.rows * T::BLOCK).max(1));
         for (k, rows) in blocks.enumerate() {
             let first = self.first + k * T::BLOCK;
             let count = T::BLOCK.min((self.first + self.count).saturating_sub(first));
             if count < T::BLOCK {
                 // Columns past the last instance bear no loads.
-                page = [[0.0; WIDEST]; THRUSTERS];
+                page = [[0.0; WIDEST]; PAGE];
             }
 
             let mut wrench = [[0.0; WIDEST]; 6];
@@ -121,11 +124,12 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                 None => clear(rows, layout.torque, n),
             }
             if let Some(target) = given.inputs.joint_target {
+                let terms = given.terms;
+                let page = &mut page[..n * terms];
+                gather(target, n * terms, 0, first, count, page);
                 for k in 0..n {
-                    let page = &mut page[..given.terms];
-                    gather(target, n * given.terms, k * given.terms, first, count, page);
-                    set(rows, layout.target + 4 * k, page);
-                    clear(rows, layout.target + 4 * k + given.terms, 4 - given.terms);
+                    set(rows, layout.target + 4 * k, &page[k * terms..][..terms]);
+                    clear(rows, layout.target + 4 * k + terms, 4 - terms);
                 }
             }
             if let Some(station) = given.inputs.station {

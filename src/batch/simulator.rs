@@ -31,20 +31,24 @@ pub enum Precision {
 }
 
 impl Precision {
+    /// Least magnitude that rounds to infinity.
+    fn bound(self) -> f64 {
+        match self {
+            Precision::Double => f64::INFINITY,
+            // Half a unit in the last place beyond the greatest.
+            Precision::Single => f64::from(f32::MAX) + 2.0_f64.powi(103),
+        }
+    }
+
     /// Whether `x` is a finite number of this type.
     pub(super) fn holds(self, x: f64) -> bool {
-        match self {
-            Precision::Double => x.is_finite(),
-            Precision::Single => (x as f32).is_finite(),
-        }
+        x.abs() < self.bound()
     }
 
     /// Whether all of them are. (Without a way out of the loop, which so looks at several at a time.)
     pub(super) fn holds_all(self, values: &[f64]) -> bool {
-        match self {
-            Precision::Double => values.iter().fold(true, |all, x| all & x.is_finite()),
-            Precision::Single => values.iter().fold(true, |all, x| all & (*x as f32).is_finite()),
-        }
+        let bound = self.bound();
+        values.iter().fold(true, |all, x| all & (x.abs() < bound))
     }
 
     /// Distance of 1 to the next number.
@@ -480,5 +484,23 @@ impl Simulator {
     /// [`SimulatorError::Length`] or [`SimulatorError::NotFinite`].
     pub fn check_rows(&self, name: &'static str, values: &[f64], width: usize) -> Result<(), SimulatorError> {
         check(name, Some(values), width, &self.options)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn single_precision_holds_what_does_not_round_to_infinity() {
+        let border = f64::from(f32::MAX) + 0.5 * (f64::from(f32::MAX) - f64::from(f32::MAX.next_down()));
+        for x in
+            [border, border.next_down(), border.next_up(), 0.0, f64::from(f32::MAX), 1e300, f64::INFINITY, f64::NAN]
+        {
+            for x in [x, -x] {
+                assert_eq!(Precision::Single.holds(x), (x as f32).is_finite(), "{x}");
+                assert_eq!(Precision::Double.holds(x), x.is_finite(), "{x}");
+            }
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The kernels that visit blocks: steps and accelerations.
 
+use std::any::Any;
 use std::mem::MaybeUninit;
 
 use super::columns::Columns;
@@ -9,7 +10,7 @@ use super::layout::Layout;
 use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::hydro::{Propulsion, Surfaces, thrust_wrench};
 use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
-use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all};
+use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::system::{Ingredients, JOINTS, System};
 
@@ -40,6 +41,8 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
 pub struct Step<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
+    /// The same with its numbers for a single instance: [`System::variable`] takes its time.
+    pub alone: Option<&'a System<T>>,
     /// What its bodies are made of, if instances differ in their parameters.
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
     /// Where payloads are held, if some instances carry any.
@@ -71,7 +74,6 @@ struct Memory<L: Lane> {
     stages: Stages<L, JOINTS>,
     loads: Loads<L>,
     motion: Motion<L, JOINTS>,
-    trial: Motion<L, JOINTS>,
     lag: Lag<L>,
     propulsion: Propulsion<L>,
     surfaces: Surfaces<L>,
@@ -96,6 +98,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
         // One number at a time, a parameter of all instances is no other number than that of one: no code for both.
         if L::LANES > 1 && self.ingredients.is_none() {
             for (k, rows) in blocks.enumerate() {
+                prefetch_after(rows);
                 for first in (0..T::BLOCK).step_by(L::LANES) {
                     if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                         break;
@@ -105,21 +108,30 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
             }
             return;
         }
-        let mut varied: System<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.grip);
+        let alone: Option<&System<L>> = match (self.ingredients, self.alone) {
+            (None, Some(system)) => (system as &dyn Any).downcast_ref(),
+            _ => None,
+        };
+        let mut varied = match alone {
+            Some(_) => None,
+            None => Some(self.system.variable::<L>(self.ingredients.unwrap_or_default(), self.grip)),
+        };
         for (k, rows) in blocks.enumerate() {
+            prefetch_after(rows);
             for first in (0..T::BLOCK).step_by(L::LANES) {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;
                 }
                 let mut columns = Columns { rows: &mut *rows, first };
-                if let Some(ingredients) = self.ingredients {
+                if let (Some(ingredients), Some(varied)) = (self.ingredients, &mut varied) {
                     let mut factors = columns.factors(self.layout);
                     if self.lagged.is_some() {
                         factors.added_mass = L::zero();
                     }
                     varied.vary(self.system, ingredients, &factors);
                 }
-                self.visit(&varied, &mut columns, &mut memory);
+                let Some(system) = varied.as_ref().or(alone) else { continue };
+                self.visit(system, &mut columns, &mut memory);
             }
         }
     }
@@ -176,11 +188,10 @@ impl<T: Real> Step<'_, T> {
             }
             match &self.integrator {
                 Integrator::Explicit(method) => {
-                    let (trial, stages) = (&mut memory.trial, &mut memory.stages);
-                    interval(method, self.h, motion, trial, &mut watch, &mut dynamics, stages);
+                    interval(method, self.h, motion, &mut watch, &mut dynamics, &mut memory.stages);
                 }
                 Integrator::LinearlyImplicit => {
-                    implicit_interval(self.h, motion, &mut memory.trial, &mut watch, &mut dynamics);
+                    implicit_interval(self.h, motion, &mut watch, &mut dynamics);
                 }
             }
             motion.travel(drift(current, gained, self.h));
@@ -273,6 +284,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
                 }
                 let instant = Instant {
+                    is_start: true,
                     gravity: rotation.apply_transposed(Vector3(system.gravity) - acceleration),
                     twist,
                     q: &motion.q,

@@ -38,22 +38,30 @@ impl<P: Copy> Principal<P> {
     where
         P: Param<L>,
     {
-        let r = Vector3(get_all(&self.position));
-        let (v, w) = (twist.angular.cross_add(r, twist.linear), twist.angular);
-        let net_mass = -self.net_mass.get();
         match &self.rotation {
-            None => {
-                let there = self.in_place(v, w);
-                bias.linear = gravity.scale_add(net_mass, there.linear);
-                bias.angular = r.cross_add(bias.linear, there.angular);
-            }
+            None => *bias = self.bias_along(twist, gravity),
             Some(rows) => {
+                let r = Vector3(get_all(&self.position));
+                let (v, w) = (twist.angular.cross_add(r, twist.linear), twist.angular);
+                let net_mass = -self.net_mass.get();
                 let turn = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
                 let there = self.in_place(turn.apply_transposed(v), turn.apply_transposed(w));
                 bias.linear = gravity.scale_add(net_mass, turn.apply(there.linear));
                 bias.angular = r.cross_add(bias.linear, turn.apply(there.angular));
             }
         }
+    }
+
+    /// [`Self::bias`] where the frame's axes lie along the body's.
+    #[inline(always)]
+    pub fn bias_along<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        let r = Vector3(get_all(&self.position));
+        let there = self.in_place(twist.angular.cross_add(r, twist.linear), twist.angular);
+        let linear = gravity.scale_add(-self.net_mass.get(), there.linear);
+        Vector6 { linear, angular: r.cross_add(linear, there.angular) }
     }
 
     /// `B V - drag` in the principal frame.

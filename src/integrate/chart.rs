@@ -64,6 +64,10 @@ pub(super) struct Increment<'a, L> {
 
 impl<L: Lane> StagePose<L> for Increment<'_, L> {
     #[inline(always)]
+    fn is_start(&self) -> bool {
+        self.theta.is_none()
+    }
+    #[inline(always)]
     fn to_body(&self, world: Vector3<L>) -> Vector3<L> {
         let body = self.start.rotation.apply_transposed(world);
         match self.theta {

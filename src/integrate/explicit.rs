@@ -41,16 +41,15 @@ fn kinematics<L: Lane>(chart: Chart, attitude: [L; 4], omega: Vector3<L>) -> (Ma
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval; with `begun` the first stage's rates
-/// are there already.
+/// are there already. What it was like and where it ends, the joints' part of which is left in the stages.
 #[inline(always)]
 pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     method: &Explicit,
     (h, elapsed, begun): (L, L, bool),
     from: &Motion<L, N>,
-    to: &mut Motion<L, N>,
     derivative: &mut D,
     stages: &mut Stages<L, N>,
-) -> Report<L> {
+) -> (Report<L>, Point<L>) {
     let Explicit { tableau, chart, .. } = *method;
     let n = derivative.joints();
     let keeps = chart.attitude() != Attitude::Matrix;
@@ -59,7 +58,12 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         let mut point = if i == 0 {
             stages.start(n, from)
         } else {
-            let weights = Weights { time: tableau.c[i], speed: &tableau.a[i], place: &tableau.place[i] };
+            let weights = Weights {
+                time: tableau.c[i],
+                speed: &tableau.a[i],
+                place: &tableau.place[i],
+                support: tableau.support[i],
+            };
             stages.weigh(&weights, i, n, h, keeps, from)
         };
         let whole;
@@ -94,7 +98,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         Some(weights) => stages.error(tableau, weights, n, h, from),
         None => L::zero(),
     };
-    let weights = Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end };
+    let weights = Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end, support: tableau.support[STAGES] };
     let mut end = stages.weigh(&weights, tableau.stages.min(STAGES), n, h, keeps, from);
     match chart {
         Chart::Commutators => {
@@ -109,23 +113,33 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         }
         _ => {}
     }
-    if keeps {
-        to.attitude = attitude_at(&end, from);
-        if let Chart::Quaternion(correction) = chart {
-            to.attitude = quaternion::corrected(to.attitude, correction);
-        }
-        let (rotation, _) = kinematics(chart, to.attitude, end.twist.angular);
-        to.pose = Pose { rotation, position: from.pose.position };
-        to.rest = from.rest;
-        to.travel(end.pose.linear);
-    } else {
+    if !keeps {
         turn = turn.max(end.pose.angular.dot(end.pose.angular));
-        to.arrive(from, end.pose);
     }
-    to.twist = end.twist;
-    for k in 0..n {
-        to.q[k] = stages.q_at[k];
-        to.qd[k] = stages.qd_at[k];
+    (Report { turn, error, contrast }, end)
+}
+
+/// Takes the end of a step where the mask holds.
+#[inline(always)]
+pub(super) fn arrive<L: Lane, const N: usize>(
+    chart: Chart,
+    mask: L::Mask,
+    end: &Point<L>,
+    stages: &Stages<L, N>,
+    motion: &mut Motion<L, N>,
+    n: usize,
+) {
+    let joints = (&stages.q_at, &stages.qd_at);
+    if chart.attitude() == Attitude::Matrix {
+        motion.move_by(mask, end.pose, end.twist, joints, n);
+        return;
     }
-    Report { turn, error, contrast }
+    let mut attitude = attitude_at(end, motion);
+    if let Chart::Quaternion(correction) = chart {
+        attitude = quaternion::corrected(attitude, correction);
+    }
+    let (rotation, _) = kinematics(chart, attitude, end.twist.angular);
+    let (position, rest) = motion.travelled(end.pose.linear);
+    motion.take(mask, Pose { rotation, position }, rest, end.twist, joints, n);
+    motion.take_attitude(mask, &attitude);
 }

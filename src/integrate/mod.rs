@@ -37,6 +37,8 @@ pub struct Rates<L, const N: usize> {
 
 /// The pose within a step, worked out only as far as it is asked for.
 pub trait StagePose<L: Lane> {
+    /// Whether it is that of the step's start; where this is not known, true.
+    fn is_start(&self) -> bool;
     /// A world vector in body axes.
     fn to_body(&self, world: Vector3<L>) -> Vector3<L>;
     /// The whole pose.

@@ -33,44 +33,69 @@ impl<L: Lane, const N: usize> Motion<L, N> {
     /// same each time too, and would grow to a drift.
     #[inline(always)]
     pub fn travel(&mut self, by: Vector3<L>) {
+        (self.pose.position, self.rest) = self.travelled(by);
+    }
+
+    /// The position further on, and what rounding leaves out of it.
+    #[inline(always)]
+    pub(super) fn travelled(&self, by: Vector3<L>) -> (Vector3<L>, Vector3<L>) {
         let passed = self.rest + by;
         let next = self.pose.position + passed;
-        self.rest = passed - (next - self.pose.position);
-        self.pose.position = next;
+        (next, passed - (next - self.pose.position))
     }
 
-    /// How far it goes in a time `h` at its velocities, m and rad together.
+    /// Takes the pose `T exp(theta)`, and with it a twist and joints, where the mask holds.
     #[inline(always)]
-    pub(super) fn way(&self, h: L, n: usize) -> L {
-        let mut sum = self.twist.dot(self.twist);
-        for k in 0..n {
-            sum = self.qd[k].mul_add(self.qd[k], sum);
-        }
-        sum.sqrt() * h
-    }
-
-    /// Takes the pose `T exp(theta)` of one that starts at T.
-    #[inline(always)]
-    pub(super) fn arrive(&mut self, from: &Self, theta: Vector6<L>) {
+    pub(super) fn move_by(
+        &mut self,
+        mask: L::Mask,
+        theta: Vector6<L>,
+        twist: Vector6<L>,
+        joints: (&[L; N], &[L; N]),
+        n: usize,
+    ) {
         let moved = exp_se3(theta);
-        self.pose.rotation = from.pose.rotation.times(&moved.rotation).orthonormalised();
-        (self.pose.position, self.rest) = (from.pose.position, from.rest);
-        self.travel(from.pose.rotation.apply(moved.position));
+        let (position, rest) = self.travelled(self.pose.rotation.apply(moved.position));
+        let rotation = self.pose.rotation.times(&moved.rotation).orthonormalised();
+        self.take(mask, Pose { rotation, position }, rest, twist, joints, n);
     }
 
-    /// NaN throughout.
+    /// Takes these numbers where the mask holds.
     #[inline(always)]
-    pub(super) fn lost() -> Self {
+    pub(super) fn take(
+        &mut self,
+        mask: L::Mask,
+        pose: Pose<L>,
+        rest: Vector3<L>,
+        twist: Vector6<L>,
+        (q, qd): (&[L; N], &[L; N]),
+        n: usize,
+    ) {
+        for i in 0..3 {
+            pick(mask, &pose.rotation.0[i], &mut self.pose.rotation.0[i], 3);
+        }
+        pick(mask, &pose.position.0, &mut self.pose.position.0, 3);
+        pick(mask, &rest.0, &mut self.rest.0, 3);
+        pick(mask, &twist.linear.0, &mut self.twist.linear.0, 3);
+        pick(mask, &twist.angular.0, &mut self.twist.angular.0, 3);
+        pick(mask, q, &mut self.q, n);
+        pick(mask, qd, &mut self.qd, n);
+    }
+
+    /// Takes coordinates of the attitude where the mask holds.
+    #[inline(always)]
+    pub(super) fn take_attitude(&mut self, mask: L::Mask, attitude: &[L; 4]) {
+        pick(mask, attitude, &mut self.attitude, 4);
+    }
+
+    /// Becomes NaN throughout where the mask holds.
+    #[inline(always)]
+    pub(super) fn lose(&mut self, mask: L::Mask, n: usize) {
         let x = L::c(f64::NAN);
         let nan = Vector3([x; 3]);
-        Self {
-            pose: Pose { rotation: Matrix3([nan.0; 3]), position: nan },
-            rest: nan,
-            twist: Vector6 { linear: nan, angular: nan },
-            q: [x; N],
-            qd: [x; N],
-            attitude: [x; 4],
-        }
+        let pose = Pose { rotation: Matrix3([nan.0; 3]), position: nan };
+        self.take(mask, pose, nan, Vector6 { linear: nan, angular: nan }, (&[x; N], &[x; N]), n);
+        self.take_attitude(mask, &[x; 4]);
     }
 
     /// 1 in lanes where every number (of `n` joints) is finite, else 0.
@@ -85,21 +110,6 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         add_zeros(&self.q, n, &mut sum);
         add_zeros(&self.qd, n, &mut sum);
         L::select(sum.lt(L::c(1.0)), L::c(1.0), L::zero())
-    }
-
-    /// Takes `new` where the mask holds.
-    #[inline(always)]
-    pub(super) fn keep(&mut self, mask: L::Mask, new: &Self, n: usize) {
-        for i in 0..3 {
-            pick(mask, &new.pose.rotation.0[i], &mut self.pose.rotation.0[i], 3);
-        }
-        pick(mask, &new.pose.position.0, &mut self.pose.position.0, 3);
-        pick(mask, &new.rest.0, &mut self.rest.0, 3);
-        pick(mask, &new.twist.linear.0, &mut self.twist.linear.0, 3);
-        pick(mask, &new.twist.angular.0, &mut self.twist.angular.0, 3);
-        pick(mask, &new.q, &mut self.q, n);
-        pick(mask, &new.qd, &mut self.qd, n);
-        pick(mask, &new.attitude, &mut self.attitude, 4);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Derivative;
 use super::catalogue::Explicit;
-use super::explicit::{Report, explicit};
+use super::explicit::{Report, arrive, explicit};
 use super::motion::Motion;
 use super::stages::Stages;
 use super::watch::Watch;
@@ -26,7 +26,6 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
     method: &Explicit,
     h: L::Real,
     motion: &mut Motion<L, N>,
-    trial: &mut Motion<L, N>,
     watch: &mut Watch<L>,
     derivative: &mut D,
     stages: &mut Stages<L, N>,
@@ -50,8 +49,8 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
         let short = L::select(left.lt(plan + plan), left * half, plan);
         let share = L::select(plan.lt(left), short, left);
         let begun = adaptive && attempts > 0;
-        let Report { turn, error, contrast } =
-            explicit(method, (h * share, h * (one - left), begun), motion, trial, derivative, stages);
+        let (Report { turn, error, contrast }, end) =
+            explicit(method, (h * share, h * (one - left), begun), motion, derivative, stages);
         attempts += 1;
         // A turn or an error that is NaN is not below its limit either: the maps overflow on far too great ones.
         let fine = L::select(turn.lt(limit), one, zero);
@@ -61,9 +60,10 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
         let taken = half.lt(fine * active);
         let wrong = watch.compare(taken, method.tableau, contrast);
         if !adaptive {
-            watch.judge(taken, method.tableau.order, (h * share, wrong, turn), (motion, trial), n);
+            let to = (&end.twist, &stages.qd_at);
+            watch.judge(taken, method.tableau.order, (h * share, wrong, turn), &motion.twist, to, n);
         }
-        motion.keep(taken, trial, n);
+        arrive(method.chart, taken, &end, stages, motion, n);
         left = L::select(taken, left - share, left);
         if adaptive {
             let factor = growth(error);
@@ -85,7 +85,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
             L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one - fine, zero)
         };
         let lost = half.lt(active * spent.max(one - sound) * L::select(zero.lt(left), one, zero));
-        motion.keep(lost, &Motion::lost(), n);
+        motion.lose(lost, n);
         left = L::select(lost, zero, left);
         if adaptive {
             stages.carry(taken, n, motion);

@@ -105,15 +105,14 @@ impl<L: Lane, const N: usize> Point<L, N> {
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval. Returns the square of the greatest
-/// rotation within the step, and its estimated error, m and rad.
+/// rotation within the step, its estimated error, m and rad, and its end.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L,
     elapsed: L,
     from: &Motion<L, N>,
-    to: &mut Motion<L, N>,
     derivative: &mut D,
-) -> (L, L) {
+) -> (L, L, Point<L, N>) {
     let n = derivative.joints();
     let half = h * L::c(0.5);
     let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
@@ -138,13 +137,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     // Of a mode, z^2 / 4 apart, changed by z, and wrong by z^3 / 6.
     let changed = fine.faster_than(&from.twist, &from.qd, n) * h + L::c(1e-30);
     let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
-    to.arrive(from, fine.theta);
-    to.twist = fine.twist;
-    for k in 0..n {
-        to.q[k] = fine.q[k];
-        to.qd[k] = fine.qd[k];
-    }
-    (greatest.max(fine.turn()), error)
+    (greatest.max(fine.turn()), error, fine)
 }
 
 /// Covers an interval of length `h`. Lanes that turn by more than half a radian within a piece take it in halves,
@@ -153,7 +146,6 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
 pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L::Real,
     motion: &mut Motion<L, N>,
-    trial: &mut Motion<L, N>,
     watch: &mut Watch<L>,
     derivative: &mut D,
 ) {
@@ -164,11 +156,12 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let (mut share, mut left) = (one, one);
     let mut begun = false;
     loop {
-        let (turn, error) = extrapolated(h * share, h * (one - left), motion, trial, derivative);
+        let (turn, error, end) = extrapolated(h * share, h * (one - left), motion, derivative);
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
-        watch.judge(half.lt(taken), 2, (h * share, error, turn), (motion, trial), n);
-        motion.keep(half.lt(taken), trial, n);
+        let taken_here = half.lt(taken);
+        watch.judge(taken_here, 2, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
+        motion.move_by(taken_here, end.theta, end.twist, (&end.q, &end.qd), n);
         left = share.neg_mul_add(taken, left);
         if !L::any(zero.lt(left)) {
             return;
@@ -176,7 +169,7 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
         let sound = if begun { one } else { motion.sound(n) };
         let lost = L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one, one - sound) * (one - fine);
         let lost = L::select(zero.lt(left), lost, zero);
-        motion.keep(half.lt(lost), &Motion::lost(), n);
+        motion.lose(half.lt(lost), n);
         left = L::select(half.lt(lost), zero, left);
         share = L::select(half.lt(fine), share, share * half);
         begun = true;

@@ -37,6 +37,8 @@ pub(super) struct Weights<'a> {
     pub speed: &'a [f64; STAGES],
     /// Weights of the accelerations in the coordinates.
     pub place: &'a [f64; STAGES],
+    /// Where these two are not zero.
+    pub support: [u8; 2],
 }
 
 impl<L: Lane, const N: usize> Stages<L, N> {
@@ -75,11 +77,11 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         keeps: bool,
         from: &Motion<L, N>,
     ) -> Point<L> {
-        let Weights { time, speed, place } = *weights;
+        let Weights { time, speed, place, support: [speeds, places] } = *weights;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
         let (way, h2) = (h * L::c(time), h * h);
         for j in 0..count {
-            if speed[j] != 0.0 {
+            if speeds & (1 << j) != 0 {
                 let weight = h * L::c(speed[j]);
                 self.weights[j][0] = weight;
                 sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
@@ -88,17 +90,17 @@ impl<L: Lane, const N: usize> Stages<L, N> {
                     sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
                 }
             }
-            if place[j] != 0.0 {
+            if places & (1 << j) != 0 {
                 self.weights[j][1] = h2 * L::c(place[j]);
             }
         }
         for k in 0..n {
             let (mut q, mut qd) = (from.qd[k] * way, L::zero());
             for j in 0..count {
-                if speed[j] != 0.0 {
+                if speeds & (1 << j) != 0 {
                     qd = self.rates[j].qd[k].mul_add(self.weights[j][0], qd);
                 }
-                if place[j] != 0.0 {
+                if places & (1 << j) != 0 {
                     q = self.rates[j].qd[k].mul_add(self.weights[j][1], q);
                 }
             }

@@ -23,6 +23,8 @@ pub struct Tableau {
     pub place_end: [f64; STAGES],
     /// The same for `error`.
     pub place_error: [f64; STAGES],
+    /// Where the rows of `a` and `place`, and last `b` and `place_end`, are not zero: bit j for entry j.
+    pub support: [[u8; 2]; STAGES + 1],
     /// What the step weights differ by from those of a method of lower order, if one is embedded: its last stage is the
     /// step's end.
     pub error: Option<[f64; STAGES]>,
@@ -91,6 +93,19 @@ const fn times(row: &[f64; STAGES], a: &[[f64; STAGES]; STAGES]) -> [f64; STAGES
     product
 }
 
+/// Bit j for each entry j that is not zero.
+const fn support(row: &[f64; STAGES]) -> u8 {
+    let mut bits = 0;
+    let mut j = 0;
+    while j < STAGES {
+        if row[j] != 0.0 {
+            bits |= 1 << j;
+        }
+        j += 1;
+    }
+    bits
+}
+
 impl Tableau {
     /// A Runge-Kutta method, without estimates.
     const fn new<const K: usize>(order: usize, a: [[f64; STAGES]; K], b: [f64; STAGES], c: [f64; STAGES]) -> Self {
@@ -102,8 +117,14 @@ impl Tableau {
             i += 1;
         }
         let place_end = times(&b, &a);
+        let mut support = [[support(&b), support(&place_end)]; STAGES + 1];
+        let mut i = 0;
+        while i < STAGES {
+            support[i] = [self::support(&a[i]), self::support(&place[i])];
+            i += 1;
+        }
         let place_error = [0.0; STAGES];
-        Self { stages: K + 1, order, a, b, c, place, place_end, place_error, error: None, contrast: None }
+        Self { stages: K + 1, order, a, b, c, place, place_end, place_error, support, error: None, contrast: None }
     }
 }
 

@@ -1,9 +1,8 @@
 //! What the pieces of a motion show besides its state: how fast the rates are that it excites, and what they get wrong.
 
-use super::motion::Motion;
 use super::tableau::{Contrast, Tableau};
 use crate::lane::{Lane, Real};
-use crate::lie::Vector3;
+use crate::lie::{Vector3, Vector6};
 
 /// Part of what was seen that a piece keeps.
 const KEPT: f64 = 1.0 - 1.0 / 32.0;
@@ -59,19 +58,20 @@ impl<L: Lane> Watch<L> {
         contrast[2].sqrt() * rate * L::c(factor)
     }
 
-    /// Takes note of a piece of size `h` that a method of order `order` took from one motion to another: its estimated error
-    /// and its squared turn.
+    /// Takes note of a piece of size `h` that a method of order `order` took from one twist to another and to joint rates:
+    /// its estimated error and its squared turn.
     #[inline(always)]
     pub(super) fn judge<const N: usize>(
         &mut self,
         taken: L::Mask,
         order: usize,
         (h, error, turn): (L, L, L),
-        (from, to): (&Motion<L, N>, &Motion<L, N>),
+        from: &Vector6<L>,
+        (to, qd): (&Vector6<L>, &[L; N]),
         n: usize,
     ) {
         let error = self.slip[0].mul_add(L::c(KEPT), error);
-        let way = (self.slip[1] * L::c(KEPT)).max(to.way(h, n));
+        let way = (self.slip[1] * L::c(KEPT)).max(way(h, to, &qd[..n]));
         self.slip = [L::select(taken, error, self.slip[0]), L::select(taken, way, self.slip[1])];
         let mut spin = (h * self.spin).neg_mul_add(L::c(1.0 / SPIN_TIME), self.spin);
         let spins = L::c(SPIN * SPIN).lt(turn);
@@ -82,18 +82,28 @@ impl<L: Lane> Watch<L> {
     }
 }
 
+/// How far a motion goes in a time `h` at its velocities, m and rad together.
+#[inline(always)]
+fn way<L: Lane>(h: L, twist: &Vector6<L>, qd: &[L]) -> L {
+    let mut sum = twist.dot(*twist);
+    for rate in qd {
+        sum = rate.mul_add(*rate, sum);
+    }
+    sum.sqrt() * h
+}
+
 /// Error of a piece that turns by `theta`, as a share of the velocities: `u theta^p / (p + 1)!` for order p, where u is the
 /// share that linear or angular velocity changes by in body axes. A steady spin has no error at all.
 #[inline(always)]
-fn spun<L: Lane, const N: usize>(order: usize, turn: L, from: &Motion<L, N>, to: &Motion<L, N>) -> L {
+fn spun<L: Lane>(order: usize, turn: L, from: &Vector6<L>, to: &Vector6<L>) -> L {
     let power = match order {
         1 => turn.sqrt() * L::c(1.0 / 2.0),
         2 => turn * L::c(1.0 / 6.0),
         3 => turn * turn.sqrt() * L::c(1.0 / 24.0),
         _ => turn * turn * L::c(1.0 / 120.0),
     };
-    let linear = changed(from.twist.linear, to.twist.linear);
-    let angular = changed(from.twist.angular, to.twist.angular);
+    let linear = changed(from.linear, to.linear);
+    let angular = changed(from.angular, to.angular);
     power * linear.max(angular).min(L::c(1.0)).sqrt()
 }
 

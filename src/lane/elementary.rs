@@ -59,6 +59,30 @@ pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
     (L::select(negative_sin, -s, s), L::select(negative_cos, -c, c))
 }
 
+/// Greatest distance that [`sin_cos_near`] goes without evaluating sine and cosine afresh.
+const NEAR: f64 = 1.0 / 16.0;
+/// Taylor coefficients of (sin d / d - 1) / d^2 and of (cos d - 1) / d^2 in d^2: good to rounding of 1 for |d| < [`NEAR`].
+const SHORT_SIN: [f64; 3] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
+const SHORT_COS: [f64; 4] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0];
+
+/// Sine and cosine of x by those of a number near it, `near = [number, sine, cosine]`: by the theorem of addition, and
+/// afresh where that is not near enough. A lane's own distance chooses for it.
+#[inline(always)]
+pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
+    let (sines, cosines) = if L::Real::SINGLE { (1, 2) } else { (3, 4) };
+    let d = x - number;
+    let z = d * d;
+    let sine = (z * d).mul_add(horner(z, &SHORT_SIN[..sines]), d);
+    let less = z * horner(z, &SHORT_COS[..cosines]);
+    let mut out = (cos.mul_add(sine, sin.mul_add(less, sin)), sin.neg_mul_add(sine, cos.mul_add(less, cos)));
+    let far = L::c(NEAR * NEAR).lt(z);
+    if L::any(far) {
+        let (sin, cos) = sin_cos(x);
+        out = (L::select(far, sin, out.0), L::select(far, cos, out.1));
+    }
+    out
+}
+
 /// Exponents that [`exp`] can tell, in powers of 2.
 const EXPONENT: f64 = 31.0;
 

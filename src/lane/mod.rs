@@ -9,6 +9,7 @@ mod dual;
 mod elementary;
 #[cfg(target_arch = "aarch64")]
 mod neon;
+mod prefetch;
 mod rows;
 mod scalar;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
@@ -22,7 +23,8 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
 pub use dual::Dual;
-pub use elementary::{atan2, exp, horner, ln, ln_1p, sin_cos, tanh};
+pub use elementary::{atan2, exp, horner, ln, ln_1p, sin_cos, sin_cos_near, tanh};
+pub use prefetch::prefetch_after;
 pub use rows::Rows;
 pub use transpose::transpose;
 
@@ -37,6 +39,7 @@ pub trait Lane:
     + Neg<Output = Self>
     + AddAssign
     + SubAssign
+    + 'static
 {
     /// The number type of one lane.
     type Real: Real;

@@ -12,7 +12,10 @@
 //! ```
 //!
 //! Their Taylor polynomials below are good to rounding for `t <= pi`: small angles only need fewer terms of them.
-//! The ad^2 and ad^4 form of dexp^-1 on SE(3) is `[PC05]`'s.
+//! The ad^2 and ad^4 form of dexp^-1 on SE(3) is `[PC05]`'s. With `theta = (u, w)` and `V = (v, omega)`,
+//! `ad^4 V = -z ad^2 V - 2 (w . u) (w x (w x omega), 0)`: of ad^4 nothing is left but a vector, and what goes with ad^2 is
+//! `A = (P - z Q) / (4 C)`, the coefficient of rotations alone, `(1 - (t / 2) cot(t / 2)) / t^2`, and its derivative
+//! `A' = -Q / (4 C)`.
 
 use super::{Pose, Vector3, Vector6, ad};
 use crate::lane::{Lane, Real, horner};
@@ -63,6 +66,10 @@ const SERIES: Series = {
     }
     series
 };
+
+/// Taylor coefficients of A and A' in z, by Bernoulli's numbers: `|B_2k| / (2k)!`, k from 1 on.
+const BERNOULLI: [f64; 5] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0];
+const BERNOULLI_SLOPE: [f64; 4] = [BERNOULLI[1], 2.0 * BERNOULLI[2], 3.0 * BERNOULLI[3], 4.0 * BERNOULLI[4]];
 
 /// Rotation angle, squared, up to which fewer terms do: that of most steps.
 const SMALL: f64 = 0.02;
@@ -122,6 +129,22 @@ pub enum DexpInverse {
     Truncated,
 }
 
+/// A and A' at z: see above.
+#[inline(always)]
+fn dexp_inverse_coefficients<L: Lane>(z: L) -> [L; 2] {
+    let few = if L::Real::SINGLE { 2 } else { BERNOULLI.len() };
+    let mut values = [horner(z, &BERNOULLI[..few]), horner(z, &BERNOULLI_SLOPE[..few - 1])];
+    let great = L::c(SMALL).lt(z);
+    if L::any(great) {
+        let [c, p, q] = series(z, [&SERIES.c, &SERIES.p, &SERIES.q]);
+        let scale = L::c(0.25) / c;
+        let slope = -(q * scale);
+        values[0] = L::select(great, slope.mul_add(z, p * scale), values[0]);
+        values[1] = L::select(great, slope, values[1]);
+    }
+    values
+}
+
 /// `dexp^-1_(-theta) V = V + ad V / 2 + p ad^2 V + q ad^4 V` with `ad = ad_theta`. `[HC eq. 18]`, `[PC05]`
 #[inline(always)]
 pub fn dexp_inverse_negative<L: Lane>(form: DexpInverse, theta: Vector6<L>, v: Vector6<L>) -> Vector6<L> {
@@ -131,11 +154,11 @@ pub fn dexp_inverse_negative<L: Lane>(form: DexpInverse, theta: Vector6<L>, v: V
     match form {
         DexpInverse::Truncated => ad2.scale_add(L::c(1.0 / 12.0), half),
         DexpInverse::Closed => {
-            let ad4 = ad(theta, ad(theta, ad2));
-            let z = theta.angular.dot(theta.angular);
-            let [c, p, q] = series(z, [&SERIES.c, &SERIES.p, &SERIES.q]);
-            let scale = L::c(0.25) / c;
-            ad4.scale_add(q * scale, ad2.scale_add(p * scale, half))
+            let [a, slope] = dexp_inverse_coefficients(theta.angular.dot(theta.angular));
+            let mut rate = ad2.scale_add(a, half);
+            let mixed = theta.angular.dot(theta.linear);
+            rate.linear = ad2.angular.scale_add((mixed + mixed) * slope, rate.linear);
+            rate
         }
     }
 }

@@ -372,8 +372,15 @@ pub(super) fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count:
 /// Measures of one instance, by name.
 fn named<'py>(py: Python<'py>, info: &[f64; INFO]) -> PyResult<Bound<'py, PyDict>> {
     static NAMES: PyOnceLock<[Py<PyString>; INFO]> = PyOnceLock::new();
+    static FORM: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
     let names = NAMES.get_or_init(py, || Outcome::INFO.map(|name| PyString::intern(py, name).unbind()));
-    let named = PyDict::new(py);
+    // A copy of what has all names already does not grow.
+    let form = FORM.get_or_try_init(py, || {
+        let form = PyDict::new(py);
+        names.iter().try_for_each(|name| form.set_item(name, 0.0))?;
+        PyResult::Ok(form.unbind())
+    })?;
+    let named = form.bind(py).copy()?;
     for (name, value) in names.iter().zip(info) {
         named.set_item(name, value)?;
     }

@@ -3,7 +3,7 @@
 
 use super::SpatialInertia;
 use super::inertia::PACKED;
-use crate::lane::{Lane, Param, get_option};
+use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 
 /// Twist angle alpha of a link, with the two cases that most arms are made of.
@@ -32,72 +32,58 @@ impl<P: Copy> Bend<P> {
 }
 
 /// A turn about an axis and a shift along it, if there is one: `ALONG` is 0 for x, 2 for z. (A constant, so that every
-/// index below is one.)
+/// index below is one.) Either is a parameter, or a number per lane; parameters are read where they are needed, as then
+/// none has to wait in a register.
 #[derive(Debug, Clone, Copy)]
-pub struct Screw<L, const ALONG: usize> {
-    turn: Turn<L>,
-    shift: Option<L>,
-}
-
-#[derive(Debug, Clone, Copy)]
-enum Turn<L> {
-    None,
-    Quarter,
-    Half,
-    By(L, L),
-}
-
-impl<L: Lane> Turn<L> {
-    #[inline(always)]
-    fn of<P: Param<L>>(bend: Bend<P>) -> Self {
-        match bend {
-            Bend::Flat => Turn::None,
-            Bend::Quarter => Turn::Quarter,
-            Bend::Half => Turn::Half,
-            Bend::General(s, c) => Turn::By(s.get(), c.get()),
-        }
-    }
+pub struct Screw<T, S, const ALONG: usize> {
+    turn: Bend<T>,
+    shift: Option<S>,
 }
 
 /// `Rx(alpha) Tx(a)`.
 #[inline(always)]
-pub fn screw_x<L: Lane, P: Param<L>>(bend: Bend<P>, a: Option<P>) -> Screw<L, 0> {
-    Screw { turn: Turn::of(bend), shift: get_option(a) }
+pub fn screw_x<P>(bend: Bend<P>, a: Option<P>) -> Screw<P, P, 0> {
+    Screw { turn: bend, shift: a }
 }
 
 /// `Rz(theta) Tz(d)` with a constant theta.
 #[inline(always)]
-pub fn constant_screw_z<L: Lane, P: Param<L>>(bend: Bend<P>, d: Option<P>) -> Screw<L, 2> {
-    Screw { turn: Turn::of(bend), shift: get_option(d) }
+pub fn constant_screw_z<P>(bend: Bend<P>, d: Option<P>) -> Screw<P, P, 2> {
+    Screw { turn: bend, shift: d }
 }
 
 /// `Rz(theta) Tz(d)`, theta by its sine and cosine.
 #[inline(always)]
-pub fn screw_z<L: Lane>(sin: L, cos: L, d: Option<L>) -> Screw<L, 2> {
-    Screw { turn: Turn::By(sin, cos), shift: d }
+pub fn screw_z<T, S>(sin: T, cos: T, d: Option<S>) -> Screw<T, S, 2> {
+    Screw { turn: Bend::General(sin, cos), shift: d }
 }
 
-impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
+impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
     /// The two axes of the plane, in turning order.
     const I: usize = (ALONG + 1) % 3;
     const K: usize = (ALONG + 2) % 3;
 
     /// A vector of the child, in parent axes.
     #[inline(always)]
-    pub fn rotate(&self, v: Vector3<L>) -> Vector3<L> {
+    pub fn rotate<L: Lane>(&self, v: Vector3<L>) -> Vector3<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let mut out = v;
         match self.turn {
-            Turn::None => {}
-            Turn::Quarter => {
+            Bend::Flat => {}
+            Bend::Quarter => {
                 out.0[i] = -v.0[k];
                 out.0[k] = v.0[i];
             }
-            Turn::Half => {
+            Bend::Half => {
                 out.0[i] = -v.0[i];
                 out.0[k] = -v.0[k];
             }
-            Turn::By(s, c) => {
+            Bend::General(s, c) => {
+                let (s, c): (L, L) = (s.get(), c.get());
                 out.0[i] = c.mul_add(v.0[i], -(s * v.0[k]));
                 out.0[k] = s.mul_add(v.0[i], c * v.0[k]);
             }
@@ -108,8 +94,13 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
 
     /// A point of the child frame, in the parent frame.
     #[inline(always)]
-    pub fn carry(&self, mut point: Vector3<L>) -> Vector3<L> {
+    pub fn carry<L: Lane>(&self, mut point: Vector3<L>) -> Vector3<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         if let Some(shift) = self.shift {
+            let shift: L = shift.get();
             point.0[ALONG] += shift;
         }
         self.rotate(point)
@@ -117,20 +108,25 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
 
     /// A vector of the parent, in child axes.
     #[inline(always)]
-    pub fn rotate_back(&self, v: Vector3<L>) -> Vector3<L> {
+    pub fn rotate_back<L: Lane>(&self, v: Vector3<L>) -> Vector3<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let mut out = v;
         match self.turn {
-            Turn::None => {}
-            Turn::Quarter => {
+            Bend::Flat => {}
+            Bend::Quarter => {
                 out.0[i] = v.0[k];
                 out.0[k] = -v.0[i];
             }
-            Turn::Half => {
+            Bend::Half => {
                 out.0[i] = -v.0[i];
                 out.0[k] = -v.0[k];
             }
-            Turn::By(s, c) => {
+            Bend::General(s, c) => {
+                let (s, c): (L, L) = (s.get(), c.get());
                 out.0[i] = c.mul_add(v.0[i], s * v.0[k]);
                 out.0[k] = c.mul_add(v.0[k], -(s * v.0[i]));
             }
@@ -141,11 +137,16 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
 
     /// `Ad^-1 V`: a twist of the parent frame, in the child frame.
     #[inline(always)]
-    pub fn adjoint_apply_inverse(&self, twist: Vector6<L>) -> Vector6<L> {
+    pub fn adjoint_apply_inverse<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         let (i, k) = (Self::I, Self::K);
         let angular = self.rotate_back(twist.angular);
         let mut linear = self.rotate_back(twist.linear);
         if let Some(shift) = self.shift {
+            let shift: L = shift.get();
             // v + omega x (shift along the axis)
             linear.0[i] = angular.0[k].mul_add(shift, linear.0[i]);
             linear.0[k] = angular.0[i].neg_mul_add(shift, linear.0[k]);
@@ -155,10 +156,15 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
 
     /// `Ad^-T F`: a wrench on the child frame, in the parent frame.
     #[inline(always)]
-    pub fn co_adjoint_apply_inverse(&self, wrench: Vector6<L>) -> Vector6<L> {
+    pub fn co_adjoint_apply_inverse<L: Lane>(&self, wrench: Vector6<L>) -> Vector6<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         let (i, k) = (Self::I, Self::K);
         let (f, mut m) = (wrench.linear, wrench.angular);
         if let Some(shift) = self.shift {
+            let shift: L = shift.get();
             // m + (shift along the axis) x f
             m.0[i] = f.0[k].neg_mul_add(shift, m.0[i]);
             m.0[k] = f.0[i].mul_add(shift, m.0[k]);
@@ -168,29 +174,41 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
 
     /// `Ad^-T A Ad^-1`: an inertia of the child frame, in the parent frame.
     #[inline(always)]
-    pub fn inertia_to_parent(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L> {
-        self.move_inertia::<false>(inertia)
+    pub fn inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        self.move_inertia::<L, false>(inertia)
     }
 
     /// The same for an inertia whose row and column of the rotation along the axis are zero.
     #[inline(always)]
-    pub fn turning_inertia_to_parent(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L> {
-        self.move_inertia::<true>(inertia)
+    pub fn turning_inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        self.move_inertia::<L, true>(inertia)
     }
 
     /// Shift along the axis, then turn about it; `TURNING` where the entries of the rotation along the axis are known to be
     /// zero. (Both ways to the end: numbers that meet after a branch would go through memory.)
     #[inline(always)]
-    fn move_inertia<const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L> {
+    fn move_inertia<L: Lane, const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         match self.shift {
-            Some(d) => self.turn_inertia::<TURNING>(&Self::shift_inertia::<TURNING>(a, d)),
-            None => self.turn_inertia::<TURNING>(a),
+            Some(d) => self.turn_inertia::<L, TURNING>(&Self::shift_inertia::<L, TURNING>(a, d.get())),
+            None => self.turn_inertia::<L, TURNING>(a),
         }
     }
 
     /// `H' = H - M [r]`, `J' = J - H^T [r] + [r] H'`
     #[inline(always)]
-    fn shift_inertia<const TURNING: bool>(a: &SpatialInertia<L>, d: L) -> SpatialInertia<L> {
+    fn shift_inertia<L: Lane, const TURNING: bool>(a: &SpatialInertia<L>, d: L) -> SpatialInertia<L> {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let (mut h, mut j) = (a.h, a.j);
         let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
@@ -211,34 +229,43 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
     }
 
     #[inline(always)]
-    fn turn_inertia<const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L> {
+    fn turn_inertia<L: Lane, const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L>
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         SpatialInertia {
-            m: self.turn_symmetric::<false>(&a.m),
-            h: self.turn_full::<TURNING>(&a.h),
-            j: self.turn_symmetric::<TURNING>(&a.j),
+            m: self.turn_symmetric::<L, false>(&a.m),
+            h: self.turn_full::<L, TURNING>(&a.h),
+            j: self.turn_symmetric::<L, TURNING>(&a.j),
         }
     }
 
     /// `R S R^T` of a symmetric matrix; `PLANAR` where its entries along the axis are zero.
     #[inline(always)]
-    fn turn_symmetric<const PLANAR: bool>(&self, s: &[L; 6]) -> [L; 6] {
+    fn turn_symmetric<L: Lane, const PLANAR: bool>(&self, s: &[L; 6]) -> [L; 6]
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
         let mut out = *s;
         match self.turn {
-            Turn::None => {}
-            Turn::Quarter => {
+            Bend::Flat => {}
+            Bend::Quarter => {
                 out[ii] = s[kk];
                 out[kk] = s[ii];
                 out[ik] = -s[ik];
                 out[inn] = -s[kn];
                 out[kn] = s[inn];
             }
-            Turn::Half => {
+            Bend::Half => {
                 out[inn] = -s[inn];
                 out[kn] = -s[kn];
             }
-            Turn::By(sin, cos) => {
+            Bend::General(sin, cos) => {
+                let (sin, cos): (L, L) = (sin.get(), cos.get());
                 let difference = s[ii] - s[kk];
                 // With t = sin (difference) + 2 cos S_ik: S_kk' = S_kk + sin t, S_ii' = S_ii - sin t.
                 let t = sin.mul_add(difference, (cos + cos) * s[ik]);
@@ -256,25 +283,30 @@ impl<L: Lane, const ALONG: usize> Screw<L, ALONG> {
 
     /// `R H R^T` of a full matrix; `PLANAR` where its column along the axis is zero.
     #[inline(always)]
-    fn turn_full<const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3] {
+    fn turn_full<L: Lane, const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3]
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let mut out = *h;
         match self.turn {
-            Turn::None => {}
-            Turn::Quarter => {
+            Bend::Flat => {}
+            Bend::Quarter => {
                 (out[i][i], out[i][k], out[k][i], out[k][k]) = (h[k][k], -h[k][i], -h[i][k], h[i][i]);
                 (out[n][i], out[n][k]) = (-h[n][k], h[n][i]);
                 if !PLANAR {
                     (out[i][n], out[k][n]) = (-h[k][n], h[i][n]);
                 }
             }
-            Turn::Half => {
+            Bend::Half => {
                 (out[n][i], out[n][k]) = (-h[n][i], -h[n][k]);
                 if !PLANAR {
                     (out[i][n], out[k][n]) = (-h[i][n], -h[k][n]);
                 }
             }
-            Turn::By(sin, cos) => {
+            Bend::General(sin, cos) => {
+                let (sin, cos): (L, L) = (sin.get(), cos.get());
                 // As a symmetric matrix; its skew part does not turn.
                 let t = sin.mul_add(h[i][i] - h[k][k], cos * (h[i][k] + h[k][i]));
                 out[i][i] = sin.neg_mul_add(t, h[i][i]);

@@ -31,6 +31,26 @@ fn packed<L: Copy>(m: &Matrix3<L>) -> [L; 6] {
     [m.0[0][0], m.0[0][1], m.0[0][2], m.0[1][1], m.0[1][2], m.0[2][2]]
 }
 
+/// The adjugate of a symmetric 3x3 matrix: its inverse times its determinant.
+#[inline(always)]
+fn adjugate<L: Lane>([xx, xy, xz, yy, yz, zz]: &[L; 6]) -> [L; 6] {
+    let (xx, xy, xz, yy, yz, zz) = (*xx, *xy, *xz, *yy, *yz, *zz);
+    [
+        yy.mul_add(zz, -(yz * yz)),
+        xz.mul_add(yz, -(xy * zz)),
+        xy.mul_add(yz, -(xz * yy)),
+        xx.mul_add(zz, -(xz * xz)),
+        xy.mul_add(xz, -(xx * yz)),
+        xx.mul_add(yy, -(xy * xy)),
+    ]
+}
+
+/// The determinant of a symmetric 3x3 matrix that has this adjugate.
+#[inline(always)]
+fn determinant<L: Lane>(s: &[L; 6], adjugate: &[L; 6]) -> L {
+    Vector3([s[0], s[1], s[2]]).dot(Vector3([adjugate[0], adjugate[1], adjugate[2]]))
+}
+
 /// `A - B [r]`, row by row: a row of `B [r]` is the cross product of the row with r.
 #[inline(always)]
 fn minus_crossed<L: Lane>(a: &Matrix3<L>, b: &Matrix3<L>, r: Vector3<L>) -> Matrix3<L> {
@@ -291,76 +311,33 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m: self.m, h: h_new.0, j: packed(&j_new) }
     }
 
-    /// Solves `A x = b`.
+    /// Solves `A x = b` for a positive definite A, by 3x3 blocks: with the Schur complement `S = J - H^T M^-1 H`,
+    ///
+    /// ```text
+    /// S omega = b_2 - H^T M^-1 b_1,   M v = b_1 - H omega
+    /// ```
+    ///
+    /// Two divisions, by the determinants, of which the adjugates need not wait: they are what takes longest, and the six
+    /// of an `L D L^T` would wait for each other.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
-        let mut factored = Factored::blank();
-        factored.factor(self);
-        factored.solve(b)
-    }
-}
-
-/// An inertia as `L D L^T`.
-#[derive(Debug, Clone, Copy)]
-pub struct Factored<L> {
-    /// L below its diagonal of ones.
-    l: [[L; 6]; 6],
-    over_d: [L; 6],
-}
-
-impl<L: Lane> Factored<L> {
-    /// Memory to factor into.
-    #[inline(always)]
-    pub fn blank() -> Self {
-        Self { l: [[L::zero(); 6]; 6], over_d: [L::zero(); 6] }
-    }
-
-    /// Factors a positive definite A: no pivoting. Row by row, so that little is at hand at a time.
-    #[inline(always)]
-    pub fn factor(&mut self, a: &SpatialInertia<L>) {
-        self.push::<0>(a);
-        self.push::<1>(a);
-        self.push::<2>(a);
-        self.push::<3>(a);
-        self.push::<4>(a);
-        self.push::<5>(a);
-    }
-
-    /// Works out row I from those before. (I is a constant, so that every index is one.)
-    #[inline(always)]
-    fn push<const I: usize>(&mut self, a: &SpatialInertia<L>) {
-        // Row I of L D.
-        let mut row = [L::zero(); 6];
-        for k in 0..I {
-            row[k] = a.entry(I, k);
-            for j in 0..k {
-                row[k] = row[j].neg_mul_add(self.l[k][j], row[k]);
-            }
-            self.l[I][k] = row[k] * self.over_d[k];
-        }
-        let mut pivot = a.entry(I, I);
-        for k in 0..I {
-            pivot = row[k].neg_mul_add(self.l[I][k], pivot);
-        }
-        self.over_d[I] = L::c(1.0) / pivot;
-    }
-
-    /// Solves `L D L^T x = b`.
-    #[inline(always)]
-    pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
-        let mut x = b.to_array();
-        for k in 0..6 {
-            for i in k + 1..6 {
-                x[i] = self.l[i][k].neg_mul_add(x[k], x[i]);
+        let (h, m) = (Matrix3(self.h), adjugate(&self.m));
+        let over_m = L::c(1.0) / determinant(&self.m, &m);
+        // adj(M) H and H^T adj(M) H
+        let n = unpacked(&m).times(&h);
+        let columns = (h.transposed().0, n.transposed().0);
+        let mut s = self.j;
+        for i in 0..3 {
+            for k in i..3 {
+                let entry = Vector3(columns.0[i]).dot(Vector3(columns.1[k]));
+                s[PACKED[i][k]] = entry.neg_mul_add(over_m, s[PACKED[i][k]]);
             }
         }
-        for k in (0..6).rev() {
-            x[k] = x[k] * self.over_d[k];
-            // The latest last: it is waited for.
-            for i in (k + 1..6).rev() {
-                x[k] = self.l[i][k].neg_mul_add(x[i], x[k]);
-            }
-        }
-        Vector6::from_array(x)
+        let of_s = adjugate(&s);
+        let over_s = L::c(1.0) / determinant(&s, &of_s);
+        let rest = n.apply_transposed(b.linear).scale_add(-over_m, b.angular);
+        let angular = unpacked(&of_s).apply(rest).scale(over_s);
+        let linear = (unpacked(&m).apply(b.linear) - n.apply(angular)).scale(over_m);
+        Vector6 { linear, angular }
     }
 }

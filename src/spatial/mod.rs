@@ -5,5 +5,5 @@ mod inertia;
 mod point;
 
 pub use bend::{Bend, Screw, constant_screw_z, screw_x, screw_z};
-pub use inertia::{Factored, SpatialInertia};
+pub use inertia::SpatialInertia;
 pub use point::PointMass;

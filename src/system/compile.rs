@@ -94,7 +94,9 @@ pub fn compile(scene: &Scene) -> Compiled {
             }
         })
         .collect();
+    let joints: Vec<JointTerms<f64>> = joints;
     let system = System {
+        aligned: joints.iter().all(|joint| joint.body.is_aligned()),
         gravity: water.gravity.into(),
         fixed: scene.vehicle.fixed,
         vehicle,

@@ -121,7 +121,7 @@ impl<P: Copy> EndEffector<P> {
 
 /// A pose of the child frame, its rotation by columns, in the parent frame.
 #[inline(always)]
-fn carry<L: Lane, const ALONG: usize>(screw: &Screw<L, ALONG>, pose: &mut Pose<L>) {
+fn carry<L: Lane, T: Param<L>, S: Param<L>, const ALONG: usize>(screw: &Screw<T, S, ALONG>, pose: &mut Pose<L>) {
     for k in 0..3 {
         pose.rotation.0[k] = screw.rotate(Vector3(pose.rotation.0[k])).0;
     }

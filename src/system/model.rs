@@ -19,6 +19,8 @@ pub struct System<P> {
     pub vehicle: BodyTerms<P>,
     /// Joints and links from the base outward.
     pub joints: Vec<JointTerms<P>>,
+    /// Whether all links are [`BodyTerms::is_aligned`].
+    pub aligned: bool,
     /// Station keeping evaluated within the stages.
     pub vehicle_servo: Option<VehicleServo<P>>,
     /// Thrusters, if any has dynamics; else what they give is part of the wrench on the vehicle.
@@ -170,11 +172,19 @@ impl<P: Copy> System<P> {
             fixed: self.fixed,
             vehicle: self.vehicle.map(c),
             joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
+            aligned: self.aligned,
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
             thrusters: self.thrusters.iter().map(|thruster| thruster.map(c)).collect(),
             fins: self.fins.iter().map(|fin| fin.map(c)).collect(),
             tether: self.tether.map(|tether| tether.map(c)),
         }
+    }
+}
+
+impl<P> BodyTerms<P> {
+    /// Whether it has a principal frame along its own axes, and no drag but that.
+    pub fn is_aligned(&self) -> bool {
+        self.drag.len() == 1 && self.principal.as_ref().is_some_and(|principal| principal.rotation.is_none())
     }
 }
 

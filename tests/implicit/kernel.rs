@@ -60,6 +60,7 @@ impl Case {
         let r = self.state.rotation;
         let gravity = r.tr_mul(&self.scene.water.gravity);
         let at = Instant {
+            is_start: true,
             gravity: lie::Vector3(gravity.into()),
             twist: lie::Vector6::from_array(self.state.twist.into()),
             q: &self.state.q,

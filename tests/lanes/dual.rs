@@ -81,6 +81,7 @@ fn accelerations_of_duals_are_their_derivatives() {
         let twist = Vector6::from_array(std::array::from_fn(&x));
         let gravity = Vector3([0.3, -2.0, -9.0].map(L::c));
         let instant = Instant {
+            is_start: true,
             gravity,
             twist,
             q: &q,

@@ -1,7 +1,7 @@
 //! Logarithms and angles against the standard library, which is right to half an epsilon or so.
 
 use super::random_scene::Random;
-use uvms_gym::lane::{Isa, Kernel, Lane, Real, atan2, ln, ln_1p};
+use uvms_gym::lane::{Isa, Kernel, Lane, Real, atan2, ln, ln_1p, sin_cos, sin_cos_near};
 
 /// `ln(a)`, `ln(1 + a)` and `atan2(b, a)` of pairs.
 struct Functions<'a, T> {
@@ -71,6 +71,80 @@ fn val_logarithms_and_angles_are_those_of_the_standard_library() {
             assert!(worst.iter().all(|error| *error < 1.5), "{name} {}: {worst:?}", isa.name());
         }
     }
+}
+
+/// Sine and cosine of the second numbers of pairs by those of the first.
+struct Near<'a, T> {
+    pairs: &'a [[T; 2]],
+    out: Vec<[T; 2]>,
+}
+
+impl<T: Real> Kernel<T> for Near<'_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        for pairs in self.pairs.chunks_exact(L::LANES) {
+            let [start, x] = [0, 1].map(|k| L::load(&pairs.iter().map(|pair| pair[k]).collect::<Vec<_>>()));
+            let (sin, cos) = sin_cos(start);
+            let (sin, cos) = sin_cos_near(x, [start, sin, cos]);
+            let results = [sin, cos].map(|x| {
+                let mut lanes = vec![T::default(); L::LANES];
+                x.store(&mut lanes);
+                lanes
+            });
+            self.out.extend((0..L::LANES).map(|k| [results[0][k], results[1][k]]));
+        }
+    }
+}
+
+fn near<T: Real>(isa: Isa, pairs: &[[T; 2]]) -> Vec<[T; 2]> {
+    let mut kernel = Near { pairs, out: Vec::new() };
+    T::dispatch(isa, &mut kernel);
+    kernel.out
+}
+
+/// Angles, and others at distances of all magnitudes from them: within reach, at its border, and beyond.
+fn angles_and_others<T: Real>() -> Vec<[T; 2]> {
+    let mut random = Random::new(9);
+    let mut pair = |k: usize| {
+        let start = T::from_f64(random.between(-100.0, 100.0));
+        let distance = match k % 4 {
+            0 => 10.0_f64.powf(random.between(-12.0, -1.2)),
+            1 => random.between(0.0, 0.0625),
+            2 => 0.0625 + random.between(-1e-3, 1e-3),
+            _ => random.between(0.0, 10.0),
+        };
+        [start, start + T::from_f64(random.between(-1.0, 1.0).signum() * distance)]
+    };
+    (0..40_000).map(&mut pair).collect()
+}
+
+fn sines_from_near_by<T: Real>(bar: f64) {
+    let pairs = angles_and_others::<T>();
+    let expected = near(Isa::Fma, &pairs);
+    for isa in Isa::available() {
+        let got = near(isa, &pairs);
+        let mut worst = 0.0_f64;
+        for ([_, x], [sin, cos]) in pairs.iter().zip(&got) {
+            let (s, c) = x.to_f64().sin_cos();
+            let error = (sin.to_f64() - s).abs().max((cos.to_f64() - c).abs()) / T::EPSILON;
+            assert!(error.is_finite());
+            worst = worst.max(error);
+        }
+        println!("{}: {worst:.2} epsilons of one", isa.name());
+        assert!(worst < bar, "{}: {worst}", isa.name());
+        // Whether a lane's neighbours are far makes no difference to it.
+        if isa != Isa::Plain {
+            for (a, b) in got.iter().zip(&expected) {
+                assert!(a.map(T::to_f64) == b.map(T::to_f64), "{}", isa.name());
+            }
+        }
+    }
+}
+
+#[test]
+fn val_sine_and_cosine_from_near_by_are_those_of_the_standard_library() {
+    sines_from_near_by::<f64>(1.5);
+    sines_from_near_by::<f32>(1.5);
 }
 
 #[test]

@@ -353,6 +353,7 @@ impl<T: Real> Kernel<T> for Dynamics<'_, T> {
             let joints = |k: usize| std::array::from_fn(|i| number(k + i));
             let (q, qd) = (joints(9), joints(9 + JOINTS));
             let instant = Instant {
+                is_start: true,
                 gravity: Vector3([number(0), number(1), number(2)]),
                 twist: six(3),
                 q: &q,

@@ -1,8 +1,9 @@
 //! A link's place on its parent, and what the passes leave for each other.
 
-use crate::lane::{Lane, Param, get_option};
+use super::{along, velocity_product};
+use crate::lane::{Lane, Param};
 use crate::lie::{Pose, Vector3, Vector6};
-use crate::spatial::{Factored, Screw, SpatialInertia, constant_screw_z, screw_x, screw_z};
+use crate::spatial::{SpatialInertia, constant_screw_z, screw_x, screw_z};
 use crate::system::{Constant, JOINTS, JointTerms, Stand};
 
 /// What the passes leave for each other at a link.
@@ -10,16 +11,17 @@ use crate::system::{Constant, JOINTS, JointTerms, Stand};
 pub(crate) struct Link<L> {
     /// Sine and cosine of theta; or d of a joint that slides.
     pub screw: [L; 2],
+    /// Theta at the step's start, its sine and its cosine.
+    pub start: [L; 3],
     /// Gravity in its axes.
     pub gravity: Vector3<L>,
-    /// `U / D` and `1 / D`. Along the joint `U / D` is 1, and not kept.
+    /// `U / D`. Along the joint it is 1, and not kept.
     pub share: Vector6<L>,
-    pub over_d: L,
     /// V: for the implicit passes alone.
     pub twist: Vector6<L>,
     /// c, without the entries that vanish.
     pub across: [L; 4],
-    /// p without what the links further out ask for, later with `(A - U U^T / D) c`.
+    /// p without what the links further out ask for.
     pub bias: Vector6<L>,
     /// `u / D`.
     pub torque: L,
@@ -29,8 +31,6 @@ pub(crate) struct Link<L> {
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
     pub(crate) links: [Link<L>; JOINTS],
-    /// `A_0`, ready to be solved with.
-    pub(crate) base: Factored<L>,
 }
 
 impl<L: Lane> Scratch<L> {
@@ -39,15 +39,15 @@ impl<L: Lane> Scratch<L> {
         let (zero, none) = (L::zero(), Vector6::zero());
         let link = Link {
             screw: [zero; 2],
+            start: [zero; 3],
             gravity: Vector3::zero(),
             share: none,
-            over_d: zero,
             twist: none,
             across: [zero; 4],
             bias: none,
             torque: zero,
         };
-        Self { links: [link; JOINTS], base: Factored::blank() }
+        Self { links: [link; JOINTS] }
     }
 }
 
@@ -57,26 +57,50 @@ impl<L: Lane> Default for Scratch<L> {
     }
 }
 
-impl<L: Lane> Link<L> {
-    /// The screw about the joint's axis.
-    #[inline(always)]
-    pub fn screw<P: Param<L>>(&self, joint: &JointTerms<P>) -> Screw<L, 2> {
-        match joint.constant {
-            Constant::Shift(d) => screw_z(self.screw[0], self.screw[1], get_option(d)),
-            Constant::Turn(sin, cos) => screw_z(sin.get(), cos.get(), Some(self.screw[0])),
+/// Does something with a joint's screw about its axis.
+macro_rules! with_screw {
+    ($link:expr, $joint:expr, |$screw:ident| $work:expr) => {
+        match $joint.constant {
+            Constant::Shift(d) => {
+                let $screw = screw_z($link.screw[0], $link.screw[1], d);
+                $work
+            }
+            Constant::Turn(sin, cos) => {
+                let $screw = screw_z(sin, cos, Some($link.screw[0]));
+                $work
+            }
         }
+    };
+}
+
+impl<L: Lane> Link<L> {
+    /// Gravity and twist in this link's frame from those in its parent's; leaves c.
+    #[inline(always)]
+    pub(super) fn outward<P: Param<L>>(
+        &mut self,
+        joint: &JointTerms<P>,
+        gravity: Vector3<L>,
+        twist: Vector6<L>,
+        qd: L,
+    ) -> (Vector3<L>, Vector6<L>) {
+        let gravity = self.rotate_back(joint, gravity);
+        let twist = along(joint, self.twist_from_parent(joint, twist), qd);
+        self.across = velocity_product(joint.slides(), twist, qd);
+        (gravity, twist)
     }
 
     /// A vector of the parent, in this link's axes.
     #[inline(always)]
     pub fn rotate_back<P: Param<L>>(&self, joint: &JointTerms<P>, v: Vector3<L>) -> Vector3<L> {
-        self.screw(joint).rotate_back(Base::of(&joint.stand).rotate_back(v))
+        let v = joint.stand.rotate_back(v);
+        with_screw!(self, joint, |screw| screw.rotate_back(v))
     }
 
     /// A twist of the parent, in this link's frame.
     #[inline(always)]
     pub fn twist_from_parent<P: Param<L>>(&self, joint: &JointTerms<P>, twist: Vector6<L>) -> Vector6<L> {
-        self.screw(joint).adjoint_apply_inverse(Base::of(&joint.stand).twist(twist))
+        let twist = joint.stand.twist_from_parent(twist);
+        with_screw!(self, joint, |screw| screw.adjoint_apply_inverse(twist))
     }
 
     /// An inertia of this link, in the parent's frame.
@@ -86,67 +110,72 @@ impl<L: Lane> Link<L> {
         joint: &JointTerms<P>,
         inertia: &SpatialInertia<L>,
     ) -> SpatialInertia<L> {
-        Base::of(&joint.stand).inertia(&self.screw(joint).inertia_to_parent(inertia))
+        joint.stand.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
     }
 
     /// A wrench on this link, in the parent's frame.
     #[inline(always)]
     pub fn wrench_to_parent<P: Param<L>>(&self, joint: &JointTerms<P>, wrench: Vector6<L>) -> Vector6<L> {
-        Base::of(&joint.stand).wrench(self.screw(joint).co_adjoint_apply_inverse(wrench))
+        joint.stand.wrench_to_parent(with_screw!(self, joint, |screw| screw.co_adjoint_apply_inverse(wrench)))
     }
 }
 
-/// The constant part of the move to a joint.
-#[derive(Clone, Copy)]
-pub(super) enum Base<L> {
-    Bend(Screw<L, 0>),
-    Crank(Screw<L, 2>, Screw<L, 0>),
-    Pose(Pose<L>),
-}
-
-impl<L: Lane> Base<L> {
+impl<P: Copy> Stand<P> {
+    /// A twist of the parent, in the joint's frame at zero.
     #[inline(always)]
-    pub fn of<P: Param<L>>(stand: &Stand<P>) -> Self {
-        match *stand {
-            Stand::Bend(bend, a) => Base::Bend(screw_x(bend, a)),
-            Stand::Crank(turn, d, bend, a) => Base::Crank(constant_screw_z(turn, d), screw_x(bend, a)),
-            Stand::Pose(ref r, ref p) => Base::Pose(Pose::of(r, p)),
+    pub(super) fn twist_from_parent<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        match *self {
+            Stand::Bend(bend, a) => screw_x(bend, a).adjoint_apply_inverse(twist),
+            Stand::Crank(turn, d, bend, a) => {
+                screw_x(bend, a).adjoint_apply_inverse(constant_screw_z(turn, d).adjoint_apply_inverse(twist))
+            }
+            Stand::Pose(ref r, ref p) => Pose::of(r, p).adjoint_apply_inverse(twist),
         }
     }
 
+    /// A vector of the parent, in the joint's axes at zero.
     #[inline(always)]
-    pub fn twist(&self, twist: Vector6<L>) -> Vector6<L> {
-        match self {
-            Base::Bend(x) => x.adjoint_apply_inverse(twist),
-            Base::Crank(z, x) => x.adjoint_apply_inverse(z.adjoint_apply_inverse(twist)),
-            Base::Pose(pose) => pose.adjoint_apply_inverse(twist),
+    pub(super) fn rotate_back<L: Lane>(&self, v: Vector3<L>) -> Vector3<L>
+    where
+        P: Param<L>,
+    {
+        match *self {
+            Stand::Bend(bend, a) => screw_x(bend, a).rotate_back(v),
+            Stand::Crank(turn, d, bend, a) => screw_x(bend, a).rotate_back(constant_screw_z(turn, d).rotate_back(v)),
+            Stand::Pose(ref r, ref p) => Pose::of(r, p).rotation.apply_transposed(v),
         }
     }
 
+    /// An inertia in the joint's frame at zero, in the parent's.
     #[inline(always)]
-    pub fn rotate_back(&self, v: Vector3<L>) -> Vector3<L> {
-        match self {
-            Base::Bend(x) => x.rotate_back(v),
-            Base::Crank(z, x) => x.rotate_back(z.rotate_back(v)),
-            Base::Pose(pose) => pose.rotation.apply_transposed(v),
+    pub(super) fn inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
+    where
+        P: Param<L>,
+    {
+        match *self {
+            Stand::Bend(bend, a) => screw_x(bend, a).inertia_to_parent(inertia),
+            Stand::Crank(turn, d, bend, a) => {
+                constant_screw_z(turn, d).inertia_to_parent(&screw_x(bend, a).inertia_to_parent(inertia))
+            }
+            Stand::Pose(ref r, ref p) => inertia.to_parent(&Pose::of(r, p)),
         }
     }
 
+    /// A wrench in the joint's frame at zero, in the parent's.
     #[inline(always)]
-    pub fn inertia(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L> {
-        match self {
-            Base::Bend(x) => x.inertia_to_parent(inertia),
-            Base::Crank(z, x) => z.inertia_to_parent(&x.inertia_to_parent(inertia)),
-            Base::Pose(pose) => inertia.to_parent(pose),
-        }
-    }
-
-    #[inline(always)]
-    pub fn wrench(&self, wrench: Vector6<L>) -> Vector6<L> {
-        match self {
-            Base::Bend(x) => x.co_adjoint_apply_inverse(wrench),
-            Base::Crank(z, x) => z.co_adjoint_apply_inverse(x.co_adjoint_apply_inverse(wrench)),
-            Base::Pose(pose) => pose.co_adjoint_apply_inverse(wrench),
+    pub(super) fn wrench_to_parent<L: Lane>(&self, wrench: Vector6<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        match *self {
+            Stand::Bend(bend, a) => screw_x(bend, a).co_adjoint_apply_inverse(wrench),
+            Stand::Crank(turn, d, bend, a) => {
+                constant_screw_z(turn, d).co_adjoint_apply_inverse(screw_x(bend, a).co_adjoint_apply_inverse(wrench))
+            }
+            Stand::Pose(ref r, ref p) => Pose::of(r, p).co_adjoint_apply_inverse(wrench),
         }
     }
 }

@@ -13,20 +13,18 @@
 //! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 //!
-//! R c has no part along the joint, so that u does not tell when it was added. It is added while R is at hand, which spares
-//! R the way through memory; inertias and wrenches go inward one after the other, as both at once would not fit in
-//! registers.
+//! R c has no part along the joint, so that u does not tell when it was added. Inertias and wrenches go inward together:
+//! what one joint leaves behind is at hand for the next, and both chains are waited for at once.
 
 mod link;
 
-use link::Base;
 pub(crate) use link::Link;
 pub use link::Scratch;
 
 use super::joint_torque::joint_torque;
-use crate::lane::{Lane, Param, sin_cos};
+use crate::lane::{Lane, Param, sin_cos, sin_cos_near};
 use crate::lie::{Vector3, Vector6};
-use crate::spatial::SpatialInertia;
+use crate::spatial::{SpatialInertia, screw_z};
 use crate::system::{BodyTerms, Constant, JOINTS, JointTerms, System};
 
 /// Forces at the joints and on the links besides those of the system itself; held over a control period.
@@ -36,9 +34,8 @@ pub struct Loads<L> {
     pub torque: [L; JOINTS],
     /// Whether the joint servos are on.
     pub servo: bool,
-    /// Servo targets, as cubic polynomials in the time, constant term first, and the rates of these, in time to the powers 1
-    /// and 2.
-    pub target: [[L; 6]; JOINTS],
+    /// Servo targets, as cubic polynomials in the time, constant term first.
+    pub target: [[L; 4]; JOINTS],
     /// Whether `links` holds anything.
     pub on_links: bool,
     /// External wrenches on the links, each in its joint's frame.
@@ -52,16 +49,10 @@ impl<L: Lane> Loads<L> {
         Self {
             torque: [L::zero(); JOINTS],
             servo: false,
-            target: [[L::zero(); 6]; JOINTS],
+            target: [[L::zero(); 4]; JOINTS],
             on_links: false,
             links: [Vector6::zero(); JOINTS],
         }
-    }
-
-    /// Sets the servo target of joint `i`.
-    #[inline(always)]
-    pub fn set_target(&mut self, i: usize, [a, b, c, d]: [L; 4]) {
-        self.target[i] = [a, b, c, d, c + c, L::c(3.0) * d];
     }
 
     /// Servo target of joint `i`: value and rate at `time`.
@@ -70,16 +61,19 @@ impl<L: Lane> Loads<L> {
         if !self.servo {
             return None;
         }
-        let [a, b, c, d, c2, d3] = self.target[i];
-        let value = d.mul_add(time, c).mul_add(time, b).mul_add(time, a);
-        let rate = d3.mul_add(time, c2).mul_add(time, b);
-        Some((value, rate))
+        let [a, b, c, d] = self.target[i];
+        // By Horner's rule, the rate from the value's partial sums.
+        let two = d.mul_add(time, c);
+        let one = two.mul_add(time, b);
+        Some((one.mul_add(time, a), d.mul_add(time, two).mul_add(time, one)))
     }
 }
 
 /// One instance (per lane) at one instant.
 #[derive(Debug, Clone, Copy)]
 pub struct Instant<'a, L> {
+    /// Whether a step starts here: the instants up to the next start belong to it.
+    pub is_start: bool,
     /// Gravity in vehicle axes.
     pub gravity: Vector3<L>,
     /// Vehicle twist relative to the water.
@@ -148,13 +142,23 @@ pub(super) fn body_bias<L: Lane, P: Param<L>>(
     }
 }
 
-/// Places the links: their screws.
+/// Places the links: their screws. What follows a start within a step is likely to be near it.
 #[inline(always)]
-pub(super) fn place<L: Lane, P: Param<L>>(joints: &[JointTerms<P>], q: &[L; JOINTS], links: &mut [Link<L>]) {
+pub(super) fn place<L: Lane, P: Param<L>>(
+    joints: &[JointTerms<P>],
+    is_start: bool,
+    q: &[L; JOINTS],
+    links: &mut [Link<L>],
+) {
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         let coordinate = joint.offset.get() + q[i];
         link.screw = match joint.constant {
-            Constant::Shift(_) => sin_cos(coordinate).into(),
+            Constant::Shift(_) if is_start => {
+                let (sin, cos) = sin_cos(coordinate);
+                link.start = [coordinate, sin, cos];
+                [sin, cos]
+            }
+            Constant::Shift(_) => sin_cos_near(coordinate, link.start).into(),
             Constant::Turn(..) => [coordinate; 2],
         };
     }
@@ -170,96 +174,97 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    let Instant { gravity, twist, q, qd, wrench, held_rate, time } = *at;
+    let Instant { is_start, gravity, twist, q, qd, wrench, held_rate, time } = *at;
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
 
-    place(joints, q, links);
+    place(joints, is_start, q, links);
     let (mut pull, mut moving) = (gravity, twist);
-    for i in 0..joints.len() {
-        let (joint, link) = (&joints[i], &mut links[i]);
-        pull = link.rotate_back(joint, pull);
-        moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
-        link.across = velocity_product(joint.slides(), moving, qd[i]);
-        body_bias(&joint.body, moving, pull, &mut link.bias);
-        if loads.on_links {
+    // Twice, as the common kind of links needs no branch, and with that no way through memory.
+    if system.aligned {
+        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+            (pull, moving) = link.outward(joint, pull, moving, qd[i]);
+            if let Some(principal) = &joint.body.principal {
+                link.bias = principal.bias_along(moving, pull);
+            }
+        }
+        // The last link alone may bear a payload.
+        if let (Some(joint), Some(link)) = (joints.last(), links.last_mut())
+            && let Some(load) = &joint.body.load
+        {
+            link.bias = link.bias + load.bias(moving, pull);
+        }
+    } else {
+        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+            (pull, moving) = link.outward(joint, pull, moving, qd[i]);
+            body_bias(&joint.body, moving, pull, &mut link.bias);
+        }
+    }
+    if loads.on_links {
+        for (i, link) in links.iter_mut().enumerate() {
             link.bias = link.bias - loads.links[i];
         }
     }
 
-    // Inertia of the links already done, as the body at hand feels it.
-    let mut carried = SpatialInertia::zero();
-    for (joint, link) in joints.iter().zip(links.iter_mut()).rev() {
-        let own: SpatialInertia<L> = joint.body.inertia.get();
-        let inertia = own.plus(&carried);
-        let screw = link.screw(joint);
-        let felt = match joint.constant {
-            Constant::Shift(_) => {
-                let (rest, share, over_d) = inertia.free_to_turn();
-                link.over_d = over_d;
-                link.share.linear = share.linear;
-                (link.share.angular.0[0], link.share.angular.0[1]) = (share.angular.0[0], share.angular.0[1]);
-                rest.apply_across(link.across, &mut link.bias);
-                screw.turning_inertia_to_parent(&rest)
-            }
-            Constant::Turn(..) => {
-                let rest;
-                (rest, link.share, link.over_d) = inertia.free_to_slide();
-                link.bias = rest.apply(whole(link.across)) + link.bias;
-                screw.inertia_to_parent(&rest)
-            }
-        };
-        carried = Base::of(&joint.stand).inertia(&felt);
-    }
-    if !system.fixed {
-        let own: SpatialInertia<L> = system.vehicle.inertia.get();
-        scratch.base.factor(&own.plus(&carried));
-    }
-
-    // What the links already done ask of the body at hand.
-    let mut asked = Vector6::zero();
+    // What the links already done ask of the body at hand: inertia, and a wrench.
+    let (mut carried, mut asked) = (SpatialInertia::zero(), Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
         let torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        let bias = link.bias + asked;
+        let own: SpatialInertia<L> = joint.body.inertia.get();
+        let inertia = own.plus(&carried);
+        let mut wrench = link.bias + asked;
         // Nothing but its torque passes a joint along its axis.
-        let wrench = if joint.slides() {
-            let u = torque - bias.linear.0[2];
-            link.torque = u * link.over_d;
-            let mut wrench = link.share.scale_add(u, bias);
-            wrench.linear.0[2] = torque;
-            wrench
-        } else {
-            let u = torque - bias.angular.0[2];
-            link.torque = u * link.over_d;
-            let mut wrench = link.share.scale_add(u, bias);
-            wrench.angular.0[2] = torque;
-            wrench
+        let (felt, meant) = match joint.constant {
+            Constant::Shift(d) => {
+                let screw = screw_z(link.screw[0], link.screw[1], d);
+                let (rest, share, over_d) = inertia.free_to_turn();
+                link.share.linear = share.linear;
+                (link.share.angular.0[0], link.share.angular.0[1]) = (share.angular.0[0], share.angular.0[1]);
+                let u = torque - wrench.angular.0[2];
+                link.torque = u * over_d;
+                rest.apply_across(link.across, &mut wrench);
+                wrench = share.scale_add(u, wrench);
+                wrench.angular.0[2] = torque;
+                (screw.turning_inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(wrench))
+            }
+            Constant::Turn(sin, cos) => {
+                let screw = screw_z(sin, cos, Some(link.screw[0]));
+                let (rest, share, over_d) = inertia.free_to_slide();
+                link.share = share;
+                let u = torque - wrench.linear.0[2];
+                link.torque = u * over_d;
+                wrench = share.scale_add(u, rest.apply(whole(link.across)) + wrench);
+                wrench.linear.0[2] = torque;
+                (screw.inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(wrench))
+            }
         };
-        asked = link.wrench_to_parent(joint, wrench);
+        (carried, asked) = (joint.stand.inertia_to_parent(&felt), joint.stand.wrench_to_parent(meant));
     }
 
     *twist_rate = if system.fixed {
         Vector6 { linear: held_rate, angular: Vector3::zero() }
     } else {
+        let own: SpatialInertia<L> = system.vehicle.inertia.get();
         let mut bias = Vector6::zero();
         body_bias(&system.vehicle, twist, gravity, &mut bias);
-        scratch.base.solve(wrench - (bias + asked))
+        own.plus(&carried).solve(wrench - (bias + asked))
     };
 
     let mut rate = *twist_rate;
     for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
         rate = link.twist_from_parent(joint, rate);
-        let [vx, vy, wx, wy] = link.across;
-        let (v, w) = (&mut rate.linear.0, &mut rate.angular.0);
-        (v[0], v[1], w[0], w[1]) = (v[0] + vx, v[1] + vy, w[0] + wx, w[1] + wy);
+        let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (rate.linear.0, rate.angular.0);
+        (vx, vy) = (vx + link.across[0], vy + link.across[1]);
+        (wx, wy) = (wx + link.across[2], wy + link.across[3]);
         let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
         // What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there. In two sums, and first what
         // the joint does not turn, as the joints wait for each other here.
-        let first = if joint.slides() { tz.neg_mul_add(w[2], link.torque) } else { sz.neg_mul_add(v[2], link.torque) };
-        let does = tx.neg_mul_add(w[0], sx.neg_mul_add(v[0], first)) - ty.mul_add(w[1], sy * v[1]);
-        let moved = if joint.slides() { &mut v[2] } else { &mut w[2] };
-        *qdd = does - *moved;
-        *moved = does;
+        let first = if joint.slides() { tz.neg_mul_add(wz, link.torque) } else { sz.neg_mul_add(vz, link.torque) };
+        let does = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
+        // (Both entries anew: a reference to one of them would send both through memory.)
+        let (vz, wz, more) = if joint.slides() { (does, wz, does - vz) } else { (vz, does, does - wz) };
+        *qdd = more;
+        rate = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
     }
 }
 
@@ -275,7 +280,7 @@ pub fn link_twists<L: Lane, P: Param<L>>(
 ) {
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
-    place(joints, q, links);
+    place(joints, true, q, links);
     let mut twist = twist;
     for (((joint, link), qd), to) in joints.iter().zip(links.iter()).zip(qd).zip(twists) {
         twist = along(joint, link.twist_from_parent(joint, twist), *qd);

@@ -3,7 +3,7 @@
 use super::outputs::Outputs;
 use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
-use crate::lane::{Kernel, Lane, Real, Rows, transpose};
+use crate::lane::{Kernel, Lane, Real, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::scene::{Judgement, PREVIEW, Stance, TaskKernel};
 use crate::system::{Factors, JOINTS};
@@ -23,14 +23,16 @@ pub(super) struct Blocks<'a, T> {
 }
 
 impl<T: Real> Blocks<'_, T> {
-    /// Physics and episodes of the group that starts with instance `first`.
+    /// Physics and episodes of the group that starts with instance `first`; those of the next block are asked for.
     #[inline(always)]
     fn group(&mut self, first: usize) -> (Rows<'_, T>, Rows<'_, T>) {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
         let width = self.layout.rows * T::BLOCK;
         let physics = &mut self.physics[block * width..][..width];
+        prefetch_after(physics);
         let width = self.kernel.rows().rows * T::BLOCK;
         let episodes = &mut self.episodes[block * width..][..width];
+        prefetch_after(episodes);
         (Rows::of_block(physics, lane), Rows::of_block(episodes, lane))
     }
 }
