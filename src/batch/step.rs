@@ -112,10 +112,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
             (None, Some(system)) => (system as &dyn Any).downcast_ref(),
             _ => None,
         };
-        let mut varied = match alone {
-            Some(_) => None,
-            None => Some(self.system.variable::<L>(self.ingredients.unwrap_or_default(), self.grip)),
-        };
+        let mut varied: Option<System<L>> = self.variable(alone.is_none());
         for (k, rows) in blocks.enumerate() {
             prefetch_after(rows);
             for first in (0..T::BLOCK).step_by(L::LANES) {
@@ -138,6 +135,13 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
 }
 
 impl<T: Real> Step<'_, T> {
+    /// Memory for the parameters of single instances, where it is needed. (A call: an option of that size is put together
+    /// by a copy, of which there are none where instances are stepped.)
+    #[inline(never)]
+    fn variable<L: Lane<Real = T>>(&self, needed: bool) -> Option<System<L>> {
+        needed.then(|| self.system.variable(self.ingredients.unwrap_or_default(), self.grip))
+    }
+
     /// Steps the instances of one column group.
     #[inline(always)]
     fn visit<L: Lane<Real = T>, P: Param<L>>(

@@ -46,16 +46,21 @@ struct Point<L, const N: usize> {
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
-    /// (Entry by entry: whole arrays would be copied by a call.)
+    /// Memory for one.
     #[inline(always)]
-    fn start(from: &Motion<L, N>, n: usize) -> Self {
+    fn blank() -> Self {
         let zero = [L::zero(); N];
-        let mut point = Self { theta: Vector6::zero(), twist: from.twist, q: zero, qd: zero };
+        Self { theta: Vector6::zero(), twist: Vector6::zero(), q: zero, qd: zero }
+    }
+
+    /// Goes to where a motion is. (Entry by entry: whole arrays would be copied by a call.)
+    #[inline(always)]
+    fn start(&mut self, from: &Motion<L, N>, n: usize) {
+        (self.theta, self.twist) = (Vector6::zero(), from.twist);
         for k in 0..n {
-            point.q[k] = from.q[k];
-            point.qd[k] = from.qd[k];
+            self.q[k] = from.q[k];
+            self.qd[k] = from.qd[k];
         }
-        point
     }
 
     /// Euler's rule, each coordinate by the rate at its end; the velocity v in axes that do not turn, so that a body that
@@ -105,19 +110,21 @@ impl<L: Lane, const N: usize> Point<L, N> {
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval. Returns the square of the greatest
-/// rotation within the step, its estimated error, m and rad, and its end.
+/// rotation within the step and its estimated error, m and rad; leaves its end in `fine`.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L,
     elapsed: L,
     from: &Motion<L, N>,
+    fine: &mut Point<L, N>,
     derivative: &mut D,
-) -> (L, L, Point<L, N>) {
+) -> (L, L) {
     let n = derivative.joints();
     let half = h * L::c(0.5);
     let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-    let mut fine = Point::start(from, n);
-    let mut coarse = Point::start(from, n);
+    let mut coarse = Point::blank();
+    coarse.start(from, n);
+    fine.start(from, n);
     let mut greatest = L::zero();
     // One call of the right-hand side for all three: it is by far the most code.
     for solve in 0..3 {
@@ -126,7 +133,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
             1 => (elapsed, half),
             _ => (elapsed + half, half),
         };
-        let point = if solve == 0 { &mut coarse } else { &mut fine };
+        let point = if solve == 0 { &mut coarse } else { &mut *fine };
         let at = Increment { start: &from.pose, theta: Some(point.theta) };
         derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, &mut rates);
         point.advance(size, &rates, n);
@@ -137,7 +144,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     // Of a mode, z^2 / 4 apart, changed by z, and wrong by z^3 / 6.
     let changed = fine.faster_than(&from.twist, &from.qd, n) * h + L::c(1e-30);
     let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
-    (greatest.max(fine.turn()), error, fine)
+    (greatest.max(fine.turn()), error)
 }
 
 /// Covers an interval of length `h`. Lanes that turn by more than half a radian within a piece take it in halves,
@@ -155,13 +162,14 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let h = L::splat(h);
     let (mut share, mut left) = (one, one);
     let mut begun = false;
+    let mut end = Point::blank();
     loop {
-        let (turn, error, end) = extrapolated(h * share, h * (one - left), motion, derivative);
+        let (turn, error) = extrapolated(h * share, h * (one - left), motion, &mut end, derivative);
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
-        let taken_here = half.lt(taken);
-        watch.judge(taken_here, 2, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
-        motion.move_by(taken_here, end.theta, end.twist, (&end.q, &end.qd), n);
+        let takes = half.lt(taken);
+        watch.judge(takes, 2, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
+        motion.move_by(takes, end.theta, end.twist, (&end.q, &end.qd), n);
         left = share.neg_mul_add(taken, left);
         if !L::any(zero.lt(left)) {
             return;

@@ -73,7 +73,7 @@ pub fn compile(scene: &Scene) -> Compiled {
 
     let (vehicle, of_vehicle) = merged(&vehicle, &identity());
     let mut ingredients = vec![of_vehicle.map(Shared)];
-    let joints = moving
+    let joints: Vec<JointTerms<f64>> = moving
         .iter()
         .zip(&frames)
         .zip(&links)
@@ -94,7 +94,6 @@ pub fn compile(scene: &Scene) -> Compiled {
             }
         })
         .collect();
-    let joints: Vec<JointTerms<f64>> = joints;
     let system = System {
         aligned: joints.iter().all(|joint| joint.body.is_aligned()),
         gravity: water.gravity.into(),

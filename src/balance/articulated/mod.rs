@@ -201,8 +201,8 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         }
     }
     if loads.on_links {
-        for (i, link) in links.iter_mut().enumerate() {
-            link.bias = link.bias - loads.links[i];
+        for (link, load) in links.iter_mut().zip(&loads.links) {
+            link.bias = link.bias - *load;
         }
     }
 
