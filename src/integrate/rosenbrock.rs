@@ -46,21 +46,16 @@ struct Point<L, const N: usize> {
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
-    /// Memory for one.
+    /// (Entry by entry: whole arrays would be copied by a call.)
     #[inline(always)]
-    fn blank() -> Self {
+    fn start(from: &Motion<L, N>, n: usize) -> Self {
         let zero = [L::zero(); N];
-        Self { theta: Vector6::zero(), twist: Vector6::zero(), q: zero, qd: zero }
-    }
-
-    /// Goes to where a motion is. (Entry by entry: whole arrays would be copied by a call.)
-    #[inline(always)]
-    fn start(&mut self, from: &Motion<L, N>, n: usize) {
-        (self.theta, self.twist) = (Vector6::zero(), from.twist);
+        let mut point = Self { theta: Vector6::zero(), twist: from.twist, q: zero, qd: zero };
         for k in 0..n {
-            self.q[k] = from.q[k];
-            self.qd[k] = from.qd[k];
+            point.q[k] = from.q[k];
+            point.qd[k] = from.qd[k];
         }
+        point
     }
 
     /// Euler's rule, each coordinate by the rate at its end; the velocity v in axes that do not turn, so that a body that
@@ -110,7 +105,7 @@ impl<L: Lane, const N: usize> Point<L, N> {
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval. Returns the square of the greatest
-/// rotation within the step and its estimated error, m and rad; leaves its end in `fine`.
+/// rotation within the step and its estimated error, m and rad; takes `fine` from its start to its end.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L,
@@ -122,9 +117,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let n = derivative.joints();
     let half = h * L::c(0.5);
     let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-    let mut coarse = Point::blank();
-    coarse.start(from, n);
-    fine.start(from, n);
+    let mut coarse = Point::start(from, n);
     let mut greatest = L::zero();
     // One call of the right-hand side for all three: it is by far the most code.
     for solve in 0..3 {
@@ -162,8 +155,8 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let h = L::splat(h);
     let (mut share, mut left) = (one, one);
     let mut begun = false;
-    let mut end = Point::blank();
     loop {
+        let mut end = Point::start(motion, n);
         let (turn, error) = extrapolated(h * share, h * (one - left), motion, &mut end, derivative);
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
