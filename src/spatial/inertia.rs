@@ -319,6 +319,8 @@ impl<L: Lane> SpatialInertia<L> {
     ///
     /// Two divisions, by the determinants, of which the adjugates need not wait: they are what takes longest, and the six
     /// of an `L D L^T` would wait for each other.
+    ///
+    /// The determinants keep to the range of f32 for entries between 1e-12 and 1e12.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
         let (h, m) = (Matrix3(self.h), adjugate(&self.m));
