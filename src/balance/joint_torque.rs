@@ -26,7 +26,7 @@ pub fn joint_torque<L: Lane, P: Param<L>>(joint: &JointTerms<P>, q: L, qd: L, co
     if let Some(limits) = &joint.limits {
         let [lower, upper] = get_all(&limits.range);
         let [stiffness, damping] = get_all(&limits.stop);
-        let excess = (q - upper).max(L::zero()) - (lower - q).max(L::zero());
+        let excess = q - q.max(lower).min(upper);
         torque = stiffness.neg_mul_add(excess, (damping * excess.abs()).neg_mul_add(qd, torque));
     }
     torque
@@ -74,7 +74,7 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>>(
     if let Some(limits) = &joint.limits {
         let [lower, upper] = get_all(&limits.range);
         let [stiffness, damping] = get_all(&limits.stop);
-        let excess = (ahead - upper).max(L::zero()) - (lower - ahead).max(L::zero());
+        let excess = ahead - ahead.max(lower).min(upper);
         let depth = excess.abs();
         torque = stiffness.neg_mul_add(excess, (damping * depth).neg_mul_add(qd, torque));
         let spring = L::select(L::zero().lt(depth), stiffness, L::zero());

@@ -4,7 +4,7 @@ use super::columns::Columns;
 use super::inputs::Applied;
 use super::table::Table;
 use crate::control::THRUSTERS;
-use crate::lane::{Isa, Kernel, Lane, Real};
+use crate::lane::{Isa, Kernel, Lane, Real, transpose};
 use crate::system::JOINTS;
 
 /// Greatest number of instances in a block.
@@ -43,7 +43,8 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
         const { assert!(T::BLOCK <= WIDEST) };
         let (given, layout) = (self.given, &self.table.layout);
         let n = layout.joints;
-        let mut page = [[0.0; WIDEST]; PAGE];
+        let (mut page, mut targets) = ([[0.0; WIDEST]; PAGE], [[0.0; WIDEST]; 4 * JOINTS]);
+        let terms = given.terms;
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((layout.rows * T::BLOCK).max(1));
         for (k, rows) in blocks.enumerate() {
             let first = self.first + k * T::BLOCK;
@@ -51,12 +52,20 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             if count < T::BLOCK {
                 // Columns past the last instance bear no loads.
                 page = [[0.0; WIDEST]; PAGE];
+                targets = [[0.0; WIDEST]; 4 * JOINTS];
             }
 
-            let mut wrench = [[0.0; WIDEST]; 6];
+            // What is gathered is read a while later: numbers that are read together but were written one by one are waited
+            // for until all of them have left the processor.
+            let m = given.allocation.count();
             if let Some(thrust) = given.inputs.thrust {
-                let m = given.allocation.count();
                 gather(thrust, m, 0, first, count, &mut page[..m]);
+            }
+            if let Some(target) = given.inputs.joint_target {
+                gather(target, n * terms, 0, first, count, &mut targets[..n * terms]);
+            }
+            let mut wrench = [[0.0; WIDEST]; 6];
+            if given.inputs.thrust.is_some() {
                 for i in 0..m {
                     let [low, high] = given.allocation.limits(i);
                     for lane in 0..T::BLOCK {
@@ -70,22 +79,25 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                     None => clear(rows, layout.command, layout.thrusters),
                 }
             } else if given.inputs.thrust.is_some() {
-                let m = given.allocation.count();
                 let mut factor = [0.0; WIDEST];
                 for group in (0..T::BLOCK).step_by(L::LANES) {
                     let columns = Columns { rows: &mut *rows, first: group };
                     columns.factors::<L>(layout).thrust.store_double(&mut factor[group..]);
                 }
                 for i in 0..m {
-                    let column = given.allocation.column(i);
                     for lane in 0..T::BLOCK {
                         page[i][lane] *= factor[lane];
                     }
-                    for axis in 0..6 {
+                }
+                for axis in 0..6 {
+                    let mut sum = [0.0; WIDEST];
+                    for i in 0..m {
+                        let by = given.allocation.column(i)[axis];
                         for lane in 0..T::BLOCK {
-                            wrench[axis][lane] += column[axis] * page[i][lane];
+                            sum[lane] += by * page[i][lane];
                         }
                     }
+                    wrench[axis] = sum;
                 }
             }
             let mut extra = [[0.0; WIDEST]; 6];
@@ -123,12 +135,9 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                 }
                 None => clear(rows, layout.torque, n),
             }
-            if let Some(target) = given.inputs.joint_target {
-                let terms = given.terms;
-                let page = &mut page[..n * terms];
-                gather(target, n * terms, 0, first, count, page);
+            if given.inputs.joint_target.is_some() {
                 for k in 0..n {
-                    set(rows, layout.target + 4 * k, &page[k * terms..][..terms]);
+                    set(rows, layout.target + 4 * k, &targets[k * terms..][..terms]);
                     clear(rows, layout.target + 4 * k + terms, 4 - terms);
                 }
             }
@@ -146,13 +155,9 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
 /// Numbers of `count` instances, from `first` on, that have `width` numbers each: those from number `at` on.
 #[inline(always)]
 fn gather(values: &[f64], width: usize, at: usize, first: usize, count: usize, page: &mut [Row]) {
-    let values = &values[first * width..(first + count) * width];
-    for lane in 0..count.min(WIDEST) {
-        let row = &values[lane * width + at..][..page.len()];
-        for k in 0..row.len() {
-            page[k][lane] = row[k];
-        }
-    }
+    let values = &values[(first * width + at).min(values.len())..];
+    let columns = page.len();
+    transpose(values, width, page.as_flattened_mut(), WIDEST, [count, columns]);
 }
 
 /// Sets rows of a block, one after the other.

@@ -9,6 +9,6 @@ mod thruster;
 
 pub use appendages::{FINS, Fin, Surfaces, Tether};
 pub use damping::{Coefficients, Drag, Placement};
-pub use principal::Principal;
+pub use principal::{Place, Principal};
 pub use restoring::Restoring;
 pub use thruster::{Branch, Fading, Propulsion, THRUSTERS, Thruster, Thrusts, thrust_wrench};

@@ -1,55 +1,113 @@
 //! From numbers by instance to numbers by lane, and back.
 
-/// The transpose of a table of `rows` rows and `columns` columns: `to[c * rows + r] = from[r * columns + c]`.
+/// The transpose of a table in which rows are `from_width` apart, into one in which they are `to_width` apart:
+/// `to[c * to_width + r] = from[r * from_width + c]` for so many rows and columns of `from`.
 ///
 /// # Panics
 /// If one of the slices is too short.
 #[inline(always)]
-pub fn transpose(from: &[f32], rows: usize, columns: usize, to: &mut [f32]) {
-    let (from, to) = (&from[..rows * columns], &mut to[..rows * columns]);
-    let tiled = [rows / TILE * TILE, columns / TILE * TILE];
-    for r in (0..tiled[0]).step_by(TILE) {
-        for c in (0..tiled[1]).step_by(TILE) {
-            tile(&from[r * columns + c..], columns, &mut to[c * rows + r..], rows);
+pub fn transpose<T: Entry>(from: &[T], from_width: usize, to: &mut [T], to_width: usize, [rows, columns]: [usize; 2]) {
+    let edge = T::TILE;
+    if rows < edge || columns < edge {
+        for r in 0..rows {
+            for c in 0..columns {
+                to[c * to_width + r] = from[r * from_width + c];
+            }
         }
+        return;
     }
-    // What is left: columns beside the tiles, rows below them.
-    for r in 0..rows {
-        let first = if r < tiled[0] { tiled[1] } else { 0 };
-        for c in first..columns {
-            to[c * rows + r] = from[r * columns + c];
-        }
-    }
-}
-
-/// Edge of the squares that are transposed at once.
-const TILE: usize = 4;
-
-/// Transposes a square in which rows are `from_width` and `to_width` apart.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-fn tile(from: &[f32], from_width: usize, to: &mut [f32], to_width: usize) {
-    use std::arch::x86_64::*;
-
-    let from = &from[..(TILE - 1) * from_width + TILE];
-    let to = &mut to[..(TILE - 1) * to_width + TILE];
-    // SAFETY: the four rows of either square lie within the slices just cut; every x86-64 has these instructions.
-    unsafe {
-        let row = |k: usize| _mm_loadu_ps(from.as_ptr().add(k * from_width));
-        let (mut a, mut b, mut c, mut d) = (row(0), row(1), row(2), row(3));
-        _MM_TRANSPOSE4_PS(&mut a, &mut b, &mut c, &mut d);
-        for (k, x) in [a, b, c, d].into_iter().enumerate() {
-            _mm_storeu_ps(to.as_mut_ptr().add(k * to_width), x);
+    let from = &from[..(rows - 1) * from_width + columns];
+    let to = &mut to[..(columns - 1) * to_width + rows];
+    // The last squares overlap those before them: a loop over what is left would take longer than all squares.
+    for r in (0..rows).step_by(edge) {
+        let r = r.min(rows - edge);
+        for c in (0..columns).step_by(edge) {
+            let c = c.min(columns - edge);
+            // SAFETY: r + edge <= rows and c + edge <= columns, so that the square lies in the slices just cut.
+            unsafe {
+                T::tile(
+                    from.as_ptr().add(r * from_width + c),
+                    from_width,
+                    to.as_mut_ptr().add(c * to_width + r),
+                    to_width,
+                );
+            }
         }
     }
 }
 
+/// Numbers whose tables are transposed in squares.
+pub trait Entry: Copy {
+    /// Edge of the squares.
+    const TILE: usize;
+
+    /// Transposes a square in which rows are `from_width` and `to_width` apart.
+    ///
+    /// # Safety
+    /// All rows of both squares must be there.
+    unsafe fn tile(from: *const Self, from_width: usize, to: *mut Self, to_width: usize);
+}
+
+impl Entry for f32 {
+    const TILE: usize = 4;
+
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    unsafe fn tile(from: *const f32, from_width: usize, to: *mut f32, to_width: usize) {
+        use std::arch::x86_64::*;
+
+        // SAFETY: as the caller says; every x86-64 has these instructions.
+        unsafe {
+            let row = |k: usize| _mm_loadu_ps(from.add(k * from_width));
+            let (mut a, mut b, mut c, mut d) = (row(0), row(1), row(2), row(3));
+            _MM_TRANSPOSE4_PS(&mut a, &mut b, &mut c, &mut d);
+            for (k, x) in [a, b, c, d].into_iter().enumerate() {
+                _mm_storeu_ps(to.add(k * to_width), x);
+            }
+        }
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
+    #[inline(always)]
+    unsafe fn tile(from: *const f32, from_width: usize, to: *mut f32, to_width: usize) {
+        // SAFETY: as the caller says.
+        unsafe { entry_by_entry(from, from_width, to, to_width) }
+    }
+}
+
+impl Entry for f64 {
+    const TILE: usize = 2;
+
+    #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
+    unsafe fn tile(from: *const f64, from_width: usize, to: *mut f64, to_width: usize) {
+        use std::arch::x86_64::*;
+
+        // SAFETY: as the caller says; every x86-64 has these instructions.
+        unsafe {
+            let (a, b) = (_mm_loadu_pd(from), _mm_loadu_pd(from.add(from_width)));
+            _mm_storeu_pd(to, _mm_unpacklo_pd(a, b));
+            _mm_storeu_pd(to.add(to_width), _mm_unpackhi_pd(a, b));
+        }
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
+    #[inline(always)]
+    unsafe fn tile(from: *const f64, from_width: usize, to: *mut f64, to_width: usize) {
+        // SAFETY: as the caller says.
+        unsafe { entry_by_entry(from, from_width, to, to_width) }
+    }
+}
+
+/// # Safety
+/// That of [`Entry::tile`].
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
-fn tile(from: &[f32], from_width: usize, to: &mut [f32], to_width: usize) {
-    for r in 0..TILE {
-        for c in 0..TILE {
-            to[c * to_width + r] = from[r * from_width + c];
+unsafe fn entry_by_entry<T: Entry>(from: *const T, from_width: usize, to: *mut T, to_width: usize) {
+    for r in 0..T::TILE {
+        for c in 0..T::TILE {
+            // SAFETY: as the caller says.
+            unsafe { *to.add(c * to_width + r) = *from.add(r * from_width + c) };
         }
     }
 }
@@ -58,19 +116,29 @@ fn tile(from: &[f32], from_width: usize, to: &mut [f32], to_width: usize) {
 mod tests {
     use super::*;
 
-    #[test]
-    fn every_entry_changes_places() {
-        for rows in 1..=17 {
-            for columns in 1..=45 {
-                let from: Vec<f32> = (0..rows * columns).map(|k| k as f32).collect();
-                let mut to = vec![-1.0; rows * columns];
-                transpose(&from, rows, columns, &mut to);
-                for r in 0..rows {
-                    for c in 0..columns {
-                        assert_eq!(to[c * rows + r], from[r * columns + c], "{rows} x {columns}: {r}, {c}");
-                    }
+    fn every_entry_changes_places<T: Entry + PartialEq + std::fmt::Debug>(number: impl Fn(usize) -> T) {
+        let none = number(usize::MAX);
+        for (rows, columns, beside) in (1..=17).flat_map(|r| (1..=45).flat_map(move |c| [(r, c, 0), (r, c, 3)])) {
+            let (from_width, to_width) = (columns + beside, rows + beside);
+            let from: Vec<T> = (0..rows * from_width).map(&number).collect();
+            let mut to = vec![none; columns * to_width];
+            transpose(&from, from_width, &mut to, to_width, [rows, columns]);
+            for c in 0..columns {
+                for r in 0..to_width {
+                    let expected = if r < rows { from[r * from_width + c] } else { none };
+                    assert_eq!(to[c * to_width + r], expected, "{rows} x {columns}, {beside} beside: {r}, {c}");
                 }
             }
         }
+    }
+
+    #[test]
+    fn every_single_changes_places() {
+        every_entry_changes_places(|k| k as f32);
+    }
+
+    #[test]
+    fn every_double_changes_places() {
+        every_entry_changes_places(|k| k as f64);
     }
 }

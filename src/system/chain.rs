@@ -66,7 +66,12 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
     for (i, line) in lines.iter().enumerate() {
         let pose = match normals.get(i).and_then(Option::as_ref) {
             Some(normal) => frame(normal.feet[0], normal.direction, line.direction),
-            None => frame(line.point, perpendicular(line.direction), line.direction),
+            None => {
+                // Anywhere on the axis: where its normal with the one before ends nothing is left to shift.
+                let before = i.checked_sub(1).and_then(|k| normals[k].as_ref());
+                let point = before.map_or(line.point, |normal| normal.feet[1]);
+                frame(point, perpendicular(line.direction), line.direction)
+            }
         };
         let next = match frames.last() {
             None => first(*line, pose),

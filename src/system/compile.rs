@@ -8,7 +8,7 @@ use super::model::{Actuator, BodyTerms, Constant, Friction, JointTerms, Limits, 
 use super::propulsion::thrusters;
 use super::variation::Ingredients;
 use crate::description::{Body, Frame, Joint, JointKind, LinearActuator, Scene, Vehicle, Water};
-use crate::hydro::{Coefficients, Drag, Placement, Principal, Restoring};
+use crate::hydro::{Coefficients, Drag, Place, Placement, Principal, Restoring};
 use crate::lane::Shared;
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::SpatialInertia;
@@ -293,10 +293,12 @@ fn principal(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Principal<f64>,
         Coefficients::Diagonal(d) => Some(*d),
         Coefficients::Full(_) => None,
     };
+    let [x, y, z] = [3, 4, 5].map(|k| parts[0][k] + parts[1][k]);
     let principal = Principal {
-        position: at.position.0,
+        place: Place::of(at.position.0.map(|x| shift(x).unwrap_or(0.0))),
         rotation: matches!(drag.placement, Placement::At(..)).then_some(at.rotation.0),
-        inertia: [0, 1, 2, 3, 4, 5].map(|k| parts[0][k] + parts[1][k]),
+        masses: [0, 1, 2].map(|k| parts[0][k] + parts[1][k]),
+        gyration: [z - y, x - z, y - x],
         drag: [coefficients(&drag.linear)?, coefficients(&drag.quadratic)?],
         net_mass: of.weight.net_mass - of.displaced.net_mass,
     };

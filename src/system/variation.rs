@@ -176,13 +176,17 @@ fn vary_body<L: Lane, P: Param<L>>(
     if let (Some(principal), Some(of), Some([rigid, added])) = (&mut body.principal, &of.principal, &parts.principal) {
         let displaced = parts.displaced.net_mass.get();
         principal.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
+        let mut inertia = [L::zero(); 6];
         let [linear, quadratic] = &mut principal.drag;
         for k in 0..6 {
             let added = added[k].get() * factors.added_mass;
-            principal.inertia[k] = rigid[k].get().mul_add(factors.mass, added);
+            inertia[k] = rigid[k].get().mul_add(factors.mass, added);
             linear[k] = of.drag[0][k].get() * factors.linear_drag;
             quadratic[k] = of.drag[1][k].get() * factors.quadratic_drag;
         }
+        let [masses @ .., x, y, z] = inertia;
+        principal.masses = masses;
+        principal.gyration = [z - y, x - z, y - x];
     }
     for (drag, of) in body.drag.iter_mut().zip(&of.drag) {
         scale(&mut drag.linear, &of.linear, factors.linear_drag);

@@ -438,8 +438,8 @@ def test_wrappers_of_actions_observations_and_statistics_work(task):
     observation, _ = env.reset(seed=0)
     assert observation.shape == (3, *make(task).observation_space.shape)
     total = 0.0
-    for _ in range(5):
-        observation, reward, _, truncated, info = env.step(env.action_space.sample())
+    for k in range(5):
+        observation, reward, _, truncated, info = env.step(2.0 * other_than(k, env))
         total += reward
         assert np.isfinite(observation).all()
     assert truncated

@@ -470,6 +470,7 @@ import os, gymnasium, uvms_gym
 def threads(n):
     envs = gymnasium.make_vec({task!r}, n, scene={small(task)!r}, threads=4)
     envs.reset(seed=0)
+    envs.action_space.seed(0)
     for _ in range(20):
         envs.step(envs.action_space.sample())
     return len(os.listdir("/proc/self/task"))

@@ -83,5 +83,5 @@ def test_own_tasks_train(task):
     from uvms_gym.sb3 import NativeVecEnv
 
     venv = NativeVecEnv(own_task.OwnTasks(gym.make_vec(task, 4, autoreset_mode="Disabled", **options(task))))
-    model = sb3.PPO("MlpPolicy", venv, n_steps=16, batch_size=32, n_epochs=1, device="cpu").learn(64)
+    model = sb3.PPO("MlpPolicy", venv, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu").learn(64)
     assert len(model.ep_info_buffer) > 0

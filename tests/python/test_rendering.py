@@ -207,6 +207,7 @@ def test_videos_of_vector_environments_are_recorded(tmp_path: Path, monkeypatch:
     envs = gym.make_vec(ENV, num_envs=2, scene=PETASUS, render_mode="rgb_array")
     envs = gym.wrappers.vector.RecordVideo(envs, str(tmp_path / "videos"), episode_trigger=lambda episode: True)
     envs.reset(seed=0)
+    envs.action_space.seed(0)
     for _ in range(3):
         envs.step(envs.action_space.sample())
     envs.close()

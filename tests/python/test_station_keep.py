@@ -307,6 +307,7 @@ def test_pd_takes_an_error_away():
 def test_pd_is_made_from_any_environment_or_none():
     single = gym.make(ENV, scene=SMALL, action="thrusters")
     one = uvms_gym.PD(scene=SMALL, action="thrusters")
+    single.observation_space.seed(0)
     observations = single.observation_space.sample()[None].repeat(3, axis=0)
     expected, state = one.predict(observations, state="kept", episode_start=np.ones(3), deterministic=False)
     assert (expected.shape, expected.dtype, state) == ((3, 8), np.float32, "kept")

@@ -185,7 +185,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
             (pull, moving) = link.outward(joint, pull, moving, qd[i]);
             if let Some(principal) = &joint.body.principal {
-                link.bias = principal.bias_along(moving, pull);
+                principal.bias_along(moving, pull, &mut link.bias);
             }
         }
         // The last link alone may bear a payload.

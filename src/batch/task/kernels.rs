@@ -126,11 +126,11 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
 #[inline(always)]
 fn entries<L: Lane>(rows: &[f32], lanes: usize, width: usize, page: &mut [f32; ACTIONS * WIDEST]) -> [L; ACTIONS] {
     if lanes == L::LANES {
-        transpose(rows, L::LANES, width, page);
+        transpose(rows, width, page, L::LANES, [L::LANES, width]);
     } else {
         let mut some = [0.0; ACTIONS * WIDEST];
         some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
-        transpose(&some, L::LANES, width, page);
+        transpose(&some, width, page, L::LANES, [L::LANES, width]);
     }
     let mut entries = [L::zero(); ACTIONS];
     for k in 0..width {
@@ -166,10 +166,10 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
             if lanes == L::LANES {
-                transpose(&page, width, L::LANES, rows);
+                transpose(&page, L::LANES, rows, width, [width, L::LANES]);
             } else {
                 let mut all = [0.0; LONGEST * WIDEST];
-                transpose(&page, width, L::LANES, &mut all);
+                transpose(&page, L::LANES, &mut all, width, [width, L::LANES]);
                 rows[..lanes * width].copy_from_slice(&all[..lanes * width]);
             }
             note(&judgement, first, lanes, self.out);
