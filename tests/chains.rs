@@ -8,6 +8,7 @@ use common::random_scene::{Options, Random, random_scene};
 use nalgebra as na;
 use uvms_gym::balance::Balance;
 use uvms_gym::description::{Frame, JointKind, Scene};
+use uvms_gym::hydro::Place;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};
 use uvms_gym::spatial::Bend;
@@ -191,6 +192,19 @@ fn ordinary_arms_compute_in_the_cheap_frames() {
         assert!(expected, "{lie:?}: {stand:?}");
     }
     assert!(matches!(stands(&chain(4, &[Lie::Turned(1e-3)]))[0], Stand::Pose(..)));
+}
+
+#[test]
+fn shipped_arms_leave_out_what_their_frames_can_spare() {
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
+        let system = compile(&Scene::shipped(name).unwrap()).system;
+        let last = system.joints.last().unwrap().constant;
+        assert!(matches!(last, Constant::Shift(None)), "{name}: {last:?}");
+    }
+    for joint in compile(&Scene::shipped("petasus-pum").unwrap()).system.joints {
+        let place = joint.body.principal.unwrap().place;
+        assert!(!matches!(place, Place::At(_)), "{place:?}");
+    }
 }
 
 #[test]

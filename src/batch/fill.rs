@@ -9,8 +9,10 @@ use crate::system::JOINTS;
 
 /// Greatest number of instances in a block.
 const WIDEST: usize = 16;
-/// Most numbers of an instance that are worked on at once: its thrusts, its servo targets, or its station.
-const PAGE: usize = if THRUSTERS > 4 * JOINTS { THRUSTERS } else { 4 * JOINTS };
+/// Numbers of a station: position, and rotation by rows.
+const STATION: usize = 12;
+/// Most numbers of an instance that are worked on at once: its thrusts; torques and stations have fewer.
+const PAGE: usize = THRUSTERS;
 
 /// A number of each instance of a block. In f64 whatever the precision of the rows, by operations that are rounded one by
 /// one, in the order of [`Applied::fill`]: the same loads, bit for bit, whatever the instruction set.
@@ -40,7 +42,7 @@ struct Fill<'a, T> {
 impl<T: Real> Kernel<T> for Fill<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        const { assert!(T::BLOCK <= WIDEST) };
+        const { assert!(T::BLOCK <= WIDEST && JOINTS <= PAGE && STATION <= PAGE) };
         let (given, layout) = (self.given, &self.table.layout);
         let n = layout.joints;
         let (mut page, mut targets) = ([[0.0; WIDEST]; PAGE], [[0.0; WIDEST]; 4 * JOINTS]);
@@ -142,8 +144,8 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                 }
             }
             if let Some(station) = given.inputs.station {
-                let page = &mut page[..12];
-                gather(station, 12, 0, first, count, page);
+                let page = &mut page[..STATION];
+                gather(station, STATION, 0, first, count, page);
                 // Given by position and rotation.
                 set(rows, layout.station + 9, &page[..3]);
                 set(rows, layout.station, &page[3..]);

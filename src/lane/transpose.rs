@@ -41,11 +41,19 @@ pub trait Entry: Copy {
     /// Edge of the squares.
     const TILE: usize;
 
-    /// Transposes a square in which rows are `from_width` and `to_width` apart.
+    /// Transposes a square in which rows are `from_width` and `to_width` apart: entry by entry where there is no better way.
     ///
     /// # Safety
     /// All rows of both squares must be there.
-    unsafe fn tile(from: *const Self, from_width: usize, to: *mut Self, to_width: usize);
+    #[inline(always)]
+    unsafe fn tile(from: *const Self, from_width: usize, to: *mut Self, to_width: usize) {
+        for r in 0..Self::TILE {
+            for c in 0..Self::TILE {
+                // SAFETY: as the caller says.
+                unsafe { *to.add(c * to_width + r) = *from.add(r * from_width + c) };
+            }
+        }
+    }
 }
 
 impl Entry for f32 {
@@ -66,13 +74,6 @@ impl Entry for f32 {
             }
         }
     }
-
-    #[cfg(not(target_arch = "x86_64"))]
-    #[inline(always)]
-    unsafe fn tile(from: *const f32, from_width: usize, to: *mut f32, to_width: usize) {
-        // SAFETY: as the caller says.
-        unsafe { entry_by_entry(from, from_width, to, to_width) }
-    }
 }
 
 impl Entry for f64 {
@@ -88,26 +89,6 @@ impl Entry for f64 {
             let (a, b) = (_mm_loadu_pd(from), _mm_loadu_pd(from.add(from_width)));
             _mm_storeu_pd(to, _mm_unpacklo_pd(a, b));
             _mm_storeu_pd(to.add(to_width), _mm_unpackhi_pd(a, b));
-        }
-    }
-
-    #[cfg(not(target_arch = "x86_64"))]
-    #[inline(always)]
-    unsafe fn tile(from: *const f64, from_width: usize, to: *mut f64, to_width: usize) {
-        // SAFETY: as the caller says.
-        unsafe { entry_by_entry(from, from_width, to, to_width) }
-    }
-}
-
-/// # Safety
-/// That of [`Entry::tile`].
-#[cfg(not(target_arch = "x86_64"))]
-#[inline(always)]
-unsafe fn entry_by_entry<T: Entry>(from: *const T, from_width: usize, to: *mut T, to_width: usize) {
-    for r in 0..T::TILE {
-        for c in 0..T::TILE {
-            // SAFETY: as the caller says.
-            unsafe { *to.add(c * to_width + r) = *from.add(r * from_width + c) };
         }
     }
 }
