@@ -122,6 +122,12 @@ pub fn inverse(pose: &Pose<f64>) -> Pose<f64> {
     Pose { rotation, position: -rotation.apply(pose.position) }
 }
 
+/// A pose without rounding in what is meant to be zero: a quarter turn has a cosine of 6e-17.
+pub fn tidy(pose: &Pose<f64>) -> Pose<f64> {
+    let tidied = |x: [f64; 3]| x.map(|x| shift(x).unwrap_or(0.0));
+    Pose { rotation: Matrix3(pose.rotation.0.map(tidied)), position: Vector3(tidied(pose.position.0)) }
+}
+
 fn bend(sin: f64, cos: f64) -> Bend<f64> {
     if sin == 0.0 && cos > 0.0 {
         Bend::Flat

@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::appendages::{fins, tether};
-use super::chain::{Line, inverse, joint_frames, shift};
+use super::chain::{Line, inverse, joint_frames, shift, tidy};
 use super::model::{Actuator, BodyTerms, Constant, Friction, JointTerms, Limits, Servo, System, VehicleServo};
 use super::propulsion::thrusters;
 use super::variation::Ingredients;
@@ -69,7 +69,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         .collect();
     let frames = joint_frames(&lines);
     let links: Vec<Pose<f64>> =
-        frames.iter().zip(&zero_poses).map(|(frame, link)| inverse(&frame.pose).times(link)).collect();
+        frames.iter().zip(&zero_poses).map(|(frame, link)| tidy(&inverse(&frame.pose).times(link))).collect();
 
     let (vehicle, of_vehicle) = merged(&vehicle, &identity());
     let mut ingredients = vec![of_vehicle.map(Shared)];
@@ -242,8 +242,8 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
     let mut drag = Vec::new();
     for part in parts {
         let at = link.times(&part.at);
-        sum.rigid = sum.rigid.plus(&part.rigid.to_parent(&at));
-        sum.added = sum.added.plus(&part.added.to_parent(&at));
+        sum.rigid = sum.rigid.plus(&tidy_inertia(&part.rigid.to_parent(&at)));
+        sum.added = sum.added.plus(&tidy_inertia(&part.added.to_parent(&at)));
         for (sum, part) in [(&mut sum.weight, &part.weight), (&mut sum.displaced, &part.displaced)] {
             let moment = at.rotation.apply(Vector3(part.moment)) + at.position.scale(part.net_mass);
             sum.net_mass += part.net_mass;
@@ -265,6 +265,16 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
 
 /// Entries of an inertia off its diagonal that are rounding, by the diagonal entries that they couple.
 const OFF_DIAGONAL: f64 = 1e-14;
+
+/// An inertia without the entries off its diagonal that are rounding. (Products of such numbers with each other are
+/// subnormal in single precision, which a processor takes a hundred times as long for.)
+fn tidy_inertia(inertia: &SpatialInertia<f64>) -> SpatialInertia<f64> {
+    SpatialInertia::from_entries(|i, k| {
+        let entry = inertia.entry(i, k);
+        let size = (inertia.entry(i, i) * inertia.entry(k, k)).sqrt();
+        if i != k && entry.abs() <= OFF_DIAGONAL * size { 0.0 } else { entry }
+    })
+}
 
 /// A body in the frame of its drag, if everything is diagonal there; with the diagonals of rigid and added inertia.
 fn principal(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Principal<f64>, [[f64; 6]; 2])> {
@@ -355,5 +365,6 @@ fn vector(v: &na::Vector3<f64>) -> Vector3<f64> {
 
 fn pose(frame: &Frame) -> Pose<f64> {
     let r = frame.rotation();
-    Pose { rotation: Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)]))), position: vector(&frame.position) }
+    let rotation = Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)])));
+    tidy(&Pose { rotation, position: vector(&frame.position) })
 }
