@@ -39,7 +39,7 @@ fn effective<L: Lane, P: Param<L>>(
 ) -> (SpatialInertia<L>, Vector6<L>) {
     let mut inertia: SpatialInertia<L> = body.inertia.get();
     let mut bias = Vector6::zero();
-    body_bias(body, twist, gravity, &mut bias);
+    body_bias::<_, _, false>(body, twist, gravity, &mut bias);
     for drag in &body.drag {
         inertia = drag.slope(twist).scale_add(h, &inertia);
     }

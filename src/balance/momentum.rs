@@ -59,7 +59,7 @@ impl<L: Lane> Whole<L> {
     fn join<P: Param<L>>(&mut self, body: &crate::system::BodyTerms<P>, twist: Vector6<L>, gravity: Vector3<L>) {
         let inertia: SpatialInertia<L> = body.inertia.get();
         let mut bias = Vector6::zero();
-        body_bias(body, twist, gravity, &mut bias);
+        body_bias::<_, _, false>(body, twist, gravity, &mut bias);
         self.inertia = self.inertia.plus(&inertia);
         self.momentum = self.momentum + inertia.apply(twist);
         self.force = self.force + (inertia.bias_wrench(twist) - bias);

@@ -63,6 +63,15 @@ fn minus_crossed<L: Lane>(a: &Matrix3<L>, b: &Matrix3<L>, r: Vector3<L>) -> Matr
     ])
 }
 
+/// `-ad_V^T h` of a momentum h.
+#[inline(always)]
+fn bias<L: Lane>(twist: Vector6<L>, momentum: Vector6<L>) -> Vector6<L> {
+    Vector6 {
+        linear: twist.angular.cross(momentum.linear),
+        angular: twist.linear.cross_add(momentum.linear, twist.angular.cross(momentum.angular)),
+    }
+}
+
 impl<P: Copy> SpatialInertia<P> {
     /// From a symmetric 6x6 matrix by entries (its upper half).
     pub fn from_entries(entry: impl Fn(usize, usize) -> P) -> Self {
@@ -87,6 +96,16 @@ impl<P: Copy> SpatialInertia<P> {
             h: self.h.map(|row| row.map(&mut change)),
             j: self.j.map(&mut change),
         }
+    }
+
+    /// Whether 13 numbers are left: M diagonal, none on the diagonal of H, and xz alone off that of J. So it is with hulls that
+    /// are the same to both sides, and with links that lie along an axis.
+    pub fn is_sparse(&self) -> bool
+    where
+        P: PartialEq + Default,
+    {
+        let (m, h, j) = (&self.m, &self.h, &self.j);
+        [m[1], m[2], m[4], h[0][0], h[1][1], h[2][2], j[1], j[4]].iter().all(|x| *x == P::default())
     }
 
     /// The numbers in lanes.
@@ -154,6 +173,28 @@ impl<L: Lane> SpatialInertia<L> {
         }
     }
 
+    /// Adds a body's own inertia; with `SPARSE`, that of one that [`Self::is_sparse`].
+    #[inline(always)]
+    pub fn plus_own<P: Param<L>, const SPARSE: bool>(&self, own: &SpatialInertia<P>) -> Self {
+        let Self { mut m, mut h, mut j } = *self;
+        for i in 0..6 {
+            if !SPARSE || i == 0 || i == 3 || i == 5 {
+                m[i] += own.m[i].get();
+            }
+            if !SPARSE || (i != 1 && i != 4) {
+                j[i] += own.j[i].get();
+            }
+        }
+        for i in 0..3 {
+            for k in 0..3 {
+                if !SPARSE || i != k {
+                    h[i][k] += own.h[i][k].get();
+                }
+            }
+        }
+        Self { m, h, j }
+    }
+
     /// Momentum `A V`.
     #[inline(always)]
     pub fn apply(&self, twist: Vector6<L>) -> Vector6<L> {
@@ -169,11 +210,27 @@ impl<L: Lane> SpatialInertia<L> {
     /// For a rigid body this is `[HC eq. 5]`; with added mass it holds the Munk moment.
     #[inline(always)]
     pub fn bias_wrench(&self, twist: Vector6<L>) -> Vector6<L> {
-        let momentum = self.apply(twist);
-        Vector6 {
-            linear: twist.angular.cross(momentum.linear),
-            angular: twist.linear.cross_add(momentum.linear, twist.angular.cross(momentum.angular)),
-        }
+        bias(twist, self.apply(twist))
+    }
+
+    /// The same of a body that [`Self::is_sparse`].
+    #[inline(always)]
+    pub fn sparse_bias_wrench(&self, twist: Vector6<L>) -> Vector6<L> {
+        let (m, h, j) = (&self.m, &self.h, &self.j);
+        let ([u, v, w], [p, q, r]) = (twist.linear.0, twist.angular.0);
+        let momentum = Vector6 {
+            linear: Vector3([
+                h[0][2].mul_add(r, h[0][1].mul_add(q, m[0] * u)),
+                h[1][2].mul_add(r, h[1][0].mul_add(p, m[3] * v)),
+                h[2][1].mul_add(q, h[2][0].mul_add(p, m[5] * w)),
+            ]),
+            angular: Vector3([
+                h[2][0].mul_add(w, h[1][0].mul_add(v, j[2].mul_add(r, j[0] * p))),
+                h[2][1].mul_add(w, h[0][1].mul_add(u, j[3] * q)),
+                h[1][2].mul_add(v, h[0][2].mul_add(u, j[5].mul_add(r, j[2] * p))),
+            ]),
+        };
+        bias(twist, momentum)
     }
 
     /// `self * s`

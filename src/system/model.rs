@@ -21,6 +21,8 @@ pub struct System<P> {
     pub joints: Vec<JointTerms<P>>,
     /// Whether all links are [`BodyTerms::is_aligned`].
     pub aligned: bool,
+    /// Whether the inertias of all bodies are [`SpatialInertia::is_sparse`].
+    pub sparse: bool,
     /// Station keeping evaluated within the stages.
     pub vehicle_servo: Option<VehicleServo<P>>,
     /// Thrusters, if any has dynamics; else what they give is part of the wrench on the vehicle.
@@ -173,6 +175,7 @@ impl<P: Copy> System<P> {
             vehicle: self.vehicle.map(c),
             joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
             aligned: self.aligned,
+            sparse: self.sparse,
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
             thrusters: self.thrusters.iter().map(|thruster| thruster.map(c)).collect(),
             fins: self.fins.iter().map(|fin| fin.map(c)).collect(),

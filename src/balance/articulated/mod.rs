@@ -118,7 +118,7 @@ pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vect
 /// `B V - restoring - drag`: what a body's own motion and the water ask for. (Written where it belongs at once: values
 /// that meet after a branch would go through memory besides.)
 #[inline(always)]
-pub(super) fn body_bias<L: Lane, P: Param<L>>(
+pub(super) fn body_bias<L: Lane, P: Param<L>, const SPARSE: bool>(
     body: &BodyTerms<P>,
     twist: Vector6<L>,
     gravity: Vector3<L>,
@@ -132,7 +132,11 @@ pub(super) fn body_bias<L: Lane, P: Param<L>>(
         }
         drag = rest;
     } else {
-        *bias = body.inertia.get().bias_wrench(twist);
+        *bias = if SPARSE {
+            body.inertia.get().sparse_bias_wrench(twist)
+        } else {
+            body.inertia.get().bias_wrench(twist)
+        };
         if let Some(restoring) = &body.restoring {
             *bias = restoring.subtract(gravity, *bias);
         }
@@ -174,7 +178,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
 ) {
-    let Instant { is_start, gravity, twist, q, qd, wrench, held_rate, time } = *at;
+    let Instant { is_start, gravity, twist, q, qd, .. } = *at;
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
 
@@ -197,7 +201,7 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     } else {
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
             (pull, moving) = link.outward(joint, pull, moving, qd[i]);
-            body_bias(&joint.body, moving, pull, &mut link.bias);
+            body_bias::<_, _, false>(&joint.body, moving, pull, &mut link.bias);
         }
     }
     if loads.on_links {
@@ -206,12 +210,46 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         }
     }
 
+    if system.sparse {
+        inward::<L, P, true>(system, at, loads, links, twist_rate);
+    } else {
+        inward::<L, P, false>(system, at, loads, links, twist_rate);
+    }
+
+    let mut rate = *twist_rate;
+    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
+        rate = link.twist_from_parent(joint, rate);
+        let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (rate.linear.0, rate.angular.0);
+        (vx, vy) = (vx + link.across[0], vy + link.across[1]);
+        (wx, wy) = (wx + link.across[2], wy + link.across[3]);
+        let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
+        // What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there. In two sums, and first what
+        // the joint does not turn, as the joints wait for each other here.
+        let first = if joint.slides() { tz.neg_mul_add(wz, link.torque) } else { sz.neg_mul_add(vz, link.torque) };
+        let does = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
+        // (Both entries anew: a reference to one of them would send both through memory.)
+        let (vz, wz, more) = if joint.slides() { (does, wz, does - vz) } else { (vz, does, does - wz) };
+        *qdd = more;
+        rate = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
+    }
+}
+
+/// The inward pass and the base: `V'`, and what the joints need to follow it.
+#[inline(always)]
+fn inward<L: Lane, P: Param<L>, const SPARSE: bool>(
+    system: &System<P>,
+    at: &Instant<L>,
+    loads: &Loads<L>,
+    links: &mut [Link<L>],
+    twist_rate: &mut Vector6<L>,
+) {
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time, .. } = *at;
+    let joints = system.chain();
     // What the links already done ask of the body at hand: inertia, and a wrench.
     let (mut carried, mut asked) = (SpatialInertia::zero(), Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
         let torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        let own: SpatialInertia<L> = joint.body.inertia.get();
-        let inertia = own.plus(&carried);
+        let inertia = carried.plus_own::<P, SPARSE>(&joint.body.inertia);
         let mut wrench = link.bias + asked;
         // Nothing but its torque passes a joint along its axis.
         let (felt, meant) = match joint.constant {
@@ -244,28 +282,10 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     *twist_rate = if system.fixed {
         Vector6 { linear: held_rate, angular: Vector3::zero() }
     } else {
-        let own: SpatialInertia<L> = system.vehicle.inertia.get();
         let mut bias = Vector6::zero();
-        body_bias(&system.vehicle, twist, gravity, &mut bias);
-        own.plus(&carried).solve(wrench - (bias + asked))
+        body_bias::<L, P, SPARSE>(&system.vehicle, twist, gravity, &mut bias);
+        carried.plus_own::<P, SPARSE>(&system.vehicle.inertia).solve(wrench - (bias + asked))
     };
-
-    let mut rate = *twist_rate;
-    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
-        rate = link.twist_from_parent(joint, rate);
-        let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (rate.linear.0, rate.angular.0);
-        (vx, vy) = (vx + link.across[0], vy + link.across[1]);
-        (wx, wy) = (wx + link.across[2], wy + link.across[3]);
-        let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
-        // What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there. In two sums, and first what
-        // the joint does not turn, as the joints wait for each other here.
-        let first = if joint.slides() { tz.neg_mul_add(wz, link.torque) } else { sz.neg_mul_add(vz, link.torque) };
-        let does = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
-        // (Both entries anew: a reference to one of them would send both through memory.)
-        let (vz, wz, more) = if joint.slides() { (does, wz, does - vz) } else { (vz, does, does - wz) };
-        *qdd = more;
-        rate = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
-    }
 }
 
 /// Twist of each link in its joint's frame, relative to what `twist` of the vehicle is relative to.
