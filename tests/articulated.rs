@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::system::{Factors, Flow, State};
+use uvms_gym::system::{Factors, Flow, State, compile};
 
 /// Random loads of a scene, as both forms take them.
 struct RandomLoads {
@@ -164,47 +164,58 @@ fn a_fixed_arm_obeys_the_joint_rows_alone() {
 #[test]
 fn factors_on_parameters_give_the_scene_that_has_them() {
     for seed in 0..60 {
-        let scene = random_scene(seed, Options { fixed: Some(seed % 7 == 0), ..Options::default() });
-        let mut state = random_state(seed, &scene);
-        if scene.vehicle.fixed {
-            state.twist = Vector6::zeros();
-        }
-        let loads = RandomLoads::new(seed, &scene);
-        let mut random = Random::new(seed);
-        let mut factors = Factors::from_array(std::array::from_fn(|_| random.between(0.6, 1.5)));
-        (factors.payload, factors.thrust) = (if seed % 2 == 0 { 0.0 } else { random.between(0.1, 5.0) }, 1.0);
-        let varied = scene.varied(factors.of_bodies());
-
-        // The second instance of three, so that its neighbours differ.
-        let options = SimulatorOptions { instances: 3, ..SimulatorOptions::default() };
-        let mut simulator = Simulator::new(scene.clone(), options).unwrap();
-        simulator.set_factors(&[Factors::ONE, factors, Factors::ONE]).unwrap();
-        let mut twin = Simulator::new(varied.clone(), SimulatorOptions::default()).unwrap();
-        let mut plain = Simulator::new(scene, SimulatorOptions::default()).unwrap();
-        for k in 0..3 {
-            simulator.set_state(k, &state);
-        }
-        twin.set_state(0, &state);
-        plain.set_state(0, &state);
-        let three = |x: &[f64]| x.repeat(3);
-        let (thrust, torque, external) = (three(&loads.thrust), three(&loads.torque), three(&loads.external));
-        let inputs = Inputs {
-            thrust: Some(&thrust),
-            joint_torque: Some(&torque),
-            external: Some(&external),
-            ..Inputs::default()
-        };
-        simulator.step(&inputs, 20).unwrap();
-        twin.step(&loads.inputs(), 20).unwrap();
-        plain.step(&loads.inputs(), 20).unwrap();
-        for (k, other) in [(0, &plain), (1, &twin), (2, &plain)] {
-            let (a, b) = (simulator.state(k), other.state(0));
-            assert!((a.twist - b.twist).norm() < 1e-10 * b.twist.norm().max(1.0), "seed {seed}, instance {k}");
-            assert!((a.position - b.position).norm() < 1e-11, "seed {seed}, instance {k}");
-        }
-        let mass = simulator.closed_form(1, |form| form.mass_matrix().clone());
-        assert!((mass.clone() - twin.closed_form(0, |form| form.mass_matrix().clone())).norm() < 1e-9 * mass.norm());
+        check_factors(seed, random_scene(seed, Options { fixed: Some(seed % 7 == 0), ..Options::default() }));
     }
+}
+
+/// On the axes of an arm that lies along them, and off: there its inertia is no longer mostly zeros.
+#[test]
+fn payloads_are_held_wherever_the_end_effector_is() {
+    for (k, offset) in [[0.0, 0.0, 0.2], [0.1, 0.0, 0.3], [0.1, 0.2, 0.0], [0.0, 0.2, 0.1]].into_iter().enumerate() {
+        let mut scene = Scene::shipped("petasus-pum").unwrap();
+        let compiled = compile(&scene).system;
+        assert!(compiled.sparse && compiled.aligned);
+        scene.arm.as_mut().unwrap().end_effector.position = offset.into();
+        check_factors(2 * k as u64 + 1, scene);
+    }
+}
+
+fn check_factors(seed: u64, scene: Scene) {
+    let mut state = random_state(seed, &scene);
+    if scene.vehicle.fixed {
+        state.twist = Vector6::zeros();
+    }
+    let loads = RandomLoads::new(seed, &scene);
+    let mut random = Random::new(seed);
+    let mut factors = Factors::from_array(std::array::from_fn(|_| random.between(0.6, 1.5)));
+    (factors.payload, factors.thrust) = (if seed % 2 == 0 { 0.0 } else { random.between(0.1, 5.0) }, 1.0);
+    let varied = scene.varied(factors.of_bodies());
+
+    // The second instance of three, so that its neighbours differ.
+    let options = SimulatorOptions { instances: 3, ..SimulatorOptions::default() };
+    let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+    simulator.set_factors(&[Factors::ONE, factors, Factors::ONE]).unwrap();
+    let mut twin = Simulator::new(varied.clone(), SimulatorOptions::default()).unwrap();
+    let mut plain = Simulator::new(scene, SimulatorOptions::default()).unwrap();
+    for k in 0..3 {
+        simulator.set_state(k, &state);
+    }
+    twin.set_state(0, &state);
+    plain.set_state(0, &state);
+    let three = |x: &[f64]| x.repeat(3);
+    let (thrust, torque, external) = (three(&loads.thrust), three(&loads.torque), three(&loads.external));
+    let inputs =
+        Inputs { thrust: Some(&thrust), joint_torque: Some(&torque), external: Some(&external), ..Inputs::default() };
+    simulator.step(&inputs, 20).unwrap();
+    twin.step(&loads.inputs(), 20).unwrap();
+    plain.step(&loads.inputs(), 20).unwrap();
+    for (k, other) in [(0, &plain), (1, &twin), (2, &plain)] {
+        let (a, b) = (simulator.state(k), other.state(0));
+        assert!((a.twist - b.twist).norm() < 1e-10 * b.twist.norm().max(1.0), "seed {seed}, instance {k}");
+        assert!((a.position - b.position).norm() < 1e-11, "seed {seed}, instance {k}");
+    }
+    let mass = simulator.closed_form(1, |form| form.mass_matrix().clone());
+    assert!((mass.clone() - twin.closed_form(0, |form| form.mass_matrix().clone())).norm() < 1e-9 * mass.norm());
 }
 
 /// `T exp xi`, twist, joints and rates of a state moved by `step` along coordinate `k` of `[xi; q; V; q']`.

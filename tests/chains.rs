@@ -215,7 +215,11 @@ fn constants_are_no_rounding() {
     for name in Scene::shipped_names() {
         let compiled = compile(&Scene::shipped(name).unwrap());
         let least = Cell::new(f64::INFINITY);
-        let note = |Shared(x): Shared<f64>| if x != 0.0 { least.set(least.get().min(x.abs())) };
+        let note = |Shared(x): Shared<f64>| {
+            if x != 0.0 {
+                least.set(least.get().min(x.abs()))
+            }
+        };
         compiled.system.map(note);
         compiled.ingredients.iter().for_each(|parts| drop(parts.map(note)));
         assert!(least.get() > 1e-9, "{name}: {:e}", least.get());

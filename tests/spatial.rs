@@ -104,6 +104,24 @@ proptest! {
         prop_assert!(six(rest.apply(lanes(&direction))).amax() < 1e-14 * m.amax());
     }
 
+    #[test]
+    fn short_forms_of_an_inertia_of_mostly_zeros_are_the_general_ones(seed in any::<u64>()) {
+        let random = &mut Random::new(seed);
+        let (mut sparse, carried, v) = (packed(&matrix6(random)), packed(&definite(random)), lanes(&vector6(random)));
+        prop_assert!(!sparse.is_sparse());
+        for k in [1, 2, 4] {
+            sparse.m[k] = 0.0;
+        }
+        for k in 0..3 {
+            sparse.h[k][k] = 0.0;
+        }
+        (sparse.j[1], sparse.j[4]) = (0.0, 0.0);
+        prop_assert!(sparse.is_sparse());
+        prop_assert_eq!(carried.plus_own::<f64, true>(&sparse), carried.plus(&sparse));
+        prop_assert_eq!(carried.plus_own::<f64, false>(&sparse), carried.plus(&sparse));
+        prop_assert!((six(sparse.sparse_bias_wrench(v)) - six(sparse.bias_wrench(v))).amax() < 1e-14);
+    }
+
     /// `B V = -ad_V^T A V`: does no work, and is quadratic.
     #[test]
     fn bias_wrench_is_of_the_algebra_and_does_no_work(seed in any::<u64>()) {

@@ -7,7 +7,7 @@ use super::inputs::Applied;
 use super::lagged::Lagged;
 use super::layout::Layout;
 use super::monitor::{Bounds, Sighting, Watched};
-use super::step::{Accelerate, Step, Switches};
+use super::step::{Accelerate, Spare, Step, Switches};
 use super::table::Table;
 use super::threads::for_each;
 use crate::error::SimulatorError;
@@ -100,6 +100,8 @@ struct Parameters<T> {
     ingredients: Vec<Ingredients<Shared<T>>>,
     /// Where payloads are held.
     grip: [Shared<T>; 3],
+    /// Memory for the parameters of single instances.
+    spare: Spare,
     /// The system without added mass, and the filter of that, where it is a lagged force.
     rigid: Option<(System<Shared<T>>, f64)>,
 }
@@ -124,7 +126,7 @@ impl<T: Real> Blocks<T> {
         let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
         let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
         let alone = system.map(|Shared(x)| x);
-        let scene = Parameters { system, alone, ingredients, grip, rigid };
+        let scene = Parameters { system, alone, ingredients, grip, spare: Spare::default(), rigid };
         let layout =
             Layout::new(compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
@@ -224,6 +226,7 @@ impl<T: Real> Part<'_, T> {
             alone: scene.rigid.is_none().then_some(&scene.alone),
             ingredients: varied.then_some(&scene.ingredients[..]),
             grip: laden.then_some(scene.grip),
+            spare: &scene.spare,
             lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
             layout: &self.table.layout,
             integrator: run.integrator,

@@ -2,6 +2,7 @@
 
 use std::any::Any;
 use std::mem::MaybeUninit;
+use std::sync::Mutex;
 
 use super::columns::Columns;
 use super::dynamics::Dynamics;
@@ -37,6 +38,33 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
     gained.scale_add(L::c(0.5), current).scale(L::splat(h))
 }
 
+/// Memory for the parameters of single instances that nobody works with: to make it anew for every few blocks takes as long
+/// as a sixth of a step of them. Whoever finds it locked does without.
+#[derive(Debug, Default)]
+pub struct Spare(Mutex<Vec<Box<dyn Any + Send>>>);
+
+impl Spare {
+    /// Some of it, with room for payloads or without.
+    fn take<L: Lane>(&self, laden: bool) -> Option<Box<System<L>>> {
+        let system = self.0.try_lock().ok()?.pop()?.downcast::<System<L>>().ok()?;
+        let last = system.joints.last().map_or(&system.vehicle, |joint| &joint.body);
+        (last.load.is_some() == laden).then_some(system)
+    }
+
+    fn put<L: Lane>(&self, system: Box<System<L>>) {
+        if let Ok(mut spare) = self.0.try_lock() {
+            spare.push(system);
+        }
+    }
+}
+
+/// A copy has none.
+impl Clone for Spare {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
 /// Steps blocks of instances.
 pub struct Step<'a, T> {
     /// The system.
@@ -47,6 +75,8 @@ pub struct Step<'a, T> {
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
     /// Where payloads are held, if some instances carry any.
     pub grip: Option<[Shared<T>; 3]>,
+    /// Memory for the parameters of single instances.
+    pub spare: &'a Spare,
     /// What acts in place of added mass, where `system` has none.
     pub lagged: Option<Lagged<'a, T>>,
     /// Rows of a block.
@@ -112,7 +142,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
             (None, Some(system)) => (system as &dyn Any).downcast_ref(),
             _ => None,
         };
-        let mut varied: Option<System<L>> = self.variable(alone.is_none());
+        let mut varied: Option<Box<System<L>>> = self.variable(alone.is_none());
         for (k, rows) in blocks.enumerate() {
             prefetch_after(rows);
             for first in (0..T::BLOCK).step_by(L::LANES) {
@@ -127,10 +157,11 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                     }
                     varied.vary(self.system, ingredients, &factors);
                 }
-                let Some(system) = varied.as_ref().or(alone) else { continue };
+                let Some(system) = varied.as_deref().or(alone) else { continue };
                 self.visit(system, &mut columns, &mut memory);
             }
         }
+        self.give_back(varied);
     }
 }
 
@@ -138,8 +169,17 @@ impl<T: Real> Step<'_, T> {
     /// Memory for the parameters of single instances, where it is needed. (A call: an option of that size is put together
     /// by a copy, of which there are none where instances are stepped.)
     #[inline(never)]
-    fn variable<L: Lane<Real = T>>(&self, needed: bool) -> Option<System<L>> {
-        needed.then(|| self.system.variable(self.ingredients.unwrap_or_default(), self.grip))
+    fn variable<L: Lane<Real = T>>(&self, needed: bool) -> Option<Box<System<L>>> {
+        let make = || Box::new(self.system.variable(self.ingredients.unwrap_or_default(), self.grip));
+        needed.then(|| self.spare.take(self.grip.is_some()).unwrap_or_else(make))
+    }
+
+    /// Keeps it for the next who needs some.
+    #[inline(never)]
+    fn give_back<L: Lane>(&self, system: Option<Box<System<L>>>) {
+        if let Some(system) = system {
+            self.spare.put(system);
+        }
     }
 
     /// Steps the instances of one column group.

@@ -39,6 +39,7 @@ pub trait Lane:
     + Neg<Output = Self>
     + AddAssign
     + SubAssign
+    + Send
     + 'static
 {
     /// The number type of one lane.

@@ -94,7 +94,8 @@ pub fn compile(scene: &Scene) -> Compiled {
             }
         })
         .collect();
-    let sparse = ingredients.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
+    let sparse =
+        ingredients.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
     let system = System {
         sparse,
         aligned: joints.iter().all(|joint| joint.body.is_aligned()),

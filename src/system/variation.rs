@@ -119,8 +119,9 @@ impl<T: Real> System<Shared<T>> {
             }
         }
         if let Some(grip) = grip {
-            // A point off the axes couples all of them.
-            system.sparse = false;
+            // A point mass has products of inertia: those of y with x and z are to be zero.
+            let [x, y, z] = grip.map(|entry| entry == zero);
+            system.sparse &= y || (x && z);
             let load = PointMass { mass: L::zero(), at: grip.map(|Shared(x)| L::splat(x)) };
             let last = system.joints.last_mut().map_or(&mut system.vehicle, |joint| &mut joint.body);
             last.restoring.get_or_insert(none);

@@ -52,7 +52,8 @@ ARCHITECTURES = {
 AROUND_STEPS = {
     r"4step.*Memory.*3new": "working memory, before the first instance",
     r"8variable": "memory for parameters of single instances, before the first of them",
-    r"drop_in_place.*System": "frees that memory, after the last",
+    r"9give_back": "keeps that memory, after the last",
+    r"drop_in_place.*System": "frees it where nobody will need it",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {

@@ -132,11 +132,8 @@ pub(super) fn body_bias<L: Lane, P: Param<L>, const SPARSE: bool>(
         }
         drag = rest;
     } else {
-        *bias = if SPARSE {
-            body.inertia.get().sparse_bias_wrench(twist)
-        } else {
-            body.inertia.get().bias_wrench(twist)
-        };
+        *bias =
+            if SPARSE { body.inertia.get().sparse_bias_wrench(twist) } else { body.inertia.get().bias_wrench(twist) };
         if let Some(restoring) = &body.restoring {
             *bias = restoring.subtract(gravity, *bias);
         }

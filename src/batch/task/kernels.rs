@@ -165,6 +165,7 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
             kernel.observe(&memory, &stance, &error, &mut page);
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
+            prefetch_after(&rows[..lanes * width]);
             if lanes == L::LANES {
                 transpose(&page, L::LANES, rows, width, [width, L::LANES]);
             } else {
@@ -187,6 +188,7 @@ fn note<L: Lane>(judgement: &Judgement<L>, first: usize, lanes: usize, out: &mut
     let rows = out.info.iter_mut().zip(judgement.info).chain([(&mut out.rewards, judgement.reward)]);
     if lanes == L::LANES {
         for (row, x) in rows {
+            prefetch_after(&row[first..first + lanes]);
             x.store_double(&mut row[first..]);
         }
     } else {
