@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Tick = Callable[[], None]
 
-#: Least time that one sample takes, s: calls are repeated up to it. Long enough that the first call, which finds what the
-#: case before left in the caches, is one of several.
+#: Least time that one sample takes, s: calls are repeated up to it. Long enough that the first call, which finds what
+#: the case before left in the caches, is one of several.
 SAMPLE = 3e-2
 
 
