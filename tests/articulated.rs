@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::system::{Factors, Flow, State, compile};
+use uvms_gym::lane::Shared;
+use uvms_gym::system::{Compiled, Factors, Flow, State, System, compile};
 
 /// Random loads of a scene, as both forms take them.
 struct RandomLoads {
@@ -168,14 +169,56 @@ fn factors_on_parameters_give_the_scene_that_has_them() {
     }
 }
 
+/// Memory for parameters of instances' own goes from hand to hand: what was in it must not show.
+#[test]
+fn parameters_leave_nothing_behind() {
+    let own = |i: usize, payload: f64| Factors { mass: 1.0 + 0.01 * i as f64, volume: 0.98, payload, ..Factors::ONE };
+    for (n, integrator) in
+        [(1, "mk4"), (1, "lagged-added-mass"), (200, "mk4"), (200, "lagged-added-mass"), (200, "mk4")]
+    {
+        for precision in [Precision::Double, Precision::Single] {
+            let new = || {
+                let options = SimulatorOptions {
+                    instances: n,
+                    precision,
+                    integrator: integrator.into(),
+                    ..SimulatorOptions::default()
+                };
+                Simulator::new(Scene::shipped("petasus-pum").unwrap(), options).unwrap()
+            };
+            let begin = |simulator: &mut Simulator, factors: &[Factors<f64>]| {
+                simulator.set_factors(factors).unwrap();
+                let state = State { twist: Vector6::repeat(0.2), ..State::default() };
+                (0..n).for_each(|i| simulator.set_state(i, &state));
+            };
+            let (plain, varied, laden): (Vec<_>, Vec<_>, Vec<_>) =
+                (vec![Factors::ONE; n], (0..n).map(|i| own(i, 0.0)).collect(), (0..n).map(|i| own(i, 3.0)).collect());
+            let mixed: Vec<_> = (0..n).map(|i| [Factors::ONE, own(i, 1.0)][i / 80 % 2]).collect();
+            let mut worn = new();
+            for factors in [&varied, &plain, &laden, &varied, &plain, &mixed, &laden, &mixed, &plain] {
+                let mut fresh = new();
+                for simulator in [&mut worn, &mut fresh] {
+                    begin(simulator, factors);
+                    simulator.step(&Inputs::default(), 3).unwrap();
+                }
+                for i in 0..n {
+                    assert_eq!(worn.state(i), fresh.state(i), "instance {i} of {n}, {integrator}, {precision:?}");
+                }
+            }
+        }
+    }
+}
+
 /// On the axes of an arm that lies along them, and off: there its inertia is no longer mostly zeros.
 #[test]
 fn payloads_are_held_wherever_the_end_effector_is() {
     for (k, offset) in [[0.0, 0.0, 0.2], [0.1, 0.0, 0.3], [0.1, 0.2, 0.0], [0.0, 0.2, 0.1]].into_iter().enumerate() {
         let mut scene = Scene::shipped("petasus-pum").unwrap();
-        let compiled = compile(&scene).system;
-        assert!(compiled.sparse && compiled.aligned);
         scene.arm.as_mut().unwrap().end_effector.position = offset.into();
+        let Compiled { system, ingredients, grip, .. } = compile(&scene);
+        let laden: System<f64> = system.variable(&ingredients, Some(grip.map(Shared)));
+        assert!(system.sparse && system.aligned);
+        assert_eq!(laden.sparse, k < 2, "{grip:?}");
         check_factors(2 * k as u64 + 1, scene);
     }
 }

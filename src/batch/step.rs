@@ -38,12 +38,16 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
     gained.scale_add(L::c(0.5), current).scale(L::splat(h))
 }
 
-/// Memory for the parameters of single instances that nobody works with: to make it anew for every few blocks takes as long
-/// as a sixth of a step of them. Whoever finds it locked does without.
+/// Memory for parameters that instances have of their own, while nobody works with it: to make it anew for every few blocks
+/// takes as long as a sixth of a step of them. Whoever finds it locked does without. Its numbers are those of the last who had
+/// it: for those alone who set all that varies.
 #[derive(Debug, Default)]
 pub struct Spare(Mutex<Vec<Box<dyn Any + Send>>>);
 
 impl Spare {
+    /// Most pieces: as many as threads work at a time.
+    const MOST: usize = 64;
+
     /// Some of it, with room for payloads or without.
     fn take<L: Lane>(&self, laden: bool) -> Option<Box<System<L>>> {
         let system = self.0.try_lock().ok()?.pop()?.downcast::<System<L>>().ok()?;
@@ -52,7 +56,9 @@ impl Spare {
     }
 
     fn put<L: Lane>(&self, system: Box<System<L>>) {
-        if let Ok(mut spare) = self.0.try_lock() {
+        if let Ok(mut spare) = self.0.try_lock()
+            && spare.len() < Self::MOST
+        {
             spare.push(system);
         }
     }
@@ -170,14 +176,15 @@ impl<T: Real> Step<'_, T> {
     /// by a copy, of which there are none where instances are stepped.)
     #[inline(never)]
     fn variable<L: Lane<Real = T>>(&self, needed: bool) -> Option<Box<System<L>>> {
+        let spare = self.ingredients.and_then(|_| self.spare.take(self.grip.is_some()));
         let make = || Box::new(self.system.variable(self.ingredients.unwrap_or_default(), self.grip));
-        needed.then(|| self.spare.take(self.grip.is_some()).unwrap_or_else(make))
+        needed.then(|| spare.unwrap_or_else(make))
     }
 
     /// Keeps it for the next who needs some.
     #[inline(never)]
     fn give_back<L: Lane>(&self, system: Option<Box<System<L>>>) {
-        if let Some(system) = system {
+        if let (Some(system), Some(_)) = (system, self.ingredients) {
             self.spare.put(system);
         }
     }

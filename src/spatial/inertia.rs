@@ -98,8 +98,8 @@ impl<P: Copy> SpatialInertia<P> {
         }
     }
 
-    /// Whether 13 numbers are left: M diagonal, none on the diagonal of H, and xz alone off that of J. So it is with hulls that
-    /// are the same to both sides, and with links that lie along an axis.
+    /// Whether 13 numbers are left: M diagonal, none on the diagonal of H, and xz alone off that of J. So it is with links along
+    /// an axis, and with most hulls that are the same to both sides.
     pub fn is_sparse(&self) -> bool
     where
         P: PartialEq + Default,
@@ -213,21 +213,21 @@ impl<L: Lane> SpatialInertia<L> {
         bias(twist, self.apply(twist))
     }
 
-    /// The same of a body that [`Self::is_sparse`].
+    /// The same, to the last bit, of a body that [`Self::is_sparse`].
     #[inline(always)]
     pub fn sparse_bias_wrench(&self, twist: Vector6<L>) -> Vector6<L> {
         let (m, h, j) = (&self.m, &self.h, &self.j);
         let ([u, v, w], [p, q, r]) = (twist.linear.0, twist.angular.0);
         let momentum = Vector6 {
             linear: Vector3([
-                h[0][2].mul_add(r, h[0][1].mul_add(q, m[0] * u)),
-                h[1][2].mul_add(r, h[1][0].mul_add(p, m[3] * v)),
-                h[2][1].mul_add(q, h[2][0].mul_add(p, m[5] * w)),
+                m[0] * u + h[0][2].mul_add(r, h[0][1] * q),
+                m[3] * v + h[1][2].mul_add(r, h[1][0] * p),
+                m[5] * w + h[2][1].mul_add(q, h[2][0] * p),
             ]),
             angular: Vector3([
-                h[2][0].mul_add(w, h[1][0].mul_add(v, j[2].mul_add(r, j[0] * p))),
-                h[2][1].mul_add(w, h[0][1].mul_add(u, j[3] * q)),
-                h[1][2].mul_add(v, h[0][2].mul_add(u, j[5].mul_add(r, j[2] * p))),
+                j[2].mul_add(r, j[0] * p) + h[2][0].mul_add(w, h[1][0] * v),
+                j[3] * q + h[2][1].mul_add(w, h[0][1] * u),
+                j[5].mul_add(r, j[2] * p) + h[1][2].mul_add(v, h[0][2] * u),
             ]),
         };
         bias(twist, momentum)

@@ -36,12 +36,12 @@ const PARALLEL: f64 = 1e-14;
 /// Sine below which two axes that are not parallel are too nearly so for a common normal.
 const NEARLY_PARALLEL: f64 = 0.05;
 
-/// Shifts below this are rounding, m.
-const NO_SHIFT: f64 = 1e-15;
+/// Shifts, m, and entries of rotations below this are rounding.
+const ROUNDING: f64 = 1e-15;
 
 /// A shift, if it is one.
 pub fn shift(length: f64) -> Option<f64> {
-    (length.abs() > NO_SHIFT).then_some(length)
+    (length.abs() > ROUNDING).then_some(length)
 }
 
 /// A common normal: its feet on the two lines and its direction from the first.
@@ -124,7 +124,7 @@ pub fn inverse(pose: &Pose<f64>) -> Pose<f64> {
 
 /// A pose without rounding in what is meant to be zero: a quarter turn has a cosine of 6e-17.
 pub fn tidy(pose: &Pose<f64>) -> Pose<f64> {
-    let tidied = |x: [f64; 3]| x.map(|x| shift(x).unwrap_or(0.0));
+    let tidied = |x: [f64; 3]| x.map(|x| if x.abs() > ROUNDING { x } else { 0.0 });
     Pose { rotation: Matrix3(pose.rotation.0.map(tidied)), position: Vector3(tidied(pose.position.0)) }
 }
 

@@ -108,7 +108,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         fins: fins(scene),
         tether: tether(scene),
     };
-    let grip = links.last().unwrap_or(&hook).times(&tip).position.0;
+    let grip = tidy(&links.last().unwrap_or(&hook).times(&tip)).position.0;
     Compiled { system: system.map(Shared), links, grip, ingredients }
 }
 
@@ -245,8 +245,8 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
     let mut drag = Vec::new();
     for part in parts {
         let at = link.times(&part.at);
-        sum.rigid = sum.rigid.plus(&tidy_inertia(&part.rigid.to_parent(&at)));
-        sum.added = sum.added.plus(&tidy_inertia(&part.added.to_parent(&at)));
+        sum.rigid = sum.rigid.plus(&part.rigid.to_parent(&at));
+        sum.added = sum.added.plus(&part.added.to_parent(&at));
         for (sum, part) in [(&mut sum.weight, &part.weight), (&mut sum.displaced, &part.displaced)] {
             let moment = at.rotation.apply(Vector3(part.moment)) + at.position.scale(part.net_mass);
             sum.net_mass += part.net_mass;
@@ -255,6 +255,7 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
         let at = |d: &Drag<f64>| at.times(&within(&d.placement));
         drag.extend(part.drag.iter().map(|d| placed(d.linear.clone(), d.quadratic.clone(), &at(d))));
     }
+    (sum.rigid, sum.added) = (tidy_inertia(&sum.rigid), tidy_inertia(&sum.added));
     let moment = (Vector3(sum.weight.moment) - Vector3(sum.displaced.moment)).0;
     let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
     let restoring = (restoring != none).then_some(restoring);

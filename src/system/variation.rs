@@ -120,8 +120,8 @@ impl<T: Real> System<Shared<T>> {
         }
         if let Some(grip) = grip {
             // A point mass has products of inertia: those of y with x and z are to be zero.
-            let [x, y, z] = grip.map(|entry| entry == zero);
-            system.sparse &= y || (x && z);
+            let [off_x, off_y, off_z] = grip.map(|entry| entry != zero);
+            system.sparse &= !(off_y && (off_x || off_z));
             let load = PointMass { mass: L::zero(), at: grip.map(|Shared(x)| L::splat(x)) };
             let last = system.joints.last_mut().map_or(&mut system.vehicle, |joint| &mut joint.body);
             last.restoring.get_or_insert(none);
