@@ -231,7 +231,7 @@ fn check_factors(seed: u64, scene: Scene) {
     let loads = RandomLoads::new(seed, &scene);
     let mut random = Random::new(seed);
     let mut factors = Factors::from_array(std::array::from_fn(|_| random.between(0.6, 1.5)));
-    (factors.payload, factors.thrust) = (if seed % 2 == 0 { 0.0 } else { random.between(0.1, 5.0) }, 1.0);
+    (factors.payload, factors.thrust) = (if seed.is_multiple_of(2) { 0.0 } else { random.between(0.1, 5.0) }, 1.0);
     let varied = scene.varied(factors.of_bodies());
 
     // The second instance of three, so that its neighbours differ.
