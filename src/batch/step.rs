@@ -45,7 +45,7 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
 pub struct Spare(Mutex<Vec<Box<dyn Any + Send>>>);
 
 impl Spare {
-    /// Most pieces: as many as threads work at a time.
+    /// Most pieces that are kept; of more threads than that some make theirs anew.
     const MOST: usize = 64;
 
     /// Some of it, with room for payloads or without.
