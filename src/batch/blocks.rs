@@ -3,6 +3,7 @@
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
+use super::aligned::Aligned;
 use super::inputs::Applied;
 use super::lagged::Lagged;
 use super::layout::Layout;
@@ -16,8 +17,9 @@ use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
 use crate::system::{Compiled, Factors, Flow, Ingredients, State, System};
 
-/// Blocks that a thread takes at a time.
-const CHUNK: usize = 8;
+/// Instances that a thread takes at a time, in whole blocks: few enough that threads come to an end together, and so many
+/// that it does not show that each chunk's work is fetched anew.
+pub const CHUNK: usize = 128;
 /// Instances per thread below which threads cost more than they bring.
 const INSTANCES_PER_THREAD: usize = 256;
 
@@ -88,7 +90,7 @@ pub struct Blocks<T> {
     table: Table,
     isa: Isa,
     instances: usize,
-    rows: Vec<T>,
+    rows: Aligned<T>,
 }
 
 /// The scene's parameters.
@@ -100,6 +102,8 @@ struct Parameters<T> {
     ingredients: Vec<Ingredients<Shared<T>>>,
     /// Where payloads are held.
     grip: [Shared<T>; 3],
+    /// Working memory of the steps.
+    working: Spare,
     /// Memory for the parameters of single instances.
     spare: Spare,
     /// The system without added mass, and the filter of that, where it is a lagged force.
@@ -126,15 +130,14 @@ impl<T: Real> Blocks<T> {
         let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
         let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
         let alone = system.map(|Shared(x)| x);
-        let scene = Parameters { system, alone, ingredients, grip, spare: Spare::default(), rigid };
+        let scene =
+            Parameters { system, alone, ingredients, grip, working: Spare::default(), spare: Spare::default(), rigid };
         let layout =
             Layout::new(compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
-        let mut rows = Vec::new();
-        rows.try_reserve_exact(size).map_err(|_| memory())?;
-        rows.resize(size, T::from_f64(0.0));
+        let rows = Aligned::filled(size, T::from_f64(0.0)).map_err(|_| memory())?;
         let table = Table { layout, links: compiled.links.clone() };
         let mut blocks = Self { scene, table, isa, instances, rows };
         // Columns past the last instance hold a sane state too: they are stepped along with it where lanes reach them.
@@ -147,9 +150,6 @@ impl<T: Real> Blocks<T> {
         Ok(blocks)
     }
 
-    /// Instances that a thread takes at a time: those of a few whole blocks.
-    pub const CHUNK: usize = CHUNK * T::BLOCK;
-
     /// Hands chunks of instances to `work`, each with its item, on as many threads as the run allows; the first instance
     /// that its steps did not follow.
     pub fn visit<I: Send>(
@@ -161,10 +161,10 @@ impl<T: Real> Blocks<T> {
         let (scene, table, isa, instances) = (&self.scene, &self.table, self.isa, self.instances);
         let threads = run.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
         let least = First::default();
-        let chunks = self.rows.chunks_mut(Self::CHUNK * table.layout.rows);
+        let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows);
         for_each(chunks.zip(items).enumerate(), threads, |(k, (rows, item))| {
-            let first = k * Self::CHUNK;
-            let count = Self::CHUNK.min(instances - first);
+            let first = k * CHUNK;
+            let count = CHUNK.min(instances - first);
             let mut part = Part { scene, run, count, first, table, isa, rows, sighting: None };
             work(&mut part, item);
             least.note(first, part.sighting);
@@ -226,6 +226,7 @@ impl<T: Real> Part<'_, T> {
             alone: scene.rigid.is_none().then_some(&scene.alone),
             ingredients: varied.then_some(&scene.ingredients[..]),
             grip: laden.then_some(scene.grip),
+            working: &scene.working,
             spare: &scene.spare,
             lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
             layout: &self.table.layout,
@@ -298,7 +299,7 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn step(&mut self, run: &Run, given: Option<&Applied>) -> Option<Sighting> {
-        let parts = self.instances.div_ceil(Self::CHUNK);
+        let parts = self.instances.div_ceil(CHUNK);
         self.visit(run, 0..parts, |part, _| {
             if let Some(given) = given {
                 part.table.apply(part.isa, part.rows, given, part.first, part.count);

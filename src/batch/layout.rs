@@ -31,10 +31,6 @@ pub struct Layout {
     pub torque: usize,
     /// Servo targets, 4 per joint.
     pub target: usize,
-    /// External wrenches on the links, 6 per joint.
-    pub links: usize,
-    /// Station: target rotation (9) and position (3).
-    pub station: usize,
     /// Coordinates of the attitude that the integrator keeps besides the rotation: 4, or none.
     pub attitude: usize,
     /// What these are.
@@ -63,6 +59,12 @@ pub struct Layout {
     pub fins: usize,
     /// Their deflections.
     pub fin: usize,
+    /// Rows that every step may need: those so far.
+    pub common: usize,
+    /// External wrenches on the links, 6 per joint.
+    pub links: usize,
+    /// Station: target rotation (9) and position (3).
+    pub station: usize,
     /// Rows in all.
     pub rows: usize,
 }
@@ -91,8 +93,6 @@ impl Layout {
             wrench: take(6),
             torque: take(joints),
             target: take(4 * joints),
-            links: take(6 * joints),
-            station: take(12),
             factors: take(FACTORS),
             attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
             keeps,
@@ -107,6 +107,9 @@ impl Layout {
             loss: take(thrusters),
             fins,
             fin: take(fins),
+            common: take(0),
+            links: take(6 * joints),
+            station: take(12),
             rows: take(0),
         }
     }

@@ -1,5 +1,6 @@
 //! Many instances at a time: blocks of lanes, threads.
 
+mod aligned;
 mod blocks;
 mod columns;
 mod dynamics;

@@ -1,7 +1,6 @@
 //! The kernels that visit blocks: steps and accelerations.
 
 use std::any::Any;
-use std::mem::MaybeUninit;
 use std::sync::Mutex;
 
 use super::columns::Columns;
@@ -38,9 +37,9 @@ fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector
     gained.scale_add(L::c(0.5), current).scale(L::splat(h))
 }
 
-/// Memory for parameters that instances have of their own, while nobody works with it: to make it anew for every few blocks
-/// takes as long as a sixth of a step of them. Whoever finds it locked does without. Its numbers are those of the last who had
-/// it: for those alone who set all that varies.
+/// Memory that nobody works with at the moment: to make it anew for every few blocks, or for every call of a single instance,
+/// would show. Whoever finds it locked does without. Its numbers are those of the last who had it: it is for those alone who
+/// write before they read.
 #[derive(Debug, Default)]
 pub struct Spare(Mutex<Vec<Box<dyn Any + Send>>>);
 
@@ -48,18 +47,16 @@ impl Spare {
     /// Most pieces that are kept; of more threads than that some make theirs anew.
     const MOST: usize = 64;
 
-    /// Some of it, with room for payloads or without.
-    fn take<L: Lane>(&self, laden: bool) -> Option<Box<System<L>>> {
-        let system = self.0.try_lock().ok()?.pop()?.downcast::<System<L>>().ok()?;
-        let last = system.joints.last().map_or(&system.vehicle, |joint| &joint.body);
-        (last.load.is_some() == laden).then_some(system)
+    /// A piece of it.
+    fn take<M: Any>(&self) -> Option<Box<M>> {
+        self.0.try_lock().ok()?.pop()?.downcast().ok()
     }
 
-    fn put<L: Lane>(&self, system: Box<System<L>>) {
+    fn put<M: Any + Send>(&self, piece: Box<M>) {
         if let Ok(mut spare) = self.0.try_lock()
             && spare.len() < Self::MOST
         {
-            spare.push(system);
+            spare.push(piece);
         }
     }
 }
@@ -81,6 +78,8 @@ pub struct Step<'a, T> {
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
     /// Where payloads are held, if some instances carry any.
     pub grip: Option<[Shared<T>; 3]>,
+    /// Working memory.
+    pub working: &'a Spare,
     /// Memory for the parameters of single instances.
     pub spare: &'a Spare,
     /// What acts in place of added mass, where `system` has none.
@@ -116,25 +115,38 @@ struct Memory<L: Lane> {
 }
 
 impl<L: Lane> Memory<L> {
-    /// Fresh memory, zero throughout: what is read of it has been written before. Filling it takes calls, of which there
-    /// are none where instances are stepped.
-    #[inline(never)]
-    fn new() -> Self {
+    /// Fresh memory, zero throughout: what is read of it has been written before.
+    fn new() -> Box<Self> {
+        let mut memory = Box::<Self>::new_uninit();
         // SAFETY: it consists of floating-point numbers (lanes of them) and flags, for all of which zero bits are a value.
         // Filled at once: number by number, outside the kernel's instruction set, it takes as long as half a step.
-        unsafe { MaybeUninit::zeroed().assume_init() }
+        unsafe {
+            memory.as_mut_ptr().write_bytes(0, 1);
+            memory.assume_init()
+        }
+    }
+
+    /// Makes all its numbers NaN: where one is read before it is written, results show it.
+    fn spoil(&mut self) {
+        let memory = &raw mut *self;
+        // SAFETY: bits that are all set are a number, and the flags are made such again.
+        unsafe {
+            memory.write_bytes(0xFF, 1);
+            (&raw mut (*memory).loads.servo).write(false);
+            (&raw mut (*memory).loads.on_links).write(false);
+        }
     }
 }
 
 impl<T: Real> Kernel<T> for Step<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        let mut memory = Memory::new();
+        let mut memory = self.memory();
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1));
         // One number at a time, a parameter of all instances is no other number than that of one: no code for both.
         if L::LANES > 1 && self.ingredients.is_none() {
             for (k, rows) in blocks.enumerate() {
-                prefetch_after(rows);
+                prefetch_after(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
                 for first in (0..T::BLOCK).step_by(L::LANES) {
                     if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                         break;
@@ -142,6 +154,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                     self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
                 }
             }
+            self.give_back(memory, None);
             return;
         }
         let alone: Option<&System<L>> = match (self.ingredients, self.alone) {
@@ -150,7 +163,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
         };
         let mut varied: Option<Box<System<L>>> = self.variable(alone.is_none());
         for (k, rows) in blocks.enumerate() {
-            prefetch_after(rows);
+            prefetch_after(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
             for first in (0..T::BLOCK).step_by(L::LANES) {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;
@@ -167,23 +180,35 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 self.visit(system, &mut columns, &mut memory);
             }
         }
-        self.give_back(varied);
+        self.give_back(memory, varied);
     }
 }
 
 impl<T: Real> Step<'_, T> {
-    /// Memory for the parameters of single instances, where it is needed. (A call: an option of that size is put together
-    /// by a copy, of which there are none where instances are stepped.)
+    /// Working memory. (A call, as is what follows: there are none where instances are stepped.)
+    #[inline(never)]
+    fn memory<L: Lane>(&self) -> Box<Memory<L>> {
+        let mut memory = self.working.take().unwrap_or_else(Memory::new);
+        if cfg!(debug_assertions) {
+            memory.spoil();
+        }
+        memory
+    }
+
+    /// Memory for the parameters of single instances, where it is needed.
     #[inline(never)]
     fn variable<L: Lane<Real = T>>(&self, needed: bool) -> Option<Box<System<L>>> {
-        let spare = self.ingredients.and_then(|_| self.spare.take(self.grip.is_some()));
+        let laden = |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).load.is_some();
+        let spare =
+            self.ingredients.and_then(|_| self.spare.take().filter(|spare| laden(spare) == self.grip.is_some()));
         let make = || Box::new(self.system.variable(self.ingredients.unwrap_or_default(), self.grip));
         needed.then(|| spare.unwrap_or_else(make))
     }
 
-    /// Keeps it for the next who needs some.
+    /// Keeps both for the next who needs them.
     #[inline(never)]
-    fn give_back<L: Lane>(&self, system: Option<Box<System<L>>>) {
+    fn give_back<L: Lane>(&self, memory: Box<Memory<L>>, system: Option<Box<System<L>>>) {
+        self.working.put(memory);
         if let (Some(system), Some(_)) = (system, self.ingredients) {
             self.spare.put(system);
         }

@@ -4,19 +4,19 @@
 #[cfg(target_arch = "x86_64")]
 const LINE: usize = 64;
 
-/// Asks for what follows `numbers` in memory, as much as they are: blocks are visited one after the other. A hint that
-/// changes nothing, whatever is there.
+/// Asks for as much as `numbers` are, `stride` numbers after them in memory: blocks are visited one after the other. A hint
+/// that changes nothing, whatever is there.
 #[inline(always)]
-pub fn prefetch_after<T>(numbers: &[T]) {
+pub fn prefetch_after<T>(numbers: &[T], stride: usize) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let next = numbers.as_ptr_range().end.cast::<i8>();
+        let next = numbers.as_ptr().wrapping_add(stride).cast::<i8>();
         for line in (0..size_of_val(numbers)).step_by(LINE) {
             // SAFETY: all of x86-64 has this instruction, and it does not access the address in any way that can fail.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(next.wrapping_add(line)) };
         }
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = numbers;
+    let _ = (numbers, stride);
 }

@@ -8,6 +8,7 @@ mod integrators;
 mod linearize;
 mod model;
 mod motion;
+mod outputs;
 mod parameters;
 mod policies;
 mod renderer;

@@ -11,6 +11,7 @@ use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
 use super::disturbance::set_starts;
+use super::outputs::{Past, Sheets};
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
@@ -40,6 +41,7 @@ type OneStep<'py> = (Row<'py, f32>, f64, bool, bool, Bound<'py, PyDict>);
 #[pyclass(module = "uvms_gym._core")]
 pub struct Task {
     pub(super) batch: TaskBatch,
+    past: Past,
 }
 
 #[pymethods]
@@ -74,7 +76,7 @@ impl Task {
             ..SimulatorOptions::default()
         };
         let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps)?;
-        Ok(Self { batch })
+        Ok(Self { batch, past: Past::default() })
     }
 
     /// Number of instances N.
@@ -167,18 +169,9 @@ impl Task {
         // A copy: the caller's array may change while other Python threads run.
         let actions = actions.as_slice().map_or_else(|_| actions.as_array().iter().copied().collect(), <[f32]>::to_vec);
         let (n, width) = (self.batch.instances(), self.batch.task().observation_len());
-        let observations = PyArray2::zeros(py, [n, width], false);
-        let (rewards, info) = (PyArray1::zeros(py, n, false), PyArray2::zeros(py, [INFO, n], false));
-        let (terminated, truncated) = (PyArray1::zeros(py, n, false), PyArray1::zeros(py, n, false));
-        let finals = {
-            let (mut observations, mut rewards, mut info) =
-                (observations.readwrite(), rewards.readwrite(), info.readwrite());
-            let (mut terminated, mut truncated) = (terminated.readwrite(), truncated.readwrite());
-            let flags = [terminated.as_slice_mut()?, truncated.as_slice_mut()?];
-            let (observations, rewards, info) =
-                (observations.as_slice_mut()?, rewards.as_slice_mut()?, info.as_slice_mut()?);
-            self.step_into(py, &actions, Outputs::new(observations, rewards, flags, info))?
-        };
+        let sheets = self.past.take(py, n, width)?;
+        let finals = self.step_into(py, &actions, sheets.open()?.outputs()?)?;
+        self.past.keep(&sheets);
         let finals = if finals.is_empty() {
             None
         } else {
@@ -188,6 +181,7 @@ impl Task {
             let truth = rows(py, finals.iter().flat_map(|end| end.truth.iter().copied()).collect(), finals.len())?;
             Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py), truth))
         };
+        let Sheets { observations, rewards, terminated, truncated, info } = sheets;
         Ok((observations, rewards, terminated, truncated, info, finals))
     }
 

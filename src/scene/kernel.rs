@@ -193,7 +193,7 @@ impl<T: Real> TaskKernel<T> {
             let now = rows.point::<T, L>(memory, rows.next, i);
             rows.set_point(memory, rows.now, i, &now);
             rows.set_point(memory, rows.next, i, &reference.point(L::c(1.0), L::splat(self.frequency)));
-            memory.set_all(rows.reference + JointReference::<L>::LEN * i, &reference.to_array());
+            memory.set_all(rows.reference + JointReference::<L>::LEN * i, &reference.moving());
         }
         if self.tracks() {
             path_advance::<T, L>(memory, rows.path);

@@ -38,20 +38,20 @@ pub struct ReferencePoint<L = f64> {
 /// Phases are kept within a turn, so that no length of an episode blurs them, even in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointReference<L = f64> {
+    /// phi_k, rad.
+    phase: [L; 2],
+    /// x, at most 1.
+    progress: L,
+    /// What the phases grow by in a period, rad.
+    pace: [L; 2],
+    /// What x grows by in a period.
+    ramp: L,
     /// q_0.
     start: L,
     /// c - q_0.
     shift: L,
     /// a_k.
     amplitude: [L; 2],
-    /// phi_k, rad.
-    phase: [L; 2],
-    /// What they grow by in a period, rad.
-    pace: [L; 2],
-    /// x, at most 1.
-    progress: L,
-    /// What it grows by in a period.
-    ramp: L,
 }
 
 impl JointReference {
@@ -90,13 +90,13 @@ impl JointReference {
             + amplitude[1] * frequency[1];
         let slowed = joint.speed.map_or(pace, |speed| (speed / greatest).min(pace)) * period;
         Self {
+            phase: [0, 1].map(|k| draw(3 + k, 0.0, TAU)),
+            progress: 0.0,
+            pace: frequency.map(|w| w * slowed),
+            ramp: slowed / RAMP,
             start,
             shift,
             amplitude,
-            phase: [0, 1].map(|k| draw(3 + k, 0.0, TAU)),
-            pace: frequency.map(|w| w * slowed),
-            progress: 0.0,
-            ramp: slowed / RAMP,
         }
     }
 }
@@ -109,21 +109,27 @@ impl<L: Lane> JointReference<L> {
     #[inline(always)]
     pub fn from_array(x: [L; JointReference::<f64>::LEN]) -> Self {
         Self {
-            start: x[0],
-            shift: x[1],
-            amplitude: [x[2], x[3]],
-            phase: [x[4], x[5]],
-            pace: [x[6], x[7]],
-            progress: x[8],
-            ramp: x[9],
+            phase: [x[0], x[1]],
+            progress: x[2],
+            pace: [x[3], x[4]],
+            ramp: x[5],
+            start: x[6],
+            shift: x[7],
+            amplitude: [x[8], x[9]],
         }
     }
 
     /// Its numbers.
     #[inline(always)]
     pub fn to_array(&self) -> [L; JointReference::<f64>::LEN] {
-        let ([a, b], [p, r], [v, w]) = (self.amplitude, self.phase, self.pace);
-        [self.start, self.shift, a, b, p, r, v, w, self.progress, self.ramp]
+        let ([p, r, x], [v, w], [a, b]) = (self.moving(), self.pace, self.amplitude);
+        [p, r, x, v, w, self.ramp, self.start, self.shift, a, b]
+    }
+
+    /// The first of them: those that a period changes.
+    #[inline(always)]
+    pub fn moving(&self) -> [L; 3] {
+        [self.phase[0], self.phase[1], self.progress]
     }
 
     /// Where it is `ahead` periods from now, of which `frequency` make a second.
@@ -256,7 +262,7 @@ mod tests {
         }
         let numbers = reference.to_array();
         assert_eq!(JointReference::from_array(numbers), reference);
-        assert!(numbers[4..6].iter().all(|phase| phase.abs() <= std::f64::consts::PI + 1e-12));
+        assert!(numbers[..2].iter().all(|phase| phase.abs() <= std::f64::consts::PI + 1e-12));
     }
 
     #[test]

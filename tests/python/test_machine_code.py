@@ -50,9 +50,9 @@ ARCHITECTURES = {
 
 # What the kernel that steps may call, and why.
 AROUND_STEPS = {
-    r"4step.*Memory.*3new": "working memory, before the first instance",
+    r"4step.*6memory": "working memory, before the first instance",
     r"8variable": "memory for parameters of single instances, before the first of them",
-    r"9give_back": "keeps that memory, after the last",
+    r"9give_back": "keeps both, after the last",
     r"drop_in_place.*System": "frees it where nobody will need it",
 }
 # What kernels that run once in a control period, or seldom, may call besides.

@@ -5,7 +5,7 @@ use super::outputs::{Outputs, Transition};
 use super::slot::Slot;
 use super::{Autoreset, Final};
 use crate::balance::Balance;
-use crate::batch::blocks::Part;
+use crate::batch::blocks::{CHUNK, Part};
 use crate::control::Policy;
 use crate::lane::Real;
 use crate::scene::disturbance::{Column, Handling, Weather, seize};
@@ -53,7 +53,7 @@ impl<T: Real> Chunk<'_, '_, T> {
         let isa = self.part.isa;
         T::dispatch(isa, &mut Act { blocks: self.blocks(), actions, base: base.as_deref() });
         self.part.step();
-        let mut counts = [T::from_f64(1.0); MOST];
+        let mut counts = [T::from_f64(1.0); CHUNK];
         for (count, slot) in counts.iter_mut().zip(&*self.slots) {
             *count = T::from_f64(f64::from(slot.step) + 1.0);
         }
@@ -106,7 +106,7 @@ impl<T: Real> Chunk<'_, '_, T> {
     /// Ends episodes and starts those that follow.
     fn follow_up(&mut self, out: &mut Outputs<'_>, finals: &mut Vec<Final>) {
         let Rules { autoreset, max_steps } = self.duty.rules;
-        let mut begun = [false; MOST];
+        let mut begun = [false; CHUNK];
         let mut any = false;
         for k in 0..self.slots.len() {
             let slot = &mut self.slots[k];
@@ -172,9 +172,6 @@ impl<T: Real> Chunk<'_, '_, T> {
         }
     }
 }
-
-/// Most instances of a chunk.
-pub(super) const MOST: usize = 8 * 16;
 
 /// Numbers of instance `i` in blocks of `rows` rows.
 pub(super) fn column<T: Real>(blocks: &[T], rows: usize, i: usize) -> Vec<f64> {

@@ -3,16 +3,17 @@
 use std::sync::{Mutex, PoisonError};
 
 use super::Final;
-use super::chunk::{Chunk, Duty, MOST, Rules, column, set_column};
+use super::chunk::{Chunk, Duty, Rules, column, set_column};
 use super::kernels;
 use super::outputs::Outputs;
 use super::rollout::{Lap, Rollout, take_before};
 use super::slot::Slot;
-use crate::batch::blocks::Blocks;
+use crate::batch::aligned::Aligned;
+use crate::batch::blocks::CHUNK;
 use crate::batch::simulator::Simulator;
 use crate::batch::step::Switches;
 use crate::control::Policy;
-use crate::error::ControlError;
+use crate::error::{ControlError, SimulatorError};
 use crate::lane::Real;
 use crate::scene::{Goal, Task, TaskKernel};
 use crate::system::State;
@@ -74,20 +75,17 @@ pub(super) struct Course<'a> {
 pub(super) struct Company<T> {
     kernel: TaskKernel<T>,
     /// Block by block.
-    episodes: Vec<T>,
+    episodes: Aligned<T>,
 }
 
 impl<T: Real> Company<T> {
-    /// Instances of a chunk.
-    const CHUNK: usize = {
-        assert!(Blocks::<T>::CHUNK <= MOST);
-        Blocks::<T>::CHUNK
-    };
-
-    pub fn new(task: &Task, instances: usize) -> Self {
+    /// # Errors
+    /// [`SimulatorError::Memory`] if they do not fit into memory.
+    pub fn new(task: &Task, instances: usize) -> Result<Self, SimulatorError> {
         let kernel = task.in_lanes();
-        let episodes = vec![T::default(); instances.next_multiple_of(T::BLOCK) * kernel.rows().rows];
-        Self { kernel, episodes }
+        let numbers = instances.next_multiple_of(T::BLOCK).saturating_mul(kernel.rows().rows);
+        let episodes = Aligned::filled(numbers, T::default()).map_err(|_| SimulatorError::Memory { instances })?;
+        Ok(Self { kernel, episodes })
     }
 }
 
@@ -102,14 +100,13 @@ impl<T: Real> Crew for Company<T> {
         let &Orders { task, rules, base, actions } = orders;
         let home = State { q: simulator.scene().home(), ..State::default() };
         let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
-        let chunk = Self::CHUNK;
         let finals = Mutex::new(Vec::new());
         let substeps = task.options().substeps as usize;
         let items = slots
-            .chunks_mut(chunk)
-            .zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows))
-            .zip(actions.chunks(chunk * task.action_len()))
-            .zip(out.chunks(chunk));
+            .chunks_mut(CHUNK)
+            .zip(self.episodes.chunks_mut(CHUNK * self.kernel.rows().rows))
+            .zip(actions.chunks(CHUNK * task.action_len()))
+            .zip(out.chunks(CHUNK));
         simulator.visit::<T, _>(substeps, switches(task), items, |part, (((slots, episodes), actions), mut out)| {
             let mut ended = Vec::new();
             Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
@@ -132,21 +129,20 @@ impl<T: Real> Crew for Company<T> {
         let &Course { task, rules, base, policy, steps } = course;
         let home = State { q: simulator.scene().home(), ..State::default() };
         let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
-        let chunk = Self::CHUNK;
         let mut traces = &mut rollout.traces[..];
         let mut memory = &mut rollout.memory[..];
         let mut laps = Vec::new();
-        for (k, tallies) in rollout.tallies.chunks_mut(chunk).enumerate() {
+        for (k, tallies) in rollout.tallies.chunks_mut(CHUNK).enumerate() {
             let remembered = tallies.len() * policy.widths().memory;
             let (memory_of_lap, rest) = std::mem::take(&mut memory).split_at_mut(remembered);
             memory = rest;
-            let traces = take_before(&mut traces, (k + 1) * chunk);
+            let traces = take_before(&mut traces, (k + 1) * CHUNK);
             laps.push(Lap { policy, steps, memory: memory_of_lap, tallies, traces });
         }
         let failure = Mutex::new(Ok(()));
         let substeps = task.options().substeps as usize;
         let items =
-            slots.chunks_mut(chunk).zip(self.episodes.chunks_mut(chunk * self.kernel.rows().rows)).zip(&mut laps);
+            slots.chunks_mut(CHUNK).zip(self.episodes.chunks_mut(CHUNK * self.kernel.rows().rows)).zip(&mut laps);
         simulator.visit::<T, _>(substeps, switches(task), items, |part, ((slots, episodes), lap)| {
             if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
                 *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);

@@ -1,11 +1,13 @@
 //! What the task does to blocks of instances, in lanes.
 
+use std::ops::Range;
+
 use super::outputs::Outputs;
 use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::scene::{Judgement, PREVIEW, Stance, TaskKernel};
+use crate::scene::{INFO, Judgement, PREVIEW, Stance, TaskKernel};
 use crate::system::{Factors, JOINTS};
 
 /// Greatest number of lanes.
@@ -23,16 +25,18 @@ pub(super) struct Blocks<'a, T> {
 }
 
 impl<T: Real> Blocks<'_, T> {
-    /// Physics and episodes of the group that starts with instance `first`; those of the next block are asked for.
+    /// Physics and episodes of the group that starts with instance `first`; of the next block, those rows of either that
+    /// are `needed` are asked for.
     #[inline(always)]
-    fn group(&mut self, first: usize) -> (Rows<'_, T>, Rows<'_, T>) {
+    fn group(&mut self, first: usize, needed: [Range<usize>; 2]) -> (Rows<'_, T>, Rows<'_, T>) {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
+        let [of_physics, of_episodes] = needed;
         let width = self.layout.rows * T::BLOCK;
         let physics = &mut self.physics[block * width..][..width];
-        prefetch_after(physics);
+        prefetch_after(&physics[of_physics.start * T::BLOCK..of_physics.end * T::BLOCK], width);
         let width = self.kernel.rows().rows * T::BLOCK;
         let episodes = &mut self.episodes[block * width..][..width];
-        prefetch_after(episodes);
+        prefetch_after(&episodes[of_episodes.start * T::BLOCK..of_episodes.end * T::BLOCK], width);
         (Rows::of_block(physics, lane), Rows::of_block(episodes, lane))
     }
 }
@@ -70,6 +74,8 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
         let layout = self.blocks.layout;
         let (width, kernel) = (self.blocks.kernel.rows().actions, self.blocks.kernel);
         let count = self.actions.len() / width;
+        let rows = kernel.rows();
+        let needed = [layout.wrench..layout.target + 4 * layout.joints, rows.now..rows.integral];
         let mut page = [0.0; ACTIONS * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
@@ -79,7 +85,7 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
                 Some(base) => Some(entries(&base[first * width..], lanes, width, &mut page)),
                 None => None,
             };
-            let (mut physics, mut memory) = self.blocks.group(first);
+            let (mut physics, mut memory) = self.blocks.group(first, needed.clone());
             let mut command = kernel.act(&mut memory, &action, base.as_ref());
             let mut disturbing = Vector6::zero();
             if let Some(weather) = kernel.weather() {
@@ -154,9 +160,10 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
         let layout = self.blocks.layout;
         let kernel = self.blocks.kernel;
         let (count, width) = (self.out.len(), kernel.observation_len());
+        let needed = [0..layout.time, 0..kernel.rows().rows];
         let mut page = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
-            let (physics, mut memory) = self.blocks.group(first);
+            let (physics, mut memory) = self.blocks.group(first, needed.clone());
             let stance = stance::<T, L>(layout, &physics);
             kernel.advance::<L>(&mut memory);
             let error = kernel.error(&memory, &stance);
@@ -165,7 +172,7 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
             kernel.observe(&memory, &stance, &error, &mut page);
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
-            prefetch_after(&rows[..lanes * width]);
+            prefetch_after(&rows[..lanes * width], lanes * width);
             if lanes == L::LANES {
                 transpose(&page, L::LANES, rows, width, [width, L::LANES]);
             } else {
@@ -185,18 +192,23 @@ fn note<L: Lane>(judgement: &Judgement<L>, first: usize, lanes: usize, out: &mut
     for (lane, terminated) in out.terminated[first..first + lanes].iter_mut().enumerate() {
         *terminated = sound >> lane & 1 == 0;
     }
-    let rows = out.info.iter_mut().zip(judgement.info).chain([(&mut out.rewards, judgement.reward)]);
+    for k in 0..INFO {
+        put(judgement.info[k], out.info[k], first, lanes);
+    }
+    put(judgement.reward, out.rewards, first, lanes);
+}
+
+/// Writes the first `lanes` of a number's lanes to where its row has them, from instance `first` on.
+#[inline(always)]
+fn put<L: Lane>(x: L, row: &mut [f64], first: usize, lanes: usize) {
+    let to = &mut row[first..first + lanes];
+    prefetch_after(to, lanes);
     if lanes == L::LANES {
-        for (row, x) in rows {
-            prefetch_after(&row[first..first + lanes]);
-            x.store_double(&mut row[first..]);
-        }
+        x.store_double(to);
     } else {
         let mut all = [0.0; WIDEST];
-        for (row, x) in rows {
-            x.store_double(&mut all);
-            row[first..first + lanes].copy_from_slice(&all[..lanes]);
-        }
+        x.store_double(&mut all);
+        to.copy_from_slice(&all[..lanes]);
     }
 }
 
@@ -223,7 +235,7 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
             if !chosen.contains(&true) {
                 continue;
             }
-            let (physics, memory) = self.blocks.group(first);
+            let (physics, memory) = self.blocks.group(first, [0..0, 0..0]);
             let stance = stance::<T, L>(layout, &physics);
             let error = kernel.error(&memory, &stance);
             kernel.observe(&memory, &stance, &error, &mut page);

@@ -123,8 +123,8 @@ impl TaskBatch {
         let simulator = Simulator::new(task.scene().clone(), SimulatorOptions { dt: task.options().dt, ..simulator })?;
         let instances = simulator.instances();
         let crew: Box<dyn Crew> = match simulator.options().precision {
-            Precision::Double => Box::new(Company::<f64>::new(&task, instances)),
-            Precision::Single => Box::new(Company::<f32>::new(&task, instances)),
+            Precision::Double => Box::new(Company::<f64>::new(&task, instances)?),
+            Precision::Single => Box::new(Company::<f32>::new(&task, instances)?),
         };
         let slots = (0..instances as u64).map(|seed| Slot::before(EpisodeKey { seed, episode: 0 })).collect();
         Ok(Self { task, base, simulator, rules: Rules { autoreset, max_steps }, slots, crew })

@@ -1,0 +1,81 @@
+//! Numbers in memory that begin where a line of the cache does.
+
+use std::collections::TryReserveError;
+use std::ops::{Deref, DerefMut};
+
+/// Bytes of a line of the cache.
+const LINE: usize = 64;
+
+/// A fixed count of numbers, of which the first lies at the start of a cache line. Rows of blocks are as long as a line: so no
+/// load or store of one takes two of them.
+#[derive(Debug)]
+pub struct Aligned<T> {
+    memory: Vec<T>,
+    start: usize,
+}
+
+impl<T: Clone> Aligned<T> {
+    /// `count` times `number`.
+    ///
+    /// # Errors
+    /// If they do not fit into memory.
+    pub fn filled(count: usize, number: T) -> Result<Self, TryReserveError> {
+        let most = LINE / size_of::<T>();
+        let mut memory = Vec::<T>::new();
+        memory.try_reserve_exact(count.saturating_add(most))?;
+        // Does not move from here on: there is room for all.
+        let start = memory.as_ptr().align_offset(LINE).min(most);
+        memory.resize(start + count, number);
+        Ok(Self { memory, start })
+    }
+}
+
+impl<T: Clone> Clone for Aligned<T> {
+    fn clone(&self) -> Self {
+        let Some(first) = self.first() else { return Self { memory: Vec::new(), start: 0 } };
+        let mut copy = Self::filled(self.len(), first.clone()).expect("as much memory as there is already");
+        copy.clone_from_slice(self);
+        copy
+    }
+}
+
+impl<T> Deref for Aligned<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        &self.memory[self.start..]
+    }
+}
+
+impl<T> DerefMut for Aligned<T> {
+    fn deref_mut(&mut self) -> &mut [T] {
+        &mut self.memory[self.start..]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn on_a_line<T>(numbers: &[T]) -> bool {
+        numbers.as_ptr().addr().is_multiple_of(LINE)
+    }
+
+    #[test]
+    fn numbers_and_copies_of_them_begin_on_a_line() {
+        for count in [1, 8, 1000, 100_000] {
+            let (single, mut double) = (Aligned::filled(count, 0.5f32).unwrap(), Aligned::filled(count, 0.5).unwrap());
+            double[count - 1] = 2.0;
+            let copy = double.clone();
+            assert!(on_a_line(&single) && on_a_line(&double) && on_a_line(&copy));
+            assert_eq!((single.len(), double.len()), (count, count));
+            assert_eq!(*copy, *double);
+        }
+    }
+
+    #[test]
+    fn none_are_none_and_too_many_are_refused() {
+        assert!(Aligned::filled(0, 0.0).unwrap().clone().is_empty());
+        assert!(Aligned::filled(usize::MAX, 0.0).is_err());
+    }
+}
