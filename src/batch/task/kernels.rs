@@ -75,7 +75,10 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
         let (width, kernel) = (self.blocks.kernel.rows().actions, self.blocks.kernel);
         let count = self.actions.len() / width;
         let rows = kernel.rows();
-        let needed = [layout.wrench..layout.target + 4 * layout.joints, rows.now..rows.integral];
+        let needed = match kernel.weather() {
+            Some(_) => [0..layout.common, 0..rows.rows],
+            None => [layout.wrench..layout.target + 4 * layout.joints, rows.now..rows.integral],
+        };
         let mut page = [0.0; ACTIONS * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
