@@ -54,6 +54,7 @@ AROUND_STEPS = {
     r"8variable": "memory for parameters of single instances, before the first of them",
     r"9give_back": "keeps both, after the last",
     r"drop_in_place.*System": "frees it where nobody will need it",
+    r"^(free|_Unwind_Resume)$": "frees both after a panic of one of these; nothing else here can panic",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {
