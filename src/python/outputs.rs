@@ -44,7 +44,7 @@ impl Past {
     /// Arrays for a step of `n` instances with observations of `width` entries. Their contents are those of another step, but
     /// for `truncated`, where nothing is.
     pub fn take<'py>(&mut self, py: Python<'py>, n: usize, width: usize) -> PyResult<Sheets<'py>> {
-        #[expect(deprecated, reason = "what takes its place is unsafe")]
+        #[expect(deprecated, reason = "what takes its place reads raw pointers")]
         let held_here_alone = |array: &Py<PyAny>| array.get_refcnt(py) == 1;
         let free = self.0.iter().position(|kept| kept.iter().all(held_here_alone));
         let again = free.and_then(|k| Sheets::again(py, &self.0.remove(k), n, width));
