@@ -239,7 +239,8 @@ class StationKeepVectorEnv(TaskVectorEnv):
     max_episode_steps : int or None
         Episodes are truncated after so many steps; None or 0: never.
     copy : bool
-        Taken for compatibility: all arrays returned are fresh, and the caller's own.
+        Taken for compatibility: all arrays returned are the caller's own. Steps write to those alone that nobody holds
+        any more.
     render_mode : str or None
         `"rgb_array"`: `render()` gives a sequence of N pictures, each drawn when first looked at.
     **options
