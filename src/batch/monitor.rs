@@ -60,7 +60,8 @@ impl Table {
         loop {
             // Block by block in lanes; then one by one within the block where something may be.
             let blocks = &mut rows[first * self.layout.rows..];
-            let mut look = Look { layout: &self.layout, bounds, h, blocks, astray: None };
+            let count = count.saturating_sub(first);
+            let mut look = Look { layout: &self.layout, bounds, h, count, blocks, astray: None };
             T::dispatch(isa, &mut look);
             first += look.astray? * T::BLOCK;
             let block = &rows[first * self.layout.rows..][..width];
@@ -87,6 +88,8 @@ struct Look<'a, T> {
     layout: &'a Layout,
     bounds: Bounds,
     h: f64,
+    /// Instances: columns past them need not be looked at.
+    count: usize,
     blocks: &'a mut [T],
     astray: Option<usize>,
 }
@@ -97,6 +100,9 @@ impl<T: Real> Kernel<T> for Look<'_, T> {
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut(self.layout.rows * T::BLOCK);
         for (k, rows) in blocks.enumerate() {
             for first in (0..T::BLOCK).step_by(L::LANES) {
+                if k * T::BLOCK + first >= self.count {
+                    break;
+                }
                 let columns = Columns { rows: &mut *rows, first };
                 // Zero times each number of the state, which is what comes before the time: NaN for one that is not
                 // finite. In four sums, which need not wait for each other.

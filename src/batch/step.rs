@@ -141,10 +141,10 @@ impl<L: Lane> Memory<L> {
 impl<T: Real> Kernel<T> for Step<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        let mut memory = self.memory();
         let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1));
         // One number at a time, a parameter of all instances is no other number than that of one: no code for both.
         if L::LANES > 1 && self.ingredients.is_none() {
+            let mut memory = self.memory::<L>();
             for (k, rows) in blocks.enumerate() {
                 prefetch_after(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
                 for first in (0..T::BLOCK).step_by(L::LANES) {
@@ -161,7 +161,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
             (None, Some(system)) => (system as &dyn Any).downcast_ref(),
             _ => None,
         };
-        let mut varied: Option<Box<System<L>>> = self.variable(alone.is_none());
+        let (mut memory, mut varied) = self.memory_and_system::<L>(alone.is_none());
         for (k, rows) in blocks.enumerate() {
             prefetch_after(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
             for first in (0..T::BLOCK).step_by(L::LANES) {
@@ -195,14 +195,15 @@ impl<T: Real> Step<'_, T> {
         memory
     }
 
-    /// Memory for the parameters of single instances, where it is needed.
+    /// Working memory, and some for the parameters of single instances where it is needed. (One call for both: of two, the
+    /// second would have to free what the first has given, should it panic.)
     #[inline(never)]
-    fn variable<L: Lane<Real = T>>(&self, needed: bool) -> Option<Box<System<L>>> {
+    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<System<L>>>) {
         let laden = |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).load.is_some();
         let spare =
             self.ingredients.and_then(|_| self.spare.take().filter(|spare| laden(spare) == self.grip.is_some()));
         let make = || Box::new(self.system.variable(self.ingredients.unwrap_or_default(), self.grip));
-        needed.then(|| spare.unwrap_or_else(make))
+        (self.memory(), needed.then(|| spare.unwrap_or_else(make)))
     }
 
     /// Keeps both for the next who needs them.

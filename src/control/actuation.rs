@@ -74,6 +74,16 @@ pub struct Actuated<L> {
     pub saturation: L,
 }
 
+impl<L: Lane> Actuated<L> {
+    /// Nothing: memory to work in.
+    #[inline(always)]
+    pub fn none() -> Self {
+        let zero = L::zero();
+        let (thrusts, torques) = ([zero; THRUSTERS], [zero; JOINTS]);
+        Self { thrusts, wrench: Vector6::zero(), torques, square: zero, power: zero, saturation: zero }
+    }
+}
+
 impl<T: Real> Actuation<T> {
     /// Of actions of this kind, for this vehicle.
     pub fn new(map: &ActionMap) -> Self {
@@ -154,8 +164,17 @@ impl<T: Real> Actuation<T> {
     /// What an action comes to, its entries in [-1, 1]: as [`super::Allocation::allocate`] has it, to rounding.
     #[inline(always)]
     pub fn act<L: Lane<Real = T>>(&self, action: &[L; ACTIONS]) -> Actuated<L> {
+        let mut actuated = Actuated::none();
+        self.act_into(action, &mut actuated);
+        actuated
+    }
+
+    /// The same into memory that holds [`Actuated::none`] or what another action came to: to fill so much of it for each
+    /// group of instances would show.
+    #[inline(always)]
+    pub fn act_into<L: Lane<Real = T>>(&self, action: &[L; ACTIONS], actuated: &mut Actuated<L>) {
         let (zero, one) = (L::zero(), L::c(1.0));
-        let mut thrusts = [zero; THRUSTERS];
+        let Actuated { thrusts, torques, .. } = actuated;
         let count = self.thrusters.len();
         match self.kind {
             ActionKind::Wrench | ActionKind::Residual => {
@@ -168,7 +187,7 @@ impl<T: Real> Actuation<T> {
                     thrusts[i] = thrust;
                 }
                 // All are scaled down together where one would exceed its limit.
-                let factor = one / self.excess(&thrusts);
+                let factor = one / self.excess(thrusts);
                 for i in 0..count {
                     let [lower, upper] = self.thrusters[i].limits;
                     thrusts[i] = (thrusts[i] * factor).min(L::splat(upper)).max(L::splat(lower));
@@ -196,7 +215,6 @@ impl<T: Real> Actuation<T> {
             let full = L::select(zero.lt(thrust), L::splat(upper), L::splat(lower));
             saturation = L::select(size.lt(full), saturation, saturation + one);
         }
-        let mut torques = [zero; JOINTS];
         let first = self.len - self.torques.len();
         for (i, greatest) in self.torques.iter().enumerate() {
             let (a, u) = (action[first + i], action[first + i].abs());
@@ -206,13 +224,7 @@ impl<T: Real> Actuation<T> {
             saturation = L::select(u.lt(L::splat(self.near)), saturation, saturation + one);
         }
         let share = L::splat(self.share);
-        Actuated {
-            thrusts,
-            torques,
-            wrench: Vector6::from_array(wrench),
-            square: square * share,
-            power: power * share,
-            saturation: saturation * share,
-        }
+        actuated.wrench = Vector6::from_array(wrench);
+        (actuated.square, actuated.power, actuated.saturation) = (square * share, power * share, saturation * share);
     }
 }

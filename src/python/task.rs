@@ -1,9 +1,7 @@
 //! `_core.Task`.
 
-use numpy::ndarray::{Array1, Array2};
-use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
-};
+use numpy::ndarray::{Array1, Array2, Dimension};
+use numpy::{IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -16,7 +14,6 @@ use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
 use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
-use crate::control;
 use crate::error::TaskError;
 use crate::scene::{INFO, Outcome, StartOverride, TaskOptions, truth_layout};
 
@@ -160,14 +157,13 @@ impl Task {
     }
 
     /// One control period of all instances under `actions` (N, a).
-    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray2<'py, f32>) -> PyResult<StepResult<'py>> {
+    fn step<'py>(&mut self, py: Python<'py>, actions: &Rows<'py, f32>) -> PyResult<StepResult<'py>> {
         let expected = [self.batch.instances(), self.batch.task().action_len()];
         if actions.shape() != expected {
             let message = format!("actions have shape {:?}, expected {expected:?}", actions.shape());
             return Err(PyValueError::new_err(message));
         }
-        // A copy: the caller's array may change while other Python threads run.
-        let actions = actions.as_slice().map_or_else(|_| actions.as_array().iter().copied().collect(), <[f32]>::to_vec);
+        let actions = copied(actions)?;
         let (n, width) = (self.batch.instances(), self.batch.task().observation_len());
         let sheets = self.past.take(py, n, width)?;
         let finals = self.step_into(py, &actions, sheets.open()?.outputs()?)?;
@@ -186,20 +182,14 @@ impl Task {
     }
 
     /// One control period of the one instance that there is, under `action` (a,).
-    fn step_one<'py>(&mut self, py: Python<'py>, action: PyReadonlyArray1<'py, f32>) -> PyResult<OneStep<'py>> {
-        let mut entries = [0.0; control::ACTIONS];
-        let len = action.len();
-        let Some(actions) = entries.get_mut(..len) else {
-            return Err(PyValueError::new_err(format!("an action of {len} entries")));
-        };
-        actions.iter_mut().zip(action.as_array()).for_each(|(entry, a)| *entry = *a);
-        let observation = PyArray1::zeros(py, self.batch.task().observation_len(), false);
+    fn step_one<'py>(&mut self, py: Python<'py>, action: &Row<'py, f32>) -> PyResult<OneStep<'py>> {
+        let action = copied(action)?;
+        // Likewise a copy: to lock an array, as whoever writes to one has to, would take longer.
+        let mut observation = vec![0.0; self.batch.task().observation_len()];
         let (mut reward, mut flags, mut info) = ([0.0], [[false]; 2], [0.0; INFO]);
-        {
-            let mut observation = observation.readwrite();
-            let flags = flags.each_mut().map(|flag| &mut flag[..]);
-            self.step_into(py, actions, Outputs::new(observation.as_slice_mut()?, &mut reward, flags, &mut info))?;
-        }
+        let each = flags.each_mut().map(|flag| &mut flag[..]);
+        self.step_into(py, &action, Outputs::new(&mut observation, &mut reward, each, &mut info))?;
+        let observation = PyArray1::from_slice(py, &observation);
         let [[terminated], [truncated]] = flags;
         Ok((observation, reward[0], terminated, truncated, named(py, &info)?))
     }
@@ -352,6 +342,11 @@ fn start_width(name: &str, joints: usize) -> Option<usize> {
         "q" | "qd" => Some(joints),
         _ => None,
     }
+}
+
+/// Its entries in order: the caller's array may change while other Python threads run.
+fn copied<D: Dimension>(array: &Bound<'_, PyArray<f32, D>>) -> PyResult<Vec<f32>> {
+    array.to_vec().or_else(|_| Ok(array.try_readonly()?.as_array().iter().copied().collect()))
 }
 
 /// A fresh (count, .) array.

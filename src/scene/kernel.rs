@@ -64,6 +64,14 @@ pub struct Command<L> {
     pub joints: [[L; 4]; JOINTS],
 }
 
+impl<L: Lane> Command<L> {
+    /// Nothing: memory to work in.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self { actuated: Actuated::none(), joints: [[L::zero(); 4]; JOINTS] }
+    }
+}
+
 impl<T: Real> TaskKernel<T> {
     /// Numbers of the task in this precision.
     pub(super) fn new(options: &TaskOptions, rig: &Rig) -> Self {
@@ -147,40 +155,39 @@ impl<T: Real> TaskKernel<T> {
     }
 
     /// Takes an action (entries beyond [-1, 1] are clipped, NaN counts as 0) for the coming control period; `base` is
-    /// what the classical controller does, where actions are corrections to it.
+    /// what the classical controller does, where actions are corrections to it. `action` becomes what is done.
     #[inline(always)]
     pub fn act<L: Lane<Real = T>>(
         &self,
         memory: &mut Rows<'_, T>,
-        action: &[L; ACTIONS],
+        action: &mut [L; ACTIONS],
         base: Option<&[L; ACTIONS]>,
-    ) -> Command<L> {
+        command: &mut Command<L>,
+    ) {
         let rows = &self.rows;
-        let mut clipped = [L::zero(); ACTIONS];
         let mut change = L::zero();
         for k in 0..rows.actions {
             // Two clips that differ for NaN alone: one makes it 1, the other -1.
             let (a, one) = (action[k], L::c(1.0));
-            clipped[k] = (a.min(one).max(-one) + a.max(-one).min(one)) * L::c(0.5);
-            let by = clipped[k] - memory.get(rows.action + k);
+            action[k] = (a.min(one).max(-one) + a.max(-one).min(one)) * L::c(0.5);
+            let by = action[k] - memory.get(rows.action + k);
             change = by.mul_add(by, change);
-            memory.set(rows.action + k, clipped[k]);
+            memory.set(rows.action + k, action[k]);
         }
         if let (Some(limit), Some(base)) = (self.residual, base) {
             for k in 0..rows.actions {
                 let one = L::c(1.0);
-                clipped[k] = clipped[k].mul_add(L::splat(limit), base[k]).min(one).max(-one);
+                action[k] = action[k].mul_add(L::splat(limit), base[k]).min(one).max(-one);
             }
         }
-        let actuated = self.actuation.act(&clipped);
+        let Command { actuated, joints } = command;
+        self.actuation.act_into(action, actuated);
         memory.set(rows.change, change);
         memory.set_all(rows.effort, &[actuated.square, actuated.power, actuated.saturation]);
-        let mut joints = [[L::zero(); 4]; JOINTS];
         for i in 0..self.following() {
             let (now, next) = (rows.point(memory, rows.now, i), rows.point(memory, rows.next, i));
             joints[i] = hermite(&now, &next, L::splat(self.frequency));
         }
-        Command { actuated, joints }
     }
 
     /// Moves what is to be followed to the next control instant.

@@ -325,7 +325,9 @@ impl Task {
             let (key, step) = (episode.key(), episode.step());
             weather.stir(&mut Column::of_one(&mut episode.numbers), key, step);
         }
-        self.kernel().act(&mut episode.memory(), &entries, None)
+        let mut command = Command::none();
+        self.kernel().act(&mut episode.memory(), &mut entries, None, &mut command);
+        command
     }
 
     /// [`TaskKernel::advance`] for one instance.

@@ -51,17 +51,16 @@ ARCHITECTURES = {
 # What the kernel that steps may call, and why.
 AROUND_STEPS = {
     r"4step.*6memory": "working memory, before the first instance",
-    r"8variable": "memory for parameters of single instances, before the first of them",
+    r"17memory_and_system": "that, and memory for parameters of single instances, before the first of them",
     r"9give_back": "keeps both, after the last",
     r"drop_in_place.*System": "frees it where nobody will need it",
-    r"^(free|_Unwind_Resume)$": "frees both after a panic of one of these; nothing else here can panic",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {
     r"^mem(cpy|set|move)$": "fills and copies tables",
     r"4core(9panicking|5slice5index)": "checks bounds",
     r"^_Unwind_Resume$": "frees memory after a panic",
-    r"Scratch.*3new": "working memory",
+    r"Scratch.*3new|8variable": "working memory of those that only work out accelerations",
     r"7control.*(allocate|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
     r"^r[a-z0-9]+$": "one of these through a register",
 }

@@ -387,8 +387,10 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         gymnasium.error.ResetNeeded
             There is no episode, or it has terminated.
         """
-        observation, reward, terminated, truncated, info = self._native.step_one(as_actions(action, self._action_shape))
-        return observation, reward, terminated, truncated, self._with_truth(info)
+        result = self._native.step_one(as_actions(action, self._action_shape))
+        if self._privileged:
+            self._with_truth(result[4])
+        return result
 
     def _with_truth(self, info: dict[str, Any]) -> dict[str, Any]:
         if self._privileged:

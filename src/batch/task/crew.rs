@@ -76,6 +76,8 @@ pub(super) struct Company<T> {
     kernel: TaskKernel<T>,
     /// Block by block.
     episodes: Aligned<T>,
+    /// A state that steps harmlessly.
+    home: State,
 }
 
 impl<T: Real> Company<T> {
@@ -85,7 +87,7 @@ impl<T: Real> Company<T> {
         let kernel = task.in_lanes();
         let numbers = instances.next_multiple_of(T::BLOCK).saturating_mul(kernel.rows().rows);
         let episodes = Aligned::filled(numbers, T::default()).map_err(|_| SimulatorError::Memory { instances })?;
-        Ok(Self { kernel, episodes })
+        Ok(Self { kernel, episodes, home: State { q: task.scene().home(), ..State::default() } })
     }
 }
 
@@ -98,8 +100,7 @@ impl<T: Real> Crew for Company<T> {
         out: Outputs<'_>,
     ) -> Vec<Final> {
         let &Orders { task, rules, base, actions } = orders;
-        let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &self.home };
         let finals = Mutex::new(Vec::new());
         let substeps = task.options().substeps as usize;
         let items = slots
@@ -127,8 +128,7 @@ impl<T: Real> Crew for Company<T> {
         rollout: &mut Rollout,
     ) -> Result<(), ControlError> {
         let &Course { task, rules, base, policy, steps } = course;
-        let home = State { q: simulator.scene().home(), ..State::default() };
-        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &home };
+        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &self.home };
         let mut traces = &mut rollout.traces[..];
         let mut memory = &mut rollout.memory[..];
         let mut laps = Vec::new();

@@ -7,7 +7,7 @@ use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::scene::{INFO, Judgement, PREVIEW, Stance, TaskKernel};
+use crate::scene::{Command, INFO, Judgement, PREVIEW, Stance, TaskKernel};
 use crate::system::{Factors, JOINTS};
 
 /// Greatest number of lanes.
@@ -80,16 +80,16 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
             None => [layout.wrench..layout.target + 4 * layout.joints, rows.now..rows.integral],
         };
         let mut page = [0.0; ACTIONS * WIDEST];
+        // Filled with zeros once, not for each group: most of these numbers belong to no thruster and no joint.
+        let (mut action, mut base, mut command) = ([L::zero(); ACTIONS], [L::zero(); ACTIONS], Command::none());
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
-            let action: [L; ACTIONS] = entries(&self.actions[first * width..], lanes, width, &mut page);
-            #[expect(clippy::manual_map, reason = "a closure would not inherit the caller's instruction set")]
-            let base: Option<[L; ACTIONS]> = match self.base {
-                Some(base) => Some(entries(&base[first * width..], lanes, width, &mut page)),
-                None => None,
-            };
+            read(&self.actions[first * width..], lanes, width, &mut page, &mut action);
+            if let Some(given) = self.base {
+                read(&given[first * width..], lanes, width, &mut page, &mut base);
+            }
             let (mut physics, mut memory) = self.blocks.group(first, needed.clone());
-            let mut command = kernel.act(&mut memory, &action, base.as_ref());
+            kernel.act(&mut memory, &mut action, self.base.is_some().then_some(&base), &mut command);
             let mut disturbing = Vector6::zero();
             if let Some(weather) = kernel.weather() {
                 let stance = stance::<T, L>(layout, &physics);
@@ -133,7 +133,13 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
 
 /// Rows (lanes, width) of actions as lanes; `page` is to work on.
 #[inline(always)]
-fn entries<L: Lane>(rows: &[f32], lanes: usize, width: usize, page: &mut [f32; ACTIONS * WIDEST]) -> [L; ACTIONS] {
+fn read<L: Lane>(
+    rows: &[f32],
+    lanes: usize,
+    width: usize,
+    page: &mut [f32; ACTIONS * WIDEST],
+    entries: &mut [L; ACTIONS],
+) {
     if lanes == L::LANES {
         transpose(rows, width, page, L::LANES, [L::LANES, width]);
     } else {
@@ -141,11 +147,9 @@ fn entries<L: Lane>(rows: &[f32], lanes: usize, width: usize, page: &mut [f32; A
         some[..lanes * width].copy_from_slice(&rows[..lanes * width]);
         transpose(&some, width, page, L::LANES, [L::LANES, width]);
     }
-    let mut entries = [L::zero(); ACTIONS];
     for k in 0..width {
         entries[k] = L::load_single(&page[k * L::LANES..]);
     }
-    entries
 }
 
 /// Judges what the steps have come to, and observes.
@@ -172,16 +176,21 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
             let error = kernel.error(&memory, &stance);
             let share = L::c(1.0) / L::load(&self.counts[first..]);
             let judgement = kernel.judge(&mut memory, &stance, &error, share);
-            kernel.observe(&memory, &stance, &error, &mut page);
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
-            prefetch_after(&rows[..lanes * width], lanes * width);
-            if lanes == L::LANES {
-                transpose(&page, L::LANES, rows, width, [width, L::LANES]);
+            if L::LANES == 1 {
+                // Of one instance alone they lie in order at once.
+                kernel.observe(&memory, &stance, &error, rows);
             } else {
-                let mut all = [0.0; LONGEST * WIDEST];
-                transpose(&page, L::LANES, &mut all, width, [width, L::LANES]);
-                rows[..lanes * width].copy_from_slice(&all[..lanes * width]);
+                kernel.observe(&memory, &stance, &error, &mut page);
+                prefetch_after(&rows[..lanes * width], lanes * width);
+                if lanes == L::LANES {
+                    transpose(&page, L::LANES, rows, width, [width, L::LANES]);
+                } else {
+                    let mut all = [0.0; LONGEST * WIDEST];
+                    transpose(&page, L::LANES, &mut all, width, [width, L::LANES]);
+                    rows[..lanes * width].copy_from_slice(&all[..lanes * width]);
+                }
             }
             note(&judgement, first, lanes, self.out);
         }
