@@ -297,6 +297,8 @@ def test_val_peers_are_timed_and_set_against_us(
     assert scene["equal_error"]["doubt"]["theirs"] < 1e-2 * min(theirs["RK4"]["errors"])
     (vector,) = found["vector"]
     assert (vector["threads"], vector["substeps"]) == (1, 5)
+    assert set(vector["peers"]) == set(peers.VECTOR_MODELS)
+    assert all(peer["ratio"]["median"] > 0.0 for peer in vector["peers"].values())
     printed = " ".join(capsys.readouterr().out.split())
     assert "adds nothing to the inertia" in printed
     assert "no integrator between the four" in printed

@@ -244,8 +244,8 @@ def _peers(compared: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: A
             found["equal_error"] = equal_error.study(scene, seed, quick, tick)
         result["scenes"][scene["name"]] = found
         if scene["vehicle"].get("thrusters"):
-            total = timing.rounds(2 * len(arguments["threads"]), repeats)
-            with _task(bar, f"{scene['name']}, make_vec and peer", total) as tick:
+            total = peers.vector_rounds(len(arguments["threads"]), repeats)
+            with _task(bar, f"{scene['name']}, make_vec and peers", total) as tick:
                 result["vector"] += peers.vector_study(scene, n, arguments["threads"], repeats, seed, tick)
     return result
 

@@ -26,6 +26,8 @@ MODELS: dict[str, tuple[str, dict[str, Any]]] = {
     "MuJoCo Euler": ("Euler", {}),
     "MuJoCo implicitfast": ("implicitfast", {}),
 }
+#: Those that the vector environment is set against.
+VECTOR_MODELS = ("MuJoCo RK4", "MuJoCo RK4 with buoyancy")
 ABA = "Pinocchio, 4 x aba"
 
 #: What nobody should have to find out.
@@ -157,19 +159,34 @@ def step_rounds(repeats: int) -> int:
 def vector_study(
     scene: dict[str, Any], n: int, threads: list[int], repeats: int, seed: int, tick: Tick
 ) -> list[dict[str, Any]]:
-    """Set the vector environment, f64, against MuJoCo's RK4 at as many instances, substeps and threads."""
+    """Set the vector environment, f64, against MuJoCo's RK4 at as many instances, substeps and threads.
+
+    Returns
+    -------
+    list of dict
+        Per number of threads: `ours`, seconds per control step and instance (a summary), and in `peers` by the name of
+        the model its `seconds` and their `ratio` to ours, round by round.
+    """
     from uvms_gym.cli.bench import mujoco_peer
 
     cases: dict[Any, Any] = {}
     for count in threads:
-        model = mujoco_peer.build(scene)
         cases[count, "ours"] = VectorEnv(scene, n, count, "float64", seed)
-        cases[count, "theirs"] = mujoco_peer.Rolling(model, scene, n=n, steps=SUBSTEPS, threads=count, seed=seed)
+        for name in VECTOR_MODELS:
+            integrator, options = MODELS[name]
+            model = mujoco_peer.build(scene, integrator, **options)
+            cases[count, name] = mujoco_peer.Rolling(model, scene, n=n, steps=SUBSTEPS, threads=count, seed=seed)
     samples = interleave(cases, repeats, tick)
     rows = []
     for count in threads:
         ours = samples[count, "ours"].fair(count)
-        theirs = SUBSTEPS * samples[count, "theirs"].fair(count)
+        theirs = {name: SUBSTEPS * samples[count, name].fair(count) for name in VECTOR_MODELS}
+        against = {name: {"seconds": summary(spent), "ratio": summary(spent / ours)} for name, spent in theirs.items()}
         row: dict[str, Any] = {"scene": scene["name"], "n": n, "threads": count, "substeps": SUBSTEPS}
-        rows.append(row | {"ours": summary(ours), "mujoco": summary(theirs), "ratio": summary(theirs / ours)})
+        rows.append(row | {"ours": summary(ours), "peers": against})
     return rows
+
+
+def vector_rounds(counts: int, repeats: int) -> int:
+    """How often `vector_study` ticks, for so many numbers of threads."""
+    return rounds(counts * (1 + len(VECTOR_MODELS)), repeats)

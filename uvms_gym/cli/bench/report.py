@@ -139,11 +139,13 @@ def _print_peers(found: dict[str, Any]) -> None:
     if found["vector"]:
         rows = []
         for row in found["vector"]:
-            times = (spread(row["ours"], US, 2), spread(row["mujoco"], US, 1), spread(row["ratio"], 1.0, 1))
-            rows.append([row["scene"], str(row["n"]), str(row["threads"]), *times])
-        header = ("scene", "n", "threads", "make_vec", "MuJoCo RK4", "ratio")
-        substeps = found["vector"][0]["substeps"]
-        table(f"make_vec, f64, against {substeps} steps of MuJoCo: us per control step and instance", header, rows)
+            for name, peer in row["peers"].items():
+                times = (spread(row["ours"], US, 2), spread(peer["seconds"], US), spread(peer["ratio"], 1.0, 1))
+                rows.append([row["scene"], name, str(row["threads"]), *times])
+        header = ("scene", "who", "threads", "make_vec", "theirs", "ratio")
+        n, substeps = (found["vector"][0][what] for what in ("n", "substeps"))
+        title = f"make_vec, f64, {n} instances, against {substeps} steps of MuJoCo: us per control step and instance"
+        table(title, header, rows, text_columns=2)
     for paragraph in found["words"].splitlines():
         say(paragraph)
 
