@@ -3,6 +3,7 @@
 use numpy::ndarray::{Array1, Array2, Dimension};
 use numpy::{IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
@@ -344,9 +345,13 @@ fn start_width(name: &str, joints: usize) -> Option<usize> {
     }
 }
 
-/// Its entries in order: the caller's array may change while other Python threads run.
+/// Its entries, by rows wherever they lie. A copy: the caller's array may change while other Python threads run.
 fn copied<D: Dimension>(array: &Bound<'_, PyArray<f32, D>>) -> PyResult<Vec<f32>> {
-    array.to_vec().or_else(|_| Ok(array.try_readonly()?.as_array().iter().copied().collect()))
+    if array.is_c_contiguous() && array.data().is_aligned() {
+        return Ok(array.to_vec()?);
+    }
+    let by_rows = array.call_method1(intern!(array.py(), "copy"), ("C",))?;
+    Ok(by_rows.cast::<PyArray<f32, D>>()?.to_vec()?)
 }
 
 /// A fresh (count, .) array.

@@ -327,6 +327,22 @@ def test_bad_actions_are_refused_and_change_nothing(task, name, spoil):
     assert same(env.get_state(), before)
 
 
+def test_actions_are_read_wherever_they_lie(task):
+    action = other_than(2, bare(task))
+    frozen = action.copy()
+    frozen.flags.writeable = False
+    apart = np.full((len(action), 2), np.nan, dtype=np.float32)
+    apart[:, 0] = action
+    odd = np.frombuffer(b"\0" + action.tobytes(), dtype=np.float32, offset=1)
+    assert not odd.flags.aligned
+    results = []
+    for one in (action, frozen, apart[:, 0], action[::-1].copy()[::-1], odd):
+        env = bare(task)
+        env.reset(seed=0)
+        results.append(env.step(one))
+    assert all(same(result, results[0]) for result in results)
+
+
 def test_actions_beyond_the_range_are_clipped(task):
     one, other = bare(task), bare(task)
     one.reset(seed=0)

@@ -333,6 +333,19 @@ def test_bad_actions_change_nothing(task):
     assert same(make_and_step(task, 3.0 * good + 5.0), make_and_step(task, good + 1.0))
 
 
+def test_actions_are_read_wherever_they_lie(task):
+    actions = other_than(2, make(task))
+    frozen = actions.copy()
+    frozen.flags.writeable = False
+    apart = np.full((3 * actions.shape[0], 2 * actions.shape[1]), np.nan, dtype=np.float32)
+    apart[::3, ::2] = actions
+    odd = np.frombuffer(b"\0" + actions.tobytes(), dtype=np.float32, offset=1).reshape(actions.shape)
+    assert not odd.flags.aligned
+    expected = make_and_step(task, actions)
+    for given in (frozen, apart[::3, ::2], actions[::-1].copy()[::-1], np.asfortranarray(actions), odd):
+        assert same(make_and_step(task, given), expected)
+
+
 def make_and_step(task, actions):
     envs = make(task)
     envs.reset(seed=0)
