@@ -388,8 +388,7 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
             There is no episode, or it has terminated.
         """
         result = self._native.step_one(as_actions(action, self._action_shape))
-        if self._privileged:
-            self._with_truth(result[4])
+        self._with_truth(result[4])
         return result
 
     def _with_truth(self, info: dict[str, Any]) -> dict[str, Any]:
