@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import uvms_gym
 from uvms_gym import Simulator, load_scene
 from uvms_gym.cli import accuracy, conservation, main, motion, work_precision
 from uvms_gym.cli.work_precision import Setting
@@ -211,6 +212,13 @@ def test_the_recommended_step_is_accurate_stable_and_not_warned_of() -> None:
     assert step(rows) == 0.02
     rows[1]["diverged"] = 1
     assert step(rows) == 0.01
+
+
+@pytest.mark.parametrize("name", uvms_gym.scenes())
+def test_every_shipped_scene_can_be_stripped_of_what_dissipates(name: str) -> None:
+    (fine,) = conservation.drifts(load_scene(name), [Setting("mk4", "f64", 0.005)], episodes=2, seconds=1.0, seed=0)
+    for quantity in conservation.QUANTITIES:
+        assert quantity not in fine or fine[quantity]["worst"] < 1e-8
 
 
 def test_nothing_dissipates_in_the_stripped_scene() -> None:

@@ -21,13 +21,17 @@ QUANTITIES = ("energy", "linear", "angular")
 
 
 def conservative(scene: dict[str, Any]) -> dict[str, Any]:
-    """The scene with all its inertia, added mass too, and without gravity, drag, friction, limits and servos."""
+    """The scene with all its inertia, added mass too, but no gravity, drag, fins, tether, friction, limits, servos."""
     stripped = copy.deepcopy(scene)
     stripped["provenance"] = {}
     stripped["water"]["gravity"] = [0.0, 0.0, 0.0]
     stripped["water"].pop("current", None)
+    for appendage in ("fins", "tether"):
+        stripped["vehicle"].pop(appendage, None)
     for body in bodies(stripped):
-        body.pop("damping", None)
+        # (Given as a force, buoyancy would be one without the gravity that makes it.)
+        for key in ("damping", "buoyancy"):
+            body.pop(key, None)
     for joint in joints(stripped):
         for key in ("friction", "limits", "effort", "speed", "servo"):
             joint.pop(key, None)
