@@ -62,9 +62,9 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
                 time: tableau.c[i],
                 speed: &tableau.a[i],
                 place: &tableau.place[i],
-                support: tableau.support[i],
+                support: &tableau.support[i],
             };
-            stages.weigh(&weights, i, n, h, keeps, from)
+            stages.weigh(&weights, n, h, keeps, from)
         };
         let whole;
         let at = if keeps {
@@ -98,8 +98,9 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
         Some(weights) => stages.error(tableau, weights, n, h, from),
         None => L::zero(),
     };
-    let weights = Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end, support: tableau.support[STAGES] };
-    let mut end = stages.weigh(&weights, tableau.stages.min(STAGES), n, h, keeps, from);
+    let weights =
+        Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end, support: &tableau.support[STAGES] };
+    let mut end = stages.weigh(&weights, n, h, keeps, from);
     match chart {
         Chart::Commutators => {
             // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.

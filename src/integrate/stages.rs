@@ -2,7 +2,7 @@
 
 use super::Rates;
 use super::motion::Motion;
-use super::tableau::{Contrast, STAGES, Tableau};
+use super::tableau::{Contrast, STAGES, Support, Tableau};
 use crate::lane::Lane;
 use crate::lie::Vector6;
 
@@ -38,7 +38,7 @@ pub(super) struct Weights<'a> {
     /// Weights of the accelerations in the coordinates.
     pub place: &'a [f64; STAGES],
     /// Where these two are not zero.
-    pub support: [u8; 2],
+    pub support: &'a [Support; 2],
 }
 
 impl<L: Lane, const N: usize> Stages<L, N> {
@@ -66,43 +66,31 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         Point { pose: Vector6::zero(), scalar: L::zero(), twist: from.twist }
     }
 
-    /// The start plus `h sum w_j k_j` over the first `count` stages; leaves q and q' in `q_at`, `qd_at`.
+    /// The start plus `h sum w_j k_j` over the stages that count; leaves q and q' in `q_at`, `qd_at`.
     #[inline(always)]
-    pub(super) fn weigh(
-        &mut self,
-        weights: &Weights,
-        count: usize,
-        n: usize,
-        h: L,
-        keeps: bool,
-        from: &Motion<L, N>,
-    ) -> Point<L> {
-        let Weights { time, speed, place, support: [speeds, places] } = *weights;
+    pub(super) fn weigh(&mut self, weights: &Weights, n: usize, h: L, keeps: bool, from: &Motion<L, N>) -> Point<L> {
+        let Weights { time, speed, place, support: [speeds, places] } = weights;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
-        let (way, h2) = (h * L::c(time), h * h);
-        for j in 0..count {
-            if speeds & (1 << j) != 0 {
-                let weight = h * L::c(speed[j]);
-                self.weights[j][0] = weight;
-                sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
-                sum.pose = self.pose[j].scale_add(weight, sum.pose);
-                if keeps {
-                    sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
-                }
+        let (way, h2) = (h * L::c(*time), h * h);
+        for j in speeds.stages() {
+            let weight = h * L::c(speed[j]);
+            self.weights[j][0] = weight;
+            sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
+            sum.pose = self.pose[j].scale_add(weight, sum.pose);
+            if keeps {
+                sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
             }
-            if places & (1 << j) != 0 {
-                self.weights[j][1] = h2 * L::c(place[j]);
-            }
+        }
+        for j in places.stages() {
+            self.weights[j][1] = h2 * L::c(place[j]);
         }
         for k in 0..n {
             let (mut q, mut qd) = (from.qd[k] * way, L::zero());
-            for j in 0..count {
-                if speeds & (1 << j) != 0 {
-                    qd = self.rates[j].qd[k].mul_add(self.weights[j][0], qd);
-                }
-                if places & (1 << j) != 0 {
-                    q = self.rates[j].qd[k].mul_add(self.weights[j][1], q);
-                }
+            for j in speeds.stages() {
+                qd = self.rates[j].qd[k].mul_add(self.weights[j][0], qd);
+            }
+            for j in places.stages() {
+                q = self.rates[j].qd[k].mul_add(self.weights[j][1], q);
             }
             self.q_at[k] = from.q[k] + q;
             self.qd_at[k] = from.qd[k] + qd;

@@ -23,13 +23,41 @@ pub struct Tableau {
     pub place_end: [f64; STAGES],
     /// The same for `error`.
     pub place_error: [f64; STAGES],
-    /// Where the rows of `a` and `place`, and last `b` and `place_end`, are not zero: bit j for entry j.
-    pub support: [[u8; 2]; STAGES + 1],
+    /// Where the rows of `a` and `place`, and last `b` and `place_end`, are not zero.
+    pub support: [[Support; 2]; STAGES + 1],
     /// What the step weights differ by from those of a method of lower order, if one is embedded: its last stage is the
     /// step's end.
     pub error: Option<[f64; STAGES]>,
     /// How stages tell about fast rates, if there is more than one.
     pub contrast: Option<Contrast>,
+}
+
+/// The stages that count for a sum.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Support {
+    stages: [usize; STAGES],
+    count: usize,
+}
+
+impl Support {
+    /// Those whose weights are not zero.
+    const fn of(row: &[f64; STAGES]) -> Self {
+        let (mut stages, mut count, mut j) = ([0; STAGES], 0, 0);
+        while j < STAGES {
+            if row[j] != 0.0 {
+                stages[count] = j;
+                count += 1;
+            }
+            j += 1;
+        }
+        Self { stages, count }
+    }
+
+    /// Their numbers. (All are in range, which the compiler has to be told where it is to check no index.)
+    #[inline(always)]
+    pub fn stages(&self) -> impl Iterator<Item = usize> {
+        self.stages.iter().take(self.count).copied().take_while(|j| *j < STAGES)
+    }
 }
 
 /// How the first stages of a method tell about rates. The right-hand side's change `dk` and the difference `dz` of
@@ -93,19 +121,6 @@ const fn times(row: &[f64; STAGES], a: &[[f64; STAGES]; STAGES]) -> [f64; STAGES
     product
 }
 
-/// Bit j for each entry j that is not zero.
-const fn support(row: &[f64; STAGES]) -> u8 {
-    let mut bits = 0;
-    let mut j = 0;
-    while j < STAGES {
-        if row[j] != 0.0 {
-            bits |= 1 << j;
-        }
-        j += 1;
-    }
-    bits
-}
-
 impl Tableau {
     /// A Runge-Kutta method, without estimates.
     const fn new<const K: usize>(order: usize, a: [[f64; STAGES]; K], b: [f64; STAGES], c: [f64; STAGES]) -> Self {
@@ -117,10 +132,10 @@ impl Tableau {
             i += 1;
         }
         let place_end = times(&b, &a);
-        let mut support = [[support(&b), support(&place_end)]; STAGES + 1];
+        let mut support = [[Support::of(&b), Support::of(&place_end)]; STAGES + 1];
         let mut i = 0;
         while i < STAGES {
-            support[i] = [self::support(&a[i]), self::support(&place[i])];
+            support[i] = [Support::of(&a[i]), Support::of(&place[i])];
             i += 1;
         }
         let place_error = [0.0; STAGES];
