@@ -1,7 +1,7 @@
 #!/bin/sh
 # Checks what building needs: Rust, a C linker, Python with venv. Prints the Python to use, or one line per missing
 # thing that says what to install.
-rust=1.89
+rust=1.95
 missing=0
 
 missing() {

@@ -209,7 +209,9 @@ fn check_screw<const ALONG: usize>(
     let vector = lanes(&v).linear;
     let turned = |a: Vector3<f64>, b: Vector3<f64>| (0..3).all(|i| (a.0[i] - b.0[i]).abs() < 1e-15);
     prop_assert!(turned(screw.rotate(vector), pose.rotation.apply(vector)));
-    prop_assert!(turned(screw.rotate_back(vector), pose.rotation.apply_transposed(vector)));
+    let (back, twist) = screw.both_from_parent(vector, lanes(&v));
+    prop_assert!(turned(back, pose.rotation.apply_transposed(vector)));
+    prop_assert_eq!(six(twist), six(screw.adjoint_apply_inverse(lanes(&v))));
     let (special, general) = (screw.inertia_to_parent(&packed(&m)), packed(&m).to_parent(&pose));
     prop_assert!((dense(&special) - dense(&general)).amax() < 4e-14, "{}", dense(&special) - dense(&general));
     Ok(())

@@ -13,7 +13,7 @@
 //! `h (d + h k)` added to each joint's. (h D_i meets the whole `V_i'`, products of velocities included, for that is how
 //! much the body's twist changes.) No pivot is ever less than the explicit form's.
 
-use super::articulated::{Instant, Loads, Scratch, along, body_bias, place, velocity_product, whole};
+use super::articulated::{Instant, Loads, Scratch, along, body_bias, place, whole};
 use super::joint_torque::implicit_joint_torque;
 use crate::lane::{Lane, Param};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -71,11 +71,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>>(
     let (mut pull, mut moving) = (gravity, twist);
     for i in 0..joints.len() {
         let (joint, link) = (&joints[i], &mut links[i]);
-        pull = link.rotate_back(joint, pull);
-        link.gravity = pull;
-        moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
-        link.twist = moving;
-        link.across = velocity_product(joint.slides(), moving, qd[i]);
+        (pull, moving) = link.outward(joint, pull, moving, qd[i]);
+        (link.gravity, link.twist) = (pull, moving);
     }
 
     let mut carried = (SpatialInertia::zero(), Vector6::zero());

@@ -1,6 +1,8 @@
 //! Torque at a joint: actuator, friction, end stops.
 
-use crate::lane::{Lane, Param, get_all};
+use std::hint::cold_path;
+
+use crate::lane::{Lane, Param, get_all, inverse_sqrt};
 use crate::system::JointTerms;
 
 /// Torque along +q. `command` is the actuator's, `target` the servo's `(q_d, q_d')` if it is on.
@@ -14,13 +16,14 @@ pub fn joint_torque<L: Lane, P: Param<L>>(joint: &JointTerms<P>, q: L, qd: L, co
         torque = torque.min(effort.get()).max(-effort.get());
     }
     if let Some(actuator) = &joint.actuator {
+        cold_path();
         let effort: L = actuator.effort(q);
         torque = torque.min(effort).max(-effort);
     }
     if let Some(friction) = &joint.friction {
         torque = friction.viscous.get().neg_mul_add(qd, torque);
         if let Some([coulomb, speed_squared]) = friction.coulomb {
-            torque -= coulomb.get() * qd / qd.mul_add(qd, speed_squared.get()).sqrt();
+            torque = (coulomb.get() * qd).neg_mul_add(inverse_sqrt(qd.mul_add(qd, speed_squared.get())), torque);
         }
     }
     if let Some(limits) = &joint.limits {
@@ -66,7 +69,7 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>>(
     if let Some(friction) = &joint.friction {
         let mut slope = friction.viscous.get();
         if let Some([coulomb, speed_squared]) = friction.coulomb {
-            slope += coulomb.get() / qd.mul_add(qd, speed_squared.get()).sqrt();
+            slope = coulomb.get().mul_add(inverse_sqrt(qd.mul_add(qd, speed_squared.get())), slope);
         }
         torque = slope.neg_mul_add(qd, torque);
         falls = slope.mul_add(h, falls);

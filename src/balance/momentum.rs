@@ -4,7 +4,7 @@
 //! `h' = f + F - V x* h` `[HC eq. 5, 22]`: weight, buoyancy and drag f, the wrench F of all else, and
 //! `V x* h = [omega x p; v x p + omega x l]`.
 
-use super::articulated::{Scratch, along, body_bias, place};
+use super::articulated::{Scratch, body_bias, place};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -37,8 +37,7 @@ impl<L: Lane> Whole<L> {
         place(joints, true, q, links);
         let (mut pull, mut moving) = (gravity, twist);
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
-            pull = link.rotate_back(joint, pull);
-            moving = along(joint, link.twist_from_parent(joint, moving), qd[i]);
+            (pull, moving) = link.outward(joint, pull, moving, qd[i]);
             (link.gravity, link.twist) = (pull, moving);
         }
         let mut all = Self { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };

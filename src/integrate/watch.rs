@@ -1,5 +1,7 @@
 //! What the pieces of a motion show besides its state: how fast the rates are that it excites, and what they get wrong.
 
+use std::hint::cold_path;
+
 use super::tableau::{Contrast, Tableau};
 use crate::lane::{Lane, Real};
 use crate::lie::{Vector3, Vector6};
@@ -76,6 +78,7 @@ impl<L: Lane> Watch<L> {
         let mut spin = (h * self.spin).neg_mul_add(L::c(1.0 / SPIN_TIME), self.spin);
         let spins = L::c(SPIN * SPIN).lt(turn);
         if L::any(spins) {
+            cold_path();
             spin += L::select(spins, spun(order, turn, from, to), L::zero());
         }
         self.spin = L::select(taken, spin, self.spin);

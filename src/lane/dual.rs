@@ -96,6 +96,9 @@ impl Lane for Dual {
         let (mantissa, exponent) = self.value.split();
         (Self::new(mantissa, self.slope * (mantissa / self.value)), Self::splat(exponent))
     }
+    fn inverse_sqrt_estimate(self) -> Self {
+        Self::splat(1.0) / self.sqrt()
+    }
     fn load_single(from: &[f32]) -> Self {
         Self::splat(f64::from(from[0]))
     }

@@ -23,7 +23,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 pub use dispatch::{Isa, Kernel, Real, UnknownIsa};
 pub use dual::Dual;
-pub use elementary::{atan2, exp, horner, ln, ln_1p, sin_cos, sin_cos_near, tanh};
+pub use elementary::{atan2, exp, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;
 pub use transpose::transpose;
@@ -73,6 +73,8 @@ pub trait Lane:
     fn bits(mask: Self::Mask) -> u32;
     /// Mantissa in [1, 2) and binary exponent of a positive normal number; anything for others.
     fn split(self) -> (Self, Self);
+    /// `1 / sqrt(x)` of a positive normal number to within 3.5 %, by its bits; anything for others.
+    fn inverse_sqrt_estimate(self) -> Self;
     /// Reads `LANES` f32 from the front of `from`; exact.
     fn load_single(from: &[f32]) -> Self;
     /// Writes the nearest f32 to the front of `to`.

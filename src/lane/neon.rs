@@ -4,6 +4,7 @@
 use std::arch::aarch64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
 use super::simd::simd_lane;
 use super::{Lane, assigning_ops};
 
@@ -16,7 +17,7 @@ simd_lane! {
     vabsq_f64, vrndnq_f64, vcltq_f64, vbslq_f64,
     |a, b| unsafe { vandq_u64(a, b) },
     |mask| unsafe { (vgetq_lane_u64::<0>(mask) & 1 | vgetq_lane_u64::<1>(mask) & 2) as u32 },
-    split_f64x2,
+    split_f64x2, estimate_f64x2,
     |from| vcvt_f64_f32(vld1_f32(from)),
     |to, x| vst1_f32(to, vcvt_f32_f64(x)),
     vst1q_f64
@@ -31,7 +32,7 @@ simd_lane! {
     vabsq_f32, vrndnq_f32, vcltq_f32, vbslq_f32,
     |a, b| unsafe { vandq_u32(a, b) },
     |mask| unsafe { vaddvq_u32(vandq_u32(mask, vld1q_u32([1, 2, 4, 8].as_ptr()))) },
-    split_f32x4,
+    split_f32x4, estimate_f32x4,
     vld1q_f32,
     vst1q_f32,
     widen_f32x4
@@ -60,6 +61,24 @@ unsafe fn split_f32x4(x: float32x4_t) -> (float32x4_t, float32x4_t) {
         let mantissa = vorrq_u32(vandq_u32(bits, vdupq_n_u32((1 << 23) - 1)), one);
         let exponent = vandq_u32(vshrq_n_u32::<23>(bits), vdupq_n_u32(0xff));
         (vreinterpretq_f32_u32(mantissa), vsubq_f32(vcvtq_f32_u32(exponent), vdupq_n_f32(127.0)))
+    }
+}
+
+/// Estimates of inverse square roots: half the exponent, negated.
+#[inline(always)]
+unsafe fn estimate_f64x2(x: float64x2_t) -> float64x2_t {
+    unsafe {
+        let half = vshrq_n_u64::<1>(vreinterpretq_u64_f64(x));
+        vreinterpretq_f64_u64(vsubq_u64(vdupq_n_u64(INVERSE_SQRT), half))
+    }
+}
+
+/// Estimates of inverse square roots: half the exponent, negated.
+#[inline(always)]
+unsafe fn estimate_f32x4(x: float32x4_t) -> float32x4_t {
+    unsafe {
+        let half = vshrq_n_u32::<1>(vreinterpretq_u32_f32(x));
+        vreinterpretq_f32_u32(vsubq_u32(vdupq_n_u32(INVERSE_SQRT_SINGLE), half))
     }
 }
 

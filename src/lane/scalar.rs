@@ -2,10 +2,11 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
 use super::{Lane, assigning_ops};
 
 macro_rules! scalar_lane {
-    ($real:ty, $fraction:expr, $exponent:expr) => {
+    ($real:ty, $fraction:expr, $exponent:expr, $inverse_sqrt:expr) => {
         impl Lane for $real {
             type Real = $real;
             type Mask = bool;
@@ -63,6 +64,10 @@ macro_rules! scalar_lane {
                 (mantissa, exponent as $real - ($exponent >> 1) as $real)
             }
             #[inline(always)]
+            fn inverse_sqrt_estimate(self) -> Self {
+                <$real>::from_bits($inverse_sqrt.wrapping_sub(self.to_bits() >> 1))
+            }
+            #[inline(always)]
             fn load_single(from: &[f32]) -> Self {
                 from[0] as $real
             }
@@ -77,8 +82,8 @@ macro_rules! scalar_lane {
         }
     };
 }
-scalar_lane!(f64, (1 << 52) - 1, 0x7ff);
-scalar_lane!(f32, (1 << 23) - 1, 0xff);
+scalar_lane!(f64, (1 << 52) - 1, 0x7ff, INVERSE_SQRT);
+scalar_lane!(f32, (1 << 23) - 1, 0xff, INVERSE_SQRT_SINGLE);
 
 /// A scalar whose multiply-add rounds twice: for machines that cannot fuse, where `f64::mul_add` is a slow call.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,6 +186,10 @@ macro_rules! unfused_lane {
             fn split(self) -> (Self, Self) {
                 let (mantissa, exponent) = self.0.split();
                 (Self(mantissa), Self(exponent))
+            }
+            #[inline(always)]
+            fn inverse_sqrt_estimate(self) -> Self {
+                Self(self.0.inverse_sqrt_estimate())
             }
             #[inline(always)]
             fn load_single(from: &[f32]) -> Self {

@@ -8,7 +8,7 @@ macro_rules! simd_lane {
     (
         $(#[$doc:meta])* $name:ident, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
         $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:expr,
-        $sqrt:ident, $min:expr, $max:expr, $abs:expr, $round:expr, $lt:expr, $select:expr, $and:expr, $bits:expr, $split:expr,
+        $sqrt:ident, $min:expr, $max:expr, $abs:expr, $round:expr, $lt:expr, $select:expr, $and:expr, $bits:expr, $split:expr, $estimate:expr,
         $load_single:expr, $store_single:expr, $store_double:expr
     ) => {
         $(#[$doc])*
@@ -121,6 +121,10 @@ macro_rules! simd_lane {
             fn split(self) -> (Self, Self) {
                 let (mantissa, exponent) = unsafe { $split(self.0) };
                 (Self(mantissa), Self(exponent))
+            }
+            #[inline(always)]
+            fn inverse_sqrt_estimate(self) -> Self {
+                Self(unsafe { $estimate(self.0) })
             }
             #[inline(always)]
             fn load_single(from: &[f32]) -> Self {

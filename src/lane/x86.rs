@@ -3,6 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
 use super::simd::simd_lane;
 use super::{Lane, assigning_ops};
 
@@ -25,7 +26,7 @@ simd_lane! {
     |mask, yes, no| _mm512_mask_blend_pd(mask, no, yes),
     |a, b| a & b,
     u32::from,
-    split_f64x8,
+    split_f64x8, estimate_f64x8,
     |from| _mm512_cvtps_pd(_mm256_loadu_ps(from)),
     |to, x| _mm256_storeu_ps(to, _mm512_cvtpd_ps(x)),
     _mm512_storeu_pd
@@ -40,7 +41,7 @@ simd_lane! {
     |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
     |a, b| a & b,
     u32::from,
-    split_f32x16,
+    split_f32x16, estimate_f32x16,
     _mm512_loadu_ps,
     _mm512_storeu_ps,
     widen_f32x16
@@ -56,7 +57,7 @@ simd_lane! {
     |mask, yes, no| _mm256_blendv_pd(no, yes, mask),
     |a, b| unsafe { _mm256_and_pd(a, b) },
     |mask| unsafe { _mm256_movemask_pd(mask) as u32 },
-    split_f64x4,
+    split_f64x4, estimate_f64x4,
     |from| _mm256_cvtps_pd(_mm_loadu_ps(from)),
     |to, x| _mm_storeu_ps(to, _mm256_cvtpd_ps(x)),
     _mm256_storeu_pd
@@ -72,7 +73,7 @@ simd_lane! {
     |mask, yes, no| _mm256_blendv_ps(no, yes, mask),
     |a, b| unsafe { _mm256_and_ps(a, b) },
     |mask| unsafe { _mm256_movemask_ps(mask) as u32 },
-    split_f32x8,
+    split_f32x8, estimate_f32x8,
     _mm256_loadu_ps,
     _mm256_storeu_ps,
     widen_f32x8
@@ -128,6 +129,42 @@ unsafe fn split_f32x8(x: __m256) -> (__m256, __m256) {
         let mantissa = _mm256_or_si256(fraction, _mm256_castps_si256(_mm256_set1_ps(1.0)));
         let exponent = _mm256_and_si256(_mm256_srli_epi32::<23>(bits), _mm256_set1_epi32(EXPONENT_SINGLE));
         (_mm256_castsi256_ps(mantissa), _mm256_sub_ps(_mm256_cvtepi32_ps(exponent), _mm256_set1_ps(127.0)))
+    }
+}
+
+/// Estimates of inverse square roots: half the exponent, negated.
+#[inline(always)]
+unsafe fn estimate_f64x8(x: __m512d) -> __m512d {
+    unsafe {
+        let half = _mm512_srli_epi64::<1>(_mm512_castpd_si512(x));
+        _mm512_castsi512_pd(_mm512_sub_epi64(_mm512_set1_epi64(INVERSE_SQRT as i64), half))
+    }
+}
+
+/// Estimates of inverse square roots: half the exponent, negated.
+#[inline(always)]
+unsafe fn estimate_f32x16(x: __m512) -> __m512 {
+    unsafe {
+        let half = _mm512_srli_epi32::<1>(_mm512_castps_si512(x));
+        _mm512_castsi512_ps(_mm512_sub_epi32(_mm512_set1_epi32(INVERSE_SQRT_SINGLE as i32), half))
+    }
+}
+
+/// Estimates of inverse square roots: half the exponent, negated.
+#[inline(always)]
+unsafe fn estimate_f64x4(x: __m256d) -> __m256d {
+    unsafe {
+        let half = _mm256_srli_epi64::<1>(_mm256_castpd_si256(x));
+        _mm256_castsi256_pd(_mm256_sub_epi64(_mm256_set1_epi64x(INVERSE_SQRT as i64), half))
+    }
+}
+
+/// Estimates of inverse square roots: half the exponent, negated.
+#[inline(always)]
+unsafe fn estimate_f32x8(x: __m256) -> __m256 {
+    unsafe {
+        let half = _mm256_srli_epi32::<1>(_mm256_castps_si256(x));
+        _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_set1_epi32(INVERSE_SQRT_SINGLE as i32), half))
     }
 }
 

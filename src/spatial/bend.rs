@@ -1,6 +1,8 @@
 //! The moves of a modified Denavit-Hartenberg link, `T = Rx(alpha) Tx(a) Rz(theta) Tz(d)`: a screw about x, then one
 //! about z. Each touches a plane and an axis only, which is what makes it cheaper than a general change of frame.
 
+use std::hint::cold_path;
+
 use super::SpatialInertia;
 use super::inertia::PACKED;
 use crate::lane::{Lane, Param};
@@ -70,26 +72,39 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         T: Param<L>,
         S: Param<L>,
     {
-        let (i, k, n) = (Self::I, Self::K, ALONG);
-        let mut out = v;
+        let [out] = self.rotate_all([v]);
+        out
+    }
+
+    /// Vectors of the child, in parent axes: one look at the turn for all.
+    #[inline(always)]
+    fn rotate_all<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        let (i, k) = (Self::I, Self::K);
         match self.turn {
             Bend::Flat => {}
             Bend::Quarter => {
-                out.0[i] = -v.0[k];
-                out.0[k] = v.0[i];
+                for v in &mut vectors {
+                    (v.0[i], v.0[k]) = (-v.0[k], v.0[i]);
+                }
             }
             Bend::Half => {
-                out.0[i] = -v.0[i];
-                out.0[k] = -v.0[k];
+                for v in &mut vectors {
+                    (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
+                }
             }
             Bend::General(s, c) => {
+                cold_path();
                 let (s, c): (L, L) = (s.get(), c.get());
-                out.0[i] = c.mul_add(v.0[i], -(s * v.0[k]));
-                out.0[k] = s.mul_add(v.0[i], c * v.0[k]);
+                for v in &mut vectors {
+                    (v.0[i], v.0[k]) = (c.mul_add(v.0[i], -(s * v.0[k])), s.mul_add(v.0[i], c * v.0[k]));
+                }
             }
         }
-        out.0[n] = v.0[n];
-        out
+        vectors
     }
 
     /// A point of the child frame, in the parent frame.
@@ -106,33 +121,35 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         self.rotate(point)
     }
 
-    /// A vector of the parent, in child axes.
+    /// Vectors of the parent, in child axes: one look at the turn for all.
     #[inline(always)]
-    pub fn rotate_back<L: Lane>(&self, v: Vector3<L>) -> Vector3<L>
+    fn rotate_all_back<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
     where
         T: Param<L>,
         S: Param<L>,
     {
-        let (i, k, n) = (Self::I, Self::K, ALONG);
-        let mut out = v;
+        let (i, k) = (Self::I, Self::K);
         match self.turn {
             Bend::Flat => {}
             Bend::Quarter => {
-                out.0[i] = v.0[k];
-                out.0[k] = -v.0[i];
+                for v in &mut vectors {
+                    (v.0[i], v.0[k]) = (v.0[k], -v.0[i]);
+                }
             }
             Bend::Half => {
-                out.0[i] = -v.0[i];
-                out.0[k] = -v.0[k];
+                for v in &mut vectors {
+                    (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
+                }
             }
             Bend::General(s, c) => {
+                cold_path();
                 let (s, c): (L, L) = (s.get(), c.get());
-                out.0[i] = c.mul_add(v.0[i], s * v.0[k]);
-                out.0[k] = c.mul_add(v.0[k], -(s * v.0[i]));
+                for v in &mut vectors {
+                    (v.0[i], v.0[k]) = (c.mul_add(v.0[i], s * v.0[k]), c.mul_add(v.0[k], -(s * v.0[i])));
+                }
             }
         }
-        out.0[n] = v.0[n];
-        out
+        vectors
     }
 
     /// `Ad^-1 V`: a twist of the parent frame, in the child frame.
@@ -142,16 +159,35 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         T: Param<L>,
         S: Param<L>,
     {
+        let [linear, angular] = self.rotate_all_back([twist.linear, twist.angular]);
+        self.shift_twist(Vector6 { linear, angular })
+    }
+
+    /// A vector of the parent, in child axes, and a twist of the parent frame, in the child frame.
+    #[inline(always)]
+    pub fn both_from_parent<L: Lane>(&self, v: Vector3<L>, twist: Vector6<L>) -> (Vector3<L>, Vector6<L>)
+    where
+        T: Param<L>,
+        S: Param<L>,
+    {
+        let [v, linear, angular] = self.rotate_all_back([v, twist.linear, twist.angular]);
+        (v, self.shift_twist(Vector6 { linear, angular }))
+    }
+
+    /// `v + omega x (shift along the axis)`
+    #[inline(always)]
+    fn shift_twist<L: Lane>(&self, mut twist: Vector6<L>) -> Vector6<L>
+    where
+        S: Param<L>,
+    {
         let (i, k) = (Self::I, Self::K);
-        let angular = self.rotate_back(twist.angular);
-        let mut linear = self.rotate_back(twist.linear);
         if let Some(shift) = self.shift {
-            let shift: L = shift.get();
-            // v + omega x (shift along the axis)
-            linear.0[i] = angular.0[k].mul_add(shift, linear.0[i]);
-            linear.0[k] = angular.0[i].neg_mul_add(shift, linear.0[k]);
+            let (shift, angular): (L, _) = (shift.get(), twist.angular.0);
+            let linear = &mut twist.linear.0;
+            linear[i] = angular[k].mul_add(shift, linear[i]);
+            linear[k] = angular[i].neg_mul_add(shift, linear[k]);
         }
-        Vector6 { linear, angular }
+        twist
     }
 
     /// `Ad^-T F`: a wrench on the child frame, in the parent frame.
@@ -169,7 +205,8 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
             m.0[i] = f.0[k].neg_mul_add(shift, m.0[i]);
             m.0[k] = f.0[i].mul_add(shift, m.0[k]);
         }
-        Vector6 { linear: self.rotate(f), angular: self.rotate(m) }
+        let [linear, angular] = self.rotate_all([f, m]);
+        Vector6 { linear, angular }
     }
 
     /// `Ad^-T A Ad^-1`: an inertia of the child frame, in the parent frame.
@@ -265,6 +302,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
                 out[kn] = -s[kn];
             }
             Bend::General(sin, cos) => {
+                cold_path();
                 let (sin, cos): (L, L) = (sin.get(), cos.get());
                 let difference = s[ii] - s[kk];
                 // With t = sin (difference) + 2 cos S_ik: S_kk' = S_kk + sin t, S_ii' = S_ii - sin t.
@@ -306,6 +344,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
                 }
             }
             Bend::General(sin, cos) => {
+                cold_path();
                 let (sin, cos): (L, L) = (sin.get(), cos.get());
                 // As a symmetric matrix; its skew part does not turn.
                 let t = sin.mul_add(h[i][i] - h[k][k], cos * (h[i][k] + h[k][i]));

@@ -1,12 +1,12 @@
-//! Logarithms and angles against the standard library, which is right to half an epsilon or so.
+//! Logarithms, angles and inverse square roots against the standard library, which is right to half an epsilon or so.
 
 use super::random_scene::Random;
-use uvms_gym::lane::{Isa, Kernel, Lane, Real, atan2, ln, ln_1p, sin_cos, sin_cos_near};
+use uvms_gym::lane::{Isa, Kernel, Lane, Real, atan2, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near};
 
-/// `ln(a)`, `ln(1 + a)` and `atan2(b, a)` of pairs.
+/// `ln(a)`, `ln(1 + a)`, `atan2(b, a)` and `1 / sqrt(|a|)` of pairs.
 struct Functions<'a, T> {
     pairs: &'a [[T; 2]],
-    out: Vec<[T; 3]>,
+    out: Vec<[T; 4]>,
 }
 
 impl<T: Real> Kernel<T> for Functions<'_, T> {
@@ -14,17 +14,17 @@ impl<T: Real> Kernel<T> for Functions<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         for pairs in self.pairs.chunks_exact(L::LANES) {
             let [a, b] = [0, 1].map(|k| L::load(&pairs.iter().map(|pair| pair[k]).collect::<Vec<_>>()));
-            let results = [ln(a), ln_1p(a), atan2(b, a)].map(|x| {
+            let results = [ln(a), ln_1p(a), atan2(b, a), inverse_sqrt(a.abs())].map(|x| {
                 let mut lanes = vec![T::default(); L::LANES];
                 x.store(&mut lanes);
                 lanes
             });
-            self.out.extend((0..L::LANES).map(|k| [0, 1, 2].map(|f| results[f][k])));
+            self.out.extend((0..L::LANES).map(|k| [0, 1, 2, 3].map(|f| results[f][k])));
         }
     }
 }
 
-fn functions<T: Real>(isa: Isa, pairs: &[[f64; 2]]) -> Vec<[f64; 3]> {
+fn functions<T: Real>(isa: Isa, pairs: &[[f64; 2]]) -> Vec<[f64; 4]> {
     assert_eq!(pairs.len() % 16, 0);
     let pairs: Vec<[T; 2]> = pairs.iter().map(|pair| pair.map(T::from_f64)).collect();
     let mut kernel = Functions { pairs: &pairs, out: Vec::new() };
@@ -44,13 +44,13 @@ fn pairs<T: Real>() -> Vec<[f64; 2]> {
 }
 
 /// Greatest error of each function, by epsilons of the result.
-fn worst<T: Real>(isa: Isa) -> [f64; 3] {
-    let mut worst = [0.0_f64; 3];
+fn worst<T: Real>(isa: Isa) -> [f64; 4] {
+    let mut worst = [0.0_f64; 4];
     let least = if T::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
     let pairs = pairs::<T>();
     for ([a, b], got) in pairs.iter().zip(functions::<T>(isa, &pairs)) {
-        let expected = [a.ln(), a.ln_1p(), b.atan2(*a)];
-        for f in 0..3 {
+        let expected = [a.ln(), a.ln_1p(), b.atan2(*a), a.abs().sqrt().recip()];
+        for f in 0..4 {
             if expected[f].is_nan() {
                 assert!(got[f].is_nan(), "{f}({a}, {b}) = {}", got[f]);
             } else if expected[f].abs() > least {
@@ -64,7 +64,7 @@ fn worst<T: Real>(isa: Isa) -> [f64; 3] {
 }
 
 #[test]
-fn val_logarithms_and_angles_are_those_of_the_standard_library() {
+fn val_elementary_functions_are_those_of_the_standard_library() {
     for isa in Isa::available() {
         for (name, worst) in [("f64", worst::<f64>(isa)), ("f32", worst::<f32>(isa))] {
             println!("{name} {}: {worst:.2?} epsilons of the result", isa.name());

@@ -9,8 +9,8 @@ import pytest
 
 SCRIPT = Path(__file__).parents[2] / ".ci" / "prerequisites.sh"
 GOOD = {
-    "rustc": "echo 'rustc 1.89.0 (0123456 2025-01-01)'",
-    "cargo": "echo 'cargo 1.89.0'",
+    "rustc": "echo 'rustc 1.95.0 (0123456 2025-01-01)'",
+    "cargo": "echo 'cargo 1.95.0'",
     "cc": "exit 0",
     "python3": f'exec "{sys.executable}" "$@"',
 }
@@ -32,7 +32,7 @@ def check(directory: Path, tools: dict[str, str | None]) -> subprocess.Completed
     return subprocess.run([shell, str(SCRIPT)], env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("version", ["1.89.0", "1.95.0", "1.90.0-nightly", "2.0.0"])
+@pytest.mark.parametrize("version", ["1.95.0", "1.96.1", "1.100.0-nightly", "2.0.0"])
 def test_what_suffices_passes(tmp_path: Path, version: str) -> None:
     result = check(tmp_path, {"rustc": f"echo 'rustc {version} (0123456 2025-01-01)'"})
     assert (result.returncode, result.stdout, result.stderr) == (0, "python3\n", "")
@@ -41,9 +41,9 @@ def test_what_suffices_passes(tmp_path: Path, version: str) -> None:
 @pytest.mark.parametrize(
     ("tools", "expected"),
     [
-        ({"rustc": None}, "Rust >= 1.89"),
-        ({"cargo": None}, "Rust >= 1.89"),
-        ({"rustc": "echo 'rustc 1.88.1 (0123456 2025-01-01)'"}, "found 1.88.1"),
+        ({"rustc": None}, "Rust >= 1.95"),
+        ({"cargo": None}, "Rust >= 1.95"),
+        ({"rustc": "echo 'rustc 1.94.1 (0123456 2025-01-01)'"}, "found 1.94.1"),
         ({"rustc": "echo 'rustc 0.99.0'"}, "found 0.99.0"),
         ({"cc": None}, "C compiler and linker"),
         ({"cc": "exit 1"}, "C compiler and linker"),

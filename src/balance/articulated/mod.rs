@@ -21,6 +21,8 @@ mod link;
 pub(crate) use link::Link;
 pub use link::Scratch;
 
+use std::hint::cold_path;
+
 use super::joint_torque::joint_torque;
 use crate::lane::{Lane, Param, sin_cos, sin_cos_near};
 use crate::lie::{Vector3, Vector6};
@@ -96,7 +98,11 @@ pub struct Instant<'a, L> {
 pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
     let (v, w) = (twist.linear.0, twist.angular.0);
     let (x, y) = (w[1] * qd, -(w[0] * qd));
-    if slides { [x, y, L::zero(), L::zero()] } else { [v[1] * qd, -(v[0] * qd), x, y] }
+    if slides {
+        cold_path();
+        return [x, y, L::zero(), L::zero()];
+    }
+    [v[1] * qd, -(v[0] * qd), x, y]
 }
 
 /// [`velocity_product`] with its zeros.
@@ -110,7 +116,10 @@ pub(super) fn whole<L: Lane>([vx, vy, wx, wy]: [L; 4]) -> Vector6<L> {
 pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vector6<L>, qd: L) -> Vector6<L> {
     match joint.constant {
         Constant::Shift(_) => twist.angular.0[2] += qd,
-        Constant::Turn(..) => twist.linear.0[2] += qd,
+        Constant::Turn(..) => {
+            cold_path();
+            twist.linear.0[2] += qd;
+        }
     }
     twist
 }
@@ -160,7 +169,10 @@ pub(super) fn place<L: Lane, P: Param<L>>(
                 [sin, cos]
             }
             Constant::Shift(_) => sin_cos_near(coordinate, link.start).into(),
-            Constant::Turn(..) => [coordinate; 2],
+            Constant::Turn(..) => {
+                cold_path();
+                [coordinate; 2]
+            }
         };
     }
 }
@@ -222,10 +234,20 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
         // What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there. In two sums, and first what
         // the joint does not turn, as the joints wait for each other here.
-        let first = if joint.slides() { tz.neg_mul_add(wz, link.torque) } else { sz.neg_mul_add(vz, link.torque) };
+        let first = if joint.slides() {
+            cold_path();
+            tz.neg_mul_add(wz, link.torque)
+        } else {
+            sz.neg_mul_add(vz, link.torque)
+        };
         let does = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
         // (Both entries anew: a reference to one of them would send both through memory.)
-        let (vz, wz, more) = if joint.slides() { (does, wz, does - vz) } else { (vz, does, does - wz) };
+        let (vz, wz, more) = if joint.slides() {
+            cold_path();
+            (does, wz, does - vz)
+        } else {
+            (vz, does, does - wz)
+        };
         *qdd = more;
         rate = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
     }
@@ -263,6 +285,7 @@ fn inward<L: Lane, P: Param<L>, const SPARSE: bool>(
                 (screw.turning_inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(wrench))
             }
             Constant::Turn(sin, cos) => {
+                cold_path();
                 let screw = screw_z(sin, cos, Some(link.screw[0]));
                 let (rest, share, over_d) = inertia.free_to_slide();
                 link.share = share;
