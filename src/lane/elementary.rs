@@ -94,8 +94,8 @@ const FIRST: [f64; 4] =
     [0.999_999_242_040_421_8, 0.500_001_884_761_637_7, 0.376_288_248_797_190_8, 0.312_440_785_264_109_7];
 const FIRST_SINGLE: [f64; 3] = [1.000_000_840_335_217_7, 0.501_104_365_996_356, 0.374_976_854_676_734_5];
 
-/// `1 / sqrt(x)` of a positive normal number, to two epsilons. Multiplications alone: a root and a division would take
-/// three times as long, and for 8 numbers of f64 keep a divider from all others meanwhile.
+/// `1 / sqrt(x)` of a positive normal number, to two epsilons. Multiplications alone: a root and a division of 8 numbers
+/// of f64 would take four times as long, and keep the divider from all others meanwhile.
 #[inline(always)]
 pub fn inverse_sqrt<L: Lane>(x: L) -> L {
     // With h = 1 - x y^2 it is y (1 - h)^(-1/2), and 1 + h/2 + 3 h^2/8 of that is enough once h is small.

@@ -95,7 +95,7 @@ pub struct Instant<'a, L> {
 /// `c = ad_V E q'`: `[v x e_z; omega x e_z] q'` for a turning joint, `[omega x e_z; 0] q'` for a sliding one; x and y of
 /// both parts.
 #[inline(always)]
-pub(super) fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
+fn velocity_product<L: Lane>(slides: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
     let (v, w) = (twist.linear.0, twist.angular.0);
     let (x, y) = (w[1] * qd, -(w[0] * qd));
     if slides {
