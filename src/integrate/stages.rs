@@ -15,8 +15,6 @@ pub struct Stages<L, const N: usize> {
     pub(super) scalar: [L; STAGES],
     /// V' and q''.
     pub(super) rates: [Rates<L, N>; STAGES],
-    /// Weights of the rates in velocities and in coordinates, with their h and h^2, at the stage at hand.
-    pub(super) weights: [[L; 2]; STAGES],
     /// q and q' of the stage at hand.
     pub(super) q_at: [L; N],
     pub(super) qd_at: [L; N],
@@ -50,7 +48,6 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             pose: [Vector6::zero(); STAGES],
             scalar: [L::zero(); STAGES],
             rates: [rates; STAGES],
-            weights: [[L::zero(); 2]; STAGES],
             q_at: zero,
             qd_at: zero,
         }
@@ -72,28 +69,31 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         let Weights { time, speed, place, support: [speeds, places] } = weights;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
         let (way, h2) = (h * L::c(*time), h * h);
+        for k in 0..n {
+            self.q_at[k] = from.qd[k] * way;
+            self.qd_at[k] = L::zero();
+        }
+        // Joints within stages: the other way about every joint would have to ask again which stages count.
         for j in speeds.stages() {
             let weight = h * L::c(speed[j]);
-            self.weights[j][0] = weight;
             sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
             sum.pose = self.pose[j].scale_add(weight, sum.pose);
             if keeps {
                 sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
             }
+            for k in 0..n {
+                self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
+            }
         }
         for j in places.stages() {
-            self.weights[j][1] = h2 * L::c(place[j]);
+            let weight = h2 * L::c(place[j]);
+            for k in 0..n {
+                self.q_at[k] = self.rates[j].qd[k].mul_add(weight, self.q_at[k]);
+            }
         }
         for k in 0..n {
-            let (mut q, mut qd) = (from.qd[k] * way, L::zero());
-            for j in speeds.stages() {
-                qd = self.rates[j].qd[k].mul_add(self.weights[j][0], qd);
-            }
-            for j in places.stages() {
-                q = self.rates[j].qd[k].mul_add(self.weights[j][1], q);
-            }
-            self.q_at[k] = from.q[k] + q;
-            self.qd_at[k] = from.qd[k] + qd;
+            self.q_at[k] += from.q[k];
+            self.qd_at[k] += from.qd[k];
         }
         sum.twist = from.twist + sum.twist;
         sum

@@ -1,6 +1,8 @@
 //! Tasks in lanes: what happens to a group of instances at a control instant.
 
 use std::f64::consts::PI;
+use std::iter::Zip;
+use std::slice::{ChunksExactMut, Iter};
 
 use super::disturbance::{MEASURED, Weather};
 use super::episode::EpisodeRows;
@@ -293,7 +295,7 @@ impl<T: Real> TaskKernel<T> {
         entries: &mut [f32],
     ) {
         let rows = &self.rows;
-        let mut page = Page { scaling: &self.scaling, entries };
+        let mut page = Page { places: self.scaling.iter().zip(entries.chunks_exact_mut(L::LANES)) };
         let (n, seen): (_, [L; MEASURED]) = (rows.joints, self.seen(memory, stance, error));
         for k in 0..12 {
             page.put(seen[k]);
@@ -451,8 +453,8 @@ fn within<L: Lane>(v: Vector3<L>, bound: f64) -> L::Mask {
 
 /// An observation that is being written.
 struct Page<'a, T> {
-    scaling: &'a [[T; 2]],
-    entries: &'a mut [f32],
+    /// Scale and bound of the entries to come, and where they belong.
+    places: Zip<Iter<'a, [T; 2]>, ChunksExactMut<'a, f32>>,
 }
 
 impl<T: Real> Page<'_, T> {
@@ -467,11 +469,9 @@ impl<T: Real> Page<'_, T> {
     /// state never looks like one on target.
     #[inline(always)]
     fn put<L: Lane<Real = T>>(&mut self, value: L) {
-        let ([by, bound], scaling) = (self.scaling[0], &self.scaling[1..]);
+        let Some((&[by, bound], entry)) = self.places.next() else { unreachable!("more entries than the layout has") };
         let bound = L::splat(bound);
-        let (entry, rest) = std::mem::take(&mut self.entries).split_at_mut(L::LANES);
         (value * L::splat(by)).min(bound).max(-bound).store_single(entry);
-        (self.scaling, self.entries) = (scaling, rest);
     }
 }
 
@@ -482,8 +482,8 @@ mod tests {
     #[test]
     fn entries_are_scaled_clipped_and_never_broken() {
         let mut row = [0.0; 5];
-        let mut page =
-            Page { scaling: &[[2.0, 20.0], [0.5, 5.0], [1.0, 3.0], [1.0, 3.0], [1.0, 3.0]], entries: &mut row };
+        let scaling = [[2.0, 20.0], [0.5, 5.0], [1.0, 3.0], [1.0, 3.0], [1.0, 3.0]];
+        let mut page = Page { places: scaling.iter().zip(row.chunks_exact_mut(1)) };
         for value in [1.0, -100.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             page.put(value);
         }
