@@ -540,7 +540,8 @@ class Task:
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
         """One control period of the one instance that there is, under `action` (a,).
 
-        Gives observation (d,), reward, terminated, truncated and measures by name.
+        Gives observation (d,), reward, terminated, truncated and measures by name. TypeError for anything but a float32
+        array of that shape; nothing has changed then.
         """
 
     def episodes(self) -> dict[str, NDArray[Any]]:

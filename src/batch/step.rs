@@ -146,7 +146,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
         if L::LANES > 1 && self.ingredients.is_none() {
             let mut memory = self.memory::<L>();
             for (k, rows) in blocks.enumerate() {
-                prefetch_after(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
+                prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
                 for first in (0..T::BLOCK).step_by(L::LANES) {
                     if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                         break;
@@ -163,7 +163,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
         };
         let (mut memory, mut varied) = self.memory_and_system::<L>(alone.is_none());
         for (k, rows) in blocks.enumerate() {
-            prefetch_after(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
+            prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
             for first in (0..T::BLOCK).step_by(L::LANES) {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;

@@ -2,7 +2,7 @@
 
 use numpy::ndarray::{Array1, Array2, Dimension};
 use numpy::{IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -182,8 +182,11 @@ impl Task {
         Ok((observations, rewards, terminated, truncated, info, finals))
     }
 
-    /// One control period of the one instance that there is, under `action` (a,).
+    /// One control period of the one instance that there is, under `action` (a,), float32; TypeError if it is anything else.
     fn step_one<'py>(&mut self, py: Python<'py>, action: &Row<'py, f32>) -> PyResult<OneStep<'py>> {
+        if action.len() != self.batch.task().action_len() {
+            return Err(PyTypeError::new_err("an action of another length"));
+        }
         let action = copied(action)?;
         // Likewise a copy: to lock an array, as whoever writes to one has to, would take longer.
         let mut observation = vec![0.0; self.batch.task().observation_len()];

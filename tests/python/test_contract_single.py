@@ -322,8 +322,10 @@ def test_bad_actions_are_refused_and_change_nothing(task, name, spoil):
     env.reset(seed=0)
     env.step(other_than(0, env))
     before = env.get_state()
-    with pytest.raises(ValueError, match="action"):
+    with pytest.raises(ValueError, match="action") as refused:
         env.step(spoil(idle(env)))
+    # One error, not one on top of another.
+    assert refused.value.__context__ is None or refused.value.__suppress_context__
     assert same(env.get_state(), before)
 
 

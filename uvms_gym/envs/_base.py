@@ -387,8 +387,14 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         gymnasium.error.ResetNeeded
             There is no episode, or it has terminated.
         """
-        result = self._native.step_one(as_actions(action, self._action_shape))
-        self._with_truth(result[4])
+        try:
+            result = self._native.step_one(action)  # type: ignore[arg-type]
+        except TypeError:
+            result = None  # No array as policies give them: made one here, so that no error of that shows this one.
+        if result is None:
+            result = self._native.step_one(as_actions(action, self._action_shape))
+        if self._privileged:
+            self._with_truth(result[4])
         return result
 
     def _with_truth(self, info: dict[str, Any]) -> dict[str, Any]:

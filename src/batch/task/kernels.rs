@@ -28,15 +28,15 @@ impl<T: Real> Blocks<'_, T> {
     /// Physics and episodes of the group that starts with instance `first`; of the next block, those rows of either that
     /// are `needed` are asked for.
     #[inline(always)]
-    fn group(&mut self, first: usize, needed: [Range<usize>; 2]) -> (Rows<'_, T>, Rows<'_, T>) {
+    fn group<L: Lane>(&mut self, first: usize, needed: [Range<usize>; 2]) -> (Rows<'_, T>, Rows<'_, T>) {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
         let [of_physics, of_episodes] = needed;
         let width = self.layout.rows * T::BLOCK;
         let physics = &mut self.physics[block * width..][..width];
-        prefetch_after(&physics[of_physics.start * T::BLOCK..of_physics.end * T::BLOCK], width);
+        prefetch_after::<L, _>(&physics[of_physics.start * T::BLOCK..of_physics.end * T::BLOCK], width);
         let width = self.kernel.rows().rows * T::BLOCK;
         let episodes = &mut self.episodes[block * width..][..width];
-        prefetch_after(&episodes[of_episodes.start * T::BLOCK..of_episodes.end * T::BLOCK], width);
+        prefetch_after::<L, _>(&episodes[of_episodes.start * T::BLOCK..of_episodes.end * T::BLOCK], width);
         (Rows::of_block(physics, lane), Rows::of_block(episodes, lane))
     }
 }
@@ -88,7 +88,7 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
             if let Some(given) = self.base {
                 read(&given[first * width..], lanes, width, &mut page, &mut base);
             }
-            let (mut physics, mut memory) = self.blocks.group(first, needed.clone());
+            let (mut physics, mut memory) = self.blocks.group::<L>(first, needed.clone());
             kernel.act(&mut memory, &mut action, self.base.is_some().then_some(&base), &mut command);
             let mut disturbing = Vector6::zero();
             if let Some(weather) = kernel.weather() {
@@ -170,7 +170,7 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
         let needed = [0..layout.time, 0..kernel.rows().rows];
         let mut page = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
-            let (physics, mut memory) = self.blocks.group(first, needed.clone());
+            let (physics, mut memory) = self.blocks.group::<L>(first, needed.clone());
             let stance = stance::<T, L>(layout, &physics);
             kernel.advance::<L>(&mut memory);
             let error = kernel.error(&memory, &stance);
@@ -183,7 +183,7 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
                 kernel.observe(&memory, &stance, &error, rows);
             } else {
                 kernel.observe(&memory, &stance, &error, &mut page);
-                prefetch_after(&rows[..lanes * width], lanes * width);
+                prefetch_after::<L, _>(&rows[..lanes * width], lanes * width);
                 if lanes == L::LANES {
                     transpose(&page, L::LANES, rows, width, [width, L::LANES]);
                 } else {
@@ -214,7 +214,7 @@ fn note<L: Lane>(judgement: &Judgement<L>, first: usize, lanes: usize, out: &mut
 #[inline(always)]
 fn put<L: Lane>(x: L, row: &mut [f64], first: usize, lanes: usize) {
     let to = &mut row[first..first + lanes];
-    prefetch_after(to, lanes);
+    prefetch_after::<L, _>(to, lanes);
     if lanes == L::LANES {
         x.store_double(to);
     } else {
@@ -247,7 +247,7 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
             if !chosen.contains(&true) {
                 continue;
             }
-            let (physics, memory) = self.blocks.group(first, [0..0, 0..0]);
+            let (physics, memory) = self.blocks.group::<L>(first, [0..0, 0..0]);
             let stance = stance::<T, L>(layout, &physics);
             let error = kernel.error(&memory, &stance);
             kernel.observe(&memory, &stance, &error, &mut page);

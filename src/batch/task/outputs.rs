@@ -5,6 +5,7 @@ use crate::error::ControlError;
 use crate::scene::INFO;
 
 /// Places for what a step brings of N instances: slices of arrays whose first axis (last, of `info`) is the instance.
+#[derive(Default)]
 pub struct Outputs<'a> {
     /// Observations, (N, d).
     pub observations: &'a mut [f32],
@@ -32,8 +33,11 @@ impl<'a> Outputs<'a> {
         [terminated, truncated]: [&'a mut [bool]; 2],
         info: &'a mut [f64],
     ) -> Self {
-        let mut rows = info.chunks_exact_mut(rewards.len().max(1));
-        let info = std::array::from_fn(|_| rows.next().unwrap_or_default());
+        let mut rows = info;
+        let info = std::array::from_fn(|_| {
+            let count = rewards.len().min(rows.len());
+            split(&mut rows, count)
+        });
         Self { observations, rewards, terminated, truncated, info }
     }
 
@@ -72,12 +76,12 @@ impl<'a> Iterator for Chunks<'a> {
     type Item = Outputs<'a>;
 
     fn next(&mut self) -> Option<Outputs<'a>> {
-        if self.rest.is_empty() {
-            return None;
+        let (rest, count) = (&mut self.rest, self.count);
+        if rest.len() <= count {
+            let last = std::mem::take(rest);
+            return (!last.is_empty()).then_some(last);
         }
-        let width = self.rest.observations.len() / self.rest.len();
-        let count = self.count.min(self.rest.len());
-        let rest = &mut self.rest;
+        let width = rest.observations.len() / rest.len();
         Some(Outputs {
             observations: split(&mut rest.observations, count * width),
             rewards: split(&mut rest.rewards, count),
