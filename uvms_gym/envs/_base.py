@@ -478,7 +478,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
             seeds = [first + i if s is None else s for i, s in enumerate(seeds)]
         observations, info = self._native.reset([None if s is None else s % _SEEDS for s in seeds], mask, **given)
         self._seeded = True
-        return observations, self._infos(info, np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask)
+        return observations, self._infos(info, mask)
 
     def step(
         self, actions: ArrayLike
@@ -494,7 +494,7 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         """
         given = as_actions(actions, (self.num_envs, *self._action_shape))
         observations, rewards, terminated, truncated, info, finals = self._native.step(given)
-        infos = self._infos(info, np.ones(self.num_envs, dtype=np.bool_))
+        infos = self._infos(info)
         if finals is not None:
             where, last, measures, truth = finals
             ended = np.zeros(self.num_envs, dtype=np.bool_)
@@ -516,19 +516,21 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         return (None,) * self.num_envs if pictures is None else pictures
 
     def _infos(
-        self, info: NDArray[np.float64], mask: NDArray[np.bool_], truth: NDArray[np.float64] | None = None
+        self, info: NDArray[np.float64], mask: NDArray[np.bool_] | None = None, truth: NDArray[np.float64] | None = None
     ) -> dict[str, Any]:
-        """Measures (k, N) of the instances in `mask`, by name, each with a mask of its own; and the truth (N, m)."""
-        extra: dict[str, Any] = {}
+        """Measures (k, N) by name, each with a mask of its own, and the truth (N, m): of all, or of those in `mask`."""
+        masks = np.ones((len(INFO), self.num_envs), dtype=np.bool_)
+        if mask is not None:
+            masks[:] = mask
+            info[:, ~mask] = 0.0
+        infos: dict[str, Any] = dict(zip(INFO, info, strict=True))
+        infos.update(zip(_MASKS, masks, strict=True))
         if self._privileged:
             truth = self._native.privileged() if truth is None else truth
-            truth[~mask] = 0.0
-            extra = {"privileged": truth, "_privileged": mask.copy()}
-        if not mask.all():
-            info[:, ~mask] = 0.0
-        masks = np.empty((len(INFO), self.num_envs), dtype=np.bool_)
-        masks[:] = mask
-        return dict(zip(INFO, info, strict=True)) | dict(zip(_MASKS, masks, strict=True)) | extra
+            if mask is not None:
+                truth[~mask] = 0.0
+            infos["privileged"], infos["_privileged"] = truth, masks[0].copy()
+        return infos
 
     def _check_mask(self, mask: Any) -> None:
         """Check as SyncVectorEnv does."""
