@@ -10,8 +10,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import uvms_gym
-from uvms_gym.envs._base import DEFAULTS, INFO, PREVIEW, RESET_OPTIONS, TOLERANCE
-from uvms_gym.envs._base import REWARD as REWARDS
+from uvms_gym.envs._arguments import RESET_OPTIONS
+from uvms_gym.envs._base import INFO
+from uvms_gym.envs._options import DEFAULTS, PREVIEW, TOLERANCE
+from uvms_gym.envs._options import REWARD as REWARDS
 from uvms_gym.envs.ee_track import EETrackEnv, EETrackVectorEnv
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
 from uvms_gym.testing import check_vector_env

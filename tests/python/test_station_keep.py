@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym.envs._base import DEFAULTS as ALL_DEFAULTS
-from uvms_gym.envs._base import RESET_OPTIONS
-from uvms_gym.envs._base import REWARD as REWARDS
+from uvms_gym.envs._arguments import RESET_OPTIONS
+from uvms_gym.envs._options import DEFAULTS as ALL_DEFAULTS
+from uvms_gym.envs._options import REWARD as REWARDS
 from uvms_gym.envs.station_keep import INFO, StationKeepEnv, StationKeepVectorEnv
 
 ENV = "UVMS-StationKeep-v0"

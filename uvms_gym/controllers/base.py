@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
-from uvms_gym.envs._base import Actions, Options, TaskBase
+from uvms_gym.envs._arguments import Actions
+from uvms_gym.envs._base import TaskBase
+from uvms_gym.envs._options import Options
 
 
 class Controller:

@@ -17,7 +17,7 @@ from uvms_gym.controllers.mlp import MLP
 from uvms_gym.controllers.model import DOB, MPC, ComputedTorque, PDRestoring
 from uvms_gym.controllers.residual import Residual
 from uvms_gym.controllers.resolved import ResolvedMotion
-from uvms_gym.envs._base import Options, native
+from uvms_gym.envs._options import Options, native
 
 #: Where shipped policies and tuned gains lie.
 POLICIES = Path(__file__).parents[1] / "policies"

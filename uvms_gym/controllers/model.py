@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
 from uvms_gym.controllers.base import Controller, options_of, remade
-from uvms_gym.envs._base import Options, native
+from uvms_gym.envs._options import Options, native
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from typing import Any, Unpack
 
 from uvms_gym import _core
 from uvms_gym.controllers.base import Controller, options_of, remade
-from uvms_gym.envs._base import Options, native
+from uvms_gym.envs._options import Options, native
 
 
 class ResolvedMotion(Controller):

@@ -5,17 +5,8 @@ from typing import Literal, Unpack
 from gymnasium.vector import AutoresetMode
 
 from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._base import (
-    INFO,
-    Disturbance,
-    Options,
-    Randomize,
-    RewardWeights,
-    Scene,
-    TaskEnv,
-    TaskVectorEnv,
-    Tolerance,
-)
+from uvms_gym.envs._base import INFO, TaskEnv, TaskVectorEnv
+from uvms_gym.envs._options import Disturbance, Options, Randomize, RewardWeights, Scene, Tolerance
 
 __all__ = ["INFO", "StationKeepEnv", "StationKeepVectorEnv"]
 

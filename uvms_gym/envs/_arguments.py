@@ -1,0 +1,64 @@
+"""What `step` and `reset` are given, checked."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uvms_gym.envs._options import as_json
+
+Actions = NDArray[np.float32]
+
+#: Parts of an episode's start that `reset(options=...)` takes instead of drawing them.
+RESET_OPTIONS = (
+    "position",
+    "attitude",
+    "twist",
+    "q",
+    "qd",
+    "target_position",
+    "target_attitude",
+    "current",
+    "disturbance",
+)
+
+_FLOAT32 = np.dtype(np.float32)
+
+
+def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
+    """Check shape and type, and clip what float32 may not hold; whether it is finite is checked further down."""
+    if type(given) is np.ndarray and given.dtype is _FLOAT32 and given.shape == shape:
+        return given
+    try:
+        array = np.asarray(given)
+    except ValueError:
+        raise ValueError(f"action must be an array of shape {shape}, but its rows differ in length") from None
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"action must be an array of real numbers of shape {shape}, not of dtype {array.dtype}")
+    if array.shape != shape:
+        raise ValueError(f"action has shape {array.shape}, but must have {shape}")
+    if array.dtype != np.float32:
+        array = np.where(np.isfinite(array), np.clip(array, -1.0, 1.0), array)
+    return array.astype(np.float32, copy=False)
+
+
+def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
+    """Check the names of reset options; a new dict without those whose value is None."""
+    if not isinstance(options, Mapping | None):
+        raise TypeError(f"options must be a dict or None, not {type(options).__name__}")
+    known = (*RESET_OPTIONS, *extra)
+    for name in options or {}:
+        if name not in known:
+            raise ValueError(f"unknown reset option {name!r}; known: {', '.join(known)}")
+    given = {name: value for name, value in (options or {}).items() if value is not None}
+    if "disturbance" in given:
+        given["disturbance"] = _disturbances(given["disturbance"])
+    return given
+
+
+def _disturbances(given: Any) -> str | list[str]:
+    """One disturbance for all instances, or a list with one for each."""
+    if isinstance(given, list | tuple):
+        return [as_json("disturbance", one) for one in given]
+    return as_json("disturbance", given)
