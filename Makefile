@@ -1,7 +1,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
-RUST := Cargo.toml Cargo.lock $(shell find src uvms_gym/scenes -type f)
+RUST := .cargo/config.toml Cargo.toml Cargo.lock $(shell find src uvms_gym/scenes -type f)
 PACKAGE := $(shell find uvms_gym -type f -not -name '*.so' -not -path '*/__pycache__/*')
 
 # Builds the native module into uvms_gym/ and installs the package as editable, with the extras $(1).

@@ -22,11 +22,12 @@ LANES = {"avx512": "6avx512", "avx2": "4avx2", "neon": "4neon", "fma": "3fma", "
 
 
 class Architecture(NamedTuple):
-    """How to disassemble it, its calls and jumps, jumps through a table of addresses, and its lanes."""
+    """How to disassemble it, its calls, its jumps, those by a register or memory, stubs, and its lanes."""
 
     disassembler: tuple[int, int]
     calls: set[str]
     jumps: re.Pattern[str]
+    indirect: re.Pattern[str]
     through: re.Pattern[str]
     lanes: set[str]
 
@@ -36,6 +37,7 @@ ARCHITECTURES = {
         (capstone.CS_ARCH_X86, capstone.CS_MODE_64),
         {"call"},
         re.compile(r"j\w+"),
+        re.compile(r"jmp (?!0x).*"),
         re.compile(r"qword ptr \[rip ([+-]) (0x[0-9a-f]+)\]"),
         {"avx512", "avx2", "fma", "plain"},
     ),
@@ -43,6 +45,7 @@ ARCHITECTURES = {
         (capstone.CS_ARCH_ARM64, capstone.CS_MODE_ARM),
         {"bl", "blr"},
         re.compile(r"b(\.\w+)?|cbn?z|tbn?z"),
+        re.compile(r"br .*"),
         re.compile(r"(?!)"),
         {"neon", "fma", "plain"},
     ),
@@ -127,6 +130,12 @@ class Module:
                 yield self.names.get(target, "") or operand
         assert end == function.start + len(function.code), f"{function.name}: no instruction at {end:#x}"
 
+    def indirect_jumps(self, function: Function) -> list[str]:
+        """Its jumps by a register or memory: mostly through a table of addresses."""
+        code = self.instructions(function.start, function.code)
+        jumps = (f"{mnemonic} {operand}" for _, _, mnemonic, operand in code)
+        return [jump for jump in jumps if self.architecture.indirect.fullmatch(jump)]
+
 
 @cache
 def module() -> Module:
@@ -161,6 +170,14 @@ def test_where_instances_are_stepped_nothing_is_called(dtype: str, lanes: str) -
     *rest, step = found
     assert len(step.code) > 2 * max(len(kernel.code) for kernel in rest if not plans(kernel))
     assert others(step, AROUND_STEPS) == {}, step.name
+
+
+@pytest.mark.parametrize("dtype", PRECISIONS)
+@pytest.mark.parametrize("lanes", LANES)
+def test_where_instances_are_stepped_no_jump_goes_by_a_table(dtype: str, lanes: str) -> None:
+    """Built with RUSTFLAGS in the environment, which take the place of those in .cargo/config.toml, some do."""
+    for step in kernels(dtype, lanes)[-1:]:
+        assert module().indirect_jumps(step) == [], step.name
 
 
 @pytest.mark.parametrize("dtype", PRECISIONS)
