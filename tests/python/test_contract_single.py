@@ -19,6 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uvms_gym
+from uvms_gym.envs._arguments import RESET_OPTIONS
 
 TASKS = task_ids()
 pytestmark = pytest.mark.parametrize("task", TASKS)
@@ -552,18 +553,7 @@ WEIRD = st.recursive(
 )
 #: What a refusal may be; a panic is none of it, and neither is a stumble such as an AttributeError.
 REFUSALS = (TypeError, ValueError, OverflowError, gym.error.Error)
-OPTIONS = [
-    "position",
-    "attitude",
-    "twist",
-    "q",
-    "qd",
-    "target_position",
-    "target_attitude",
-    "current",
-    "reset_mask",
-    "x",
-]
+OPTIONS = [*RESET_OPTIONS, "reset_mask", "x"]
 ARGUMENTS = [
     "scene",
     "action",
