@@ -81,14 +81,14 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
             turn = turn.max(point.pose.angular.dot(point.pose.angular));
             Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
-        let time = elapsed + h * L::c(tableau.c[i]);
-        derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
-        // Here, as there is time for it while the last accelerations are waited for.
+        // Here, as there is time for it while the stage's gravity is waited for.
         match chart {
             _ if keeps => {}
             Chart::Exponential(form) if i > 0 => stages.pose[i] = dexp_inverse_negative(form, point.pose, point.twist),
             _ => stages.pose[i] = point.twist,
         }
+        let time = elapsed + h * L::c(tableau.c[i]);
+        derivative.rates(&at, time, point.twist, &stages.q_at, &stages.qd_at, &mut stages.rates[i]);
     }
     let contrast = match &tableau.contrast {
         Some(contrast) => stages.contrast(contrast, n, h, from),

@@ -66,27 +66,76 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     /// The start plus `h sum w_j k_j` over the stages that count; leaves q and q' in `q_at`, `qd_at`.
     #[inline(always)]
     pub(super) fn weigh(&mut self, weights: &Weights, n: usize, h: L, keeps: bool, from: &Motion<L, N>) -> Point<L> {
-        let Weights { time, speed, place, support: [speeds, places] } = weights;
+        let [speeds, places] = weights.support;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
-        let (way, h2) = (h * L::c(*time), h * h);
-        for k in 0..n {
-            self.q_at[k] = from.qd[k] * way;
-            self.qd_at[k] = L::zero();
-        }
-        // Joints within stages: the other way about every joint would have to ask again which stages count.
         for j in speeds.stages() {
-            let weight = h * L::c(speed[j]);
+            let weight = h * L::c(weights.speed[j]);
             sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
             sum.pose = self.pose[j].scale_add(weight, sum.pose);
             if keeps {
                 sum.scalar = self.scalar[j].mul_add(weight, sum.scalar);
             }
+        }
+        sum.twist = from.twist + sum.twist;
+        // The classical tableau's sums by themselves: with the number of stages known, a joint's sum stays in a register.
+        match (speeds.as_slice(), places.as_slice()) {
+            (&[a], &[]) => self.weigh_joints([a], [], weights, n, h, from),
+            (&[a], &[b]) => self.weigh_joints([a], [b], weights, n, h, from),
+            (&[a, b, c, d], &[e, f, g]) => self.weigh_joints([a, b, c, d], [e, f, g], weights, n, h, from),
+            _ => self.weigh_joints_by_stages(weights, n, h, from),
+        }
+        sum
+    }
+
+    /// The joints' part of [`Self::weigh`], with these stages in their speeds and in their places.
+    #[inline(always)]
+    fn weigh_joints<const S: usize, const P: usize>(
+        &mut self,
+        speeds: [usize; S],
+        places: [usize; P],
+        weights: &Weights,
+        n: usize,
+        h: L,
+        from: &Motion<L, N>,
+    ) {
+        let (mut speed, mut place) = ([L::zero(); S], [L::zero(); P]);
+        for i in 0..S {
+            speed[i] = h * L::c(weights.speed[speeds[i].min(STAGES - 1)]);
+        }
+        for i in 0..P {
+            place[i] = h * h * L::c(weights.place[places[i].min(STAGES - 1)]);
+        }
+        let way = h * L::c(weights.time);
+        for k in 0..n {
+            let (mut q, mut qd) = (from.qd[k] * way, L::zero());
+            for i in 0..S {
+                qd = self.rates[speeds[i].min(STAGES - 1)].qd[k].mul_add(speed[i], qd);
+            }
+            for i in 0..P {
+                q = self.rates[places[i].min(STAGES - 1)].qd[k].mul_add(place[i], q);
+            }
+            self.q_at[k] = q + from.q[k];
+            self.qd_at[k] = qd + from.qd[k];
+        }
+    }
+
+    /// The same for any stages. Joints within stages: the other way about every joint would have to ask again which count.
+    #[inline(always)]
+    fn weigh_joints_by_stages(&mut self, weights: &Weights, n: usize, h: L, from: &Motion<L, N>) {
+        let [speeds, places] = weights.support;
+        let (way, h2) = (h * L::c(weights.time), h * h);
+        for k in 0..n {
+            self.q_at[k] = from.qd[k] * way;
+            self.qd_at[k] = L::zero();
+        }
+        for j in speeds.stages() {
+            let weight = h * L::c(weights.speed[j]);
             for k in 0..n {
                 self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
             }
         }
         for j in places.stages() {
-            let weight = h2 * L::c(place[j]);
+            let weight = h2 * L::c(weights.place[j]);
             for k in 0..n {
                 self.q_at[k] = self.rates[j].qd[k].mul_add(weight, self.q_at[k]);
             }
@@ -95,8 +144,6 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             self.q_at[k] += from.q[k];
             self.qd_at[k] += from.qd[k];
         }
-        sum.twist = from.twist + sum.twist;
-        sum
     }
 
     /// Square of the length of `h sum e_j k_j`, each entry of twist, q and q' by one plus its magnitude at the start.

@@ -53,6 +53,12 @@ impl Support {
         Self { stages, count }
     }
 
+    /// Their numbers.
+    #[inline(always)]
+    pub fn as_slice(&self) -> &[usize] {
+        &self.stages[..self.count.min(STAGES)]
+    }
+
     /// Their numbers. (All are in range, which the compiler has to be told where it is to check no index.)
     #[inline(always)]
     pub fn stages(&self) -> impl Iterator<Item = usize> {
