@@ -109,7 +109,7 @@ fn accelerations_along(
     };
     let loads = Loads {
         torque: std::array::from_fn(|k| number(loads.torque[k], Direction::Torque(k))),
-        servo: false,
+        terms: 0,
         target: [[zero; 4]; JOINTS],
         on_links: loads.on_links,
         links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| Dual::new(x, 0.0)))),

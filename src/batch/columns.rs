@@ -215,13 +215,16 @@ impl<T: Real> Columns<'_, T> {
     /// Loads, as far as they are on.
     #[inline(always)]
     pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
-        loads.servo = switches.servo;
+        loads.terms = switches.terms;
         loads.on_links = switches.on_links;
         for k in 0..layout.joints.min(JOINTS) {
             loads.torque[k] = self.get(layout.torque + k);
-            if switches.servo {
-                let row = layout.target + 4 * k;
-                loads.target[k] = [self.get(row), self.get(row + 1), self.get(row + 2), self.get(row + 3)];
+            let row = layout.target + 4 * k;
+            if switches.terms > 0 {
+                (loads.target[k][0], loads.target[k][1]) = (self.get(row), self.get(row + 1));
+            }
+            if switches.terms > 2 {
+                (loads.target[k][2], loads.target[k][3]) = (self.get(row + 2), self.get(row + 3));
             }
             if switches.on_links {
                 loads.links[k] = self.six(layout.links + 6 * k);

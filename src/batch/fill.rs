@@ -260,7 +260,7 @@ mod tests {
                     };
                     same(layout.wrench, &loads.wrench, "wrench");
                     same(layout.torque, &loads.torque[..n], "torque");
-                    if switches.servo {
+                    if switches.terms > 0 {
                         same(layout.target, loads.target[..n].as_flattened(), "target");
                     }
                     if switches.on_links {

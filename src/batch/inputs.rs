@@ -123,11 +123,7 @@ impl<'a> Applied<'a> {
 
     /// Which loads are on.
     pub fn switches(&self) -> Switches {
-        Switches {
-            servo: self.inputs.joint_target.is_some(),
-            on_links: self.inputs.external.is_some(),
-            station: self.inputs.station.is_some(),
-        }
+        Switches { terms: self.terms, on_links: self.inputs.external.is_some(), station: self.inputs.station.is_some() }
     }
 
     /// Thrust of instance `i` within limits, times a factor.

@@ -56,7 +56,7 @@ impl Simulator {
         }
         let links = given.links[..self.joints()].iter().map(|&wrench| wrench.into());
         let torque = |(k, joint): (usize, &Joint)| {
-            let target = switches.servo.then(|| (given.target[k][0], given.target[k][1]));
+            let target = (switches.terms > 0).then(|| (given.target[k][0], given.target[k][1]));
             actuator_torque(joint, state.q[k], state.qd[k], given.torque[k], target)
         };
         let thrust = match self.propulsion(i, &given.command) {

@@ -17,8 +17,8 @@ use crate::system::{Ingredients, JOINTS, System};
 /// Which loads are on, the same for all instances.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Switches {
-    /// Joint servos.
-    pub servo: bool,
+    /// Coefficients of the joint servos' targets; none where these are off.
+    pub terms: usize,
     /// External wrenches on links.
     pub on_links: bool,
     /// Station keeping within the stages.
@@ -129,10 +129,9 @@ impl<L: Lane> Memory<L> {
     /// Makes all its numbers NaN: where one is read before it is written, results show it.
     fn spoil(&mut self) {
         let memory = &raw mut *self;
-        // SAFETY: bits that are all set are a number, and the flags are made such again.
+        // SAFETY: bits that are all set are a number, and the flag is made such again.
         unsafe {
             memory.write_bytes(0xFF, 1);
-            (&raw mut (*memory).loads.servo).write(false);
             (&raw mut (*memory).loads.on_links).write(false);
         }
     }

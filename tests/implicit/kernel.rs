@@ -47,7 +47,7 @@ impl Case {
     fn loads(&self) -> Loads<f64> {
         let mut loads = Loads::none();
         loads.torque = self.torque;
-        loads.servo = self.target.is_some();
+        loads.terms = if self.target.is_some() { 2 } else { 0 };
         for (k, target) in self.target.iter().flatten().enumerate() {
             loads.target[k][..2].copy_from_slice(target);
         }

@@ -34,9 +34,9 @@ use crate::system::{BodyTerms, Constant, JOINTS, JointTerms, System};
 pub struct Loads<L> {
     /// Actuator torques.
     pub torque: [L; JOINTS],
-    /// Whether the joint servos are on.
-    pub servo: bool,
-    /// Servo targets, as cubic polynomials in the time, constant term first.
+    /// Coefficients of servo targets that count; none where the joint servos are off.
+    pub terms: usize,
+    /// Servo targets, as cubic polynomials in the time, constant term first. The first two coefficients always count.
     pub target: [[L; 4]; JOINTS],
     /// Whether `links` holds anything.
     pub on_links: bool,
@@ -50,7 +50,7 @@ impl<L: Lane> Loads<L> {
     pub fn none() -> Self {
         Self {
             torque: [L::zero(); JOINTS],
-            servo: false,
+            terms: 0,
             target: [[L::zero(); 4]; JOINTS],
             on_links: false,
             links: [Vector6::zero(); JOINTS],
@@ -60,10 +60,13 @@ impl<L: Lane> Loads<L> {
     /// Servo target of joint `i`: value and rate at `time`.
     #[inline(always)]
     pub(super) fn target(&self, i: usize, time: L) -> Option<(L, L)> {
-        if !self.servo {
+        if self.terms == 0 {
             return None;
         }
         let [a, b, c, d] = self.target[i];
+        if self.terms <= 2 {
+            return Some((b.mul_add(time, a), b));
+        }
         // By Horner's rule, the rate from the value's partial sums.
         let two = d.mul_add(time, c);
         let one = two.mul_add(time, b);

@@ -18,9 +18,10 @@ use crate::lane::Real;
 use crate::scene::{Goal, Task, TaskKernel};
 use crate::system::State;
 
-/// The joints' servos are all that is on, where joints follow references; else nothing is.
+/// The joints' servos are all that is on, where joints follow references (cubic ones); else nothing is.
 fn switches(task: &Task) -> Switches {
-    Switches { servo: task.options().task == Goal::StationKeep, on_links: false, station: false }
+    let terms = if task.options().task == Goal::StationKeep { 4 } else { 0 };
+    Switches { terms, on_links: false, station: false }
 }
 
 /// The numbers of all episodes, whatever the precision.
