@@ -219,7 +219,7 @@ fn payloads_are_held_wherever_the_end_effector_is() {
         scene.arm.as_mut().unwrap().end_effector.position = offset.into();
         let Compiled { system, ingredients, grip, .. } = compile(&scene);
         let laden: System<f64> = system.variable(&ingredients, Some(grip.map(Shared)));
-        assert!(system.sparse && system.aligned);
+        assert!(system.sparse && system.upright);
         assert_eq!(laden.sparse, sparse, "{grip:?}");
         check_factors(seed, scene);
     }

@@ -9,7 +9,7 @@ use common::random_scene::{Options, Random, random_scene};
 use nalgebra as na;
 use uvms_gym::balance::Balance;
 use uvms_gym::description::{Frame, JointKind, Scene};
-use uvms_gym::hydro::Place;
+use uvms_gym::hydro::{Place, Turn};
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};
 use uvms_gym::spatial::Bend;
@@ -202,8 +202,13 @@ fn shipped_arms_leave_out_what_their_frames_can_spare() {
         let last = system.joints.last().unwrap().constant;
         assert!(matches!(last, Constant::Shift(None)), "{name}: {last:?}");
     }
+    // Drag in turned frames: of one link whose axes lie neither along its joint's axis nor along the normal to the next.
+    let alpha5 = compile(&Scene::shipped("bluerov2-heavy-alpha5").unwrap()).system;
+    let turns: Vec<_> = alpha5.joints.iter().map(|joint| joint.body.central.unwrap().turn).collect();
+    assert!(matches!(turns[..], [Turn::None, Turn::Upright(..), Turn::None, Turn::None]), "{turns:?}");
+    assert!(alpha5.upright);
     for joint in compile(&Scene::shipped("petasus-pum").unwrap()).system.joints {
-        let place = joint.body.principal.unwrap().place;
+        let place = joint.body.central.unwrap().place;
         assert!(!matches!(place, Place::At(_)), "{place:?}");
     }
 }

@@ -16,6 +16,8 @@ pub struct Line {
     pub point: Vector3<f64>,
     /// Unit direction.
     pub direction: Vector3<f64>,
+    /// The link's axes, as columns.
+    pub axes: Matrix3<f64>,
 }
 
 /// A joint frame and how it is reached from its parent.
@@ -67,10 +69,11 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
         let pose = match normals.get(i).and_then(Option::as_ref) {
             Some(normal) => frame(normal.feet[0], normal.direction, line.direction),
             None => {
-                // Anywhere on the axis: where its normal with the one before ends nothing is left to shift.
+                // Anywhere on the axis: where its normal with the one before ends nothing is left to shift. And turned as one
+                // likes: as the link is, whose coefficients are given in its own axes.
                 let before = i.checked_sub(1).and_then(|k| normals[k].as_ref());
                 let point = before.map_or(line.point, |normal| normal.feet[1]);
-                frame(point, perpendicular(line.direction), line.direction)
+                frame(point, perpendicular(line.direction, line.axes), line.direction)
             }
         };
         let next = match frames.last() {
@@ -90,7 +93,8 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
 
 /// The first joint's frame, reached from the vehicle's along the common normal of their z axes, where there is one.
 fn first(line: Line, pose: Pose<f64>) -> JointFrame {
-    let vertical = Line { point: Vector3([0.0; 3]), direction: Vector3([0.0, 0.0, 1.0]) };
+    let axes = Matrix3::identity();
+    let vertical = Line { point: Vector3([0.0; 3]), direction: Vector3([0.0, 0.0, 1.0]), axes };
     let Some(normal) = common_normal(vertical, line) else { return by_pose(&pose, pose) };
     let [cos, sin, _] = normal.direction.0;
     // Rounding in a direction that is meant to be straight ahead.
@@ -149,7 +153,8 @@ fn common_normal(from: Line, to: Line) -> Option<Normal> {
     if sin < PARALLEL {
         let normal = between - z1.scale(between.dot(z1));
         let length = normal.dot(normal).sqrt();
-        let direction = if length > 1e-12 { normal.scale(1.0 / length) } else { perpendicular(z1) };
+        let direction =
+            if length > 1e-12 { normal.scale(1.0 / length) } else { perpendicular(z1, Matrix3::identity()) };
         return Some(Normal { feet: [from.point, from.point + normal], direction, sin: 0.0, cos: cos.signum() });
     }
     if sin < NEARLY_PARALLEL {
@@ -167,11 +172,15 @@ fn frame(origin: Vector3<f64>, x: Vector3<f64>, z: Vector3<f64>) -> Pose<f64> {
     Pose { rotation: Matrix3([x.0, y.0, z.0]).transposed().orthonormalised(), position: origin }
 }
 
-/// A unit vector at right angles to `z`.
-fn perpendicular(z: Vector3<f64>) -> Vector3<f64> {
-    let least = (0..3).min_by(|&i, &k| z.0[i].abs().total_cmp(&z.0[k].abs())).unwrap_or(0);
-    let mut e = Vector3([0.0; 3]);
-    e.0[least] = 1.0;
-    let x = e - z.scale(e.dot(z));
-    x.scale(1.0 / x.dot(x).sqrt())
+/// A unit vector at right angles to `z`, nearest to one of these axes (columns).
+fn perpendicular(z: Vector3<f64>, axes: Matrix3<f64>) -> Vector3<f64> {
+    let across = axes.transposed().0.map(|axis| Vector3(axis) - z.scale(Vector3(axis).dot(z)));
+    let length = |x: &Vector3<f64>| x.dot(*x).sqrt();
+    let [mut x, others @ ..] = across;
+    for other in others {
+        if length(&other) > length(&x) {
+            x = other;
+        }
+    }
+    x.scale(1.0 / length(&x))
 }

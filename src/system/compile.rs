@@ -6,9 +6,9 @@ use super::appendages::{fins, tether};
 use super::chain::{Line, inverse, joint_frames, shift, tidy};
 use super::model::{Actuator, BodyTerms, Constant, Friction, JointTerms, Limits, Servo, System, VehicleServo};
 use super::propulsion::thrusters;
-use super::variation::Ingredients;
+use super::variation::{CentralInertia, Ingredients};
 use crate::description::{Body, Frame, Joint, JointKind, LinearActuator, Scene, Vehicle, Water};
-use crate::hydro::{Coefficients, Drag, Place, Placement, Principal, Restoring};
+use crate::hydro::{Central, Coefficients, Drag, Place, Placement, Restoring, Turn};
 use crate::lane::Shared;
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::SpatialInertia;
@@ -65,7 +65,11 @@ pub fn compile(scene: &Scene) -> Compiled {
     let lines: Vec<Line> = moving
         .iter()
         .zip(&zero_poses)
-        .map(|((joint, _), link)| Line { point: link.position, direction: link.rotation.apply(vector(&joint.axis)) })
+        .map(|((joint, _), link)| Line {
+            point: link.position,
+            direction: link.rotation.apply(vector(&joint.axis)),
+            axes: link.rotation,
+        })
         .collect();
     let frames = joint_frames(&lines);
     let links: Vec<Pose<f64>> =
@@ -98,7 +102,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         ingredients.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
     let system = System {
         sparse,
-        aligned: joints.iter().all(|joint| joint.body.is_aligned()),
+        upright: joints.iter().all(|joint| joint.body.is_upright()),
         gravity: water.gravity.into(),
         fixed: scene.vehicle.fixed,
         vehicle,
@@ -176,14 +180,20 @@ fn drag(body: &Body, hydrodynamic: &Pose<f64>) -> Option<Drag<f64>> {
     Some(placed(linear, quadratic, hydrodynamic))
 }
 
-/// Drag whose coefficients are given at `at`. Where that frame's axes lie along the body's, the coefficients change
+/// Drag whose coefficients are given at `at`. As far as that frame's axes lie along the body's, the coefficients change
 /// places and the frame needs no turning: `v |v|` is odd, so even its quadratic part allows that.
 fn placed(linear: Coefficients<f64>, quadratic: Coefficients<f64>, at: &Pose<f64>) -> Drag<f64> {
-    let Some(axes) = signed_axes(&at.rotation) else {
+    let Some((axes, [sin, cos])) = upright(&at.rotation) else {
         let linear_bound = linear_bound(&linear);
         return Drag { placement: Placement::At(at.rotation.0, at.position.0), linear, quadratic, linear_bound };
     };
-    let placement = if at.position.0 == [0.0; 3] { Placement::Here } else { Placement::Shifted(at.position.0) };
+    let placement = if sin != 0.0 {
+        Placement::At([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], at.position.0)
+    } else if at.position.0 != [0.0; 3] {
+        Placement::Shifted(at.position.0)
+    } else {
+        Placement::Here
+    };
     let (linear, quadratic) = (relabelled(&linear, &axes), relabelled(&quadratic, &axes));
     let linear_bound = linear_bound(&linear);
     Drag { placement, linear, quadratic, linear_bound }
@@ -210,20 +220,25 @@ fn linear_bound(linear: &Coefficients<f64>) -> Option<SpatialInertia<f64>> {
     Some(SpatialInertia::from_entries(|i, k| bound[(i, k)]))
 }
 
-/// For each body axis, the axis of the other frame along it and its sign, if that frame only relabels the axes.
-fn signed_axes(rotation: &Matrix3<f64>) -> Option<[(usize, f64); 3]> {
-    let mut axes = [(0, 0.0); 3];
-    for (i, row) in rotation.0.iter().enumerate() {
-        let along = (0..3).find(|&k| row[k].abs() > 0.5)?;
-        if (0..3).any(|k| k != along && row[k].abs() > 1e-14) {
-            return None;
-        }
-        axes[i] = (along, row[along].signum());
+/// For each axis of one frame, the axis of another along it and its sign.
+type Axes = [(usize, f64); 3];
+
+/// The axes of another frame along the body's once these are turned about z, if it has one along z; and sine and cosine of
+/// that turn.
+fn upright(rotation: &Matrix3<f64>) -> Option<(Axes, [f64; 2])> {
+    let rows = &rotation.0;
+    let along = |row: usize| (0..3).max_by(|&i, &k| rows[row][i].abs().total_cmp(&rows[row][k].abs()));
+    let (x, z) = (along(0)?, along(2)?);
+    if (0..3).any(|k| k != z && rows[2][k].abs() > 1e-14) {
+        return None;
     }
-    Some(axes)
+    let y = 3 - x - z;
+    let axes = [(x, rows[0][x].signum()), (y, rows[1][y].signum()), (z, rows[2][z].signum())];
+    let [sin, cos] = [rows[1][x], rows[0][x]].map(|entry| entry * axes[0].1);
+    Some((axes, if sin.abs() > 1e-14 { [sin, cos] } else { [0.0, 1.0] }))
 }
 
-fn relabelled(coefficients: &Coefficients<f64>, axes: &[(usize, f64); 3]) -> Coefficients<f64> {
+fn relabelled(coefficients: &Coefficients<f64>, axes: &Axes) -> Coefficients<f64> {
     let of = |i: usize| (axes[i % 3].0 + i / 3 * 3, axes[i % 3].1);
     let six = [0, 1, 2, 3, 4, 5];
     match coefficients {
@@ -241,7 +256,7 @@ fn relabelled(coefficients: &Coefficients<f64>, axes: &[(usize, f64); 3]) -> Coe
 fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>) {
     let none = Restoring { net_mass: 0.0, moment: [0.0; 3] };
     let (rigid, added) = (SpatialInertia::zero(), SpatialInertia::zero());
-    let mut sum = Ingredients { rigid, added, principal: None, weight: none, displaced: none };
+    let mut sum = Ingredients { rigid, added, central: None, weight: none, displaced: none };
     let mut drag = Vec::new();
     for part in parts {
         let at = link.times(&part.at);
@@ -259,12 +274,12 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
     let moment = (Vector3(sum.weight.moment) - Vector3(sum.displaced.moment)).0;
     let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
     let restoring = (restoring != none).then_some(restoring);
-    let principal = drag.first().and_then(|drag| {
-        let (principal, parts) = principal(&sum, drag)?;
-        sum.principal = Some(parts);
-        Some(principal)
+    let central = drag.first().and_then(|drag| {
+        let (central, parts) = central(&sum, drag)?;
+        sum.central = Some(parts);
+        Some(central)
     });
-    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag, principal, load: None }, sum)
+    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag, central, load: None }, sum)
 }
 
 /// Entries of an inertia off its diagonal that are rounding, by the diagonal entries that they couple.
@@ -280,19 +295,24 @@ fn tidy_inertia(inertia: &SpatialInertia<f64>) -> SpatialInertia<f64> {
     })
 }
 
-/// A body in the frame of its drag, if everything is diagonal there; with the diagonals of rigid and added inertia.
-fn principal(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Principal<f64>, [[f64; 6]; 2])> {
+/// A body in the frame of its drag, if that is the centre of all and nothing but the angular inertia has entries off its
+/// diagonal there; with what rigid and added inertia are there.
+fn central(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Central<f64>, [CentralInertia<f64>; 2])> {
     let at = within(&drag.placement);
     let back = inverse(&at);
-    let diagonal = |inertia: &SpatialInertia<f64>| {
+    let there = |inertia: &SpatialInertia<f64>| {
         // What is left of large terms that cancel on the way counts by the size of these.
         let (here, there) = (inertia, inertia.to_parent(&back));
         let size = |k: usize| here.entry(k, k).max(there.entry(k, k));
-        let off = |i: usize, k: usize| there.entry(i, k).abs() > OFF_DIAGONAL * (size(i) * size(k)).sqrt();
-        let clean = (0..6).all(|i| (0..i).all(|k| !off(i, k)));
-        clean.then(|| [0, 1, 2, 3, 4, 5].map(|k| there.entry(k, k)))
+        let entry = |i: usize, k: usize| {
+            let entry = there.entry(i, k);
+            if entry.abs() > OFF_DIAGONAL * (size(i) * size(k)).sqrt() { entry } else { 0.0 }
+        };
+        let clean = (0..6).all(|i| (0..i.min(3)).all(|k| entry(i, k) == 0.0));
+        let diagonal = [0, 1, 2, 3, 4, 5].map(|k| entry(k, k));
+        clean.then(|| CentralInertia { diagonal, products: [entry(4, 5), entry(3, 5), entry(3, 4)] })
     };
-    let parts = [diagonal(&of.rigid)?, diagonal(&of.added)?];
+    let parts = [there(&of.rigid)?, there(&of.added)?];
     let centred = |mass: &Restoring<f64>| {
         let arm = at.position.scale(mass.net_mass);
         let size = arm.dot(arm).sqrt();
@@ -307,16 +327,23 @@ fn principal(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Principal<f64>,
         Coefficients::Diagonal(d) => Some(*d),
         Coefficients::Full(_) => None,
     };
-    let [x, y, z] = [3, 4, 5].map(|k| parts[0][k] + parts[1][k]);
-    let principal = Principal {
+    let [rigid, added] = &parts;
+    let [masses @ .., x, y, z] = [0, 1, 2, 3, 4, 5].map(|k| rigid.diagonal[k] + added.diagonal[k]);
+    let products = [0, 1, 2].map(|k| rigid.products[k] + added.products[k]);
+    let central = Central {
         place: Place::of(at.position.0.map(|x| shift(x).unwrap_or(0.0))),
-        rotation: matches!(drag.placement, Placement::At(..)).then_some(at.rotation.0),
-        masses: [0, 1, 2].map(|k| parts[0][k] + parts[1][k]),
+        turn: match drag.placement {
+            Placement::At([[cos, ..], [sin, ..], [.., 1.0]], _) => Turn::Upright(sin, cos),
+            Placement::At(rows, _) => Turn::Whole(rows),
+            _ => Turn::None,
+        },
+        masses,
         gyration: [z - y, x - z, y - x],
+        products: (rigid.products != [0.0; 3] || added.products != [0.0; 3]).then_some(products),
         drag: [coefficients(&drag.linear)?, coefficients(&drag.quadratic)?],
         net_mass: of.weight.net_mass - of.displaced.net_mass,
     };
-    Some((principal, parts))
+    Some((central, parts))
 }
 
 fn within(placement: &Placement<f64>) -> Pose<f64> {

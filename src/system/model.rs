@@ -1,7 +1,7 @@
 //! What the kernel reads: constants of a scene, in the frames that compute fastest.
 
 use super::JOINTS;
-use crate::hydro::{Drag, Fin, Principal, Restoring, Tether, Thruster};
+use crate::hydro::{Central, Drag, Fin, Restoring, Tether, Thruster, Turn};
 use crate::lane::{Lane, Param, get_all, sin_cos};
 use crate::spatial::{Bend, PointMass, SpatialInertia};
 
@@ -19,8 +19,8 @@ pub struct System<P> {
     pub vehicle: BodyTerms<P>,
     /// Joints and links from the base outward.
     pub joints: Vec<JointTerms<P>>,
-    /// Whether all links are [`BodyTerms::is_aligned`].
-    pub aligned: bool,
+    /// Whether all links are [`BodyTerms::is_upright`].
+    pub upright: bool,
     /// Whether the inertias of all bodies are [`SpatialInertia::is_sparse`].
     pub sparse: bool,
     /// Station keeping evaluated within the stages.
@@ -42,9 +42,9 @@ pub struct BodyTerms<P> {
     pub restoring: Option<Restoring<P>>,
     /// Drag, one entry per body of the scene that is fixed to this one.
     pub drag: Vec<Drag<P>>,
-    /// `inertia`, `restoring` and the first of `drag` once more, where they are diagonal in one frame.
-    pub principal: Option<Principal<P>>,
-    /// Payload of single instances, which `principal` does not hold; `inertia` and `restoring` do.
+    /// `inertia`, `restoring` and the first of `drag` once more, in the frame of their centre, where they have one.
+    pub central: Option<Central<P>>,
+    /// Payload of single instances, which `central` does not hold; `inertia` and `restoring` do.
     pub load: Option<PointMass<P>>,
 }
 
@@ -174,7 +174,7 @@ impl<P: Copy> System<P> {
             fixed: self.fixed,
             vehicle: self.vehicle.map(c),
             joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
-            aligned: self.aligned,
+            upright: self.upright,
             sparse: self.sparse,
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
             thrusters: self.thrusters.iter().map(|thruster| thruster.map(c)).collect(),
@@ -185,9 +185,9 @@ impl<P: Copy> System<P> {
 }
 
 impl<P> BodyTerms<P> {
-    /// Whether it has a principal frame along its own axes, and no drag but that.
-    pub fn is_aligned(&self) -> bool {
-        self.drag.len() == 1 && self.principal.as_ref().is_some_and(|principal| principal.rotation.is_none())
+    /// Whether it has a central frame along its own axes or turned about z, and no drag but that.
+    pub fn is_upright(&self) -> bool {
+        self.drag.len() == 1 && self.central.as_ref().is_some_and(|central| !matches!(central.turn, Turn::Whole(_)))
     }
 }
 
@@ -197,7 +197,7 @@ impl<P: Copy> BodyTerms<P> {
             inertia: self.inertia.map(c),
             restoring: self.restoring.map(|r| r.map(c)),
             drag: self.drag.iter().map(|d| d.map(c)).collect(),
-            principal: self.principal.map(|p| p.map(c)),
+            central: self.central.map(|p| p.map(c)),
             load: self.load.map(|load| load.map(c)),
         }
     }

@@ -72,6 +72,21 @@ impl<L: Copy> Factors<L> {
     }
 }
 
+/// An inertia in the frame of its body's centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CentralInertia<P> {
+    /// Its diagonal.
+    pub diagonal: [P; 6],
+    /// What the angular block has besides: `[J_yz, J_xz, J_xy]`.
+    pub products: [P; 3],
+}
+
+impl<P> CentralInertia<P> {
+    fn map<Q>(self, change: &impl Fn(P) -> Q) -> CentralInertia<Q> {
+        CentralInertia { diagonal: self.diagonal.map(change), products: self.products.map(change) }
+    }
+}
+
 /// What the terms of a moving body are made of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ingredients<P> {
@@ -79,8 +94,8 @@ pub struct Ingredients<P> {
     pub rigid: SpatialInertia<P>,
     /// Added inertia.
     pub added: SpatialInertia<P>,
-    /// Diagonals of both in the body's principal frame, if it has one.
-    pub principal: Option<[[P; 6]; 2]>,
+    /// Both in the frame of the body's centre, if it has one.
+    pub central: Option<[CentralInertia<P>; 2]>,
     /// Mass and its moment.
     pub weight: Restoring<P>,
     /// Displaced mass and its moment.
@@ -93,7 +108,7 @@ impl<P: Copy> Ingredients<P> {
         Ingredients {
             rigid: self.rigid.map(&change),
             added: self.added.map(&change),
-            principal: self.principal.map(|parts| parts.map(|d| d.map(&change))),
+            central: self.central.map(|parts| parts.map(|inertia| inertia.map(&change))),
             weight: self.weight.map(&change),
             displaced: self.displaced.map(&change),
         }
@@ -176,20 +191,26 @@ fn vary_body<L: Lane, P: Param<L>>(
             }
         }
     }
-    if let (Some(principal), Some(of), Some([rigid, added])) = (&mut body.principal, &of.principal, &parts.principal) {
+    if let (Some(central), Some(of), Some([rigid, added])) = (&mut body.central, &of.central, &parts.central) {
         let displaced = parts.displaced.net_mass.get();
-        principal.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
+        central.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
         let mut inertia = [L::zero(); 6];
-        let [linear, quadratic] = &mut principal.drag;
+        let [linear, quadratic] = &mut central.drag;
         for k in 0..6 {
-            let added = added[k].get() * factors.added_mass;
-            inertia[k] = rigid[k].get().mul_add(factors.mass, added);
+            let added = added.diagonal[k].get() * factors.added_mass;
+            inertia[k] = rigid.diagonal[k].get().mul_add(factors.mass, added);
             linear[k] = of.drag[0][k].get() * factors.linear_drag;
             quadratic[k] = of.drag[1][k].get() * factors.quadratic_drag;
         }
         let [masses @ .., x, y, z] = inertia;
-        principal.masses = masses;
-        principal.gyration = [z - y, x - z, y - x];
+        central.masses = masses;
+        central.gyration = [z - y, x - z, y - x];
+        if let Some(products) = &mut central.products {
+            for k in 0..3 {
+                let added = added.products[k].get() * factors.added_mass;
+                products[k] = rigid.products[k].get().mul_add(factors.mass, added);
+            }
+        }
     }
     for (drag, of) in body.drag.iter_mut().zip(&of.drag) {
         scale(&mut drag.linear, &of.linear, factors.linear_drag);

@@ -137,8 +137,8 @@ pub(super) fn body_bias<L: Lane, P: Param<L>, const SPARSE: bool>(
     bias: &mut Vector6<L>,
 ) {
     let mut drag = &body.drag[..];
-    if let (Some(principal), [_, rest @ ..]) = (&body.principal, drag) {
-        principal.bias(twist, gravity, bias);
+    if let (Some(central), [_, rest @ ..]) = (&body.central, drag) {
+        central.bias(twist, gravity, bias);
         if let Some(load) = &body.load {
             *bias = *bias + load.bias(twist, gravity);
         }
@@ -197,11 +197,11 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     place(joints, is_start, q, links);
     let (mut pull, mut moving) = (gravity, twist);
     // Twice, as the common kind of links needs no branch, and with that no way through memory.
-    if system.aligned {
+    if system.upright {
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
             (pull, moving) = link.outward(joint, pull, moving, qd[i]);
-            if let Some(principal) = &joint.body.principal {
-                principal.bias_along(moving, pull, &mut link.bias);
+            if let Some(central) = &joint.body.central {
+                central.bias_upright(moving, pull, &mut link.bias);
             }
         }
         // The last link alone may bear a payload.

@@ -1,0 +1,298 @@
+//! A body in the frame of its centre.
+
+use crate::lane::{Lane, Param, get_all};
+use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::spatial::{Bend, constant_screw_z};
+
+/// Inertia (rigid and added), drag and net weight in a frame whose origin is the centre of all of them and whose axes are those
+/// of drag and masses, as most links have one: there they take half the arithmetic.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Central<P> {
+    /// Where the frame lies in the body's.
+    pub place: Place<P>,
+    /// How it is turned against the body's.
+    pub turn: Turn<P>,
+    /// Diagonal of the linear inertia.
+    pub masses: [P; 3],
+    /// What turning makes of the diagonal of the angular one: `[J_z - J_y, J_x - J_z, J_y - J_x]`.
+    pub gyration: [P; 3],
+    /// What the angular one has off its diagonal, if anything: `[J_yz, J_xz, J_xy]`.
+    pub products: Option<[P; 3]>,
+    /// Diagonals of D_L and D_Q.
+    pub drag: [[P; 6]; 2],
+    /// Mass less displaced mass: both have their centres here.
+    pub net_mass: P,
+}
+
+/// How the axes of a frame lie in the body's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Turn<P> {
+    /// Along them.
+    None,
+    /// Turned about z: sine and cosine.
+    Upright(P, P),
+    /// Anyhow: rotation by rows.
+    Whole([[P; 3]; 3]),
+}
+
+impl<P: Copy> Turn<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Turn<Q> {
+        match *self {
+            Turn::None => Turn::None,
+            Turn::Upright(sin, cos) => Turn::Upright(change(sin), change(cos)),
+            Turn::Whole(rows) => Turn::Whole(rows.map(|row| row.map(&change))),
+        }
+    }
+}
+
+/// A point of a body: that of a link is often on an axis of its joint's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Place<P> {
+    /// On the x axis.
+    X(P),
+    /// On the y axis.
+    Y(P),
+    /// On the z axis.
+    Z(P),
+    /// Anywhere.
+    At([P; 3]),
+}
+
+impl Place<f64> {
+    /// The place of a point.
+    pub fn of(point: [f64; 3]) -> Self {
+        match point {
+            [x, 0.0, 0.0] => Place::X(x),
+            [0.0, y, 0.0] => Place::Y(y),
+            [0.0, 0.0, z] => Place::Z(z),
+            point => Place::At(point),
+        }
+    }
+}
+
+impl<P: Copy> Place<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Place<Q> {
+        match *self {
+            Place::X(x) => Place::X(change(x)),
+            Place::Y(y) => Place::Y(change(y)),
+            Place::Z(z) => Place::Z(change(z)),
+            Place::At(point) => Place::At(point.map(change)),
+        }
+    }
+
+    /// The point in lanes.
+    #[inline(always)]
+    fn point<L: Lane>(&self) -> Vector3<L>
+    where
+        P: Param<L>,
+    {
+        let zero = L::zero();
+        Vector3(match self {
+            Place::X(x) => [x.get(), zero, zero],
+            Place::Y(y) => [zero, y.get(), zero],
+            Place::Z(z) => [zero, zero, z.get()],
+            Place::At(point) => get_all(point),
+        })
+    }
+}
+
+impl<P: Copy> Central<P> {
+    /// The same with each number changed.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Central<Q> {
+        Central {
+            place: self.place.map(&change),
+            turn: self.turn.map(&change),
+            masses: self.masses.map(&change),
+            gyration: self.gyration.map(&change),
+            products: self.products.map(|products| products.map(&change)),
+            drag: self.drag.map(|d| d.map(&change)),
+            net_mass: change(self.net_mass),
+        }
+    }
+
+    /// `B V - drag - restoring` of a body of relative twist V under gravity g, all in body frame: see
+    /// [`crate::spatial::SpatialInertia::bias_wrench`], [`super::Drag`] and [`super::Restoring`].
+    #[inline(always)]
+    pub fn bias<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
+    where
+        P: Param<L>,
+    {
+        let Turn::Whole(rows) = &self.turn else { return self.bias_upright(twist, gravity, bias) };
+        let turn = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
+        let r = self.place.point();
+        let v = turn.apply_transposed(twist.angular.cross_add(r, twist.linear));
+        let w = turn.apply_transposed(twist.angular);
+        let mut there = self.in_place(v, w);
+        self.add_products(w, &mut there.angular);
+        bias.linear = self.less_weight(gravity, turn.apply(there.linear));
+        bias.angular = r.cross_add(bias.linear, turn.apply(there.angular));
+    }
+
+    /// [`Self::bias`] where the frame's z axis lies along the body's.
+    #[inline(always)]
+    pub fn bias_upright<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
+    where
+        P: Param<L>,
+    {
+        if let Turn::Upright(sin, cos) = self.turn {
+            let turn = constant_screw_z(Bend::General(sin, cos), None);
+            let r = self.place.point();
+            let linear = twist.angular.cross_add(r, twist.linear);
+            let here = turn.adjoint_apply_inverse(Vector6 { linear, ..twist });
+            let mut there = self.in_place(here.linear, here.angular);
+            self.add_products(here.angular, &mut there.angular);
+            let Vector6 { linear, angular } = turn.co_adjoint_apply_inverse(there);
+            bias.linear = self.less_weight(gravity, linear);
+            bias.angular = r.cross_add(bias.linear, angular);
+            return;
+        }
+        match self.place {
+            Place::X(x) => *bias = self.bias_on_axis::<L, 0>(x.get(), twist, gravity),
+            Place::Y(y) => *bias = self.bias_on_axis::<L, 1>(y.get(), twist, gravity),
+            Place::Z(z) => *bias = self.bias_on_axis::<L, 2>(z.get(), twist, gravity),
+            Place::At(point) => {
+                let r = Vector3(get_all(&point));
+                let there = self.in_place(twist.angular.cross_add(r, twist.linear), twist.angular);
+                bias.linear = self.less_weight(gravity, there.linear);
+                bias.angular = r.cross_add(bias.linear, there.angular);
+            }
+        }
+        self.add_products(twist.angular, &mut bias.angular);
+    }
+
+    /// The same at a point of axis N.
+    #[inline(always)]
+    fn bias_on_axis<L: Lane, const N: usize>(&self, d: L, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        let (i, k) = ((N + 1) % 3, (N + 2) % 3);
+        let (mut v, w) = (twist.linear, twist.angular);
+        v.0[i] = w.0[k].mul_add(d, v.0[i]);
+        v.0[k] = w.0[i].neg_mul_add(d, v.0[k]);
+        let there = self.in_place(v, w);
+        let (linear, mut angular) = (self.less_weight(gravity, there.linear), there.angular);
+        angular.0[i] = linear.0[k].neg_mul_add(d, angular.0[i]);
+        angular.0[k] = linear.0[i].mul_add(d, angular.0[k]);
+        Vector6 { linear, angular }
+    }
+
+    /// `force` less what pulls at the body.
+    #[inline(always)]
+    fn less_weight<L: Lane>(&self, gravity: Vector3<L>, force: Vector3<L>) -> Vector3<L>
+    where
+        P: Param<L>,
+    {
+        gravity.scale_add(-self.net_mass.get(), force)
+    }
+
+    /// `B V - drag` in the central frame, without what the products of inertia give.
+    #[inline(always)]
+    fn in_place<L: Lane>(&self, v: Vector3<L>, w: Vector3<L>) -> Vector6<L>
+    where
+        P: Param<L>,
+    {
+        let [mx, my, mz]: [L; 3] = get_all(&self.masses);
+        let [gx, gy, gz]: [L; 3] = get_all(&self.gyration);
+        let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
+        // omega x J omega
+        let mut moment = self.along(3, w).0;
+        moment[0] = (w.0[1] * w.0[2]).mul_add(gx, moment[0]);
+        moment[1] = (w.0[2] * w.0[0]).mul_add(gy, moment[1]);
+        moment[2] = (w.0[0] * w.0[1]).mul_add(gz, moment[2]);
+        Vector6 { linear: w.cross_add(momentum, self.along(0, v)), angular: v.cross_add(momentum, Vector3(moment)) }
+    }
+
+    /// Adds what turning makes of the products of inertia.
+    #[inline(always)]
+    fn add_products<L: Lane>(&self, w: Vector3<L>, moment: &mut Vector3<L>)
+    where
+        P: Param<L>,
+    {
+        if let Some(products) = &self.products {
+            let [yz, xz, xy]: [L; 3] = get_all(products);
+            let [x, y, z] = w.0;
+            let momentum = Vector3([xy.mul_add(y, xz * z), xy.mul_add(x, yz * z), xz.mul_add(x, yz * y)]);
+            *moment = w.cross_add(momentum, *moment);
+        }
+    }
+
+    /// `(D_L + D_Q |v|) v` of the three entries from `first` on.
+    #[inline(always)]
+    fn along<L: Lane>(&self, first: usize, v: Vector3<L>) -> Vector3<L>
+    where
+        P: Param<L>,
+    {
+        let [linear, quadratic] = &self.drag;
+        let mut out = v.0;
+        for k in 0..3 {
+            out[k] = quadratic[first + k].get().mul_add(v.0[k].abs(), linear[first + k].get()) * v.0[k];
+        }
+        Vector3(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::hydro::{Coefficients, Drag, Placement, Restoring};
+    use crate::lie::{Pose, exp_se3};
+    use crate::spatial::SpatialInertia;
+
+    /// The same body by its full matrices.
+    fn general(body: &Central<f64>, j: [f64; 3], twist: Vector6<f64>, gravity: Vector3<f64>) -> Vector6<f64> {
+        let rotation = match body.turn {
+            Turn::None => Matrix3::identity(),
+            Turn::Upright(s, c) => Matrix3([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
+            Turn::Whole(rows) => Matrix3(rows),
+        };
+        let pose = Pose { rotation, position: body.place.point() };
+        let [yz, xz, xy] = body.products.unwrap_or([0.0; 3]);
+        let [mx, my, mz] = body.masses;
+        let inertia =
+            SpatialInertia { m: [mx, 0.0, 0.0, my, 0.0, mz], h: [[0.0; 3]; 3], j: [j[0], xy, xz, j[1], yz, j[2]] };
+        let [linear, quadratic] = body.drag.map(Coefficients::Diagonal);
+        let placement = Placement::At(pose.rotation.0, pose.position.0);
+        let drag = Drag { placement, linear, quadratic, linear_bound: None };
+        let moment = pose.position.scale(body.net_mass).0;
+        let bias = inertia.to_parent(&pose).bias_wrench(twist);
+        Restoring { net_mass: body.net_mass, moment }.subtract(gravity, bias - drag.wrench(twist))
+    }
+
+    proptest! {
+        #[test]
+        fn the_central_form_is_the_general_one(
+            point in prop::array::uniform3(-2.0..2.0f64), turn in prop::array::uniform3(-2.0..2.0f64),
+            v in prop::array::uniform3(-3.0..3.0f64), w in prop::array::uniform3(-3.0..3.0f64),
+            g in prop::array::uniform3(-10.0..10.0f64), numbers in prop::array::uniform32(0.1..5.0f64),
+        ) {
+            let (twist, gravity) = (Vector6 { linear: Vector3(v), angular: Vector3(w) }, Vector3(g));
+            let three = |k: usize| [numbers[k], numbers[k + 1], numbers[k + 2]];
+            let six = |k: usize| [0, 1, 2, 3, 4, 5].map(|i| numbers[k + i]);
+            let [x, y, z] = point;
+            let (sin, cos) = turn[0].sin_cos();
+            let whole = exp_se3(Vector6 { linear: Vector3([0.0; 3]), angular: Vector3(turn) }).rotation.0;
+            let j = three(0);
+            let gyration = [j[2] - j[1], j[0] - j[2], j[1] - j[0]];
+            for point in [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z], point] {
+                for turn in [Turn::None, Turn::Upright(sin, cos), Turn::Whole(whole)] {
+                    for products in [None, Some(three(3))] {
+                        let (place, masses, drag) = (Place::of(point), three(6), [six(9), six(15)]);
+                        let net_mass = numbers[21] - 2.5;
+                        let body = Central { place, turn, masses, gyration, products, drag, net_mass };
+                        let mut bias = Vector6::zero();
+                        body.bias(twist, gravity, &mut bias);
+                        let expected = general(&body, j, twist, gravity).to_array();
+                        for (got, expected) in bias.to_array().into_iter().zip(expected) {
+                            prop_assert!((got - expected).abs() < 1e-11 * (1.0 + expected.abs()), "{body:?}: {got}, {expected}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
