@@ -146,6 +146,22 @@ def test_a_target_is_a_polynomial_in_the_time_since_the_call() -> None:
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("num_envs", [1, 20])
+@pytest.mark.parametrize("integrator", ["mk4", "mk54", "ros2"])
+def test_a_target_of_fewer_terms_is_one_that_ends_in_zeros(integrator: str, num_envs: int, dtype: str) -> None:
+    """Constants and lines take a way of their own."""
+    states = []
+    target = np.tile([0.1, 0.2, -0.3, 0.4], (num_envs, 5, 1))
+    for terms in (1, 2, 3):
+        short, long = (moving("petasus-pum", num_envs, integrator=integrator, dtype=dtype) for _ in range(2))
+        short.step(joint_target=target[:, :, :terms], substeps=20)
+        long.step(joint_target=np.where(np.arange(4) < terms, target, 0.0), substeps=20)
+        assert_same(state_of(short), state_of(long))
+        states.append(short.q)
+    assert all(np.abs(a - b).max() > 1e-4 for a, b in itertools.pairwise(states))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
 def test_time_is_the_sum_of_steps(dtype: str) -> None:
     s = Simulator("free-body", dt=0.01, dtype=dtype)
     s.set_state(time=1000.0)
