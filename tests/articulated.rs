@@ -2,13 +2,16 @@
 
 mod common;
 
+use std::f64::consts::FRAC_PI_2;
+
 use common::random_scene::{Options, Random, random_scene, random_state};
-use nalgebra::{DMatrix, DVector, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3, Vector6};
 use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
+use uvms_gym::hydro::{Coefficients, Placement};
 use uvms_gym::lane::Shared;
-use uvms_gym::system::{Compiled, Factors, Flow, State, System, compile};
+use uvms_gym::system::{Compiled, Factors, Flow, State, VariedSystem, compile};
 
 /// Random loads of a scene, as both forms take them.
 struct RandomLoads {
@@ -108,6 +111,35 @@ fn articulated_and_closed_form_agree_on_shipped_scenes() {
             assert!(difference < bar, "{name} {seed}: {difference:e}, condition {condition:e}");
         }
     }
+}
+
+/// Full matrices change places as far as their axes lie along the joint's, and keep what is left of the turn.
+#[test]
+fn full_drag_turned_about_joints_agrees_with_the_closed_form() {
+    let mut turned = 0;
+    for seed in 0..40 {
+        let mut scene = Scene::shipped(["petasus-pum", "bluerov2-heavy-alpha5"][seed as usize % 2]).unwrap();
+        let mut random = Random::new(seed);
+        for link in &mut scene.arm.as_mut().unwrap().links {
+            let [x, z] = [Vector3::x_axis(), Vector3::z_axis()]
+                .map(|axis| Rotation3::from_axis_angle(&axis, FRAC_PI_2 * random.between(0.0, 4.0).floor()));
+            let about = Unit::new_normalize(link.joint.axis);
+            let (roll, pitch, yaw) =
+                (Rotation3::from_axis_angle(&about, random.between(-3.0, 3.0)) * z * x).euler_angles();
+            link.body.hydrodynamic_frame.rpy = Vector3::new(roll, pitch, yaw);
+            for drag in [&mut link.body.damping.linear, &mut link.body.damping.quadratic] {
+                drag.apply(|entry| *entry = random.between(-0.3, 1.0));
+            }
+        }
+        for drag in compile(&scene).system.joints.iter().flat_map(|joint| &joint.body.drag) {
+            let Placement::At([[_, Shared(sin), _], _, [.., Shared(along)]], _) = drag.placement else { continue };
+            turned += usize::from(along == 1.0 && sin.abs() > 0.01 && matches!(drag.quadratic, Coefficients::Full(_)));
+        }
+        let state = random_state(seed, &scene);
+        let (difference, _, residual) = compare(&scene, &state, &RandomLoads::new(seed, &scene), Precision::Double);
+        assert!(residual < 1e-12 && difference < 1e-12, "seed {seed}: {residual:e}, {difference:e}");
+    }
+    assert!(turned > 100, "{turned}");
 }
 
 #[test]
@@ -218,7 +250,7 @@ fn payloads_are_held_wherever_the_end_effector_is() {
         let mut scene = Scene::shipped("petasus-pum").unwrap();
         scene.arm.as_mut().unwrap().end_effector.position = offset.into();
         let Compiled { system, ingredients, grip, .. } = compile(&scene);
-        let laden: System<f64> = system.variable(&ingredients, Some(grip.map(Shared)));
+        let laden: VariedSystem<f64> = system.variable(&ingredients, Some(grip.map(Shared)));
         assert!(system.sparse && system.upright);
         assert_eq!(laden.sparse, sparse, "{grip:?}");
         check_factors(seed, scene);

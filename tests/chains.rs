@@ -9,10 +9,10 @@ use common::random_scene::{Options, Random, random_scene};
 use nalgebra as na;
 use uvms_gym::balance::Balance;
 use uvms_gym::description::{Frame, JointKind, Scene};
-use uvms_gym::hydro::{Place, Turn};
+use uvms_gym::hydro::Turn;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};
-use uvms_gym::spatial::Bend;
+use uvms_gym::spatial::{Bend, Place};
 use uvms_gym::system::{Constant, Stand, State, compile};
 
 type Dense = na::Isometry3<f64>;
@@ -211,6 +211,34 @@ fn shipped_arms_leave_out_what_their_frames_can_spare() {
         let place = joint.body.central.unwrap().place;
         assert!(!matches!(place, Place::At(_)), "{place:?}");
     }
+}
+
+/// Without drag to say where, what the water holds of them lies where it did.
+#[test]
+fn shipped_bodies_without_drag_keep_their_centres() {
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
+        let mut scene = Scene::shipped(name).unwrap();
+        let system = compile(&scene).system;
+        let arm = scene.arm.as_mut().unwrap();
+        let bodies = arm.base.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.body));
+        for body in bodies.chain([&mut scene.vehicle.body]) {
+            body.damping.linear.fill(0.0);
+            body.damping.quadratic.fill(0.0);
+        }
+        let dragless = compile(&scene).system;
+        assert!(dragless.upright, "{name}");
+        for (with, without) in system.joints.iter().zip(&dragless.joints) {
+            let (with, without) = (with.body.central.unwrap(), without.body.central.unwrap());
+            assert!(with.drag.is_some() && without.drag.is_none(), "{name}");
+            assert!(with.place.map(near) == without.place.map(near), "{name}: {with:?}, {without:?}");
+            assert!(with.turn.map(near) == without.turn.map(near), "{name}: {with:?}, {without:?}");
+        }
+    }
+}
+
+/// To twelve digits.
+fn near(Shared(x): Shared<f64>) -> f64 {
+    (x * 1e12).round()
 }
 
 /// Products of what rounding leaves of quarter turns (1e-17, 1e-34) are subnormal in single precision, which a processor

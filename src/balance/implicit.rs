@@ -31,8 +31,8 @@ pub struct Ahead<L> {
 
 /// `A + h D + h^2 K` of a body, and its bias at the pose that the present twist leads to.
 #[inline(always)]
-fn effective<L: Lane, P: Param<L>>(
-    body: &BodyTerms<P>,
+fn effective<L: Lane, B: Param<L>>(
+    body: &BodyTerms<B>,
     h: L,
     twist: Vector6<L>,
     gravity: Vector3<L>,
@@ -54,8 +54,8 @@ fn effective<L: Lane, P: Param<L>>(
 /// Works out `V'`, V relative to the water, and `q''` of linearly implicit Euler; entries of `qdd` past the joint count are
 /// untouched.
 #[inline(always)]
-pub fn implicit_accelerations<L: Lane, P: Param<L>>(
-    system: &System<P>,
+pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
+    system: &System<P, B>,
     at: &Instant<L>,
     ahead: Ahead<L>,
     loads: &Loads<L>,

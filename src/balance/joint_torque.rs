@@ -7,7 +7,13 @@ use crate::system::JointTerms;
 
 /// Torque along +q. `command` is the actuator's, `target` the servo's `(q_d, q_d')` if it is on.
 #[inline(always)]
-pub fn joint_torque<L: Lane, P: Param<L>>(joint: &JointTerms<P>, q: L, qd: L, command: L, target: Option<(L, L)>) -> L {
+pub fn joint_torque<L: Lane, P: Param<L>, B>(
+    joint: &JointTerms<P, B>,
+    q: L,
+    qd: L,
+    command: L,
+    target: Option<(L, L)>,
+) -> L {
     let mut torque = command;
     if let (Some(servo), Some((position, rate))) = (&joint.servo, target) {
         torque = servo.kp.get().mul_add(position - q, servo.kd.get().mul_add(rate - qd, torque));
@@ -39,8 +45,8 @@ pub fn joint_torque<L: Lane, P: Param<L>>(joint: &JointTerms<P>, q: L, qd: L, co
 /// it falls for each unit of acceleration over that time: `h (d + h k)` with secants d and k of the torque in rate and
 /// coordinate. Neither is ever negative.
 #[inline(always)]
-pub fn implicit_joint_torque<L: Lane, P: Param<L>>(
-    joint: &JointTerms<P>,
+pub fn implicit_joint_torque<L: Lane, P: Param<L>, B>(
+    joint: &JointTerms<P, B>,
     h: L,
     q: L,
     qd: L,

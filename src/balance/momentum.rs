@@ -25,8 +25,8 @@ impl<L: Lane> Whole<L> {
     /// A system under gravity (vehicle axes) whose vehicle has this twist through the water. Fins and tethers do not
     /// count.
     #[inline(always)]
-    pub fn of<P: Param<L>>(
-        system: &System<P>,
+    pub fn of<P: Param<L>, B: Param<L>>(
+        system: &System<P, B>,
         gravity: Vector3<L>,
         twist: Vector6<L>,
         (q, qd): (&[L; JOINTS], &[L; JOINTS]),
@@ -55,7 +55,7 @@ impl<L: Lane> Whole<L> {
 
     /// Adds a body.
     #[inline(always)]
-    fn join<P: Param<L>>(&mut self, body: &crate::system::BodyTerms<P>, twist: Vector6<L>, gravity: Vector3<L>) {
+    fn join<B: Param<L>>(&mut self, body: &crate::system::BodyTerms<B>, twist: Vector6<L>, gravity: Vector3<L>) {
         let inertia: SpatialInertia<L> = body.inertia.get();
         let mut bias = Vector6::zero();
         body_bias::<_, _, false>(body, twist, gravity, &mut bias);

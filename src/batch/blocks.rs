@@ -8,7 +8,7 @@ use super::inputs::Applied;
 use super::lagged::Lagged;
 use super::layout::Layout;
 use super::monitor::{Bounds, Sighting, Watched};
-use super::step::{Accelerate, Spare, Step, Switches};
+use super::step::{Accelerate, Spare, Step, StepVaried, Switches};
 use super::table::Table;
 use super::threads::for_each;
 use crate::error::SimulatorError;
@@ -98,7 +98,7 @@ pub struct Blocks<T> {
 struct Parameters<T> {
     system: System<Shared<T>>,
     /// The same for one instance at a time.
-    alone: System<T>,
+    alone: System<Shared<T>, T>,
     ingredients: Vec<Ingredients<Shared<T>>>,
     /// Where payloads are held.
     grip: [Shared<T>; 3],
@@ -129,7 +129,7 @@ impl<T: Real> Blocks<T> {
         let system = compiled.system.map(number).put_together(&ingredients, &Factors::ONE);
         let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
         let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
-        let alone = system.map(|Shared(x)| x);
+        let alone = system.map_bodies(|Shared(x)| x);
         let scene =
             Parameters { system, alone, ingredients, grip, working: Spare::default(), spare: Spare::default(), rigid };
         let layout =
@@ -238,7 +238,11 @@ impl<T: Real> Part<'_, T> {
             count: self.count,
             blocks: self.rows,
         };
-        T::dispatch(self.isa, &mut step);
+        if varied && self.isa.is_wide() {
+            T::dispatch(self.isa, &mut StepVaried(&mut step));
+        } else {
+            T::dispatch(self.isa, &mut step);
+        }
         if let (Some(bounds), None) = (run.bounds, &self.sighting) {
             self.sighting = self.table.sight(self.isa, self.rows, self.count, bounds, run.h);
         }

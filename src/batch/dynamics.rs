@@ -4,7 +4,7 @@ use crate::balance::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::balance::implicit::{Ahead, implicit_accelerations};
 use crate::hydro::Surfaces;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, Shared};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
@@ -46,9 +46,9 @@ impl<L: Lane> Station<L> {
 }
 
 /// A system under loads, in the frame that moves with the water.
-pub struct Dynamics<'a, L: Lane, P> {
+pub struct Dynamics<'a, L: Lane, B> {
     /// The system.
-    pub system: &'a System<P>,
+    pub system: &'a System<Shared<L::Real>, B>,
     /// Loads at the joints and on the links.
     pub loads: &'a mut Loads<L>,
     /// Gravity, less the acceleration of the water, in world axes.
@@ -67,7 +67,7 @@ pub struct Dynamics<'a, L: Lane, P> {
     pub scratch: &'a mut Scratch<L>,
 }
 
-impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
+impl<'a, L: Lane, B: Param<L>> Dynamics<'a, L, B> {
     /// Tells the station what the water's velocity has become.
     #[inline(always)]
     pub fn flow_on(&mut self, current: Vector3<L>) {
@@ -78,7 +78,7 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
 
     /// The system as seen afresh at each stage: else the compiler broadcasts all of it onto the stack beforehand.
     #[inline(always)]
-    fn system_afresh(&self) -> &'a System<P> {
+    fn system_afresh(&self) -> &'a System<Shared<L::Real>, B> {
         std::hint::black_box(self.system)
     }
 
@@ -86,7 +86,7 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
     #[inline(always)]
     fn instant<'b>(
         &self,
-        system: &System<P>,
+        system: &System<Shared<L::Real>, B>,
         at: &impl StagePose<L>,
         elapsed: L,
         (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
@@ -106,7 +106,7 @@ impl<'a, L: Lane, P: Param<L>> Dynamics<'a, L, P> {
     }
 }
 
-impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
+impl<L: Lane, B: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, B> {
     #[inline(always)]
     fn joints(&self) -> usize {
         self.system.chain().len()
@@ -128,7 +128,7 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, P> {
     }
 }
 
-impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for Dynamics<'_, L, P> {
+impl<L: Lane, B: Param<L>> LinearlyImplicit<L, JOINTS> for Dynamics<'_, L, B> {
     #[inline(always)]
     fn implicit_rates(
         &mut self,

@@ -45,12 +45,12 @@ pub struct Lag<L> {
 impl<T: Real> Lagged<'_, T> {
     /// Puts the forces of a step of size `h` from `motion` into `dynamics`, with what else acts.
     #[inline(always)]
-    pub fn apply<L: Lane<Real = T>, P: Param<L>>(
+    pub fn apply<L: Lane<Real = T>, B: Param<L>>(
         &self,
         h: L,
         motion: &Motion<L, JOINTS>,
         lag: &mut Lag<L>,
-        dynamics: &mut Dynamics<L, P>,
+        dynamics: &mut Dynamics<L, B>,
     ) {
         let n = dynamics.system.chain().len();
         let mut twists = [motion.twist; BODIES];

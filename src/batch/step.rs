@@ -1,6 +1,7 @@
 //! The kernels that visit blocks: steps and accelerations.
 
 use std::any::Any;
+use std::slice::ChunksExactMut;
 use std::sync::Mutex;
 
 use super::columns::Columns;
@@ -12,7 +13,7 @@ use crate::hydro::{Propulsion, Surfaces, thrust_wrench};
 use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::system::{Ingredients, JOINTS, System};
+use crate::system::{Ingredients, JOINTS, System, VariedSystem};
 
 /// Which loads are on, the same for all instances.
 #[derive(Debug, Clone, Copy, Default)]
@@ -73,7 +74,7 @@ pub struct Step<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
     /// The same with its numbers for a single instance: [`System::variable`] takes its time.
-    pub alone: Option<&'a System<T>>,
+    pub alone: Option<&'a System<Shared<T>, T>>,
     /// What its bodies are made of, if instances differ in their parameters.
     pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
     /// Where payloads are held, if some instances carry any.
@@ -140,28 +141,52 @@ impl<L: Lane> Memory<L> {
 impl<T: Real> Kernel<T> for Step<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1));
-        // One number at a time, a parameter of all instances is no other number than that of one: no code for both.
-        if L::LANES > 1 && self.ingredients.is_none() {
-            let mut memory = self.memory::<L>();
-            for (k, rows) in blocks.enumerate() {
-                prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
-                for first in (0..T::BLOCK).step_by(L::LANES) {
-                    if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
-                        break;
-                    }
-                    self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
-                }
-            }
-            self.give_back(memory, None);
-            return;
+        if L::LANES == 1 {
+            return self.group_by_group::<L>();
         }
-        let alone: Option<&System<L>> = match (self.ingredients, self.alone) {
+        let mut memory = self.memory::<L>();
+        for (k, rows) in self.blocks().enumerate() {
+            prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
+                    break;
+                }
+                self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
+            }
+        }
+        self.give_back(memory, None);
+    }
+}
+
+/// Steps blocks of instances with parameters of their own in wide lanes. (A kernel by itself: where one function holds both
+/// ways, the common one takes a twelfth longer.)
+pub struct StepVaried<'s, 'a, T>(pub &'s mut Step<'a, T>);
+
+impl<T: Real> Kernel<T> for StepVaried<'_, '_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        assert!(L::LANES > 1, "scalars have one kernel for both");
+        self.0.group_by_group::<L>();
+    }
+}
+
+impl<'a, T: Real> Step<'a, T> {
+    /// The blocks, once.
+    #[inline(always)]
+    fn blocks(&mut self) -> ChunksExactMut<'a, T> {
+        std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1))
+    }
+
+    /// Steps each column group with parameters of its own. One number at a time, a parameter of all instances is no other
+    /// number than that of one: no code for both.
+    #[inline(always)]
+    fn group_by_group<L: Lane<Real = T>>(&mut self) {
+        let alone: Option<&VariedSystem<L>> = match (self.ingredients, self.alone) {
             (None, Some(system)) => (system as &dyn Any).downcast_ref(),
             _ => None,
         };
         let (mut memory, mut varied) = self.memory_and_system::<L>(alone.is_none());
-        for (k, rows) in blocks.enumerate() {
+        for (k, rows) in self.blocks().enumerate() {
             prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
             for first in (0..T::BLOCK).step_by(L::LANES) {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
@@ -173,7 +198,8 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                     if self.lagged.is_some() {
                         factors.added_mass = L::zero();
                     }
-                    varied.vary(self.system, ingredients, &factors);
+                    let twice = matches!(self.integrator, Integrator::LinearlyImplicit);
+                    varied.vary(self.system, ingredients, &factors, twice);
                 }
                 let Some(system) = varied.as_deref().or(alone) else { continue };
                 self.visit(system, &mut columns, &mut memory);
@@ -181,9 +207,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
         }
         self.give_back(memory, varied);
     }
-}
 
-impl<T: Real> Step<'_, T> {
     /// Working memory. (A call, as is what follows: there are none where instances are stepped.)
     #[inline(never)]
     fn memory<L: Lane>(&self) -> Box<Memory<L>> {
@@ -197,8 +221,8 @@ impl<T: Real> Step<'_, T> {
     /// Working memory, and some for the parameters of single instances where it is needed. (One call for both: of two, the
     /// second would have to free what the first has given, should it panic.)
     #[inline(never)]
-    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<System<L>>>) {
-        let laden = |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).load.is_some();
+    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<VariedSystem<L>>>) {
+        let laden = |system: &VariedSystem<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).load.is_some();
         let spare =
             self.ingredients.and_then(|_| self.spare.take().filter(|spare| laden(spare) == self.grip.is_some()));
         let make = || Box::new(self.system.variable(self.ingredients.unwrap_or_default(), self.grip));
@@ -207,7 +231,7 @@ impl<T: Real> Step<'_, T> {
 
     /// Keeps both for the next who needs them.
     #[inline(never)]
-    fn give_back<L: Lane>(&self, memory: Box<Memory<L>>, system: Option<Box<System<L>>>) {
+    fn give_back<L: Lane>(&self, memory: Box<Memory<L>>, system: Option<Box<VariedSystem<L>>>) {
         self.working.put(memory);
         if let (Some(system), Some(_)) = (system, self.ingredients) {
             self.spare.put(system);
@@ -216,9 +240,9 @@ impl<T: Real> Step<'_, T> {
 
     /// Steps the instances of one column group.
     #[inline(always)]
-    fn visit<L: Lane<Real = T>, P: Param<L>>(
+    fn visit<L: Lane<Real = T>, B: Param<L>>(
         &self,
-        system: &System<P>,
+        system: &System<Shared<T>, B>,
         columns: &mut Columns<T>,
         memory: &mut Memory<L>,
     ) {
@@ -323,7 +347,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.layout;
         // One form for instances that differ and for those that do not: speed does not matter here.
-        let mut system: System<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.grip);
+        let mut system: VariedSystem<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.grip);
+        let system_gravity: Vector3<L> = Vector3(get_all(&system.gravity));
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = Motion::blank();
@@ -337,7 +362,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 columns.motion(layout, &mut motion);
                 columns.loads(layout, self.switches, &mut loads);
                 if let Some(ingredients) = self.ingredients {
-                    system.vary(self.system, ingredients, &columns.factors(layout));
+                    system.vary(self.system, ingredients, &columns.factors(layout), true);
                 }
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
@@ -352,7 +377,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 if system.has_appendages() {
                     columns.surfaces(layout, &system.fins, &mut surfaces);
-                    let gravity = rotation.apply_transposed(Vector3(system.gravity));
+                    let gravity = rotation.apply_transposed(system_gravity);
                     wrench = wrench + system.appendages(&surfaces, twist, gravity);
                 }
                 if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
@@ -361,7 +386,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 }
                 let instant = Instant {
                     is_start: true,
-                    gravity: rotation.apply_transposed(Vector3(system.gravity) - acceleration),
+                    gravity: rotation.apply_transposed(system_gravity - acceleration),
                     twist,
                     q: &motion.q,
                     qd: &motion.qd,

@@ -2,7 +2,7 @@
 
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::spatial::{Bend, constant_screw_z};
+use crate::spatial::{Bend, Place, constant_screw_z};
 
 /// Inertia (rigid and added), drag and net weight in a frame whose origin is the centre of all of them and whose axes are those
 /// of drag and masses, as most links have one: there they take half the arithmetic.
@@ -18,8 +18,8 @@ pub struct Central<P> {
     pub gyration: [P; 3],
     /// What the angular one has off its diagonal, if anything: `[J_yz, J_xz, J_xy]`.
     pub products: Option<[P; 3]>,
-    /// Diagonals of D_L and D_Q.
-    pub drag: [[P; 6]; 2],
+    /// Diagonals of D_L and D_Q, if there is any drag.
+    pub drag: Option<[[P; 6]; 2]>,
     /// Mass less displaced mass: both have their centres here.
     pub net_mass: P,
 }
@@ -46,58 +46,6 @@ impl<P: Copy> Turn<P> {
     }
 }
 
-/// A point of a body: that of a link is often on an axis of its joint's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place<P> {
-    /// On the x axis.
-    X(P),
-    /// On the y axis.
-    Y(P),
-    /// On the z axis.
-    Z(P),
-    /// Anywhere.
-    At([P; 3]),
-}
-
-impl Place<f64> {
-    /// The place of a point.
-    pub fn of(point: [f64; 3]) -> Self {
-        match point {
-            [x, 0.0, 0.0] => Place::X(x),
-            [0.0, y, 0.0] => Place::Y(y),
-            [0.0, 0.0, z] => Place::Z(z),
-            point => Place::At(point),
-        }
-    }
-}
-
-impl<P: Copy> Place<P> {
-    /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Place<Q> {
-        match *self {
-            Place::X(x) => Place::X(change(x)),
-            Place::Y(y) => Place::Y(change(y)),
-            Place::Z(z) => Place::Z(change(z)),
-            Place::At(point) => Place::At(point.map(change)),
-        }
-    }
-
-    /// The point in lanes.
-    #[inline(always)]
-    fn point<L: Lane>(&self) -> Vector3<L>
-    where
-        P: Param<L>,
-    {
-        let zero = L::zero();
-        Vector3(match self {
-            Place::X(x) => [x.get(), zero, zero],
-            Place::Y(y) => [zero, y.get(), zero],
-            Place::Z(z) => [zero, zero, z.get()],
-            Place::At(point) => get_all(point),
-        })
-    }
-}
-
 impl<P: Copy> Central<P> {
     /// The same with each number changed.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Central<Q> {
@@ -107,7 +55,7 @@ impl<P: Copy> Central<P> {
             masses: self.masses.map(&change),
             gyration: self.gyration.map(&change),
             products: self.products.map(|products| products.map(&change)),
-            drag: self.drag.map(|d| d.map(&change)),
+            drag: self.drag.map(|two| two.map(|d| d.map(&change))),
             net_mass: change(self.net_mass),
         }
     }
@@ -225,7 +173,7 @@ impl<P: Copy> Central<P> {
     where
         P: Param<L>,
     {
-        let [linear, quadratic] = &self.drag;
+        let Some([linear, quadratic]) = &self.drag else { return Vector3::zero() };
         let mut out = v.0;
         for k in 0..3 {
             out[k] = quadratic[first + k].get().mul_add(v.0[k].abs(), linear[first + k].get()) * v.0[k];
@@ -255,7 +203,7 @@ mod tests {
         let [mx, my, mz] = body.masses;
         let inertia =
             SpatialInertia { m: [mx, 0.0, 0.0, my, 0.0, mz], h: [[0.0; 3]; 3], j: [j[0], xy, xz, j[1], yz, j[2]] };
-        let [linear, quadratic] = body.drag.map(Coefficients::Diagonal);
+        let [linear, quadratic] = body.drag.unwrap_or_default().map(Coefficients::Diagonal);
         let placement = Placement::At(pose.rotation.0, pose.position.0);
         let drag = Drag { placement, linear, quadratic, linear_bound: None };
         let moment = pose.position.scale(body.net_mass).0;
@@ -280,9 +228,10 @@ mod tests {
             let gyration = [j[2] - j[1], j[0] - j[2], j[1] - j[0]];
             for point in [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z], point] {
                 for turn in [Turn::None, Turn::Upright(sin, cos), Turn::Whole(whole)] {
-                    for products in [None, Some(three(3))] {
-                        let (place, masses, drag) = (Place::of(point), three(6), [six(9), six(15)]);
-                        let net_mass = numbers[21] - 2.5;
+                    let products = [None, Some(three(3))];
+                    let drag = [None, Some([six(9), six(15)])];
+                    for (products, drag) in products.into_iter().flat_map(|p| drag.map(|d| (p, d))) {
+                        let (place, masses, net_mass) = (Place::of(point), three(6), numbers[21] - 2.5);
                         let body = Central { place, turn, masses, gyration, products, drag, net_mass };
                         let mut bias = Vector6::zero();
                         body.bias(twist, gravity, &mut bias);

@@ -8,7 +8,7 @@ mod slope;
 mod thruster;
 
 pub use appendages::{FINS, Fin, Surfaces, Tether};
-pub use central::{Central, Place, Turn};
+pub use central::{Central, Turn};
 pub use damping::{Coefficients, Drag, Placement};
 pub use restoring::Restoring;
 pub use thruster::{Branch, Fading, Propulsion, THRUSTERS, Thruster, Thrusts, thrust_wrench};

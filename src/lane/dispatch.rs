@@ -64,6 +64,11 @@ impl Isa {
             .clone()
     }
 
+    /// Whether its lanes hold more than one number.
+    pub fn is_wide(self) -> bool {
+        !matches!(self, Isa::Fma | Isa::Plain)
+    }
+
     /// Name as in `UVMS_LANES`.
     pub fn name(self) -> &'static str {
         match self {

@@ -117,11 +117,16 @@ pub trait Lane:
 
 /// A parameter of the system: shared by all lanes, or one number per lane.
 pub trait Param<L: Lane>: Copy {
+    /// Whether it is the same in all lanes.
+    const SHARED: bool;
+
     /// The parameter in lanes.
     fn get(self) -> L;
 }
 
 impl<L: Lane> Param<L> for L {
+    const SHARED: bool = false;
+
     #[inline(always)]
     fn get(self) -> L {
         self
@@ -134,6 +139,8 @@ impl<L: Lane> Param<L> for L {
 pub struct Shared<T>(pub T);
 
 impl<L: Lane> Param<L> for Shared<L::Real> {
+    const SHARED: bool = true;
+
     #[inline(always)]
     fn get(self) -> L {
         L::splat(self.0)

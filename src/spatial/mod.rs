@@ -6,4 +6,4 @@ mod point;
 
 pub use bend::{Bend, Screw, constant_screw_z, screw_x, screw_z};
 pub use inertia::SpatialInertia;
-pub use point::PointMass;
+pub use point::{Place, PointMass};

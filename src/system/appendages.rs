@@ -42,7 +42,7 @@ pub(super) fn tether(scene: &Scene) -> Option<Tether<f64>> {
     (net_mass != 0.0 || drag != 0.0).then_some(Tether { position: tether.position.into(), net_mass, drag })
 }
 
-impl<P: Copy> System<P> {
+impl<P: Copy, B> System<P, B> {
     /// Whether there are fins or a tether.
     #[inline(always)]
     pub fn has_appendages(&self) -> bool {

@@ -8,10 +8,10 @@ use super::model::{Actuator, BodyTerms, Constant, Friction, JointTerms, Limits, 
 use super::propulsion::thrusters;
 use super::variation::{CentralInertia, Ingredients};
 use crate::description::{Body, Frame, Joint, JointKind, LinearActuator, Scene, Vehicle, Water};
-use crate::hydro::{Central, Coefficients, Drag, Place, Placement, Restoring, Turn};
+use crate::hydro::{Central, Coefficients, Drag, Placement, Restoring, Turn};
 use crate::lane::Shared;
 use crate::lie::{Matrix3, Pose, Vector3};
-use crate::spatial::SpatialInertia;
+use crate::spatial::{Place, SpatialInertia};
 
 /// A system, and the link frames of its scene in the joint frames that it computes in.
 #[derive(Debug, Clone)]
@@ -124,6 +124,8 @@ struct Part {
     /// Mass and displaced mass that gravity acts on, each with its moment.
     weight: Restoring<f64>,
     displaced: Restoring<f64>,
+    /// Frame of added mass and drag.
+    hydrodynamic: Pose<f64>,
     drag: Option<Drag<f64>>,
 }
 
@@ -141,6 +143,7 @@ impl Part {
             weight: pull(heavy * body.mass, &body.center_of_mass),
             displaced: pull(heavy * water.density * body.displaced_volume(water), &body.center_of_buoyancy),
             drag: drag(body, &hydrodynamic),
+            hydrodynamic,
         }
     }
 }
@@ -274,12 +277,25 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
     let moment = (Vector3(sum.weight.moment) - Vector3(sum.displaced.moment)).0;
     let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
     let restoring = (restoring != none).then_some(restoring);
-    let central = drag.first().and_then(|drag| {
-        let (central, parts) = central(&sum, drag)?;
+    let central = match drag.first() {
+        Some(drag) => central(&sum, drag),
+        None => central(&sum, &dragless(parts, link, &sum.rigid)),
+    };
+    let central = central.map(|(central, parts)| {
         sum.central = Some(parts);
-        Some(central)
+        central
     });
     (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag, central, load: None }, sum)
+}
+
+/// No drag where the centre of a body without any can but be: at that of its mass, along the axes of added mass.
+fn dragless(parts: &[Part], link: &Pose<f64>, rigid: &SpatialInertia<f64>) -> Drag<f64> {
+    let flooded = parts.iter().find(|part| (0..6).any(|k| part.added.entry(k, k) != 0.0));
+    let rotation = flooded.map_or(Matrix3::identity(), |part| link.times(&part.at).times(&part.hydrodynamic).rotation);
+    // [HC eq. 5]
+    let (mass, moment) = (rigid.entry(0, 0), [rigid.entry(1, 5), rigid.entry(2, 3), rigid.entry(0, 4)]);
+    let position = if mass == 0.0 { Vector3::zero() } else { Vector3(moment).scale(1.0 / mass) };
+    placed(Coefficients::None, Coefficients::None, &Pose { rotation, position })
 }
 
 /// Entries of an inertia off its diagonal that are rounding, by the diagonal entries that they couple.
@@ -295,8 +311,8 @@ fn tidy_inertia(inertia: &SpatialInertia<f64>) -> SpatialInertia<f64> {
     })
 }
 
-/// A body in the frame of its drag, if that is the centre of all and nothing but the angular inertia has entries off its
-/// diagonal there; with what rigid and added inertia are there.
+/// A body in the frame of its drag (see [`dragless`] of one without any), if that is the centre of all and nothing but the
+/// angular inertia has entries off its diagonal there; with what rigid and added inertia are there.
 fn central(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Central<f64>, [CentralInertia<f64>; 2])> {
     let at = within(&drag.placement);
     let back = inverse(&at);
@@ -327,6 +343,7 @@ fn central(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Central<f64>, [Ce
         Coefficients::Diagonal(d) => Some(*d),
         Coefficients::Full(_) => None,
     };
+    let along = [coefficients(&drag.linear)?, coefficients(&drag.quadratic)?];
     let [rigid, added] = &parts;
     let [masses @ .., x, y, z] = [0, 1, 2, 3, 4, 5].map(|k| rigid.diagonal[k] + added.diagonal[k]);
     let products = [0, 1, 2].map(|k| rigid.products[k] + added.products[k]);
@@ -340,7 +357,7 @@ fn central(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Central<f64>, [Ce
         masses,
         gyration: [z - y, x - z, y - x],
         products: (rigid.products != [0.0; 3] || added.products != [0.0; 3]).then_some(products),
-        drag: [coefficients(&drag.linear)?, coefficients(&drag.quadratic)?],
+        drag: (along != [[0.0; 6]; 2]).then_some(along),
         net_mass: of.weight.net_mass - of.displaced.net_mass,
     };
     Some((central, parts))

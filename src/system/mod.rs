@@ -16,4 +16,4 @@ pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;
 pub use model::{Actuator, BodyTerms, Constant, Friction, JointTerms, Limits, Servo, Stand, System, VehicleServo};
 pub use state::{Flow, JOINTS, Joints, State};
-pub use variation::{FACTORS, Factors, Ingredients};
+pub use variation::{FACTORS, Factors, Ingredients, VariedSystem};

@@ -9,16 +9,18 @@ use crate::spatial::{Bend, PointMass, SpatialInertia};
 ///
 /// Every joint's frame has its z axis along the joint; `compile` chooses the frames, so that they follow each other by
 /// Denavit-Hartenberg moves wherever that is well conditioned.
+///
+/// Its numbers are of type P, those of bodies of type B: the numbers that instances may have of their own.
 #[derive(Debug, Clone, PartialEq)]
-pub struct System<P> {
+pub struct System<P, B = P> {
     /// Gravity in world axes.
     pub gravity: [P; 3],
     /// Whether the vehicle is held in the world.
     pub fixed: bool,
     /// The vehicle.
-    pub vehicle: BodyTerms<P>,
+    pub vehicle: BodyTerms<B>,
     /// Joints and links from the base outward.
-    pub joints: Vec<JointTerms<P>>,
+    pub joints: Vec<JointTerms<P, B>>,
     /// Whether all links are [`BodyTerms::is_upright`].
     pub upright: bool,
     /// Whether the inertias of all bodies are [`SpatialInertia::is_sparse`].
@@ -35,22 +37,23 @@ pub struct System<P> {
 
 /// Terms of one moving body.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BodyTerms<P> {
+pub struct BodyTerms<B> {
     /// Rigid and added inertia together: in the frame that moves with the water they obey one law.
-    pub inertia: SpatialInertia<P>,
+    pub inertia: SpatialInertia<B>,
     /// Weight and buoyancy.
-    pub restoring: Option<Restoring<P>>,
+    pub restoring: Option<Restoring<B>>,
     /// Drag, one entry per body of the scene that is fixed to this one.
-    pub drag: Vec<Drag<P>>,
-    /// `inertia`, `restoring` and the first of `drag` once more, in the frame of their centre, where they have one.
-    pub central: Option<Central<P>>,
+    pub drag: Vec<Drag<B>>,
+    /// `inertia`, `restoring` and the first of `drag`, if there is any, once more, in the frame of their centre, where they have
+    /// one.
+    pub central: Option<Central<B>>,
     /// Payload of single instances, which `central` does not hold; `inertia` and `restoring` do.
-    pub load: Option<PointMass<P>>,
+    pub load: Option<PointMass<B>>,
 }
 
 /// One joint and the link that it moves.
 #[derive(Debug, Clone, PartialEq)]
-pub struct JointTerms<P> {
+pub struct JointTerms<P, B = P> {
     /// Where the joint stands on its parent.
     pub stand: Stand<P>,
     /// theta (revolute) or d (prismatic) at q = 0.
@@ -58,7 +61,7 @@ pub struct JointTerms<P> {
     /// What does not move of the screw about z.
     pub constant: Constant<P>,
     /// The link.
-    pub body: BodyTerms<P>,
+    pub body: BodyTerms<B>,
     /// Friction.
     pub friction: Option<Friction<P>>,
     /// End stops.
@@ -157,23 +160,33 @@ pub struct VehicleServo<P> {
     pub kd: [P; 6],
 }
 
-impl<P> System<P> {
+impl<P, B> System<P, B> {
     /// The joints; never more than [`JOINTS`], which spares the compiler checks.
     #[inline(always)]
-    pub fn chain(&self) -> &[JointTerms<P>] {
+    pub fn chain(&self) -> &[JointTerms<P, B>] {
         &self.joints[..self.joints.len().min(JOINTS)]
     }
 }
 
 impl<P: Copy> System<P> {
-    /// The same system with each number changed: another precision, or numbers of single instances.
+    /// The same system with each number changed.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> System<Q> {
-        let c = &change;
+        self.map_both(&change, &change)
+    }
+}
+
+impl<P: Copy, B: Copy> System<P, B> {
+    /// The same system with each number of its bodies changed.
+    pub fn map_bodies<C>(&self, change: impl Fn(B) -> C) -> System<P, C> {
+        self.map_both(&|x| x, &change)
+    }
+
+    fn map_both<Q, C>(&self, c: &impl Fn(P) -> Q, of_body: &impl Fn(B) -> C) -> System<Q, C> {
         System {
             gravity: self.gravity.map(c),
             fixed: self.fixed,
-            vehicle: self.vehicle.map(c),
-            joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
+            vehicle: self.vehicle.map(of_body),
+            joints: self.joints.iter().map(|joint| joint.map(c, of_body)).collect(),
             upright: self.upright,
             sparse: self.sparse,
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
@@ -184,15 +197,15 @@ impl<P: Copy> System<P> {
     }
 }
 
-impl<P> BodyTerms<P> {
+impl<B> BodyTerms<B> {
     /// Whether it has a central frame along its own axes or turned about z, and no drag but that.
     pub fn is_upright(&self) -> bool {
-        self.drag.len() == 1 && self.central.as_ref().is_some_and(|central| !matches!(central.turn, Turn::Whole(_)))
+        self.drag.len() <= 1 && self.central.as_ref().is_some_and(|central| !matches!(central.turn, Turn::Whole(_)))
     }
 }
 
-impl<P: Copy> BodyTerms<P> {
-    fn map<Q>(&self, c: &impl Fn(P) -> Q) -> BodyTerms<Q> {
+impl<B: Copy> BodyTerms<B> {
+    fn map<C>(&self, c: &impl Fn(B) -> C) -> BodyTerms<C> {
         BodyTerms {
             inertia: self.inertia.map(c),
             restoring: self.restoring.map(|r| r.map(c)),
@@ -222,19 +235,21 @@ impl<P: Copy> Stand<P> {
     }
 }
 
-impl<P: Copy> JointTerms<P> {
+impl<P, B> JointTerms<P, B> {
     /// Whether the joint slides instead of turning.
     #[inline(always)]
     pub fn slides(&self) -> bool {
         matches!(self.constant, Constant::Turn(..))
     }
+}
 
-    fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointTerms<Q> {
+impl<P: Copy, B: Copy> JointTerms<P, B> {
+    fn map<Q, C>(&self, c: &impl Fn(P) -> Q, of_body: &impl Fn(B) -> C) -> JointTerms<Q, C> {
         JointTerms {
             stand: self.stand.map(c),
             offset: c(self.offset),
             constant: self.constant.map(c),
-            body: self.body.map(c),
+            body: self.body.map(of_body),
             friction: self.friction.map(|f| Friction { viscous: c(f.viscous), coulomb: f.coulomb.map(|k| k.map(c)) }),
             limits: self.limits.map(|l| Limits { range: l.range.map(c), stop: l.stop.map(c) }),
             servo: self.servo.map(|s| Servo { kp: c(s.kp), kd: c(s.kd) }),

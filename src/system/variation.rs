@@ -3,7 +3,8 @@
 use super::model::{BodyTerms, System};
 use crate::hydro::{Coefficients, Restoring};
 use crate::lane::{Lane, Param, Real, Shared};
-use crate::spatial::{PointMass, SpatialInertia};
+use crate::lie::Vector3;
+use crate::spatial::{Place, PointMass, SpatialInertia};
 
 /// Number of factors.
 pub const FACTORS: usize = 8;
@@ -115,6 +116,9 @@ impl<P: Copy> Ingredients<P> {
     }
 }
 
+/// A system with bodies that instances have of their own.
+pub type VariedSystem<L> = System<Shared<<L as Lane>::Real>, L>;
+
 impl<T: Real> System<Shared<T>> {
     /// Memory for a system of single instances of bodies of these `ingredients`, with every term that
     /// [`System::vary`] may bring about: payloads if they are held somewhere, in the last body's frame.
@@ -122,8 +126,8 @@ impl<T: Real> System<Shared<T>> {
         &self,
         ingredients: &[Ingredients<Shared<T>>],
         grip: Option<[Shared<T>; 3]>,
-    ) -> System<L> {
-        let mut system = self.map(|Shared(x)| L::splat(x));
+    ) -> VariedSystem<L> {
+        let mut system = self.map_bodies(|Shared(x)| L::splat(x));
         let zero = Shared(T::from_f64(0.0));
         let weightless = Restoring { net_mass: zero, moment: [zero; 3] };
         let none = Restoring { net_mass: L::zero(), moment: [L::zero(); 3] };
@@ -137,7 +141,8 @@ impl<T: Real> System<Shared<T>> {
             // A point mass has products of inertia: those of y with x and z are to be zero.
             let [off_x, off_y, off_z] = grip.map(|entry| entry != zero);
             system.sparse &= !(off_y && (off_x || off_z));
-            let load = PointMass { mass: L::zero(), at: grip.map(|Shared(x)| L::splat(x)) };
+            let at = Place::of(grip.map(|Shared(x)| x.to_f64())).map(|x| L::splat(T::from_f64(x)));
+            let load = PointMass { mass: L::zero(), at };
             let last = system.joints.last_mut().map_or(&mut system.vehicle, |joint| &mut joint.body);
             last.restoring.get_or_insert(none);
             last.load = Some(load);
@@ -147,20 +152,27 @@ impl<T: Real> System<Shared<T>> {
 
     /// The system with terms put together from `ingredients` by `factors` as [`System::vary`] does: to the same bits.
     pub fn put_together(&self, ingredients: &[Ingredients<Shared<T>>], factors: &Factors<f64>) -> Self {
-        let mut system = self.map(|Shared(x)| x);
-        system.vary(self, ingredients, &Factors::from_array(factors.to_array().map(T::from_f64)));
-        system.map(Shared)
+        let mut system = self.map_bodies(|Shared(x)| x);
+        system.vary(self, ingredients, &Factors::from_array(factors.to_array().map(T::from_f64)), true);
+        system.map_bodies(Shared)
     }
 }
 
-impl<L: Lane> System<L> {
-    /// Makes this the system `of`, of bodies of these `ingredients` (vehicle first), with these factors.
+impl<L: Lane> VariedSystem<L> {
+    /// Makes this the system `of`, of bodies of these `ingredients` (vehicle first), with these factors; `twice` what bodies
+    /// with a [`BodyTerms::central`] frame have besides it, too.
     #[inline(always)]
-    pub fn vary<P: Param<L>>(&mut self, of: &System<P>, ingredients: &[Ingredients<P>], factors: &Factors<L>) {
+    pub fn vary(
+        &mut self,
+        of: &System<Shared<L::Real>>,
+        ingredients: &[Ingredients<Shared<L::Real>>],
+        factors: &Factors<L>,
+        twice: bool,
+    ) {
         let Some((vehicle, links)) = ingredients.split_first() else { return };
-        vary_body(&mut self.vehicle, &of.vehicle, vehicle, factors);
+        vary_body(&mut self.vehicle, &of.vehicle, vehicle, factors, twice);
         for ((joint, of), parts) in self.joints.iter_mut().zip(&of.joints).zip(links) {
-            vary_body(&mut joint.body, &of.body, parts, factors);
+            vary_body(&mut joint.body, &of.body, parts, factors, twice);
         }
     }
 }
@@ -171,14 +183,16 @@ fn vary_body<L: Lane, P: Param<L>>(
     of: &BodyTerms<P>,
     parts: &Ingredients<P>,
     factors: &Factors<L>,
+    twice: bool,
 ) {
+    let once = body.central.is_some() && !twice;
     let (rigid, added) = (parts.rigid.get(), parts.added.get());
     body.inertia = rigid.scale_add(factors.mass, &added.scale(factors.added_mass));
     if let Some(load) = &mut body.load {
         load.mass = factors.payload;
         body.inertia = body.inertia.plus(&load.inertia());
     }
-    if let Some(restoring) = &mut body.restoring {
+    if let (Some(restoring), false) = (&mut body.restoring, once) {
         let net = |weight: P, displaced: P| displaced.get().neg_mul_add(factors.volume, weight.get() * factors.mass);
         restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass);
         for k in 0..3 {
@@ -186,21 +200,23 @@ fn vary_body<L: Lane, P: Param<L>>(
         }
         if let Some(load) = &body.load {
             restoring.net_mass += load.mass;
-            for k in 0..3 {
-                restoring.moment[k] = load.mass.mul_add(load.at[k], restoring.moment[k]);
-            }
+            let at = load.at.point::<L>();
+            restoring.moment = at.scale_add(load.mass, Vector3(restoring.moment)).0;
         }
     }
     if let (Some(central), Some(of), Some([rigid, added])) = (&mut body.central, &of.central, &parts.central) {
         let displaced = parts.displaced.net_mass.get();
         central.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
         let mut inertia = [L::zero(); 6];
-        let [linear, quadratic] = &mut central.drag;
         for k in 0..6 {
             let added = added.diagonal[k].get() * factors.added_mass;
             inertia[k] = rigid.diagonal[k].get().mul_add(factors.mass, added);
-            linear[k] = of.drag[0][k].get() * factors.linear_drag;
-            quadratic[k] = of.drag[1][k].get() * factors.quadratic_drag;
+        }
+        if let (Some([linear, quadratic]), Some(of)) = (&mut central.drag, &of.drag) {
+            for k in 0..6 {
+                linear[k] = of[0][k].get() * factors.linear_drag;
+                quadratic[k] = of[1][k].get() * factors.quadratic_drag;
+            }
         }
         let [masses @ .., x, y, z] = inertia;
         central.masses = masses;
@@ -212,7 +228,10 @@ fn vary_body<L: Lane, P: Param<L>>(
             }
         }
     }
-    for (drag, of) in body.drag.iter_mut().zip(&of.drag) {
+    for (k, (drag, of)) in body.drag.iter_mut().zip(&of.drag).enumerate() {
+        if once && k == 0 {
+            continue;
+        }
         scale(&mut drag.linear, &of.linear, factors.linear_drag);
         scale(&mut drag.quadratic, &of.quadratic, factors.quadratic_drag);
         if let (Some(bound), Some(of)) = (&mut drag.linear_bound, &of.linear_bound) {

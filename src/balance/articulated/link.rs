@@ -82,9 +82,9 @@ macro_rules! with_screw {
 impl<L: Lane> Link<L> {
     /// Gravity and twist in this link's frame from those in its parent's; leaves c.
     #[inline(always)]
-    pub fn outward<P: Param<L>>(
+    pub fn outward<P: Param<L>, B>(
         &mut self,
-        joint: &JointTerms<P>,
+        joint: &JointTerms<P, B>,
         gravity: Vector3<L>,
         twist: Vector6<L>,
         qd: L,
@@ -97,9 +97,9 @@ impl<L: Lane> Link<L> {
 
     /// A vector of the parent, in this link's axes, and a twist of the parent, in this link's frame.
     #[inline(always)]
-    fn both_from_parent<P: Param<L>>(
+    fn both_from_parent<P: Param<L>, B>(
         &self,
-        joint: &JointTerms<P>,
+        joint: &JointTerms<P, B>,
         v: Vector3<L>,
         twist: Vector6<L>,
     ) -> (Vector3<L>, Vector6<L>) {
@@ -109,16 +109,16 @@ impl<L: Lane> Link<L> {
 
     /// A twist of the parent, in this link's frame.
     #[inline(always)]
-    pub fn twist_from_parent<P: Param<L>>(&self, joint: &JointTerms<P>, twist: Vector6<L>) -> Vector6<L> {
+    pub fn twist_from_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, twist: Vector6<L>) -> Vector6<L> {
         let twist = joint.stand.twist_from_parent(twist);
         with_screw!(self, joint, |screw| screw.adjoint_apply_inverse(twist))
     }
 
     /// An inertia of this link, in the parent's frame.
     #[inline(always)]
-    pub fn inertia_to_parent<P: Param<L>>(
+    pub fn inertia_to_parent<P: Param<L>, B>(
         &self,
-        joint: &JointTerms<P>,
+        joint: &JointTerms<P, B>,
         inertia: &SpatialInertia<L>,
     ) -> SpatialInertia<L> {
         joint.stand.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
@@ -126,7 +126,7 @@ impl<L: Lane> Link<L> {
 
     /// A wrench on this link, in the parent's frame.
     #[inline(always)]
-    pub fn wrench_to_parent<P: Param<L>>(&self, joint: &JointTerms<P>, wrench: Vector6<L>) -> Vector6<L> {
+    pub fn wrench_to_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, wrench: Vector6<L>) -> Vector6<L> {
         joint.stand.wrench_to_parent(with_screw!(self, joint, |screw| screw.co_adjoint_apply_inverse(wrench)))
     }
 }

@@ -116,7 +116,7 @@ pub(super) fn whole<L: Lane>([vx, vy, wx, wy]: [L; 4]) -> Vector6<L> {
 
 /// `V + E q'`
 #[inline(always)]
-pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vector6<L>, qd: L) -> Vector6<L> {
+pub(super) fn along<L: Lane, P: Copy, B>(joint: &JointTerms<P, B>, mut twist: Vector6<L>, qd: L) -> Vector6<L> {
     match joint.constant {
         Constant::Shift(_) => twist.angular.0[2] += qd,
         Constant::Turn(..) => {
@@ -130,19 +130,20 @@ pub(super) fn along<L: Lane, P: Param<L>>(joint: &JointTerms<P>, mut twist: Vect
 /// `B V - restoring - drag`: what a body's own motion and the water ask for. (Written where it belongs at once: values
 /// that meet after a branch would go through memory besides.)
 #[inline(always)]
-pub(super) fn body_bias<L: Lane, P: Param<L>, const SPARSE: bool>(
-    body: &BodyTerms<P>,
+pub(super) fn body_bias<L: Lane, B: Param<L>, const SPARSE: bool>(
+    body: &BodyTerms<B>,
     twist: Vector6<L>,
     gravity: Vector3<L>,
     bias: &mut Vector6<L>,
 ) {
     let mut drag = &body.drag[..];
-    if let (Some(central), [_, rest @ ..]) = (&body.central, drag) {
+    if let Some(central) = &body.central {
         central.bias(twist, gravity, bias);
-        if let Some(load) = &body.load {
-            *bias = *bias + load.bias(twist, gravity);
+        // (Those of all instances bear none.)
+        if let (Some(load), false) = (&body.load, B::SHARED) {
+            load.add_bias(twist, gravity, bias);
         }
-        drag = rest;
+        drag = drag.get(1..).unwrap_or_default();
     } else {
         *bias =
             if SPARSE { body.inertia.get().sparse_bias_wrench(twist) } else { body.inertia.get().bias_wrench(twist) };
@@ -157,8 +158,8 @@ pub(super) fn body_bias<L: Lane, P: Param<L>, const SPARSE: bool>(
 
 /// Places the links: their screws. What follows a start within a step is likely to be near it.
 #[inline(always)]
-pub(super) fn place<L: Lane, P: Param<L>>(
-    joints: &[JointTerms<P>],
+pub(super) fn place<L: Lane, P: Param<L>, B>(
+    joints: &[JointTerms<P, B>],
     is_start: bool,
     q: &[L; JOINTS],
     links: &mut [Link<L>],
@@ -182,8 +183,8 @@ pub(super) fn place<L: Lane, P: Param<L>>(
 
 /// Works out `V'`, V relative to the water, and `q''`; entries of `qdd` past the joint count are untouched.
 #[inline(always)]
-pub fn accelerations<L: Lane, P: Param<L>>(
-    system: &System<P>,
+pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
+    system: &System<P, B>,
     at: &Instant<L>,
     loads: &Loads<L>,
     scratch: &mut Scratch<L>,
@@ -206,9 +207,9 @@ pub fn accelerations<L: Lane, P: Param<L>>(
         }
         // The last link alone may bear a payload.
         if let (Some(joint), Some(link)) = (joints.last(), links.last_mut())
-            && let Some(load) = &joint.body.load
+            && let (Some(load), false) = (&joint.body.load, B::SHARED)
         {
-            link.bias = link.bias + load.bias(moving, pull);
+            load.add_bias(moving, pull, &mut link.bias);
         }
     } else {
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
@@ -223,9 +224,9 @@ pub fn accelerations<L: Lane, P: Param<L>>(
     }
 
     if system.sparse {
-        inward::<L, P, true>(system, at, loads, links, twist_rate);
+        inward::<_, _, _, true>(system, at, loads, links, twist_rate);
     } else {
-        inward::<L, P, false>(system, at, loads, links, twist_rate);
+        inward::<_, _, _, false>(system, at, loads, links, twist_rate);
     }
 
     let mut rate = *twist_rate;
@@ -258,8 +259,8 @@ pub fn accelerations<L: Lane, P: Param<L>>(
 
 /// The inward pass and the base: `V'`, and what the joints need to follow it.
 #[inline(always)]
-fn inward<L: Lane, P: Param<L>, const SPARSE: bool>(
-    system: &System<P>,
+fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
+    system: &System<P, B>,
     at: &Instant<L>,
     loads: &Loads<L>,
     links: &mut [Link<L>],
@@ -271,7 +272,7 @@ fn inward<L: Lane, P: Param<L>, const SPARSE: bool>(
     let (mut carried, mut asked) = (SpatialInertia::zero(), Vector6::zero());
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
         let torque = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        let inertia = carried.plus_own::<P, SPARSE>(&joint.body.inertia);
+        let inertia = carried.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut wrench = link.bias + asked;
         // Nothing but its torque passes a joint along its axis.
         let (felt, meant) = match joint.constant {
@@ -306,15 +307,15 @@ fn inward<L: Lane, P: Param<L>, const SPARSE: bool>(
         Vector6 { linear: held_rate, angular: Vector3::zero() }
     } else {
         let mut bias = Vector6::zero();
-        body_bias::<L, P, SPARSE>(&system.vehicle, twist, gravity, &mut bias);
-        carried.plus_own::<P, SPARSE>(&system.vehicle.inertia).solve(wrench - (bias + asked))
+        body_bias::<_, _, SPARSE>(&system.vehicle, twist, gravity, &mut bias);
+        carried.plus_own::<_, SPARSE>(&system.vehicle.inertia).solve(wrench - (bias + asked))
     };
 }
 
 /// Twist of each link in its joint's frame, relative to what `twist` of the vehicle is relative to.
 #[inline(always)]
-pub fn link_twists<L: Lane, P: Param<L>>(
-    system: &System<P>,
+pub fn link_twists<L: Lane, P: Param<L>, B>(
+    system: &System<P, B>,
     twist: Vector6<L>,
     q: &[L; JOINTS],
     qd: &[L; JOINTS],
