@@ -199,6 +199,12 @@ fn factors_on_parameters_give_the_scene_that_has_them() {
     for seed in 0..60 {
         check_factors(seed, random_scene(seed, Options { fixed: Some(seed % 7 == 0), ..Options::default() }));
     }
+    // Links with central frames.
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
+        for seed in 1..5 {
+            check_factors(seed, Scene::shipped(name).unwrap());
+        }
+    }
 }
 
 /// Memory for parameters of instances' own goes from hand to hand: what was in it must not show.
@@ -258,6 +264,12 @@ fn payloads_are_held_wherever_the_end_effector_is() {
 }
 
 fn check_factors(seed: u64, scene: Scene) {
+    for integrator in ["mk4", "ros2"] {
+        check_factors_by(integrator, seed, scene.clone());
+    }
+}
+
+fn check_factors_by(integrator: &str, seed: u64, scene: Scene) {
     let mut state = random_state(seed, &scene);
     if scene.vehicle.fixed {
         state.twist = Vector6::zeros();
@@ -269,11 +281,11 @@ fn check_factors(seed: u64, scene: Scene) {
     let varied = scene.varied(factors.of_bodies());
 
     // The second instance of three, so that its neighbours differ.
-    let options = SimulatorOptions { instances: 3, ..SimulatorOptions::default() };
-    let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+    let alone = SimulatorOptions { integrator: integrator.into(), dt: 0.001, ..SimulatorOptions::default() };
+    let mut simulator = Simulator::new(scene.clone(), SimulatorOptions { instances: 3, ..alone.clone() }).unwrap();
     simulator.set_factors(&[Factors::ONE, factors, Factors::ONE]).unwrap();
-    let mut twin = Simulator::new(varied.clone(), SimulatorOptions::default()).unwrap();
-    let mut plain = Simulator::new(scene, SimulatorOptions::default()).unwrap();
+    let mut twin = Simulator::new(varied.clone(), alone.clone()).unwrap();
+    let mut plain = Simulator::new(scene, alone).unwrap();
     for k in 0..3 {
         simulator.set_state(k, &state);
     }
@@ -288,8 +300,11 @@ fn check_factors(seed: u64, scene: Scene) {
     plain.step(&loads.inputs(), 20).unwrap();
     for (k, other) in [(0, &plain), (1, &twin), (2, &plain)] {
         let (a, b) = (simulator.state(k), other.state(0));
-        assert!((a.twist - b.twist).norm() < 1e-10 * b.twist.norm().max(1.0), "seed {seed}, instance {k}");
-        assert!((a.position - b.position).norm() < 1e-11, "seed {seed}, instance {k}");
+        assert!(
+            (a.twist - b.twist).norm() < 1e-10 * b.twist.norm().max(1.0),
+            "{integrator}, seed {seed}, instance {k}"
+        );
+        assert!((a.position - b.position).norm() < 1e-11, "{integrator}, seed {seed}, instance {k}");
     }
     let mass = simulator.closed_form(1, |form| form.mass_matrix().clone());
     assert!((mass.clone() - twin.closed_form(0, |form| form.mass_matrix().clone())).norm() < 1e-9 * mass.norm());
