@@ -25,7 +25,7 @@ test-rust: ## Rust tests; need no Python
 lint: $(VENV)/dev ## rustfmt, clippy, ruff, mypy, stubs against the native module
 	cargo fmt --check
 	cargo clippy --locked --all-targets -- -D warnings
-	PYO3_PYTHON="$(abspath $(BIN)/python)" cargo clippy --locked --all-targets --features python -- -D warnings
+	PYO3_PYTHON="$(abspath $(BIN)/python)" cargo clippy --locked --workspace --all-targets -- -D warnings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy

@@ -6,9 +6,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use common::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3, Vector6};
-use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
+use uvms_gym::dynamics::{Balance, Loads};
 use uvms_gym::hydro::{Coefficients, Placement};
 use uvms_gym::lane::Shared;
 use uvms_gym::system::{Compiled, Factors, Flow, State, VariedSystem, compile};
@@ -168,8 +168,8 @@ fn a_current_changes_nothing_but_the_observer() {
         };
         let current = nalgebra::Vector3::new(0.4, -0.3, 0.2);
         let moving = run(current, &state);
-        let still = run(nalgebra::Vector3::zeros(), &uvms_gym::balance::seen_from_water(&state, &current));
-        let seen = uvms_gym::balance::seen_from_water(&moving, &current);
+        let still = run(nalgebra::Vector3::zeros(), &uvms_gym::dynamics::seen_from_water(&state, &current));
+        let seen = uvms_gym::dynamics::seen_from_water(&moving, &current);
         assert!((seen.position - still.position).norm() < 1e-11);
         assert!((seen.rotation - still.rotation).norm() < 1e-11);
         assert!((seen.twist - still.twist).norm() < 1e-10 * still.twist.norm().max(1.0));

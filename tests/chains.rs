@@ -7,8 +7,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use common::random_scene::{Options, Random, random_scene};
 use nalgebra as na;
-use uvms_gym::balance::Balance;
 use uvms_gym::description::{Frame, JointKind, Scene};
+use uvms_gym::dynamics::Balance;
 use uvms_gym::hydro::Turn;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};

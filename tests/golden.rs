@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, Vector3, Vector6};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
+use uvms_gym::dynamics::{Balance, Loads};
 use uvms_gym::system::{JOINTS, Joints, State, rotation_vector};
 
 /// Bound on errors, relative to the greatest component.

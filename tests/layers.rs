@@ -15,14 +15,14 @@ const LAYERS: [(&str, &[&str]); 16] = [
     ("estimate", &["description"]),
     ("urdf", &["description", "estimate"]),
     ("system", &["lane", "lie", "spatial", "hydro", "description"]),
-    ("balance", &["lane", "lie", "spatial", "hydro", "description", "system"]),
+    ("dynamics", &["lane", "lie", "spatial", "hydro", "description", "system"]),
     ("integrate", &["lane", "lie"]),
     ("render", &["lane", "lie", "description", "system"]),
-    ("control", &["lane", "lie", "spatial", "description", "system", "balance"]),
-    ("scene", &["lane", "lie", "spatial", "hydro", "description", "system", "balance", "control"]),
+    ("control", &["lane", "lie", "spatial", "description", "system", "dynamics"]),
+    ("task", &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "control"]),
     (
         "batch",
-        &["lane", "lie", "spatial", "hydro", "description", "system", "balance", "integrate", "control", "scene"],
+        &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "integrate", "control", "task"],
     ),
     (
         "python",
@@ -33,10 +33,10 @@ const LAYERS: [(&str, &[&str]); 16] = [
             "hydro",
             "description",
             "system",
-            "balance",
+            "dynamics",
             "integrate",
             "control",
-            "scene",
+            "task",
             "batch",
             "estimate",
             "urdf",
@@ -145,9 +145,9 @@ fn the_table_allows_only_layers_below() {
 #[test]
 fn an_upward_import_is_seen() {
     assert_eq!(upward("lie", "use crate::batch::Simulator;"), ["batch"]);
-    assert_eq!(upward("control", "    let x = crate::scene::layout();"), ["scene"]);
+    assert_eq!(upward("control", "    let x = crate::task::layout();"), ["task"]);
     assert_eq!(upward("integrate", "use crate::{lane::Lane, hydro::{Drag, lie}, error};"), ["hydro"]);
-    assert!(upward("scene", "use crate::control::Pd;").is_empty());
+    assert!(upward("task", "use crate::control::Pd;").is_empty());
     assert!(upward("lane", "use $crate::batch::Simulator;").is_empty());
 }
 

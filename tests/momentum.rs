@@ -4,10 +4,10 @@ mod common;
 
 use common::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
-use uvms_gym::balance::articulated::Scratch;
-use uvms_gym::balance::{Balance, Loads, Whole};
 use uvms_gym::control::{Arm, Motion, Plant, Push};
 use uvms_gym::description::Scene;
+use uvms_gym::dynamics::articulated::Scratch;
+use uvms_gym::dynamics::{Balance, Loads, Whole};
 use uvms_gym::lie;
 use uvms_gym::system::{State, compile, rotation_vector};
 

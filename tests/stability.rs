@@ -4,9 +4,9 @@
 mod random_scene;
 
 use nalgebra::{Complex, Matrix3, Matrix6, Vector3, Vector6};
-use uvms_gym::balance::{Balance, Servos};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions, stabilities};
 use uvms_gym::description::{Friction, JointServo, Scene};
+use uvms_gym::dynamics::{Balance, Servos};
 use uvms_gym::integrate::{EULER, GROWTH, Gains, HEUN3, Integrator, MIDPOINT, PASSING, RK4, Stability, Tableau};
 use uvms_gym::system::State;
 

@@ -4,14 +4,14 @@ mod common;
 
 use common::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
-use uvms_gym::balance::Balance;
 use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, Tally, TaskBatch, Transition};
 use uvms_gym::control::{ActionKind, Policy};
 use uvms_gym::description::Scene;
+use uvms_gym::dynamics::Balance;
 use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::lane::Isa;
-use uvms_gym::scene::{StartOverride, TaskOptions};
 use uvms_gym::system::EndEffector;
+use uvms_gym::task::{StartOverride, TaskOptions};
 
 const SEEDS: [u64; 5] = [11, 3, 400, 7, u64::MAX];
 

@@ -5,8 +5,8 @@ use uvms_gym::batch::{Autoreset, Inputs, Precision, Simulator, SimulatorOptions,
 use uvms_gym::description::{Scene, ThrustMap};
 use uvms_gym::error::SimulatorError;
 use uvms_gym::integrate::Integrator;
-use uvms_gym::scene::TaskOptions;
 use uvms_gym::system::{Factors, State, compile};
+use uvms_gym::task::TaskOptions;
 
 #[path = "common/random_scene.rs"]
 mod random_scene;

@@ -4,7 +4,7 @@ use super::dynamics::Station;
 use super::lagged::Lag;
 use super::layout::Layout;
 use super::step::Switches;
-use crate::balance::articulated::Loads;
+use crate::dynamics::articulated::Loads;
 use crate::hydro::{FINS, Fin, Propulsion, Surfaces, THRUSTERS, Thruster};
 use crate::integrate::{Attitude, Motion, Watch};
 use crate::lane::{Lane, Param, Real};

@@ -7,7 +7,7 @@ use super::layout::Layout;
 use super::rates::{Others, digits};
 use super::simulator::{Simulator, SimulatorOptions};
 use super::table::Table;
-use crate::balance::Servos;
+use crate::dynamics::Servos;
 use crate::integrate::{Watch as Seen, step_error, stiffness};
 use crate::lane::{Isa, Kernel, Lane, Real};
 

@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use nalgebra::{Complex, Vector3};
 
 use super::simulator::{Simulator, SimulatorOptions};
-use crate::balance::articulated::Loads;
-use crate::balance::{Linearization, Modes, Servos, linearize};
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
+use crate::dynamics::articulated::Loads;
+use crate::dynamics::{Linearization, Modes, Servos, linearize};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, PASSING, Stability};
 use crate::system::{Compiled, JOINTS, Joints, State};
@@ -310,7 +310,7 @@ impl Simulator {
             let drag = |speed: f64| {
                 let twist = nalgebra::Vector6::ith(axis, speed);
                 let state = State { q: self.scene().home(), twist, ..State::default() };
-                let power = self.balance().at(&state, Vector3::zeros()).power(&crate::balance::Loads::default());
+                let power = self.balance().at(&state, Vector3::zeros()).power(&crate::dynamics::Loads::default());
                 power.map_or(0.0, |power| -power.drag / speed)
             };
             // drag = linear v + quadratic v^2

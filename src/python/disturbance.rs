@@ -5,10 +5,11 @@ use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 
+use super::errors::OrRaise;
 use super::task::{Task, refused, rows};
-use crate::error::TaskError;
-use crate::scene::StartOverride;
-use crate::scene::disturbance::{Disturbance, LEVELS, Profile};
+use uvms_gym::error::TaskError;
+use uvms_gym::task::StartOverride;
+use uvms_gym::task::disturbance::{Disturbance, LEVELS, Profile};
 
 /// Levels of disturbances: name, a sentence for people, and the components as JSON.
 #[pyfunction]
@@ -50,7 +51,7 @@ impl Task {
 /// Sets the disturbance of every start: JSON for all, or one per instance.
 pub(super) fn set_starts(starts: &mut [StartOverride], given: &Bound<'_, PyAny>) -> PyResult<()> {
     if given.is_instance_of::<PyString>() {
-        let disturbance = Disturbance::from_json(&given.extract::<String>()?)?;
+        let disturbance = Disturbance::from_json(&given.extract::<String>()?).or_raise()?;
         starts.iter_mut().for_each(|start| start.disturbance = Some(disturbance.clone()));
         return Ok(());
     }
@@ -60,7 +61,7 @@ pub(super) fn set_starts(starts: &mut [StartOverride], given: &Bound<'_, PyAny>)
         return Err(PyValueError::new_err(format!("disturbance has {got} entries, but must have {expected}")));
     }
     for (start, json) in starts.iter_mut().zip(given) {
-        start.disturbance = Some(Disturbance::from_json(&json)?);
+        start.disturbance = Some(Disturbance::from_json(&json).or_raise()?);
     }
     Ok(())
 }

@@ -4,7 +4,9 @@ use pyo3::create_exception;
 use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
-use crate::error::{BalanceError, ControlError, DescriptionError, PolicyError, RenderError, SimulatorError, TaskError};
+use uvms_gym::error::{
+    BalanceError, ControlError, DescriptionError, PolicyError, RenderError, SimulatorError, TaskError,
+};
 
 create_exception!(
     uvms_gym,
@@ -21,18 +23,36 @@ create_exception!(
      that fast, and the step that suits it."
 );
 
-impl From<DescriptionError> for PyErr {
-    fn from(error: DescriptionError) -> Self {
-        SceneError::new_err(error.to_string())
+/// An error of the library on its way to Python.
+pub trait IntoPyErr {
+    /// The exception that Python users see.
+    fn into_py_err(self) -> PyErr;
+}
+
+/// Results of the library as results of the Python module.
+pub trait OrRaise<T> {
+    /// The value, or the exception.
+    fn or_raise(self) -> PyResult<T>;
+}
+
+impl<T, E: IntoPyErr> OrRaise<T> for Result<T, E> {
+    fn or_raise(self) -> PyResult<T> {
+        self.map_err(IntoPyErr::into_py_err)
+    }
+}
+
+impl IntoPyErr for DescriptionError {
+    fn into_py_err(self) -> PyErr {
+        SceneError::new_err(self.to_string())
     }
 }
 
 /// Errors that become a `ValueError`.
 macro_rules! value_errors {
     ($($error:ty),*) => {$(
-        impl From<$error> for PyErr {
-            fn from(error: $error) -> Self {
-                PyValueError::new_err(error.to_string())
+        impl IntoPyErr for $error {
+            fn into_py_err(self) -> PyErr {
+                PyValueError::new_err(self.to_string())
             }
         }
     )*};

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
 use super::arrays::{Given, optional_rows, read, rows, shape_text};
-use crate::batch::{Inputs, Simulator};
+use uvms_gym::batch::{Inputs, Simulator};
 
 /// Most coefficients of a servo target.
 const TERMS: usize = 4;

@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::integrate::{Integrator, Kind};
+use uvms_gym::integrate::{Integrator, Kind};
 
 /// Integrators that a `Simulator` may use, the default first.
 ///
@@ -15,7 +15,7 @@ use crate::integrate::{Integrator, Kind};
 ///     their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
 #[pyfunction]
 pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    let entry = |entry: crate::integrate::Entry| {
+    let entry = |entry: uvms_gym::integrate::Entry| {
         let dict = PyDict::new(py);
         dict.set_item("name", entry.name)?;
         dict.set_item("summary", entry.summary)?;

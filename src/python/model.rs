@@ -5,12 +5,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Array, Given, array, rows};
+use super::errors::OrRaise;
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
-use crate::balance::dense::Pose;
-use crate::balance::{BodyWrenches, ClosedForm};
-use crate::batch::AppliedLoads;
-use crate::error::BalanceError;
+use uvms_gym::batch::AppliedLoads;
+use uvms_gym::dynamics::dense::Pose;
+use uvms_gym::dynamics::{BodyWrenches, ClosedForm};
+use uvms_gym::error::BalanceError;
 
 /// Arrays by name.
 type Arrays<'py> = PyResult<Bound<'py, PyDict>>;
@@ -25,15 +26,17 @@ impl Simulator {
     ) -> PyResult<[Array<'py>; K]> {
         let (simulator, instances) = (&self.inner, self.inner.instances());
         let f = &f;
-        let columns = py.detach(|| {
-            let mut columns = [const { Vec::new() }; K];
-            for i in 0..instances {
-                for (column, row) in columns.iter_mut().zip(simulator.closed_form(i, |form| f(i, form))?) {
-                    column.extend(row);
+        let columns = py
+            .detach(|| {
+                let mut columns = [const { Vec::new() }; K];
+                for i in 0..instances {
+                    for (column, row) in columns.iter_mut().zip(simulator.closed_form(i, |form| f(i, form))?) {
+                        column.extend(row);
+                    }
                 }
-            }
-            Ok::<_, BalanceError>(columns)
-        })?;
+                Ok::<_, BalanceError>(columns)
+            })
+            .or_raise()?;
         let mut arrays = Vec::with_capacity(K);
         for (row, column) in shapes.into_iter().zip(columns) {
             arrays.push(array(py, &[&[instances], row].concat(), column)?);
@@ -66,12 +69,12 @@ impl Simulator {
     /// One row of `width` finite numbers per instance.
     fn finite_rows(&self, name: &'static str, given: &Bound<'_, PyAny>, width: usize) -> PyResult<Vec<f64>> {
         let rows = rows(name, given, self.inner.instances(), &[width])?;
-        self.inner.check_rows(name, &rows, width)?;
+        self.inner.check_rows(name, &rows, width).or_raise()?;
         Ok(rows)
     }
 
     fn loads(&self, arguments: &InputArguments) -> PyResult<Vec<AppliedLoads>> {
-        Ok(self.inner.applied_loads(&arguments.read(&self.inner)?.inputs())?)
+        Ok(self.inner.applied_loads(&arguments.read(&self.inner)?.inputs()).or_raise()?)
     }
 }
 

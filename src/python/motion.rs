@@ -3,10 +3,11 @@
 use pyo3::prelude::*;
 
 use super::arrays::{Array, Given, array, count};
+use super::errors::OrRaise;
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
 use super::stability::warn;
-use crate::balance::Servos;
+use uvms_gym::dynamics::Servos;
 
 #[pymethods]
 impl Simulator {
@@ -79,7 +80,7 @@ impl Simulator {
             interrupt = Python::attach(|py| py.check_signals());
             interrupt.is_ok()
         };
-        py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on))?;
+        py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on)).or_raise()?;
         interrupt?;
         match self.inner.warn_of_motion() {
             Some(stray) => warn(py, &stray.to_string()),
@@ -108,7 +109,7 @@ impl Simulator {
     ) -> PyResult<Array<'py>> {
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
         let arrays = arguments.read(&self.inner)?;
-        let accelerations = py.detach(|| self.inner.forward_dynamics(&arrays.inputs()))?;
+        let accelerations = py.detach(|| self.inner.forward_dynamics(&arrays.inputs())).or_raise()?;
         array(py, &[self.inner.instances(), 6 + self.inner.joints()], accelerations)
     }
 }

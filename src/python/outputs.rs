@@ -4,8 +4,8 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadwriteArray1, PyReadwriteAr
 use pyo3::prelude::*;
 
 use super::task::{Row, Rows};
-use crate::batch::Outputs;
-use crate::scene::INFO;
+use uvms_gym::batch::Outputs;
+use uvms_gym::task::INFO;
 
 /// Arrays of past steps. Those that nobody holds any more are written to again: to make new ones and to fill them with zeros
 /// would take some hundredths of a step.

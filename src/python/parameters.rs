@@ -5,8 +5,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Given, array, read, shape_text};
+use super::errors::OrRaise;
 use super::simulator::Simulator;
-use crate::system::Factors;
+use uvms_gym::system::Factors;
 
 #[pymethods]
 impl Simulator {
@@ -85,6 +86,6 @@ impl Simulator {
             }
         }
         let factors: Vec<_> = factors.into_iter().map(Factors::from_array).collect();
-        Ok(self.inner.set_factors(&factors)?)
+        Ok(self.inner.set_factors(&factors).or_raise()?)
     }
 }

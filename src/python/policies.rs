@@ -8,13 +8,13 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use super::errors::OrRaise;
 use super::task::{Rows, Task, name_of, one_of, rows};
-use crate::control::{
+use uvms_gym::control::{
     self, Activation, Law, Layer, ModelGains, MpcGains, Network, Normalisation, Observing, Output, Purpose, Residual,
     ResolvedGains,
 };
-use crate::description::VehicleServo;
-use crate::error::PolicyError;
+use uvms_gym::description::VehicleServo;
 
 const ACTIVATIONS: [(&str, Activation); 3] =
     [("tanh", Activation::Tanh), ("relu", Activation::Relu), ("elu", Activation::Elu)];
@@ -64,7 +64,7 @@ impl Policy {
         let observations: Vec<f32> = observations.as_array().iter().copied().collect();
         let mut memory: Vec<f64> = memory.as_array().iter().copied().collect();
         let mut actions = vec![0.0; n * a];
-        py.detach(|| self.inner.act(&observations, &mut memory, &mut actions))?;
+        py.detach(|| self.inner.act(&observations, &mut memory, &mut actions)).or_raise()?;
         Ok((rows(py, actions, n)?, rows(py, memory, n)?))
     }
 }
@@ -315,29 +315,29 @@ impl Mlp {
             normalisation.map(|(mean, variance, epsilon, clip)| Normalisation { mean, variance, epsilon, clip });
         let purpose = task.map(|task| purpose(&task, corrects));
         let network = Network { history, normalisation, layers, activation, output };
-        Ok(Self::of(control::Mlp::new(network, purpose, notes)?))
+        Ok(Self::of(control::Mlp::new(network, purpose, notes).or_raise()?))
     }
 
     /// The policy that a safetensors file holds.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Py<Self>> {
-        Py::new(py, Self::of(control::Mlp::from_bytes(bytes)?))
+        Py::new(py, Self::of(control::Mlp::from_bytes(bytes).or_raise()?))
     }
 
     /// The policy as a safetensors file.
     fn to_bytes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        Ok(PyBytes::new(py, &self.mlp.to_bytes()?))
+        Ok(PyBytes::new(py, &self.mlp.to_bytes().or_raise()?))
     }
 
     /// Refuses a task that the policy is not for, alone or to correct a controller.
     #[pyo3(signature = (task, *, corrects))]
-    fn check(&self, task: PyRef<'_, Task>, corrects: bool) -> Result<(), PolicyError> {
-        self.mlp.check(&purpose(&task, corrects))
+    fn check(&self, task: PyRef<'_, Task>, corrects: bool) -> PyResult<()> {
+        self.mlp.check(&purpose(&task, corrects)).or_raise()
     }
 
     /// This network's corrections to a controller, of at most `limit`.
     fn correcting(&self, base: PyRef<'_, Policy>, limit: f64) -> PyResult<Policy> {
-        let inner = Arc::new(Residual::new(base.inner.clone(), self.mlp.clone(), limit)?);
+        let inner = Arc::new(Residual::new(base.inner.clone(), self.mlp.clone(), limit).or_raise()?);
         Ok(Policy { inner })
     }
 
@@ -402,7 +402,7 @@ impl Task {
     /// The paper's PD with these gains (6 each), or with the scene's.
     #[pyo3(signature = (kp=None, kd=None))]
     fn pd(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
-        let pd = self.batch.task().pd(Some(self.gains(kp, kd)?))?;
+        let pd = self.batch.task().pd(Some(self.gains(kp, kd)?)).or_raise()?;
         let gains = pd.gains().clone();
         Py::new(py, Policy::of(pd).add_subclass(Pd { gains }))
     }
@@ -410,7 +410,7 @@ impl Task {
     /// The PD with restoring compensation.
     #[pyo3(signature = (kp=None, kd=None))]
     fn pd_restoring(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
-        let policy = self.batch.task().pd_restoring(Some(self.gains(kp, kd)?))?;
+        let policy = self.batch.task().pd_restoring(Some(self.gains(kp, kd)?)).or_raise()?;
         let gains = policy.pd().gains().clone();
         Py::new(py, Policy::of(policy).add_subclass(Pd { gains }))
     }
@@ -433,7 +433,7 @@ impl Task {
     ) -> PyResult<Py<ModelControl>> {
         let task = self.batch.task();
         let law = one_of("law", law, LAWS)?;
-        let usual = task.model_gains(law, kp, kd)?;
+        let usual = task.model_gains(law, kp, kd).or_raise()?;
         let observing = Observing {
             observer: observer.unwrap_or(usual.observing.observer),
             waves: waves.unwrap_or(usual.observing.waves),
@@ -442,7 +442,7 @@ impl Task {
             delay: delay.unwrap_or(usual.observing.delay),
         };
         let gains = ModelGains { observing, lead: lead.unwrap_or(usual.lead), ..usual };
-        let policy = task.model_control(law, gains)?;
+        let policy = task.model_control(law, gains).or_raise()?;
         Py::new(py, Policy::of(policy).add_subclass(ModelControl { gains }))
     }
 
@@ -476,7 +476,7 @@ impl Task {
             change: change.unwrap_or(usual.change),
             observing,
         };
-        Py::new(py, Policy::of(task.mpc(gains)?).add_subclass(Mpc { gains }))
+        Py::new(py, Policy::of(task.mpc(gains).or_raise()?).add_subclass(Mpc { gains }))
     }
 
     /// Resolved motion with these gains; the usual ones where they are not given.
@@ -510,7 +510,7 @@ impl Task {
             observer: observer.unwrap_or(usual.observer),
             delay: delay.unwrap_or(usual.delay),
         };
-        let policy = self.batch.task().resolved_motion(Some(gains))?;
+        let policy = self.batch.task().resolved_motion(Some(gains)).or_raise()?;
         Py::new(py, Policy::of(policy).add_subclass(ResolvedMotion { gains }))
     }
 
@@ -523,7 +523,7 @@ impl Task {
         kd: Option<[f64; 6]>,
         ki: Option<[f64; 6]>,
     ) -> PyResult<Py<Pid>> {
-        let pid = self.batch.task().pid(Some(self.gains(kp, kd)?), ki)?;
+        let pid = self.batch.task().pid(Some(self.gains(kp, kd)?), ki).or_raise()?;
         let (gains, ki) = (pid.pd().gains().clone(), *pid.ki());
         Py::new(py, Policy::of(pid).add_subclass(Pid { gains, ki }))
     }
@@ -535,7 +535,7 @@ impl Task {
         if let (Some(kp), Some(kd)) = (kp, kd) {
             return Ok(VehicleServo { kp, kd });
         }
-        let own = self.batch.task().pd(None)?.gains().clone();
+        let own = self.batch.task().pd(None).or_raise()?.gains().clone();
         Ok(VehicleServo { kp: kp.unwrap_or(own.kp), kd: kd.unwrap_or(own.kd) })
     }
 }

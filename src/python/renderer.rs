@@ -8,11 +8,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Array, Given, array, count, read, rows, shape_text};
+use super::errors::OrRaise;
 use super::inputs::poses;
 use super::scene;
 use super::simulator::number;
-use crate::description::Scene;
-use crate::render::{self, Settings, Shot};
+use uvms_gym::description::Scene;
+use uvms_gym::render::{self, Settings, Shot};
 
 /// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 ///
@@ -78,7 +79,7 @@ impl Renderer {
             distance: distance.map(|x| number("distance", Some(x), 0.0)).transpose()?,
             floor: floor.map(|x| number("floor", Some(x), 0.0)).transpose()?,
         };
-        let inner = py.detach(|| render::Renderer::new(&scene, &settings))?;
+        let inner = py.detach(|| render::Renderer::new(&scene, &settings)).or_raise()?;
         Ok(Self { inner, scene, settings })
     }
 

@@ -7,11 +7,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 
 use super::arrays::{Given, read as numbers};
-use super::errors::SceneError;
+use super::errors::{OrRaise, SceneError};
 use super::scene::{object, read, text, to_python, tree};
-use crate::description::{Frame, Scene};
-use crate::estimate::Outline;
-use crate::urdf::{Import, Imported};
+use uvms_gym::description::{Frame, Scene};
+use uvms_gym::estimate::Outline;
+use uvms_gym::urdf::{Import, Imported};
 
 /// TOML text of a scene with every key that there is, its unit and default in comments.
 #[pyfunction]
@@ -55,7 +55,7 @@ pub fn dump_scene(scene: &Bound<'_, PyAny>) -> PyResult<String> {
 #[pyfunction]
 pub fn scene_doubts(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     let scene = read(scene)?;
-    let warnings = scene.check()?;
+    let warnings = scene.check().or_raise()?;
     let doubts = scene.doubts();
     Ok(warnings.iter().map(ToString::to_string).chain(doubts.iter().map(ToString::to_string)).collect())
 }
@@ -94,8 +94,8 @@ pub fn scene_doubts(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 pub fn estimate<'py>(outline: &Bound<'py, PyAny>, table: &str) -> PyResult<Bound<'py, PyDict>> {
     let py = outline.py();
     let outline = match outline.cast::<PyDict>() {
-        Ok(dict) => Outline::from_value(tree(dict)?, "<dict>")?,
-        Err(_) => Outline::from_file(outline.extract::<PathBuf>()?)?,
+        Ok(dict) => Outline::from_value(tree(dict)?, "<dict>").or_raise()?,
+        Err(_) => Outline::from_file(outline.extract::<PathBuf>()?).or_raise()?,
     };
     let estimate = outline.estimate();
     let body = toml::Value::try_from(&estimate.body).map_err(|e| SceneError::new_err(e.to_string()))?;
@@ -135,6 +135,6 @@ pub fn import_urdf<'py>(
     let mount = Frame { position: vector("position", position)?, rpy: vector("rpy", rpy)? };
     let base = base.as_ref().map(|base| text(base, "base")).transpose()?;
     let tip = tip.as_ref().map(|tip| text(tip, "tip")).transpose()?;
-    let Imported { scene, notes } = Import { vehicle: &vehicle, mount, base, tip }.from_file(path)?;
+    let Imported { scene, notes } = Import { vehicle: &vehicle, mount, base, tip }.from_file(path).or_raise()?;
     Ok((to_python(&scene, py)?, notes))
 }

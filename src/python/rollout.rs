@@ -7,12 +7,13 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use super::errors::OrRaise;
 use super::policies::Policy;
 use super::stability::warn;
 use super::task::{Row, Rows, Task, refused, rows};
-use crate::batch::{self, Tally};
-use crate::control;
-use crate::scene::INFO;
+use uvms_gym::batch::{self, Tally};
+use uvms_gym::control;
+use uvms_gym::task::INFO;
 
 /// What a policy remembers of a batch's instances, and what came of it so far.
 #[pyclass(module = "uvms_gym._core")]
@@ -105,7 +106,7 @@ impl Task {
     #[pyo3(signature = (policy, trace=Vec::new()))]
     fn rollout(&self, policy: PyRef<'_, Policy>, trace: Vec<usize>) -> PyResult<Rollout> {
         let policy = policy.inner.clone();
-        Ok(Rollout { rollout: batch::Rollout::new(&*policy, self.batch.instances(), &trace)?, policy })
+        Ok(Rollout { rollout: batch::Rollout::new(&*policy, self.batch.instances(), &trace).or_raise()?, policy })
     }
 
     /// So many control periods of all instances under the rollout's policy, from where they stand. Instances whose

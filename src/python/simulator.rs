@@ -5,8 +5,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
 use super::arrays::{Array, Given, array, count, read};
+use super::errors::OrRaise;
 use super::scene;
-use crate::batch::{self, Precision, SimulatorOptions};
+use uvms_gym::batch::{self, Precision, SimulatorOptions};
 
 /// Batched simulator of one scene, without any task.
 ///
@@ -105,7 +106,7 @@ impl Simulator {
             precision: dtype.map_or(Ok(default.precision), precision)?,
             threads: threads.map(|n| count("threads", n)).transpose()?,
         };
-        Ok(Self { inner: py.detach(|| batch::Simulator::new(scene, options))? })
+        Ok(Self { inner: py.detach(|| batch::Simulator::new(scene, options)).or_raise()? })
     }
 
     /// int: number of instances N.
@@ -284,6 +285,6 @@ impl Simulator {
     }
 
     fn __setstate__(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
-        Ok(self.inner.load(&read("state", state)?.1)?)
+        Ok(self.inner.load(&read("state", state)?.1).or_raise()?)
     }
 }

@@ -9,10 +9,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyComplex, PyDict};
 
 use super::arrays::{Given, read, shape_text};
-use super::errors::StepWarning;
+use super::errors::{OrRaise, StepWarning};
 use super::simulator::Simulator;
-use crate::balance::Servos;
-use crate::batch::stabilities;
+use uvms_gym::batch::stabilities;
+use uvms_gym::dynamics::Servos;
 
 /// Packages between the user's line and the step.
 const BETWEEN: [&str; 3] = ["uvms_gym", "gymnasium", "stable_baselines3"];
@@ -95,7 +95,7 @@ impl Simulator {
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let (simulator, speed) = (&self.inner, speeds(speed)?);
         let servos = Servos { joints: joint_servos, station };
-        let modes = py.detach(|| Ok::<_, PyErr>(simulator.survey(speed.as_ref())?.modes(servos)))?;
+        let modes = py.detach(|| Ok::<_, PyErr>(simulator.survey(speed.as_ref()).or_raise()?.modes(servos)))?;
         let mut list = Vec::new();
         for mode in modes {
             let Complex { re, im } = mode.rate;
@@ -150,7 +150,7 @@ impl Simulator {
         let (simulator, speed) = (&self.inner, speeds(speed)?);
         let servos = Servos { joints: joint_servos, station };
         let steps: Vec<_> = py.detach(|| {
-            let survey = simulator.survey(speed.as_ref())?;
+            let survey = simulator.survey(speed.as_ref()).or_raise()?;
             let step = |stability| survey.stable_step(stability, servos, end_stops).0;
             Ok::<_, PyErr>(stabilities().map(|(name, stability)| (name, step(stability))).collect())
         })?;

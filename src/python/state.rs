@@ -3,9 +3,10 @@
 use pyo3::prelude::*;
 
 use super::arrays::{Array, Given, array, optional_rows};
+use super::errors::OrRaise;
 use super::simulator::Simulator;
-use crate::batch::States;
-use crate::system::{State, quaternion};
+use uvms_gym::batch::States;
+use uvms_gym::system::{State, quaternion};
 
 impl Simulator {
     /// Numbers of every instance's state as an array (N, ...).
@@ -190,7 +191,7 @@ impl Simulator {
             current: current.as_deref(),
             current_acceleration: current_acceleration.as_deref(),
         };
-        Ok(self.inner.set_states(&states)?)
+        Ok(self.inner.set_states(&states).or_raise()?)
     }
 
     /// Put all instances at the scene's home: level at the world origin, at rest at time 0, joints at home, in the

@@ -10,13 +10,14 @@ use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
 use super::disturbance::set_starts;
+use super::errors::{IntoPyErr, OrRaise};
 use super::outputs::{Past, Sheets};
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
-use crate::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
-use crate::error::TaskError;
-use crate::scene::{INFO, Outcome, StartOverride, TaskOptions, truth_layout};
+use uvms_gym::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
+use uvms_gym::error::TaskError;
+use uvms_gym::task::{INFO, Outcome, StartOverride, TaskOptions, truth_layout};
 
 const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
@@ -65,7 +66,7 @@ impl Task {
         max_episode_steps: Option<u32>,
     ) -> PyResult<Self> {
         let (precision, autoreset) = (one_of("dtype", dtype, DTYPES)?, one_of("autoreset_mode", autoreset, MODES)?);
-        let options = TaskOptions::from_value(scene::tree(options)?)?;
+        let options = TaskOptions::from_value(scene::tree(options)?).or_raise()?;
         let simulator = SimulatorOptions {
             instances: num_envs,
             integrator: integrator.to_owned(),
@@ -73,7 +74,7 @@ impl Task {
             threads,
             ..SimulatorOptions::default()
         };
-        let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps)?;
+        let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps).or_raise()?;
         Ok(Self { batch, past: Past::default() })
     }
 
@@ -208,7 +209,7 @@ impl Task {
     /// Continues from what `__getstate__` of a batch with the same arguments gave.
     fn __setstate__(&mut self, state: (Bound<'_, PyAny>, Bound<'_, PyAny>)) -> PyResult<()> {
         let (physics, episodes) = (arrays::read("physics", &state.0)?.1, arrays::read("episodes", &state.1)?.1);
-        Ok(self.batch.load(&Saved { physics, episodes })?)
+        Ok(self.batch.load(&Saved { physics, episodes }).or_raise()?)
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
@@ -220,7 +221,7 @@ impl Task {
         options.set_item("threads", simulator.threads)?;
         options.set_item("autoreset", name_of(batch.autoreset(), MODES))?;
         options.set_item("max_episode_steps", batch.max_steps())?;
-        let task = scene::object(&batch.task().options().to_value()?, py)?;
+        let task = scene::object(&batch.task().options().to_value().or_raise()?, py)?;
         Ok(((self.scene(py)?, task).into_pyobject(py)?, options))
     }
 
@@ -230,7 +231,7 @@ impl Task {
         let n = self.batch.instances();
         let all = (0..n).map(|i| self.batch.episode(i).ok_or(TaskError::NotBegun { instance: i }));
         let all: Vec<_> = all.collect::<Result<_, _>>().map_err(refused)?;
-        let gather = |of: &dyn Fn(&crate::scene::Episode) -> Vec<f64>| rows(py, all.iter().flat_map(of).collect(), n);
+        let gather = |of: &dyn Fn(&uvms_gym::task::Episode) -> Vec<f64>| rows(py, all.iter().flat_map(of).collect(), n);
         let result = PyDict::new(py);
         result.set_item("seed", PyArray1::from_iter(py, all.iter().map(|e| e.key().seed)))?;
         result.set_item("episode", PyArray1::from_iter(py, all.iter().map(|e| e.key().episode)))?;
@@ -312,7 +313,7 @@ impl Task {
 /// An error of a call; those about the order of calls are Gymnasium's own.
 pub(super) fn refused(error: TaskError) -> PyErr {
     if !matches!(error, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
-        return error.into();
+        return error.into_py_err();
     }
     Python::attach(|py| {
         let class = py.import("gymnasium.error").and_then(|module| module.getattr("ResetNeeded"));

@@ -1,8 +1,8 @@
 //! Scenes, states and loads to try the closed form on.
 
 use nalgebra::{DVector, Matrix6, Vector3, Vector6};
-use uvms_gym::balance::Loads;
 use uvms_gym::description::{Body, Damping, Friction, Scene};
+use uvms_gym::dynamics::Loads;
 use uvms_gym::system::State;
 
 use crate::random_scene::{Options, Random, random_scene};

@@ -1,11 +1,11 @@
 //! Laws of the closed form: what composing systems must give.
 
 use nalgebra::{DVector, Matrix3, Vector3, Vector6};
-use uvms_gym::balance::body::DenseBody;
-use uvms_gym::balance::dense::{Pose, cross};
-use uvms_gym::balance::joint::joint_pose;
-use uvms_gym::balance::{Balance, ClosedForm, Composite, Loads};
 use uvms_gym::description::{Body, InertiaPoint, Link, Scene, Water};
+use uvms_gym::dynamics::body::DenseBody;
+use uvms_gym::dynamics::dense::{Pose, cross};
+use uvms_gym::dynamics::joint::joint_pose;
+use uvms_gym::dynamics::{Balance, ClosedForm, Composite, Loads};
 use uvms_gym::system::State;
 
 use crate::cases::{current, dry, scene, scenes, vector6, velocities};

@@ -1,8 +1,8 @@
 //! Laws of the books: energy, momentum, power.
 
 use nalgebra::{DVector, SVector, Vector1, Vector3, Vector6};
-use uvms_gym::balance::{Balance, ClosedForm, Loads, seen_from_water};
 use uvms_gym::description::Scene;
+use uvms_gym::dynamics::{Balance, ClosedForm, Loads, seen_from_water};
 use uvms_gym::system::State;
 
 use crate::cases::{Push, current, dry, for_bodies, lossless, scene, scenes, velocities};

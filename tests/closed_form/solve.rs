@@ -1,8 +1,8 @@
 //! Forward and inverse dynamics, trim, and what they refuse.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
-use uvms_gym::balance::{Balance, Loads};
 use uvms_gym::description::{Body, Frame, Friction, InertiaPoint, JointKind, JointLimits, Link, Scene};
+use uvms_gym::dynamics::{Balance, Loads};
 use uvms_gym::error::BalanceError;
 use uvms_gym::system::State;
 

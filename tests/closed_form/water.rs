@@ -1,8 +1,8 @@
 //! What water does: Fossen's form, Munk's moment, currents.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
-use uvms_gym::balance::{Balance, Loads, seen_from_water};
 use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Payload, Scene};
+use uvms_gym::dynamics::{Balance, Loads, seen_from_water};
 use uvms_gym::system::State;
 
 use crate::cases::{Push, current, dry, scenes, vector6, vehicle_alone};

@@ -1,11 +1,11 @@
 //! The recursion in O(n) against dense matrices, and against the explicit form where the step vanishes.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
-use uvms_gym::balance::Balance;
-use uvms_gym::balance::articulated::{Instant, Loads, Scratch, accelerations};
-use uvms_gym::balance::dense::Pose;
-use uvms_gym::balance::implicit::{Ahead, implicit_accelerations};
 use uvms_gym::description::{Body, Joint, Scene};
+use uvms_gym::dynamics::Balance;
+use uvms_gym::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::dense::Pose;
+use uvms_gym::dynamics::implicit::{Ahead, implicit_accelerations};
 use uvms_gym::lane::Shared;
 use uvms_gym::lie;
 use uvms_gym::system::{JOINTS, State, System, compile};

@@ -1,8 +1,8 @@
 //! The energy ledger over whole motions.
 
-use uvms_gym::balance::{Loads, Power};
 use uvms_gym::batch::{Inputs, Simulator};
 use uvms_gym::description::Scene;
+use uvms_gym::dynamics::{Loads, Power};
 
 use crate::joints::{Sway, later};
 use crate::random_scene::{Random, random_state};

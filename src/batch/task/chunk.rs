@@ -4,13 +4,13 @@ use super::kernels::{Act, Blocks, Judge, Look};
 use super::outputs::{Outputs, Transition};
 use super::slot::Slot;
 use super::{Autoreset, Final};
-use crate::balance::Balance;
 use crate::batch::blocks::{CHUNK, Part};
 use crate::control::Policy;
+use crate::dynamics::Balance;
 use crate::lane::Real;
-use crate::scene::disturbance::{Column, Handling, Weather, seize};
-use crate::scene::{Episode, EpisodeKey, StartOverride, Task, TaskKernel, truth};
 use crate::system::{Flow, State};
+use crate::task::disturbance::{Column, Handling, Weather, seize};
+use crate::task::{Episode, EpisodeKey, StartOverride, Task, TaskKernel, truth};
 
 /// How episodes end and follow each other.
 #[derive(Debug, Clone, Copy)]

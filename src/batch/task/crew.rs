@@ -15,8 +15,8 @@ use crate::batch::step::Switches;
 use crate::control::Policy;
 use crate::error::{ControlError, SimulatorError};
 use crate::lane::Real;
-use crate::scene::{Goal, Task, TaskKernel};
 use crate::system::State;
+use crate::task::{Goal, Task, TaskKernel};
 
 /// The joints' servos are all that is on, where joints follow references (cubic ones); else nothing is.
 fn switches(task: &Task) -> Switches {

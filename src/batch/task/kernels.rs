@@ -7,8 +7,8 @@ use crate::batch::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::scene::{Command, INFO, Judgement, PREVIEW, Stance, TaskKernel};
 use crate::system::{Factors, JOINTS};
+use crate::task::{Command, INFO, Judgement, PREVIEW, Stance, TaskKernel};
 
 /// Greatest number of lanes.
 const WIDEST: usize = 16;

@@ -2,7 +2,7 @@
 
 use super::Final;
 use crate::error::ControlError;
-use crate::scene::INFO;
+use crate::task::INFO;
 
 /// Places for what a step brings of N instances: slices of arrays whose first axis (last, of `info`) is the instance.
 #[derive(Default)]
@@ -15,7 +15,7 @@ pub struct Outputs<'a> {
     pub terminated: &'a mut [bool],
     /// Whether it is because its time is, (N,).
     pub truncated: &'a mut [bool],
-    /// Measures by the names of [`crate::scene::Outcome::INFO`], each (N,).
+    /// Measures by the names of [`crate::task::Outcome::INFO`], each (N,).
     pub info: [&'a mut [f64]; INFO],
 }
 
@@ -115,7 +115,7 @@ pub struct Verdict {
     pub terminated: bool,
     /// The episode is over because its time is.
     pub truncated: bool,
-    /// Measures, in the order of [`crate::scene::Outcome::INFO`].
+    /// Measures, in the order of [`crate::task::Outcome::INFO`].
     pub info: [f64; INFO],
 }
 

@@ -5,7 +5,7 @@ use super::outputs::{Outputs, Transition};
 use crate::control::Policy;
 use crate::error::ControlError;
 use crate::lane::Real;
-use crate::scene::INFO;
+use crate::task::INFO;
 
 /// What came of an instance's control periods; those after its episode's end do not count.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -18,7 +18,7 @@ pub struct Tally {
     pub terminated: bool,
     /// The episode ended because its time did.
     pub truncated: bool,
-    /// Sums of the measures, in the order of [`crate::scene::Outcome::INFO`].
+    /// Sums of the measures, in the order of [`crate::task::Outcome::INFO`].
     pub sums: [f64; INFO],
     /// Sums of their squares.
     pub squares: [f64; INFO],

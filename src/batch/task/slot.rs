@@ -1,7 +1,7 @@
 //! Which episode an instance is in, and which comes after it.
 
 use crate::error::TaskError;
-use crate::scene::{Episode, EpisodeKey, EpisodeRows};
+use crate::task::{Episode, EpisodeKey, EpisodeRows};
 
 /// One instance's place: the episode that runs, and the address of the one after it.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -3,10 +3,10 @@
 use super::filter::Swell;
 use super::observer::{Estimate, Observer, Observing};
 use super::rows::{ModelReading, forget, load, reached, store, write};
-use crate::balance::articulated::Scratch;
 use crate::control::pd::check_gains;
 use crate::control::{ActionMap, Actuation, Policy, Widths};
 use crate::description::Scene;
+use crate::dynamics::articulated::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;

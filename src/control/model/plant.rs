@@ -2,9 +2,9 @@
 
 use nalgebra::Matrix6;
 
-use crate::balance::Whole;
-use crate::balance::articulated::Scratch;
 use crate::description::Scene;
+use crate::dynamics::Whole;
+use crate::dynamics::articulated::Scratch;
 use crate::lane::{Lane, Param, Shared};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotation_vector};
 use crate::spatial::SpatialInertia;

@@ -2,9 +2,9 @@
 
 use super::plant::{Motion, Plant};
 use super::rows::{ModelReading, write};
-use crate::balance::articulated::Scratch;
 use crate::control::{Pd, Policy, Widths};
 use crate::description::Scene;
+use crate::dynamics::articulated::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;

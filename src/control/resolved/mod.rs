@@ -9,8 +9,8 @@ use nalgebra::{SMatrix, Vector3, Vector6};
 use self::observer::Model;
 use super::policy::{Policy, Widths};
 use super::{ACTIONS, ActionMap, Actuation};
-use crate::balance::{Passive, Recursion, Terms, VELOCITIES, Velocities};
 use crate::description::{JointLimits, Scene};
+use crate::dynamics::{Passive, Recursion, Terms, VELOCITIES, Velocities};
 use crate::error::ControlError;
 use crate::system::{JOINTS, Joints};
 

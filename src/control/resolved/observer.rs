@@ -3,9 +3,9 @@
 use nalgebra::{Cholesky, Const, Vector6};
 
 use super::{Present, ResolvedGains, ResolvedMotion};
-use crate::balance::{Masses, Passive, Terms, VELOCITIES, Velocities};
 use crate::control::ActionMap;
 use crate::description::Scene;
+use crate::dynamics::{Masses, Passive, Terms, VELOCITIES, Velocities};
 use crate::system::JOINTS;
 
 /// Velocities are within this, m/s and rad/s, as far as the model is concerned.

@@ -3,8 +3,8 @@
 use nalgebra::{Rotation3, Vector3, Vector6};
 
 use super::*;
-use crate::balance::{Balance, Loads};
 use crate::control::{ActionKind, Allocation};
+use crate::dynamics::{Balance, Loads};
 use crate::system::State;
 
 const PERIOD: f64 = 0.1;

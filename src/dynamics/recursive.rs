@@ -271,7 +271,7 @@ mod tests {
     use nalgebra::{DMatrix, Rotation3};
 
     use super::*;
-    use crate::balance::{Balance, Loads};
+    use crate::dynamics::{Balance, Loads};
     use crate::system::State;
 
     #[test]

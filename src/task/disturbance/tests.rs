@@ -5,9 +5,9 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::balance::Balance;
 use crate::control::Allocation;
 use crate::description::Scene;
+use crate::dynamics::Balance;
 use crate::lane::Rows;
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::State;

@@ -7,7 +7,7 @@ use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Pose, Vector3, Vector6};
-use crate::scene::random::Stream;
+use crate::task::random::Stream;
 
 /// A cable from a point that stays (at the surface, say) to a point of the vehicle, always in equilibrium with what acts on
 /// it: it has no inertia of its own.

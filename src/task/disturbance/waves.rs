@@ -8,7 +8,7 @@ use super::span::{Span, check, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows, exp, sin_cos};
 use crate::lie::Vector3;
-use crate::scene::random::Stream;
+use crate::task::random::Stream;
 
 /// Most trains of waves.
 pub const TRAINS: usize = 3;

@@ -253,7 +253,7 @@ pub(super) fn draw_path(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::random::{EpisodeKey, Purpose};
+    use crate::task::random::{EpisodeKey, Purpose};
 
     const KINDS: [PathKind; 6] =
         [PathKind::Point, PathKind::Line, PathKind::Circle, PathKind::FigureEight, PathKind::Spline, PathKind::Mixed];

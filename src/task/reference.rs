@@ -178,7 +178,7 @@ mod tests {
 
     use super::*;
     use crate::description::{Frame, Friction, JointLimits};
-    use crate::scene::random::{EpisodeKey, Purpose};
+    use crate::task::random::{EpisodeKey, Purpose};
 
     fn joint(limits: Option<[f64; 2]>, home: f64, speed: Option<f64>) -> Joint {
         Joint {

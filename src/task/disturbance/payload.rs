@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use super::site::Site;
 use super::span::Span;
-use crate::balance::Balance;
+use crate::dynamics::Balance;
 use crate::error::TaskError;
-use crate::scene::random::Stream;
 use crate::system::{Flow, State};
+use crate::task::random::Stream;
 
 /// A point mass that hangs at the end effector from one time to another (at the vehicle's origin without an arm). It is at rest when it is picked up, and
 /// the grip does not give: an inelastic impact. Dropped, it takes its own momentum with it.

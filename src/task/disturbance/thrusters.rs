@@ -7,7 +7,7 @@ use super::span::{Span, check, refuse};
 use crate::control::THRUSTERS;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
-use crate::scene::random::Stream;
+use crate::task::random::Stream;
 
 use super::current::smooth_step;
 

@@ -9,8 +9,8 @@ use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie;
-use crate::scene::EpisodeKey;
-use crate::scene::random::{Purpose, Stream};
+use crate::task::EpisodeKey;
+use crate::task::random::{Purpose, Stream};
 
 /// Greatest speed that water may have, m/s.
 pub(super) const FASTEST: f64 = 5.0;
@@ -45,7 +45,7 @@ impl SteadyCurrent {
     }
 
     /// Its velocity in world axes, m/s.
-    pub(in crate::scene) fn draw(&self, draw: &Stream, site: &Site) -> Vector3<f64> {
+    pub(in crate::task) fn draw(&self, draw: &Stream, site: &Site) -> Vector3<f64> {
         let azimuth = draw.uniform_in(0, 0.0, std::f64::consts::TAU);
         let elevation = draw.uniform_in(1, -self.elevation, self.elevation);
         let [forward, left, up] = site.level;

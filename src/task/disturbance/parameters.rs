@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::span::{Span, check};
 use crate::error::TaskError;
-use crate::scene::random::Stream;
 use crate::system::{FACTORS, Factors};
+use crate::task::random::Stream;
 
 /// Factors on the scene's parameters, one of each for all bodies of an instance, drawn per episode: domain randomisation.
 ///

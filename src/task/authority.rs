@@ -4,8 +4,8 @@ use nalgebra::{Rotation3, Vector3};
 
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::METRES_PER_RADIAN;
-use crate::balance::Balance;
 use crate::description::{Joint, JointKind, JointServo, Scene};
+use crate::dynamics::Balance;
 use crate::error::{BalanceError, TaskError};
 use crate::system::State;
 

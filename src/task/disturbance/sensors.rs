@@ -7,8 +7,8 @@ use super::rows::{QUAD, normal_pair};
 use super::span::{check, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
-use crate::scene::random::Stream;
 use crate::system::JOINTS;
+use crate::task::random::Stream;
 
 /// Numbers that are measured of a vehicle without joints: errors of position and attitude, twist.
 pub const MEASURED_OF_VEHICLE: usize = 12;
@@ -94,7 +94,7 @@ impl Delay {
     }
 
     /// In control periods.
-    pub(in crate::scene) fn in_periods(&self, period: f64) -> usize {
+    pub(in crate::task) fn in_periods(&self, period: f64) -> usize {
         (self.time / period).round() as usize + self.periods as usize
     }
 }
@@ -167,7 +167,7 @@ impl SensorRows {
     }
 
     /// Nothing is older than what was measured first.
-    pub(in crate::scene) fn fill<T: Real>(&self, memory: &mut Column<'_, T>) {
+    pub(in crate::task) fn fill<T: Real>(&self, memory: &mut Column<'_, T>) {
         for row in self.ring + self.measured..self.ring + self.slots * self.measured {
             let first = memory.get(row - self.measured);
             memory.set(row, first);

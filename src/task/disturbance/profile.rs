@@ -7,7 +7,7 @@ use super::payload::Handling;
 use super::weather::Weather;
 use crate::lane::Rows;
 use crate::lie::{Pose, Vector6};
-use crate::scene::EpisodeKey;
+use crate::task::EpisodeKey;
 
 /// What disturbances will come to, one entry per control period.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -26,7 +26,7 @@ pub struct Profile {
 
 impl Profile {
     /// A current that stays, and nothing else.
-    pub(in crate::scene) fn steady(current: &Vector3<f64>, steps: u32, thrusters: usize) -> Self {
+    pub(in crate::task) fn steady(current: &Vector3<f64>, steps: u32, thrusters: usize) -> Self {
         let count = steps as usize;
         Self {
             velocity: vec![(*current).into(); count],

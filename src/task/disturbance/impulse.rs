@@ -8,8 +8,8 @@ use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::scene::EpisodeKey;
-use crate::scene::random::{Purpose, Stream};
+use crate::task::EpisodeKey;
+use crate::task::random::{Purpose, Stream};
 
 /// Pushes at random times: a constant force for a short time, from any side, at a point of the vehicle. What a control
 /// period holds is its mean over the period, so that momentum does not depend on when it starts.

@@ -16,8 +16,8 @@ use super::{Disturbance, SensorRows};
 use crate::control::THRUSTERS;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Pose, Vector3, Vector6};
-use crate::scene::EpisodeKey;
-use crate::scene::random::{Purpose, Stream};
+use crate::task::EpisodeKey;
+use crate::task::random::{Purpose, Stream};
 
 /// What disturbances come to over one control period.
 #[derive(Debug, Clone, Copy, PartialEq)]
