@@ -1,14 +1,14 @@
 //! Physical validity of a scene.
 
-use std::fmt;
-
 use nalgebra::Vector3;
 use toml::Value;
 
+use super::fault::{Fault, range};
 use super::{
-    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, Tether, ThrustMap, Thruster, Water, check_body, path,
+    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, Tether, ThrustMap, Thruster, Water, check_body,
+    path,
 };
-use crate::error::{DescriptionError, Problem};
+use crate::error::{SceneError, Problem};
 
 /// Greatest magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
@@ -18,45 +18,6 @@ const MAX_POINTS: usize = 64;
 
 /// Names that bodies outside of the list of links have.
 const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
-
-/// A problem and the key that has it.
-#[derive(Debug)]
-pub struct Fault {
-    pub key: String,
-    pub problem: Problem,
-}
-
-impl Fault {
-    pub fn new(key: impl Into<String>, problem: Problem) -> Self {
-        Self { key: key.into(), problem }
-    }
-}
-
-/// Something that is possible, but hardly meant.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Warning {
-    /// Quadratic drag that drives the body at some twist. `[HC eq. 22]`
-    DragDrives {
-        /// Path of the matrix.
-        key: String,
-        /// Relative twist `[v; omega]` in the hydrodynamic frame, m/s and rad/s.
-        twist: [f64; 6],
-        /// Power put into the body there, W.
-        power: f64,
-    },
-}
-
-impl fmt::Display for Warning {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self::DragDrives { key, twist, power } = self;
-        write!(f, "{key}: this drag puts {power:.3e} W into the body at the relative twist {twist:?}")
-    }
-}
-
-/// A fault unless the number keeps the rule.
-pub fn range(ok: bool, value: f64, rule: &'static str, key: impl FnOnce() -> String) -> Result<(), Fault> {
-    if ok { Ok(()) } else { Err(Fault::new(key(), Problem::Range { value, rule })) }
-}
 
 /// A fault for a number that is not finite or out of all bounds.
 pub fn magnitudes(root: &Value) -> Result<(), Fault> {
@@ -96,7 +57,7 @@ fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
 }
 
 fn thrust_map(points: &[[f64; 2]], key: &str) -> Result<(), Fault> {
-    let fault = |reason| Err(Fault::new(key, Problem::Map { reason }));
+    let fault = |reason| Err(Fault::new(key, Problem::Invalid { reason }));
     if points.len() > MAX_POINTS {
         return Err(Fault::new(key, Problem::TooMany { found: points.len(), max: MAX_POINTS }));
     }
@@ -166,7 +127,7 @@ fn tether(tether: &Tether) -> Result<(), Fault> {
 fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), Fault> {
     if joint.kind != JointKind::Revolute || joint.effort.is_some() {
         let reason = "turns revolute joints alone, and its force takes the place of effort";
-        return Err(Fault::new(key, Problem::Map { reason }));
+        return Err(Fault::new(key, Problem::Invalid { reason }));
     }
     for (name, value) in [("base", actuator.base), ("lever", actuator.lever)] {
         range(value > 0.0, value, "> 0", || format!("{key}.{name}"))?;
@@ -243,16 +204,16 @@ impl Scene {
     /// Checks that the scene can exist; what can but is hardly meant comes back as warnings.
     ///
     /// # Errors
-    /// [`DescriptionError::Value`] with the scene's name as its source.
-    pub fn check(&self) -> Result<Vec<Warning>, DescriptionError> {
-        self.validate().map_err(|fault| DescriptionError::Value {
+    /// [`SceneError::Value`] with the scene's name as its source.
+    pub fn check(&self) -> Result<Vec<SceneWarning>, SceneError> {
+        self.validate().map_err(|fault| SceneError::Value {
             source_name: format!("scene '{}'", self.name),
             key: path::with_names(&self.to_tree(), &fault.key),
             problem: fault.problem,
         })
     }
 
-    pub(super) fn validate(&self) -> Result<Vec<Warning>, Fault> {
+    pub(super) fn validate(&self) -> Result<Vec<SceneWarning>, Fault> {
         let tree = self.to_tree();
         magnitudes(&tree)?;
         water(&self.water)?;

@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector6};
 
-use super::check::{Fault, Warning, range};
-use super::{Body, Water};
+use super::fault::{Fault, range};
+use super::{Body, SceneWarning, Water};
 use crate::error::{Numbers, Problem};
 
 /// Asymmetry, relative to the largest entry, that counts as rounding.
@@ -18,7 +18,7 @@ const SEMI_DEFINITE: f64 = 1e-6;
 const WEIGHT_PERCENT: f64 = 0.5;
 
 /// Faults and warnings of one body. A fixed vehicle never moves, so its inertia may be anything.
-pub fn validate(body: &Body, key: &str, water: &Water, fixed: bool, warnings: &mut Vec<Warning>) -> Result<(), Fault> {
+pub fn validate(body: &Body, key: &str, water: &Water, fixed: bool, warnings: &mut Vec<SceneWarning>) -> Result<(), Fault> {
     let key = |name: &str| format!("{key}.{name}");
     symmetric(&body.inertia, || key("inertia"))?;
     symmetric(&body.added_mass, || key("added_mass"))?;
@@ -37,8 +37,8 @@ pub fn validate(body: &Body, key: &str, water: &Water, fixed: bool, warnings: &m
         let total = eigenvalues(&total_inertia(body));
         definite("rigid-body plus added mass", &total, false, || key("added_mass"))?;
     }
-    linear_drag(&body.damping.linear, || key("damping.linear"))?;
-    warnings.extend(quadratic_drag(&body.damping.quadratic, key("damping.quadratic"))?);
+    linear_damping(&body.damping.linear, || key("damping.linear"))?;
+    warnings.extend(quadratic_damping(&body.damping.quadratic, key("damping.quadratic"))?);
     Ok(())
 }
 
@@ -133,14 +133,14 @@ fn diagonal_opposes(m: &Matrix6<f64>, key: impl FnOnce() -> String) -> Result<()
     }
 }
 
-fn linear_drag(m: &Matrix6<f64>, key: impl Fn() -> String) -> Result<(), Fault> {
+fn linear_damping(m: &Matrix6<f64>, key: impl Fn() -> String) -> Result<(), Fault> {
     diagonal_opposes(m, &key)?;
     // The skew part is lift and takes no power.
     definite("symmetric part of linear drag", &eigenvalues(&((m + m.transpose()) / 2.0)), true, key)
 }
 
 /// Samples the power `-V . D_Q (V * |V|)` over twists; a diagonal matrix without negative entries needs no sampling.
-fn quadratic_drag(m: &Matrix6<f64>, key: String) -> Result<Option<Warning>, Fault> {
+fn quadratic_damping(m: &Matrix6<f64>, key: String) -> Result<Option<SceneWarning>, Fault> {
     diagonal_opposes(m, || key.clone())?;
     if *m == Matrix6::from_diagonal(&m.diagonal()) {
         return Ok(None);
@@ -150,7 +150,7 @@ fn quadratic_drag(m: &Matrix6<f64>, key: String) -> Result<Option<Warning>, Faul
         .map(|n| Vector6::from_fn(|i, _| LEVELS[n / LEVELS.len().pow(i as u32) % LEVELS.len()]));
     let power = |v: &Vector6<f64>| -v.dot(&(m * v.component_mul(&v.abs())));
     let worst = twists.map(|v| (power(&v), v)).max_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(worst.filter(|(power, _)| *power > SYMMETRY * m.amax()).map(|(power, v)| Warning::DragDrives {
+    Ok(worst.filter(|(power, _)| *power > SYMMETRY * m.amax()).map(|(power, v)| SceneWarning::DampingAddsEnergy {
         key,
         twist: v.into(),
         power,

@@ -4,33 +4,35 @@
 //! `[linear; angular]`.
 
 mod actuator;
-mod appendages;
 mod arm;
 mod body;
 mod check;
 mod check_body;
 mod derived;
-mod doubts;
+mod fault;
+mod fin;
 pub(crate) mod numbers;
 mod path;
 mod provenance;
 mod read;
 mod scene;
 mod shape;
+mod tether;
 mod thrust_map;
 mod vehicle;
+mod warnings;
 
 pub use actuator::LinearActuator;
-pub use appendages::{Fin, Tether};
 pub use arm::{Arm, Friction, Joint, JointKind, JointLimits, JointServo, Link, Mount};
 pub use body::{Body, Damping, Frame, InertiaPoint};
-use check::Fault;
-pub use check::Warning;
 pub use derived::{BASE, MAX_LINKS, VEHICLE};
-pub use doubts::Doubt;
+use fault::Fault;
+pub use fin::Fin;
 pub use provenance::{Number, Origin, Provenance};
 pub use read::{parse_toml, read_value};
 pub use scene::{Payload, Scene, Water};
 pub use shape::{Shape, ShapeKind};
+pub use tether::Tether;
 pub use thrust_map::ThrustMap;
 pub use vehicle::{Thruster, Vehicle, VehicleServo};
+pub use warnings::SceneWarning;

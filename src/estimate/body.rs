@@ -57,7 +57,7 @@ fn hydrodynamics(shape: &Shape, solid: &Solid, outline: &Outline) -> Hydrodynami
     let on_drag =
         |i: usize| if i < 3 { closed[i] } else { turning(i - 3).map(|j| closed[j]).iter().sum::<f64>() / 2.0 };
     let (mass, drag) =
-        (solid.added_mass(outline.density, shape.ends), solid.quadratic_drag(outline.density, shape.ends));
+        (solid.added_mass(outline.density, shape.ends), solid.quadratic_damping(outline.density, shape.ends));
     let quadratic = Vector6::from_fn(|i, _| drag[i] * on_drag(i));
     Hydrodynamics {
         added_mass: Vector6::from_fn(|i, _| mass[i] * on_mass(i)),

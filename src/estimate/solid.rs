@@ -122,7 +122,7 @@ impl Solid {
     }
 
     /// Diagonal of the quadratic drag: N s2/m2 and N m s2/rad2.
-    pub fn quadratic_drag(&self, density: f64, ends: Ends) -> [f64; 6] {
+    pub fn quadratic_damping(&self, density: f64, ends: Ends) -> [f64; 6] {
         let (cd, half) = (self.drag_coefficients(ends), self.extent() / 2.0);
         let pressure = density / 2.0;
         match *self {
@@ -223,7 +223,7 @@ mod tests {
     fn val_a_cube_has_the_published_coefficients() {
         let cube = Solid::Box(Vector3::repeat(0.7));
         close(&cube.added_mass(RHO, Ends::Free), &[233.24, 233.24, 233.24, 7.722, 7.722, 7.722], 1e-3);
-        close(&cube.quadratic_drag(RHO, Ends::Free)[..1], &[0.5 * RHO * 1.05 * 0.49], 1e-12);
+        close(&cube.quadratic_damping(RHO, Ends::Free)[..1], &[0.5 * RHO * 1.05 * 0.49], 1e-12);
     }
 
     #[test]
@@ -243,7 +243,7 @@ mod tests {
         close(&[capsule.volume()], &[sphere.volume()], 1e-7);
         close(capsule.inertia(3.0).as_slice(), sphere.inertia(3.0).as_slice(), 1e-7);
         close(&capsule.added_mass(RHO, Ends::Free)[..3], &sphere.added_mass(RHO, Ends::Free)[..3], 1e-7);
-        close(&capsule.quadratic_drag(RHO, Ends::Free)[..3], &sphere.quadratic_drag(RHO, Ends::Free)[..3], 1e-7);
+        close(&capsule.quadratic_damping(RHO, Ends::Free)[..3], &sphere.quadratic_damping(RHO, Ends::Free)[..3], 1e-7);
     }
 
     #[test]
@@ -268,7 +268,7 @@ mod tests {
             for ends in [Ends::Free, Ends::Joined] {
                 let (a, b) = (one.added_mass(RHO, ends), two.added_mass(RHO, ends));
                 close(&b, &std::array::from_fn::<_, 6, _>(|i| a[i] * if i < 3 { 8.0 } else { 32.0 }), 1e-12);
-                let (a, b) = (one.quadratic_drag(RHO, ends), two.quadratic_drag(RHO, ends));
+                let (a, b) = (one.quadratic_damping(RHO, ends), two.quadratic_damping(RHO, ends));
                 close(&b, &std::array::from_fn::<_, 6, _>(|i| a[i] * if i < 3 { 4.0 } else { 32.0 }), 1e-12);
                 assert!(a.iter().all(|x| *x >= 0.0 && x.is_finite()));
             }

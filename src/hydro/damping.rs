@@ -6,7 +6,7 @@ use crate::spatial::SpatialInertia;
 
 /// A 6x6 coefficient matrix, as sparse as the scene has it.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Coefficients<P> {
+pub enum CoefficientMatrix<P> {
     /// All zero.
     None,
     /// A diagonal.
@@ -15,13 +15,13 @@ pub enum Coefficients<P> {
     Full(Box<[[P; 6]; 6]>),
 }
 
-impl<P: Copy> Coefficients<P> {
+impl<P: Copy> CoefficientMatrix<P> {
     /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Coefficients<Q> {
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CoefficientMatrix<Q> {
         match self {
-            Coefficients::None => Coefficients::None,
-            Coefficients::Diagonal(d) => Coefficients::Diagonal(d.map(change)),
-            Coefficients::Full(rows) => Coefficients::Full(Box::new(rows.map(|row| row.map(&change)))),
+            CoefficientMatrix::None => CoefficientMatrix::None,
+            CoefficientMatrix::Diagonal(d) => CoefficientMatrix::Diagonal(d.map(change)),
+            CoefficientMatrix::Full(rows) => CoefficientMatrix::Full(Box::new(rows.map(|row| row.map(&change)))),
         }
     }
 
@@ -32,13 +32,13 @@ impl<P: Copy> Coefficients<P> {
         P: Param<L>,
     {
         match self {
-            Coefficients::None => {}
-            Coefficients::Diagonal(d) => {
+            CoefficientMatrix::None => {}
+            CoefficientMatrix::Diagonal(d) => {
                 for i in 0..6 {
                     sum[i] = d[i].get().neg_mul_add(x[i], sum[i]);
                 }
             }
-            Coefficients::Full(rows) => {
+            CoefficientMatrix::Full(rows) => {
                 for i in 0..6 {
                     for k in 0..6 {
                         sum[i] = rows[i][k].get().neg_mul_add(x[k], sum[i]);
@@ -51,22 +51,22 @@ impl<P: Copy> Coefficients<P> {
 
 /// Where the coefficients' frame lies on the body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Placement<P> {
+pub enum CoefficientFrame<P> {
     /// The coefficients' frame is the body's.
-    Here,
+    Body,
     /// Parallel to the body frame, at this point.
     Shifted([P; 3]),
     /// At a pose in the body frame: rotation by rows, position.
-    At([[P; 3]; 3], [P; 3]),
+    General([[P; 3]; 3], [P; 3]),
 }
 
-impl<P: Copy> Placement<P> {
+impl<P: Copy> CoefficientFrame<P> {
     /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Placement<Q> {
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CoefficientFrame<Q> {
         match self {
-            Placement::Here => Placement::Here,
-            Placement::Shifted(p) => Placement::Shifted(p.map(&change)),
-            Placement::At(r, p) => Placement::At(r.map(|row| row.map(&change)), p.map(&change)),
+            CoefficientFrame::Body => CoefficientFrame::Body,
+            CoefficientFrame::Shifted(p) => CoefficientFrame::Shifted(p.map(&change)),
+            CoefficientFrame::General(r, p) => CoefficientFrame::General(r.map(|row| row.map(&change)), p.map(&change)),
         }
     }
 }
@@ -74,23 +74,23 @@ impl<P: Copy> Placement<P> {
 /// Drag `F = -(D_L V + D_Q (V * |V|))` of the twist V relative to the water, in the frame of the coefficients: the
 /// quadratic part is not covariant, so it is never moved to another frame. `[HC eq. 22]`
 #[derive(Debug, Clone, PartialEq)]
-pub struct Drag<P> {
+pub struct Damping<P> {
     /// The frame of the coefficients.
-    pub placement: Placement<P>,
+    pub frame: CoefficientFrame<P>,
     /// D_L.
-    pub linear: Coefficients<P>,
+    pub linear: CoefficientMatrix<P>,
     /// D_Q.
-    pub quadratic: Coefficients<P>,
+    pub quadratic: CoefficientMatrix<P>,
     /// Symmetric bound of a full D_L, with its symmetric part S and its skew part N (lift): `S + N^T S^-1 N`. For
     /// linearly implicit methods, to which lift itself would be an unsymmetric matrix.
     pub linear_bound: Option<SpatialInertia<P>>,
 }
 
-impl<P: Copy> Drag<P> {
+impl<P: Copy> Damping<P> {
     /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Drag<Q> {
-        Drag {
-            placement: self.placement.map(&change),
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Damping<Q> {
+        Damping {
+            frame: self.frame.map(&change),
             linear: self.linear.map(&change),
             quadratic: self.quadratic.map(&change),
             linear_bound: self.linear_bound.map(|bound| bound.map(&change)),
@@ -103,15 +103,15 @@ impl<P: Copy> Drag<P> {
     where
         P: Param<L>,
     {
-        match &self.placement {
-            Placement::Here => self.in_place(twist),
-            Placement::Shifted(p) => {
+        match &self.frame {
+            CoefficientFrame::Body => self.in_place(twist),
+            CoefficientFrame::Shifted(p) => {
                 let r = Vector3(get_all(p));
                 let there = Vector6 { linear: twist.angular.cross_add(r, twist.linear), ..twist };
                 let wrench = self.in_place(there);
                 Vector6 { angular: r.cross_add(wrench.linear, wrench.angular), ..wrench }
             }
-            Placement::At(r, p) => {
+            CoefficientFrame::General(r, p) => {
                 let pose = Pose::of(r, p);
                 pose.co_adjoint_apply_inverse(self.in_place(pose.adjoint_apply_inverse(twist)))
             }
@@ -126,7 +126,7 @@ impl<P: Copy> Drag<P> {
         let v = twist.to_array();
         let mut wrench = [L::zero(); 6];
         self.linear.subtract(&v, &mut wrench);
-        if !matches!(self.quadratic, Coefficients::None) {
+        if !matches!(self.quadratic, CoefficientMatrix::None) {
             let mut squares = v;
             for x in &mut squares {
                 *x = *x * x.abs();

@@ -1,14 +1,16 @@
 //! What the water does to a body, besides added mass, which is inertia.
 
-mod appendages;
-mod central;
+mod central_frame;
 mod damping;
+mod fin;
+mod implicit;
 mod restoring;
-mod slope;
+mod tether;
 mod thruster;
 
-pub use appendages::{FINS, Fin, Surfaces, Tether};
-pub use central::{Central, Turn};
-pub use damping::{Coefficients, Drag, Placement};
+pub use central_frame::{CentralFrameTerms, FrameRotation};
+pub use damping::{CoefficientFrame, CoefficientMatrix, Damping};
+pub use fin::{FINS, Fin, FinAxes};
 pub use restoring::Restoring;
-pub use thruster::{Branch, Fading, Propulsion, THRUSTERS, Thruster, Thrusts, thrust_wrench};
+pub use tether::Tether;
+pub use thruster::{Branch, LagDecay, ThrusterDynamics, THRUSTERS, Thruster, Thrusts, thrust_wrench};

@@ -120,20 +120,20 @@ impl<P: Copy> Thruster<P> {
 
     /// What a step of size h does to the lag, whose time constant has a factor.
     #[inline(always)]
-    pub fn fading<L: Lane>(&self, h: L, factor: L) -> Fading<L>
+    pub fn lag_decay<L: Lane>(&self, h: L, factor: L) -> LagDecay<L>
     where
         P: Param<L>,
     {
-        let Some(lag) = self.lag else { return Fading { kept: L::zero(), mean: L::zero() } };
+        let Some(lag) = self.lag else { return LagDecay { kept: L::zero(), mean: L::zero() } };
         let x = h / (lag.get() * factor);
         let gone = one_less_exp(x);
-        Fading { kept: L::c(1.0) - gone, mean: gone / x }
+        LagDecay { kept: L::c(1.0) - gone, mean: gone / x }
     }
 }
 
 /// Of the distance of a lagging thrust from where it settles: what is left after a step, and its mean over the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Fading<L> {
+pub struct LagDecay<L> {
     /// `exp(-h / tau)`
     pub kept: L,
     /// `(1 - exp(-h / tau)) tau / h`
@@ -143,7 +143,7 @@ pub struct Fading<L> {
 /// Distance from where it settles at which a thrust counts as there, N: it would never get there, only ever closer.
 const THERE: f64 = 1e-20;
 
-impl<L: Lane> Fading<L> {
+impl<L: Lane> LagDecay<L> {
     /// Takes a thrust over a step towards where it settles: its mean over the step, and what it is afterwards. Exact.
     #[inline(always)]
     pub fn step(&self, thrust: L, settles: L) -> (L, L) {
@@ -182,14 +182,14 @@ fn one_less_exp<L: Lane>(x: L) -> L {
 
 /// Thrusters of a group of instances over the steps of a call.
 #[derive(Debug, Clone, Copy)]
-pub struct Propulsion<L> {
+pub struct ThrusterDynamics<L> {
     /// Thrust in still water, N: the state.
     pub thrust: [L; THRUSTERS],
     settles: [L; THRUSTERS],
-    fading: [Fading<L>; THRUSTERS],
+    decay: [LagDecay<L>; THRUSTERS],
 }
 
-impl<L: Lane> Propulsion<L> {
+impl<L: Lane> ThrusterDynamics<L> {
     /// Memory to load into.
     #[inline(always)]
     pub fn blank() -> Self {
@@ -197,7 +197,7 @@ impl<L: Lane> Propulsion<L> {
         Self {
             thrust: [zero; THRUSTERS],
             settles: [zero; THRUSTERS],
-            fading: [Fading { kept: zero, mean: zero }; THRUSTERS],
+            decay: [LagDecay { kept: zero, mean: zero }; THRUSTERS],
         }
     }
 
@@ -212,7 +212,7 @@ impl<L: Lane> Propulsion<L> {
     ) {
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
             self.settles[i] = thruster.steady(commands[i]) * gains[i];
-            self.fading[i] = thruster.fading(h, lag);
+            self.decay[i] = thruster.lag_decay(h, lag);
         }
     }
 
@@ -222,7 +222,7 @@ impl<L: Lane> Propulsion<L> {
     pub fn step<P: Param<L>>(&mut self, thrusters: &[Thruster<P>], twist: Vector6<L>) -> Vector6<L> {
         let mut wrench = [L::zero(); 6];
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
-            let (mean, after) = self.fading[i].step(self.thrust[i], self.settles[i]);
+            let (mean, after) = self.decay[i].step(self.thrust[i], self.settles[i]);
             self.thrust[i] = after;
             let acting = thruster.acting(mean, twist);
             for k in 0..6 {

@@ -279,7 +279,7 @@ impl<L: Lane> SpatialInertia<L> {
 
     /// What is left where the body is free to turn about z (that row and column vanish), `U / D` and `1 / D`.
     #[inline(always)]
-    pub fn free_to_turn(&self) -> (Self, Vector6<L>, L) {
+    pub fn eliminate_revolute(&self) -> (Self, Vector6<L>, L) {
         let u = self.column::<5>();
         let (zero, over_d) = (L::zero(), L::c(1.0) / u.angular.0[2]);
         let mut rest = self.eliminate::<2>(u, over_d);
@@ -290,7 +290,7 @@ impl<L: Lane> SpatialInertia<L> {
 
     /// What is left where the body is free to slide along z, `U / D` and `1 / D`.
     #[inline(always)]
-    pub fn free_to_slide(&self) -> (Self, Vector6<L>, L) {
+    pub fn eliminate_prismatic(&self) -> (Self, Vector6<L>, L) {
         let u = self.column::<2>();
         let over_d = L::c(1.0) / u.linear.0[2];
         (self.eliminated(u, over_d), u.scale(over_d), over_d)
@@ -328,7 +328,7 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m, h, j }
     }
 
-    /// Adds `A c` to p for an inertia left by [`Self::free_to_turn`] and a c without components along or about z: x and y of
+    /// Adds `A c` to p for an inertia left by [`Self::eliminate_revolute`] and a c without components along or about z: x and y of
     /// both its parts.
     #[inline(always)]
     pub fn apply_across(&self, [cx, cy, dx, dy]: [L; 4], p: &mut Vector6<L>) {

@@ -1,9 +1,9 @@
 //! Spatial inertia in 21 numbers, and how it moves between frames.
 
-mod bend;
 mod inertia;
 mod point;
+mod screw;
 
-pub use bend::{Bend, Screw, constant_screw_z, screw_x, screw_z};
 pub use inertia::SpatialInertia;
-pub use point::{Place, PointMass};
+pub use point::{BodyPoint, PointMass};
+pub use screw::{LinkTwist, Screw, constant_screw_z, screw_x, screw_z};

@@ -4,54 +4,54 @@ use super::SpatialInertia;
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Vector3, Vector6};
 
-/// A point of a body: that of a link is often on an axis of its joint's frame.
+/// A point of a body, with fewer numbers on an axis of the frame, where points of links often lie.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place<P> {
-    /// On the x axis.
+pub enum BodyPoint<P> {
+    /// On the x axis, m.
     X(P),
-    /// On the y axis.
+    /// On the y axis, m.
     Y(P),
-    /// On the z axis.
+    /// On the z axis, m.
     Z(P),
-    /// Anywhere.
-    At([P; 3]),
+    /// General position, m.
+    General([P; 3]),
 }
 
-impl Place<f64> {
-    /// The place of a point.
+impl BodyPoint<f64> {
+    /// From coordinates, m.
     pub fn of(point: [f64; 3]) -> Self {
         match point {
-            [x, 0.0, 0.0] => Place::X(x),
-            [0.0, y, 0.0] => Place::Y(y),
-            [0.0, 0.0, z] => Place::Z(z),
-            point => Place::At(point),
+            [x, 0.0, 0.0] => BodyPoint::X(x),
+            [0.0, y, 0.0] => BodyPoint::Y(y),
+            [0.0, 0.0, z] => BodyPoint::Z(z),
+            point => BodyPoint::General(point),
         }
     }
 }
 
-impl<P: Copy> Place<P> {
-    /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Place<Q> {
+impl<P: Copy> BodyPoint<P> {
+    /// The same with `change` applied to each number.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> BodyPoint<Q> {
         match *self {
-            Place::X(x) => Place::X(change(x)),
-            Place::Y(y) => Place::Y(change(y)),
-            Place::Z(z) => Place::Z(change(z)),
-            Place::At(point) => Place::At(point.map(change)),
+            BodyPoint::X(x) => BodyPoint::X(change(x)),
+            BodyPoint::Y(y) => BodyPoint::Y(change(y)),
+            BodyPoint::Z(z) => BodyPoint::Z(change(z)),
+            BodyPoint::General(point) => BodyPoint::General(point.map(change)),
         }
     }
 
-    /// The point in lanes.
+    /// Coordinates, in lanes.
     #[inline(always)]
-    pub fn point<L: Lane>(&self) -> Vector3<L>
+    pub fn coordinates<L: Lane>(&self) -> Vector3<L>
     where
         P: Param<L>,
     {
         let zero = L::zero();
         Vector3(match self {
-            Place::X(x) => [x.get(), zero, zero],
-            Place::Y(y) => [zero, y.get(), zero],
-            Place::Z(z) => [zero, zero, z.get()],
-            Place::At(point) => get_all(point),
+            BodyPoint::X(x) => [x.get(), zero, zero],
+            BodyPoint::Y(y) => [zero, y.get(), zero],
+            BodyPoint::Z(z) => [zero, zero, z.get()],
+            BodyPoint::General(point) => get_all(point),
         })
     }
 }
@@ -61,23 +61,23 @@ impl<P: Copy> Place<P> {
 pub struct PointMass<P> {
     /// kg.
     pub mass: P,
-    /// In the body's frame, m.
-    pub at: Place<P>,
+    /// Position in the body frame.
+    pub position: BodyPoint<P>,
 }
 
 impl<P: Copy> PointMass<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> PointMass<Q> {
-        PointMass { mass: change(self.mass), at: self.at.map(change) }
+        PointMass { mass: change(self.mass), position: self.position.map(change) }
     }
 
-    /// Its inertia in the body's frame: `[[m I, -m [r]], [m [r], -m [r] [r]]]`.
+    /// Inertia in the body frame: `[[m I, -m [r]], [m [r], -m [r] [r]]]`.
     #[inline(always)]
     pub fn inertia<L: Lane>(&self) -> SpatialInertia<L>
     where
         P: Param<L>,
     {
-        let (m, r, zero): (L, Vector3<L>, L) = (self.mass.get(), self.at.point(), L::zero());
+        let (m, r, zero): (L, Vector3<L>, L) = (self.mass.get(), self.position.coordinates(), L::zero());
         let (r, [x, y, z]) = (r.0, r.scale(m).0);
         SpatialInertia {
             m: [m, zero, zero, m, zero, m],
@@ -93,18 +93,18 @@ impl<P: Copy> PointMass<P> {
         }
     }
 
-    /// Adds `m (omega x v_r - gravity)` at the point r, which the body's twist V and gravity ask for, to a wrench in the
-    /// body's frame.
+    /// Adds the bias wrench of the mass less its weight, `f = m (omega x v_r - g)` and `r x f` at the body's twist V under
+    /// gravity g, to `bias`; all in the body frame.
     #[inline(always)]
     pub fn add_bias<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
     where
         P: Param<L>,
     {
-        match self.at {
-            Place::X(x) => self.add_bias_on_axis::<L, 0>(x.get(), twist, gravity, bias),
-            Place::Y(y) => self.add_bias_on_axis::<L, 1>(y.get(), twist, gravity, bias),
-            Place::Z(z) => self.add_bias_on_axis::<L, 2>(z.get(), twist, gravity, bias),
-            Place::At(point) => {
+        match self.position {
+            BodyPoint::X(x) => self.add_bias_on_axis::<L, 0>(x.get(), twist, gravity, bias),
+            BodyPoint::Y(y) => self.add_bias_on_axis::<L, 1>(y.get(), twist, gravity, bias),
+            BodyPoint::Z(z) => self.add_bias_on_axis::<L, 2>(z.get(), twist, gravity, bias),
+            BodyPoint::General(point) => {
                 let (m, r): (L, _) = (self.mass.get(), Vector3(get_all(&point)));
                 let pull = twist.angular.cross(twist.angular.cross_add(r, twist.linear)) - gravity;
                 bias.linear = pull.scale_add(m, bias.linear);
@@ -113,7 +113,7 @@ impl<P: Copy> PointMass<P> {
         }
     }
 
-    /// The same at a point of axis N.
+    /// [`Self::add_bias`] for a point on axis N.
     #[inline(always)]
     fn add_bias_on_axis<L: Lane, const N: usize>(
         &self,
@@ -144,21 +144,21 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_point_mass_asks_for_what_its_inertia_does(
+        fn the_bias_of_a_point_mass_is_that_of_its_inertia(
             [x, y, z] in prop::array::uniform3(-2.0..2.0f64), mass in 0.0..5.0f64,
             v in prop::array::uniform3(-3.0..3.0f64), w in prop::array::uniform3(-3.0..3.0f64),
             g in prop::array::uniform3(-10.0..10.0f64),
         ) {
             let (twist, gravity) = (Vector6 { linear: Vector3(v), angular: Vector3(w) }, Vector3(g));
             for point in [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z], [x, y, z]] {
-                let load = PointMass { mass, at: Place::of(point) };
+                let mass_point = PointMass { mass, position: BodyPoint::of(point) };
                 let mut bias = twist;
-                load.add_bias(twist, gravity, &mut bias);
+                mass_point.add_bias(twist, gravity, &mut bias);
                 let weight = gravity.scale(mass);
-                let pull = Vector6 { linear: weight, angular: Vector3(point).cross(weight) };
-                let expected = twist + (load.inertia().bias_wrench(twist) - pull);
+                let weight = Vector6 { linear: weight, angular: Vector3(point).cross(weight) };
+                let expected = twist + (mass_point.inertia().bias_wrench(twist) - weight);
                 for (got, expected) in bias.to_array().into_iter().zip(expected.to_array()) {
-                    prop_assert!((got - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{load:?}: {got}, {expected}");
+                    prop_assert!((got - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{mass_point:?}: {got}, {expected}");
                 }
             }
         }

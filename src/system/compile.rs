@@ -1,64 +1,64 @@
-//! From a scene to the constants of the kernel.
+//! Compilation of a scene to the constants of the kernel.
 
 use nalgebra as na;
 
-use super::appendages::{fins, tether};
-use super::chain::{Line, inverse, joint_frames, shift, tidy};
-use super::model::{Actuator, BodyTerms, Constant, Friction, JointTerms, Limits, Servo, System, VehicleServo};
+use super::factors::{CentralInertia, UnscaledBodyTerms};
+use super::fins_and_tether::{fins, tether};
+use super::joint_frames::{Line, inverse, joint_frames, nonzero, tidy};
+use super::model::{Actuator, BodyTerms, Friction, JointScrew, JointTerms, Limits, Servo, System, VehicleServo};
 use super::propulsion::thrusters;
-use super::variation::{CentralInertia, Ingredients};
 use crate::description::{Body, Frame, Joint, JointKind, LinearActuator, Scene, Vehicle, Water};
-use crate::hydro::{Central, Coefficients, Drag, Placement, Restoring, Turn};
+use crate::hydro::{CentralFrameTerms, CoefficientFrame, CoefficientMatrix, Damping, FrameRotation, Restoring};
 use crate::lane::Shared;
 use crate::lie::{Matrix3, Pose, Vector3};
-use crate::spatial::{Place, SpatialInertia};
+use crate::spatial::{BodyPoint, SpatialInertia};
 
-/// A system, and the link frames of its scene in the joint frames that it computes in.
+/// A compiled scene: the system, and the link frames of the scene in the joint frames of the system.
 #[derive(Debug, Clone)]
 pub struct Compiled {
-    /// What the kernel reads.
+    /// Constants of the kernel.
     pub system: System<Shared<f64>>,
     /// Constant pose of each link's frame in its joint's frame.
     pub links: Vec<Pose<f64>>,
-    /// Where payloads are held: the end effector's origin in the last moving body's frame.
-    pub grip: [f64; 3],
-    /// What the terms of each moving body are made of, vehicle first.
-    pub ingredients: Vec<Ingredients<Shared<f64>>>,
+    /// Point at which payloads are held: the end effector's origin in the last moving body's frame, m.
+    pub payload_attachment: [f64; 3],
+    /// Parts of the terms of each moving body, vehicle first.
+    pub unscaled: Vec<UnscaledBodyTerms<Shared<f64>>>,
 }
 
-/// Compiles a checked scene: joins what is fixed together, chooses joint frames, drops absent terms.
+/// Compiles a checked scene: merges bodies that are fixed together, chooses joint frames, drops absent terms.
 pub fn compile(scene: &Scene) -> Compiled {
     let water = &scene.water;
     let mut parts = vec![Part::of(&scene.vehicle.body, identity(), water)];
     let mut vehicle = parts.split_off(0);
     let mut moving: Vec<(&Joint, Vec<Part>)> = Vec::new();
-    // Pose at q = 0, in the vehicle frame, of each moving link's frame; and of the frame that the next part hangs on.
+    // Poses at q = 0, in the vehicle frame, of the moving links' frames, and of the frame that carries the next part.
     let mut zero_poses: Vec<Pose<f64>> = Vec::new();
-    let mut hook = identity();
+    let mut parent = identity();
     let mut tip = identity();
 
     if let Some(arm) = &scene.arm {
-        hook = pose(&arm.mount.frame);
+        parent = pose(&arm.mount.frame);
         if let Some(joint) = &arm.mount.joint {
-            hook = hook.times(&pose(&joint.frame));
-            zero_poses.push(hook);
+            parent = parent.times(&pose(&joint.frame));
+            zero_poses.push(parent);
             let base = arm.base.iter().map(|body| Part::of(body, identity(), water)).collect();
             moving.push((joint, base));
         } else {
-            vehicle.extend(arm.base.iter().map(|body| Part::of(body, hook, water)));
+            vehicle.extend(arm.base.iter().map(|body| Part::of(body, parent, water)));
         }
         for link in &arm.links {
-            hook = hook.times(&pose(&link.joint.frame));
-            zero_poses.push(hook);
+            parent = parent.times(&pose(&link.joint.frame));
+            zero_poses.push(parent);
             moving.push((&link.joint, vec![Part::of(&link.body, identity(), water)]));
         }
         tip = pose(&arm.end_effector);
     }
     if let Some(payload) = &scene.payload {
-        let grip = tip.times(&pose(&payload.frame));
+        let at = tip.times(&pose(&payload.frame));
         match moving.last_mut() {
-            Some((_, last)) => last.push(Part::of(&payload.body, grip, water)),
-            None => vehicle.push(Part::of(&payload.body, hook.times(&grip), water)),
+            Some((_, last)) => last.push(Part::of(&payload.body, at, water)),
+            None => vehicle.push(Part::of(&payload.body, parent.times(&at), water)),
         }
     }
 
@@ -76,7 +76,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         frames.iter().zip(&zero_poses).map(|(frame, link)| tidy(&inverse(&frame.pose).times(link))).collect();
 
     let (vehicle, of_vehicle) = merged(&vehicle, &identity());
-    let mut ingredients = vec![of_vehicle.map(Shared)];
+    let mut unscaled = vec![of_vehicle.map(Shared)];
     let joints: Vec<JointTerms<f64>> = moving
         .iter()
         .zip(&frames)
@@ -84,11 +84,16 @@ pub fn compile(scene: &Scene) -> Compiled {
         .map(|(((joint, parts), frame), link)| {
             let prismatic = joint.kind == JointKind::Prismatic;
             let (body, of_body) = merged(parts, link);
-            ingredients.push(of_body.map(Shared));
+            unscaled.push(of_body.map(Shared));
             JointTerms {
-                stand: frame.stand,
+                placement: frame.placement,
                 offset: if prismatic { frame.d } else { frame.theta },
-                constant: if prismatic { turn(frame.theta) } else { Constant::Shift(shift(frame.d)) },
+                screw: if prismatic {
+                    let (sin, cos) = frame.theta.sin_cos();
+                    JointScrew::Prismatic { sin, cos }
+                } else {
+                    JointScrew::Revolute { d: nonzero(frame.d) }
+                },
                 body,
                 friction: friction(joint),
                 limits: limits(joint),
@@ -99,10 +104,10 @@ pub fn compile(scene: &Scene) -> Compiled {
         })
         .collect();
     let sparse =
-        ingredients.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
+        unscaled.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
     let system = System {
         sparse,
-        upright: joints.iter().all(|joint| joint.body.is_upright()),
+        z_aligned: joints.iter().all(|joint| joint.body.is_z_aligned()),
         gravity: water.gravity.into(),
         fixed: scene.vehicle.fixed,
         vehicle,
@@ -112,21 +117,21 @@ pub fn compile(scene: &Scene) -> Compiled {
         fins: fins(scene),
         tether: tether(scene),
     };
-    let grip = tidy(&links.last().unwrap_or(&hook).times(&tip)).position.0;
-    Compiled { system: system.map(Shared), links, grip, ingredients }
+    let payload_attachment = tidy(&links.last().unwrap_or(&parent).times(&tip)).position.0;
+    Compiled { system: system.map(Shared), links, payload_attachment, unscaled }
 }
 
-/// One body of the scene, fixed to a moving body at `at`; all else in its own frame.
+/// One body of the scene, fixed to a moving body at the pose `at`; other quantities are in its own frame.
 struct Part {
     at: Pose<f64>,
     rigid: SpatialInertia<f64>,
     added: SpatialInertia<f64>,
-    /// Mass and displaced mass that gravity acts on, each with its moment.
+    /// Mass and displaced mass under gravity, each with its first moment.
     weight: Restoring<f64>,
     displaced: Restoring<f64>,
-    /// Frame of added mass and drag.
+    /// Frame of added mass and damping.
     hydrodynamic: Pose<f64>,
-    drag: Option<Drag<f64>>,
+    damping: Option<Damping<f64>>,
 }
 
 impl Part {
@@ -135,14 +140,14 @@ impl Part {
         let added = &body.added_mass;
         // Without gravity there is neither weight nor buoyancy.
         let heavy = if water.gravity.norm() == 0.0 { 0.0 } else { 1.0 };
-        let pull = |mass: f64, at: &na::Vector3<f64>| Restoring { net_mass: mass, moment: (mass * at).into() };
+        let gravitational = |mass: f64, at: &na::Vector3<f64>| Restoring { net_mass: mass, moment: (mass * at).into() };
         Self {
             at,
             rigid: rigid_inertia(body.mass, &body.center_of_mass, &body.inertia_about_com()),
             added: SpatialInertia::from_entries(|i, k| added[(i, k)]).to_parent(&hydrodynamic),
-            weight: pull(heavy * body.mass, &body.center_of_mass),
-            displaced: pull(heavy * water.density * body.displaced_volume(water), &body.center_of_buoyancy),
-            drag: drag(body, &hydrodynamic),
+            weight: gravitational(heavy * body.mass, &body.center_of_mass),
+            displaced: gravitational(heavy * water.density * body.displaced_volume(water), &body.center_of_buoyancy),
+            damping: damping(body, &hydrodynamic),
             hydrodynamic,
         }
     }
@@ -166,49 +171,51 @@ fn rigid_inertia(mass: f64, com: &na::Vector3<f64>, about_com: &na::Matrix3<f64>
     })
 }
 
-fn drag(body: &Body, hydrodynamic: &Pose<f64>) -> Option<Drag<f64>> {
+/// Damping of a body, if any coefficient differs from 0.
+fn damping(body: &Body, hydrodynamic: &Pose<f64>) -> Option<Damping<f64>> {
     let coefficients = |m: &na::Matrix6<f64>| {
         if m.iter().all(|&x| x == 0.0) {
-            Coefficients::None
+            CoefficientMatrix::None
         } else if *m == na::Matrix6::from_diagonal(&m.diagonal()) {
-            Coefficients::Diagonal(m.diagonal().into())
+            CoefficientMatrix::Diagonal(m.diagonal().into())
         } else {
-            Coefficients::Full(Box::new([0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|k| m[(i, k)]))))
+            CoefficientMatrix::Full(Box::new([0, 1, 2, 3, 4, 5].map(|i| [0, 1, 2, 3, 4, 5].map(|k| m[(i, k)]))))
         }
     };
     let (linear, quadratic) = (coefficients(&body.damping.linear), coefficients(&body.damping.quadratic));
-    if (&linear, &quadratic) == (&Coefficients::None, &Coefficients::None) {
+    if (&linear, &quadratic) == (&CoefficientMatrix::None, &CoefficientMatrix::None) {
         return None;
     }
-    Some(placed(linear, quadratic, hydrodynamic))
+    Some(damping_at(linear, quadratic, hydrodynamic))
 }
 
-/// Drag whose coefficients are given at `at`. As far as that frame's axes lie along the body's, the coefficients change
-/// places and the frame needs no turning: `v |v|` is odd, so even its quadratic part allows that.
-fn placed(linear: Coefficients<f64>, quadratic: Coefficients<f64>, at: &Pose<f64>) -> Drag<f64> {
-    let Some((axes, [sin, cos])) = upright(&at.rotation) else {
+/// Damping with coefficients in the frame at `at`. Where its axes lie along the body's, the coefficients are permuted instead
+/// of rotating the twist: `v |v|` is odd, so the quadratic part allows this as well.
+fn damping_at(linear: CoefficientMatrix<f64>, quadratic: CoefficientMatrix<f64>, at: &Pose<f64>) -> Damping<f64> {
+    let Some((axes, [sin, cos])) = z_aligned(&at.rotation) else {
         let linear_bound = linear_bound(&linear);
-        return Drag { placement: Placement::At(at.rotation.0, at.position.0), linear, quadratic, linear_bound };
+        let frame = CoefficientFrame::General(at.rotation.0, at.position.0);
+        return Damping { frame, linear, quadratic, linear_bound };
     };
-    let placement = if sin != 0.0 {
-        Placement::At([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], at.position.0)
+    let frame = if sin != 0.0 {
+        CoefficientFrame::General([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], at.position.0)
     } else if at.position.0 != [0.0; 3] {
-        Placement::Shifted(at.position.0)
+        CoefficientFrame::Shifted(at.position.0)
     } else {
-        Placement::Here
+        CoefficientFrame::Body
     };
-    let (linear, quadratic) = (relabelled(&linear, &axes), relabelled(&quadratic, &axes));
+    let (linear, quadratic) = (permuted(&linear, &axes), permuted(&quadratic, &axes));
     let linear_bound = linear_bound(&linear);
-    Drag { placement, linear, quadratic, linear_bound }
+    Damping { frame, linear, quadratic, linear_bound }
 }
 
-/// Greatest ratio of lift to the drag of the same motion that is bounded in full: a bound for more would hold back
-/// motions that are not stiff at all.
+/// Greatest ratio of lift to the damping of the same motion that is bounded in full: a bound for more would slow down
+/// motions that are not stiff.
 const GREATEST_LIFT: f64 = 30.0;
 
-/// `S + N^T S^-1 N` of a full D_L: see [`Drag::linear_bound`].
-fn linear_bound(linear: &Coefficients<f64>) -> Option<SpatialInertia<f64>> {
-    let Coefficients::Full(rows) = linear else { return None };
+/// `S + N^T S^-1 N` of a full D_L: see [`Damping::linear_bound`].
+fn linear_bound(linear: &CoefficientMatrix<f64>) -> Option<SpatialInertia<f64>> {
+    let CoefficientMatrix::Full(rows) = linear else { return None };
     let d = na::Matrix6::from_fn(|i, k| rows[i][k]);
     let (s, n) = ((d + d.transpose()) / 2.0, (d - d.transpose()) / 2.0);
     let bound = |s: na::Matrix6<f64>| {
@@ -217,18 +224,18 @@ fn linear_bound(linear: &Coefficients<f64>) -> Option<SpatialInertia<f64>> {
         let ratio = factor.l().solve_lower_triangular(&half.transpose())?.norm();
         (ratio <= GREATEST_LIFT).then(|| half.tr_mul(&half))
     };
-    // Where lift comes with too little drag some is made up, in the measure of each axis.
+    // Where lift comes with too little damping, S is increased in proportion to the lift of each axis.
     let least = na::Matrix6::from_fn(|i, k| if i == k { n.row(i).abs().sum() / GREATEST_LIFT } else { 0.0 });
     let bound = s + bound(s).or_else(|| bound(s + 2.0 * least)).unwrap_or_else(na::Matrix6::zeros);
     Some(SpatialInertia::from_entries(|i, k| bound[(i, k)]))
 }
 
-/// For each axis of one frame, the axis of another along it and its sign.
+/// Signed permutation: for each axis of one frame, the parallel axis of another and its sign.
 type Axes = [(usize, f64); 3];
 
-/// The axes of another frame along the body's once these are turned about z, if it has one along z; and sine and cosine of
-/// that turn.
-fn upright(rotation: &Matrix3<f64>) -> Option<(Axes, [f64; 2])> {
+/// Decomposition of a rotation into a signed permutation of axes and a rotation about z, given by its sine and cosine; none
+/// unless one of the axes is parallel to z.
+fn z_aligned(rotation: &Matrix3<f64>) -> Option<(Axes, [f64; 2])> {
     let rows = &rotation.0;
     let along = |row: usize| (0..3).max_by(|&i, &k| rows[row][i].abs().total_cmp(&rows[row][k].abs()));
     let (x, z) = (along(0)?, along(2)?);
@@ -241,26 +248,26 @@ fn upright(rotation: &Matrix3<f64>) -> Option<(Axes, [f64; 2])> {
     Some((axes, if sin.abs() > 1e-14 { [sin, cos] } else { [0.0, 1.0] }))
 }
 
-fn relabelled(coefficients: &Coefficients<f64>, axes: &Axes) -> Coefficients<f64> {
+/// Coefficients after a signed permutation of the axes.
+fn permuted(coefficients: &CoefficientMatrix<f64>, axes: &Axes) -> CoefficientMatrix<f64> {
     let of = |i: usize| (axes[i % 3].0 + i / 3 * 3, axes[i % 3].1);
     let six = [0, 1, 2, 3, 4, 5];
     match coefficients {
-        Coefficients::None => Coefficients::None,
-        Coefficients::Diagonal(d) => Coefficients::Diagonal(six.map(|i| d[of(i).0])),
-        Coefficients::Full(rows) => {
+        CoefficientMatrix::None => CoefficientMatrix::None,
+        CoefficientMatrix::Diagonal(d) => CoefficientMatrix::Diagonal(six.map(|i| d[of(i).0])),
+        CoefficientMatrix::Full(rows) => {
             let entry = |i: usize, k: usize| of(i).1 * of(k).1 * rows[of(i).0][of(k).0];
-            Coefficients::Full(Box::new(six.map(|i| six.map(|k| entry(i, k)))))
+            CoefficientMatrix::Full(Box::new(six.map(|i| six.map(|k| entry(i, k)))))
         }
     }
 }
 
-/// The parts of a moving body together, in the frame that has the body's own frame at `link`: its terms, and what
-/// they are made of.
-fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>) {
+/// Terms of a moving body and their parts, summed over `parts`, in the frame that has the body's own frame at `link`.
+fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, UnscaledBodyTerms<f64>) {
     let none = Restoring { net_mass: 0.0, moment: [0.0; 3] };
     let (rigid, added) = (SpatialInertia::zero(), SpatialInertia::zero());
-    let mut sum = Ingredients { rigid, added, central: None, weight: none, displaced: none };
-    let mut drag = Vec::new();
+    let mut sum = UnscaledBodyTerms { rigid, added, central: None, weight: none, displaced: none };
+    let mut damping = Vec::new();
     for part in parts {
         let at = link.times(&part.at);
         sum.rigid = sum.rigid.plus(&part.rigid.to_parent(&at));
@@ -270,39 +277,40 @@ fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Ingredients<f64>
             sum.net_mass += part.net_mass;
             sum.moment = (Vector3(sum.moment) + moment).0;
         }
-        let at = |d: &Drag<f64>| at.times(&within(&d.placement));
-        drag.extend(part.drag.iter().map(|d| placed(d.linear.clone(), d.quadratic.clone(), &at(d))));
+        let at = |d: &Damping<f64>| at.times(&frame_pose(&d.frame));
+        damping.extend(part.damping.iter().map(|d| damping_at(d.linear.clone(), d.quadratic.clone(), &at(d))));
     }
     (sum.rigid, sum.added) = (tidy_inertia(&sum.rigid), tidy_inertia(&sum.added));
     let moment = (Vector3(sum.weight.moment) - Vector3(sum.displaced.moment)).0;
     let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
     let restoring = (restoring != none).then_some(restoring);
-    let central = match drag.first() {
-        Some(drag) => central(&sum, drag),
-        None => central(&sum, &dragless(parts, link, &sum.rigid)),
+    let central = match damping.first() {
+        Some(damping) => central(&sum, damping),
+        None => central(&sum, &undamped(parts, link, &sum.rigid)),
     };
     let central = central.map(|(central, parts)| {
         sum.central = Some(parts);
         central
     });
-    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, drag, central, load: None }, sum)
+    (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, damping, central, payload: None }, sum)
 }
 
-/// No drag where the centre of a body without any can but be: at that of its mass, along the axes of added mass.
-fn dragless(parts: &[Part], link: &Pose<f64>, rigid: &SpatialInertia<f64>) -> Drag<f64> {
+/// Zero damping in the only frame that can be central for a body without damping: at its centre of mass, along the axes of
+/// its added mass.
+fn undamped(parts: &[Part], link: &Pose<f64>, rigid: &SpatialInertia<f64>) -> Damping<f64> {
     let flooded = parts.iter().find(|part| (0..6).any(|k| part.added.entry(k, k) != 0.0));
     let rotation = flooded.map_or(Matrix3::identity(), |part| link.times(&part.at).times(&part.hydrodynamic).rotation);
     // [HC eq. 5]
     let (mass, moment) = (rigid.entry(0, 0), [rigid.entry(1, 5), rigid.entry(2, 3), rigid.entry(0, 4)]);
     let position = if mass == 0.0 { Vector3::zero() } else { Vector3(moment).scale(1.0 / mass) };
-    placed(Coefficients::None, Coefficients::None, &Pose { rotation, position })
+    damping_at(CoefficientMatrix::None, CoefficientMatrix::None, &Pose { rotation, position })
 }
 
-/// Entries of an inertia off its diagonal that are rounding, by the diagonal entries that they couple.
+/// Greatest off-diagonal entry of an inertia that counts as rounding, relative to the diagonal entries that it couples.
 const OFF_DIAGONAL: f64 = 1e-14;
 
-/// An inertia without the entries off its diagonal that are rounding. (Products of such numbers with each other are
-/// subnormal in single precision, which a processor takes a hundred times as long for.)
+/// The inertia with off-diagonal rounding replaced by zeros. (Products of such numbers with each other are subnormal in
+/// single precision, on which a processor spends a hundred times as long.)
 fn tidy_inertia(inertia: &SpatialInertia<f64>) -> SpatialInertia<f64> {
     SpatialInertia::from_entries(|i, k| {
         let entry = inertia.entry(i, k);
@@ -311,13 +319,13 @@ fn tidy_inertia(inertia: &SpatialInertia<f64>) -> SpatialInertia<f64> {
     })
 }
 
-/// A body in the frame of its drag (see [`dragless`] of one without any), if that is the centre of all and nothing but the
-/// angular inertia has entries off its diagonal there; with what rigid and added inertia are there.
-fn central(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Central<f64>, [CentralInertia<f64>; 2])> {
-    let at = within(&drag.placement);
+/// Terms in the frame of the damping coefficients (of [`undamped`] where there are none), with rigid and added inertia there.
+/// None unless the frame is central: both masses are centred in it, all matrices but the angular inertia diagonal.
+fn central(of: &UnscaledBodyTerms<f64>, damping: &Damping<f64>) -> Option<(CentralFrameTerms<f64>, [CentralInertia<f64>; 2])> {
+    let at = frame_pose(&damping.frame);
     let back = inverse(&at);
     let there = |inertia: &SpatialInertia<f64>| {
-        // What is left of large terms that cancel on the way counts by the size of these.
+        // Remainders of large terms that cancel in the transform are judged by the size of these terms.
         let (here, there) = (inertia, inertia.to_parent(&back));
         let size = |k: usize| here.entry(k, k).max(there.entry(k, k));
         let entry = |i: usize, k: usize| {
@@ -338,42 +346,43 @@ fn central(of: &Ingredients<f64>, drag: &Drag<f64>) -> Option<(Central<f64>, [Ce
     if !(centred(&of.weight) && centred(&of.displaced)) {
         return None;
     }
-    let coefficients = |c: &Coefficients<f64>| match c {
-        Coefficients::None => Some([0.0; 6]),
-        Coefficients::Diagonal(d) => Some(*d),
-        Coefficients::Full(_) => None,
+    let coefficients = |c: &CoefficientMatrix<f64>| match c {
+        CoefficientMatrix::None => Some([0.0; 6]),
+        CoefficientMatrix::Diagonal(d) => Some(*d),
+        CoefficientMatrix::Full(_) => None,
     };
-    let along = [coefficients(&drag.linear)?, coefficients(&drag.quadratic)?];
+    let along = [coefficients(&damping.linear)?, coefficients(&damping.quadratic)?];
     let [rigid, added] = &parts;
     let [masses @ .., x, y, z] = [0, 1, 2, 3, 4, 5].map(|k| rigid.diagonal[k] + added.diagonal[k]);
     let products = [0, 1, 2].map(|k| rigid.products[k] + added.products[k]);
-    let central = Central {
-        place: Place::of(at.position.0.map(|x| shift(x).unwrap_or(0.0))),
-        turn: match drag.placement {
-            Placement::At([[cos, ..], [sin, ..], [.., 1.0]], _) => Turn::Upright(sin, cos),
-            Placement::At(rows, _) => Turn::Whole(rows),
-            _ => Turn::None,
+    let central = CentralFrameTerms {
+        origin: BodyPoint::of(at.position.0.map(|x| nonzero(x).unwrap_or(0.0))),
+        rotation: match damping.frame {
+            CoefficientFrame::General([[cos, ..], [sin, ..], [.., 1.0]], _) => FrameRotation::AboutZ(sin, cos),
+            CoefficientFrame::General(rows, _) => FrameRotation::General(rows),
+            _ => FrameRotation::Aligned,
         },
         masses,
         gyration: [z - y, x - z, y - x],
         products: (rigid.products != [0.0; 3] || added.products != [0.0; 3]).then_some(products),
-        drag: (along != [[0.0; 6]; 2]).then_some(along),
+        damping: (along != [[0.0; 6]; 2]).then_some(along),
         net_mass: of.weight.net_mass - of.displaced.net_mass,
     };
     Some((central, parts))
 }
 
-fn within(placement: &Placement<f64>) -> Pose<f64> {
-    match *placement {
-        Placement::Here => identity(),
-        Placement::Shifted(p) => Pose { rotation: Matrix3::identity(), position: Vector3(p) },
-        Placement::At(r, p) => Pose { rotation: Matrix3(r), position: Vector3(p) },
+/// Pose of the coefficients' frame in the body frame.
+fn frame_pose(frame: &CoefficientFrame<f64>) -> Pose<f64> {
+    match *frame {
+        CoefficientFrame::Body => identity(),
+        CoefficientFrame::Shifted(p) => Pose { rotation: Matrix3::identity(), position: Vector3(p) },
+        CoefficientFrame::General(r, p) => Pose { rotation: Matrix3(r), position: Vector3(p) },
     }
 }
 
-fn turn(theta: f64) -> Constant<f64> {
+fn turn(theta: f64) -> JointScrew<f64> {
     let (sin, cos) = theta.sin_cos();
-    Constant::Turn(sin, cos)
+    JointScrew::Prismatic { sin, cos }
 }
 
 fn friction(joint: &Joint) -> Option<Friction<f64>> {
@@ -397,7 +406,7 @@ fn vehicle_servo(vehicle: &Vehicle) -> Option<VehicleServo<f64>> {
     Some(VehicleServo { kp: gains.kp, kd: gains.kd })
 }
 
-/// End stops, if they push at all.
+/// End stops, unless stiffness and damping are 0.
 fn limits(joint: &Joint) -> Option<Limits<f64>> {
     let limits = joint.limits.as_ref().filter(|l| l.stiffness != 0.0 || l.damping != 0.0)?;
     Some(Limits { range: [limits.lower, limits.upper], stop: [limits.stiffness, limits.damping] })

@@ -1,9 +1,9 @@
-//! Where the end effector is: forward kinematics and nothing else.
+//! Forward kinematics of the end effector and of the links.
 
 use nalgebra as na;
 
 use super::compile::compile;
-use super::model::{Constant, JointTerms, Stand};
+use super::model::{JointScrew, JointTerms, JointPlacement};
 use super::state::{JOINTS, Joints};
 use crate::description::{Frame, Scene};
 use crate::lane::{Lane, Param, Shared, get_option, sin_cos};
@@ -18,16 +18,16 @@ pub struct EndEffector<P = Shared<f64>> {
     tip: ([[P; 3]; 3], [P; 3]),
 }
 
-/// A joint: [`JointTerms`] without its body.
+/// Kinematics of a joint: [`JointTerms`] without the body.
 #[derive(Debug, Clone, PartialEq)]
 struct Link<P> {
-    stand: Stand<P>,
+    placement: JointPlacement<P>,
     offset: P,
-    constant: Constant<P>,
+    screw: JointScrew<P>,
 }
 
 impl EndEffector {
-    /// The end effector of a checked scene: the vehicle frame if it has no arm.
+    /// End effector of a checked scene: the vehicle frame if it has no arm.
     pub fn new(scene: &Scene) -> Self {
         let compiled = compile(scene);
         let tip = match (&scene.arm, compiled.links.last()) {
@@ -38,20 +38,20 @@ impl EndEffector {
         Self::at_end(&compiled.system.joints, &tip)
     }
 
-    /// The frame of each moving link of a checked scene, by the chain that leads there: the arm's base first if it is
-    /// joint-loaded.
+    /// Frames of the moving links of a checked scene, each with the chain that leads to it; the arm's base comes first if it
+    /// is joint-loaded.
     pub fn links(scene: &Scene) -> Vec<Self> {
         let compiled = compile(scene);
         let joints = &compiled.system.joints;
         compiled.links.iter().enumerate().map(|(i, link)| Self::at_end(&joints[..=i], link)).collect()
     }
 
-    /// What lies at `tip` in the frame of the last of these joints.
+    /// A frame at `tip` in the frame of the last of these joints.
     fn at_end(joints: &[JointTerms<Shared<f64>>], tip: &Pose<f64>) -> Self {
         let link = |joint: &JointTerms<Shared<f64>>| Link {
-            stand: joint.stand,
+            placement: joint.placement,
             offset: joint.offset,
-            constant: joint.constant,
+            screw: joint.screw,
         };
         let tip = (tip.rotation.0.map(|row| row.map(Shared)), tip.position.0.map(Shared));
         Self { joints: joints.iter().map(link).collect(), tip }
@@ -65,11 +65,11 @@ impl EndEffector {
 }
 
 impl<P: Copy> EndEffector<P> {
-    /// The same with its numbers changed.
+    /// The chain with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> EndEffector<Q> {
         let c = &change;
         let link =
-            |link: &Link<P>| Link { stand: link.stand.map(c), offset: c(link.offset), constant: link.constant.map(c) };
+            |link: &Link<P>| Link { placement: link.placement.map(c), offset: c(link.offset), screw: link.screw.map(c) };
         let (rotation, position) = self.tip;
         EndEffector {
             joints: self.joints.iter().map(link).collect(),
@@ -77,40 +77,40 @@ impl<P: Copy> EndEffector<P> {
         }
     }
 
-    /// Pose in the vehicle frame at joint coordinates `q`: the tip, carried from joint to joint towards the vehicle.
+    /// Pose in the vehicle frame at joint coordinates `q`, composed from the tip towards the vehicle.
     #[inline(always)]
     pub fn at<L: Lane>(&self, q: &[L; JOINTS]) -> Pose<L>
     where
         P: Param<L>,
     {
         let mut pose = Pose::of(&self.tip.0, &self.tip.1);
-        // Columns of the rotation: vectors like the position.
+        // By columns, which transform like the position.
         pose.rotation = pose.rotation.transposed();
         let mut i = self.joints.len();
         while i > 0 {
             i -= 1;
             let joint = &self.joints[i];
             let coordinate = q[i] + joint.offset.get();
-            let screw = match joint.constant {
-                Constant::Shift(d) => {
+            let screw = match joint.screw {
+                JointScrew::Revolute { d } => {
                     let (sin, cos) = sin_cos(coordinate);
                     screw_z(sin, cos, get_option(d))
                 }
-                Constant::Turn(sin, cos) => screw_z(sin.get(), cos.get(), Some(coordinate)),
+                JointScrew::Prismatic { sin, cos } => screw_z(sin.get(), cos.get(), Some(coordinate)),
             };
-            carry(&screw, &mut pose);
-            match joint.stand {
-                Stand::Bend(bend, a) => carry(&screw_x(bend, a), &mut pose),
-                Stand::Crank(turn, d, bend, a) => {
-                    carry(&screw_x(bend, a), &mut pose);
-                    carry(&constant_screw_z(turn, d), &mut pose);
+            to_parent(&screw, &mut pose);
+            match joint.placement {
+                JointPlacement::Dh(bend, a) => to_parent(&screw_x(bend, a), &mut pose),
+                JointPlacement::DhWithOffset(turn, d, bend, a) => {
+                    to_parent(&screw_x(bend, a), &mut pose);
+                    to_parent(&constant_screw_z(turn, d), &mut pose);
                 }
-                Stand::Pose(rotation, position) => {
-                    let stand = Pose::of(&rotation, &position);
+                JointPlacement::General(rotation, position) => {
+                    let placement = Pose::of(&rotation, &position);
                     for k in 0..3 {
-                        pose.rotation.0[k] = stand.rotation.apply(Vector3(pose.rotation.0[k])).0;
+                        pose.rotation.0[k] = placement.rotation.apply(Vector3(pose.rotation.0[k])).0;
                     }
-                    pose.position = stand.rotation.apply(pose.position) + stand.position;
+                    pose.position = placement.rotation.apply(pose.position) + placement.position;
                 }
             }
         }
@@ -119,13 +119,13 @@ impl<P: Copy> EndEffector<P> {
     }
 }
 
-/// A pose of the child frame, its rotation by columns, in the parent frame.
+/// Transforms a pose, its rotation stored by columns, from the child frame to the parent frame.
 #[inline(always)]
-fn carry<L: Lane, T: Param<L>, S: Param<L>, const ALONG: usize>(screw: &Screw<T, S, ALONG>, pose: &mut Pose<L>) {
+fn to_parent<L: Lane, T: Param<L>, S: Param<L>, const ALONG: usize>(screw: &Screw<T, S, ALONG>, pose: &mut Pose<L>) {
     for k in 0..3 {
         pose.rotation.0[k] = screw.rotate(Vector3(pose.rotation.0[k])).0;
     }
-    pose.position = screw.carry(pose.position);
+    pose.position = screw.transform_point(pose.position);
 }
 
 fn placed(frame: &Frame) -> Pose<f64> {

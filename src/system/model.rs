@@ -1,33 +1,33 @@
-//! What the kernel reads: constants of a scene, in the frames that compute fastest.
+//! Constants of a compiled scene, in the joint frames of the kernel.
 
 use super::JOINTS;
-use crate::hydro::{Central, Drag, Fin, Restoring, Tether, Thruster, Turn};
+use crate::hydro::{CentralFrameTerms, Damping, Fin, FrameRotation, Restoring, Tether, Thruster};
 use crate::lane::{Lane, Param, get_all, sin_cos};
-use crate::spatial::{Bend, PointMass, SpatialInertia};
+use crate::spatial::{LinkTwist, PointMass, SpatialInertia};
 
-/// A scene compiled for computation; a term that the scene does not have is absent. Shared by all instances.
+/// A scene compiled for computation, shared by all instances. Terms absent from the scene are absent here.
 ///
-/// Every joint's frame has its z axis along the joint; `compile` chooses the frames, so that they follow each other by
-/// Denavit-Hartenberg moves wherever that is well conditioned.
+/// The z axis of every joint frame lies along the joint. `compile` chooses the frames so that consecutive ones are related by
+/// modified Denavit-Hartenberg transforms wherever these are well conditioned.
 ///
-/// Its numbers are of type P, those of bodies of type B: the numbers that instances may have of their own.
+/// Numbers are of type P; those of bodies, which may differ between instances, are of type B.
 #[derive(Debug, Clone, PartialEq)]
 pub struct System<P, B = P> {
-    /// Gravity in world axes.
+    /// Gravity in world axes, m/s2.
     pub gravity: [P; 3],
-    /// Whether the vehicle is held in the world.
+    /// True if the vehicle is fixed in the world.
     pub fixed: bool,
     /// The vehicle.
     pub vehicle: BodyTerms<B>,
-    /// Joints and links from the base outward.
+    /// Joints and their links, from the base outward.
     pub joints: Vec<JointTerms<P, B>>,
-    /// Whether all links are [`BodyTerms::is_upright`].
-    pub upright: bool,
-    /// Whether the inertias of all bodies are [`SpatialInertia::is_sparse`].
+    /// True if all links are [`BodyTerms::is_z_aligned`].
+    pub z_aligned: bool,
+    /// True if the inertias of all bodies are [`SpatialInertia::is_sparse`].
     pub sparse: bool,
-    /// Station keeping evaluated within the stages.
+    /// Station-keeping servo, evaluated within the integrator's stages.
     pub vehicle_servo: Option<VehicleServo<P>>,
-    /// Thrusters, if any has dynamics; else what they give is part of the wrench on the vehicle.
+    /// All thrusters if any has dynamics, else none: ideal thrust enters through the wrench on the vehicle.
     pub thrusters: Vec<Thruster<P>>,
     /// Fins.
     pub fins: Vec<Fin<P>>,
@@ -38,50 +38,49 @@ pub struct System<P, B = P> {
 /// Terms of one moving body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyTerms<B> {
-    /// Rigid and added inertia together: in the frame that moves with the water they obey one law.
+    /// Sum of rigid and added inertia, which obey one law in the frame that moves with the water.
     pub inertia: SpatialInertia<B>,
     /// Weight and buoyancy.
     pub restoring: Option<Restoring<B>>,
-    /// Drag, one entry per body of the scene that is fixed to this one.
-    pub drag: Vec<Drag<B>>,
-    /// `inertia`, `restoring` and the first of `drag`, if there is any, once more, in the frame of their centre, where they have
-    /// one.
-    pub central: Option<Central<B>>,
-    /// Payload of single instances, which `central` does not hold; `inertia` and `restoring` do.
-    pub load: Option<PointMass<B>>,
+    /// Damping, one entry per body of the scene that is fixed to this one.
+    pub damping: Vec<Damping<B>>,
+    /// `inertia`, `restoring` and the first entry of `damping` again, in their common central frame if they have one.
+    pub central: Option<CentralFrameTerms<B>>,
+    /// Point mass held by single instances; included in `inertia` and `restoring`, not in `central`.
+    pub payload: Option<PointMass<B>>,
 }
 
-/// One joint and the link that it moves.
+/// A joint and its link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointTerms<P, B = P> {
-    /// Where the joint stands on its parent.
-    pub stand: Stand<P>,
-    /// theta (revolute) or d (prismatic) at q = 0.
+    /// Constant transform from the parent frame.
+    pub placement: JointPlacement<P>,
+    /// theta (revolute, rad) or d (prismatic, m) at q = 0.
     pub offset: P,
-    /// What does not move of the screw about z.
-    pub constant: Constant<P>,
-    /// The link.
+    /// Kind of joint, with the constant part of its screw about z.
+    pub screw: JointScrew<P>,
+    /// Terms of the link.
     pub body: BodyTerms<B>,
     /// Friction.
     pub friction: Option<Friction<P>>,
     /// End stops.
     pub limits: Option<Limits<P>>,
-    /// Servo.
+    /// Joint servo.
     pub servo: Option<Servo<P>>,
-    /// Greatest actuator torque.
+    /// Greatest actuator torque, N m or N.
     pub effort: Option<P>,
-    /// Linear actuator, in place of that.
+    /// Linear actuator, whose greatest torque replaces `effort`.
     pub actuator: Option<Actuator<P>>,
 }
 
-/// A linear actuator: its greatest torque is `f |sin(q + angle)| / sqrt(s - t cos(q + angle))`.
+/// A linear actuator of a revolute joint, with the greatest torque `f |sin(q + angle)| / sqrt(s - t cos(q + angle))`, N m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Actuator<P> {
-    /// Angle at q = 0.
+    /// Angle between the two attachment points at q = 0, rad.
     pub angle: P,
-    /// s: squares of the two distances from the axis, and t: twice their product.
+    /// s, the sum of the squared distances of the attachment points from the axis, and t, twice their product, m2.
     pub stroke: [P; 2],
-    /// f: greatest force times that product.
+    /// f, the greatest force times the product of the distances, N m2.
     pub force: P,
 }
 
@@ -90,7 +89,7 @@ impl<P: Copy> Actuator<P> {
         Actuator { angle: c(self.angle), stroke: self.stroke.map(c), force: c(self.force) }
     }
 
-    /// Greatest torque at joint coordinate `q`.
+    /// Greatest torque at joint coordinate `q`, N m.
     #[inline(always)]
     pub fn effort<L: Lane>(&self, q: L) -> L
     where
@@ -98,38 +97,46 @@ impl<P: Copy> Actuator<P> {
     {
         let (sin, cos) = sin_cos(q + self.angle.get());
         let [squares, product]: [L; 2] = get_all(&self.stroke);
-        // Where both points fall together there is no lever arm either.
+        // Keeps the quotient finite where both points coincide and the lever arm is 0.
         let square = product.neg_mul_add(cos, squares).max(squares * L::c(1e-12));
         self.force.get() * sin.abs() / square.sqrt()
     }
 }
 
-/// The constant part of a joint's `Rz(theta) Tz(d)`.
+/// Kind of joint, with the constant parameter of its screw `Rz(theta) Tz(d)`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Constant<P> {
-    /// Of a joint that turns: d, absent where it is 0.
-    Shift(Option<P>),
-    /// Of a joint that slides: sine and cosine of theta.
-    Turn(P, P),
+pub enum JointScrew<P> {
+    /// theta varies; d is absent where it is 0.
+    Revolute {
+        /// Joint offset, m.
+        d: Option<P>,
+    },
+    /// d varies; theta is given by its sine and cosine.
+    Prismatic {
+        /// Sine of theta.
+        sin: P,
+        /// Cosine of theta.
+        cos: P,
+    },
 }
 
-/// Constant move from the parent frame to the joint's, before the screw about z.
+/// Constant transform from the parent frame to the joint frame, before the joint's screw about z.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Stand<P> {
-    /// `Rx(alpha) Tx(a)`; a is absent where it is 0.
-    Bend(Bend<P>, Option<P>),
-    /// `Rz(theta) Tz(d) Rx(alpha) Tx(a)` with constant theta and d, by theta, d, alpha, a.
-    Crank(Bend<P>, Option<P>, Bend<P>, Option<P>),
-    /// Any pose: rotation by rows, position.
-    Pose([[P; 3]; 3], [P; 3]),
+pub enum JointPlacement<P> {
+    /// Modified Denavit-Hartenberg parameters: `Rx(alpha) Tx(a)`; a is absent where it is 0.
+    Dh(LinkTwist<P>, Option<P>),
+    /// `Rz(theta) Tz(d) Rx(alpha) Tx(a)` with constant theta and d, in this order.
+    DhWithOffset(LinkTwist<P>, Option<P>, LinkTwist<P>, Option<P>),
+    /// General pose: rotation by rows, position.
+    General([[P; 3]; 3], [P; 3]),
 }
 
 /// `-(viscous qd + coulomb qd / sqrt(qd^2 + speed^2))`
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Friction<P> {
-    /// Viscous coefficient.
+    /// Viscous coefficient, N m s/rad or N s/m.
     pub viscous: P,
-    /// Coulomb torque and the square of its smoothing speed.
+    /// Coulomb torque, and the square of the speed over which it is smoothed.
     pub coulomb: Option<[P; 2]>,
 }
 
@@ -161,7 +168,7 @@ pub struct VehicleServo<P> {
 }
 
 impl<P, B> System<P, B> {
-    /// The joints; never more than [`JOINTS`], which spares the compiler checks.
+    /// The joints, at most [`JOINTS`] of them: a bound that saves the compiler its index checks.
     #[inline(always)]
     pub fn chain(&self) -> &[JointTerms<P, B>] {
         &self.joints[..self.joints.len().min(JOINTS)]
@@ -169,14 +176,14 @@ impl<P, B> System<P, B> {
 }
 
 impl<P: Copy> System<P> {
-    /// The same system with each number changed.
+    /// The system with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> System<Q> {
         self.map_both(&change, &change)
     }
 }
 
 impl<P: Copy, B: Copy> System<P, B> {
-    /// The same system with each number of its bodies changed.
+    /// The system with `change` applied to each number of its bodies.
     pub fn map_bodies<C>(&self, change: impl Fn(B) -> C) -> System<P, C> {
         self.map_both(&|x| x, &change)
     }
@@ -187,7 +194,7 @@ impl<P: Copy, B: Copy> System<P, B> {
             fixed: self.fixed,
             vehicle: self.vehicle.map(of_body),
             joints: self.joints.iter().map(|joint| joint.map(c, of_body)).collect(),
-            upright: self.upright,
+            z_aligned: self.z_aligned,
             sparse: self.sparse,
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
             thrusters: self.thrusters.iter().map(|thruster| thruster.map(c)).collect(),
@@ -198,9 +205,9 @@ impl<P: Copy, B: Copy> System<P, B> {
 }
 
 impl<B> BodyTerms<B> {
-    /// Whether it has a central frame along its own axes or turned about z, and no drag but that.
-    pub fn is_upright(&self) -> bool {
-        self.drag.len() <= 1 && self.central.as_ref().is_some_and(|central| !matches!(central.turn, Turn::Whole(_)))
+    /// True if the body has a central frame whose z axis lies along its own, and no other damping.
+    pub fn is_z_aligned(&self) -> bool {
+        self.damping.len() <= 1 && self.central.as_ref().is_some_and(|central| !matches!(central.rotation, FrameRotation::General(_)))
     }
 }
 
@@ -209,46 +216,46 @@ impl<B: Copy> BodyTerms<B> {
         BodyTerms {
             inertia: self.inertia.map(c),
             restoring: self.restoring.map(|r| r.map(c)),
-            drag: self.drag.iter().map(|d| d.map(c)).collect(),
+            damping: self.damping.iter().map(|d| d.map(c)).collect(),
             central: self.central.map(|p| p.map(c)),
-            load: self.load.map(|load| load.map(c)),
+            payload: self.payload.map(|payload| payload.map(c)),
         }
     }
 }
 
-impl<P: Copy> Constant<P> {
-    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Constant<Q> {
+impl<P: Copy> JointScrew<P> {
+    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointScrew<Q> {
         match *self {
-            Constant::Shift(d) => Constant::Shift(d.map(c)),
-            Constant::Turn(sin, cos) => Constant::Turn(c(sin), c(cos)),
+            JointScrew::Revolute { d } => JointScrew::Revolute { d: d.map(c) },
+            JointScrew::Prismatic { sin, cos } => JointScrew::Prismatic { sin: c(sin), cos: c(cos) },
         }
     }
 }
 
-impl<P: Copy> Stand<P> {
-    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> Stand<Q> {
+impl<P: Copy> JointPlacement<P> {
+    pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointPlacement<Q> {
         match *self {
-            Stand::Bend(bend, a) => Stand::Bend(bend.map(c), a.map(c)),
-            Stand::Crank(turn, d, bend, a) => Stand::Crank(turn.map(c), d.map(c), bend.map(c), a.map(c)),
-            Stand::Pose(r, p) => Stand::Pose(r.map(|row| row.map(c)), p.map(c)),
+            JointPlacement::Dh(bend, a) => JointPlacement::Dh(bend.map(c), a.map(c)),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => JointPlacement::DhWithOffset(turn.map(c), d.map(c), bend.map(c), a.map(c)),
+            JointPlacement::General(r, p) => JointPlacement::General(r.map(|row| row.map(c)), p.map(c)),
         }
     }
 }
 
 impl<P, B> JointTerms<P, B> {
-    /// Whether the joint slides instead of turning.
+    /// True for a prismatic joint.
     #[inline(always)]
-    pub fn slides(&self) -> bool {
-        matches!(self.constant, Constant::Turn(..))
+    pub fn is_prismatic(&self) -> bool {
+        matches!(self.screw, JointScrew::Prismatic { .. })
     }
 }
 
 impl<P: Copy, B: Copy> JointTerms<P, B> {
     fn map<Q, C>(&self, c: &impl Fn(P) -> Q, of_body: &impl Fn(B) -> C) -> JointTerms<Q, C> {
         JointTerms {
-            stand: self.stand.map(c),
+            placement: self.placement.map(c),
             offset: c(self.offset),
-            constant: self.constant.map(c),
+            screw: self.screw.map(c),
             body: self.body.map(of_body),
             friction: self.friction.map(|f| Friction { viscous: c(f.viscous), coulomb: f.coulomb.map(|k| k.map(c)) }),
             limits: self.limits.map(|l| Limits { range: l.range.map(c), stop: l.stop.map(c) }),

@@ -1,15 +1,15 @@
-//! Joint frames that compute fast.
+//! Joint frames of the kernel.
 //!
 //! Every serial chain of revolute and prismatic joints can be written in modified Denavit-Hartenberg frames: z along
-//! the joint, x along the common normal to the next joint's axis. Where that is ill conditioned (nearly parallel axes
-//! meet far away), and on the vehicle, the move between two joints stays a general pose.
+//! the joint, x along the common normal to the next joint's axis. Between nearly parallel axes, whose common normal is far away
+//! and ill conditioned, the constant transform stays a general pose.
 
 use crate::lie::{Matrix3, Pose, Vector3};
-use crate::spatial::Bend;
+use crate::spatial::LinkTwist;
 
-use super::model::Stand;
+use super::model::JointPlacement;
 
-/// A joint by its axis line at q = 0, in the vehicle frame.
+/// Axis line of a joint at q = 0, in the vehicle frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Line {
     /// A point on the axis.
@@ -20,33 +20,33 @@ pub struct Line {
     pub axes: Matrix3<f64>,
 }
 
-/// A joint frame and how it is reached from its parent.
+/// A joint frame and its transform from the parent.
 #[derive(Debug, Clone, Copy)]
 pub struct JointFrame {
     /// Pose in the vehicle frame at q = 0.
     pub pose: Pose<f64>,
-    /// Move from the parent's joint frame (the vehicle's for the first).
-    pub stand: Stand<f64>,
-    /// theta at q = 0.
+    /// Constant transform from the parent's joint frame (the vehicle frame for the first joint).
+    pub placement: JointPlacement<f64>,
+    /// theta at q = 0, rad.
     pub theta: f64,
-    /// d at q = 0.
+    /// d at q = 0, m.
     pub d: f64,
 }
 
 /// Sine of the angle between two axes below which they count as parallel.
 const PARALLEL: f64 = 1e-14;
-/// Sine below which two axes that are not parallel are too nearly so for a common normal.
+/// Sine of the angle below which the common normal of two axes is ill conditioned.
 const NEARLY_PARALLEL: f64 = 0.05;
 
-/// Shifts, m, and entries of rotations below this are rounding.
+/// Lengths, m, and entries of rotations below this are rounding.
 const ROUNDING: f64 = 1e-15;
 
-/// A shift, if it is one.
-pub fn shift(length: f64) -> Option<f64> {
+/// The length, unless it is rounding.
+pub fn nonzero(length: f64) -> Option<f64> {
     (length.abs() > ROUNDING).then_some(length)
 }
 
-/// A common normal: its feet on the two lines and its direction from the first.
+/// Common normal of two lines: its feet, its direction from the first line, and the angle between the lines.
 struct Normal {
     feet: [Vector3<f64>; 2],
     direction: Vector3<f64>,
@@ -69,8 +69,8 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
         let pose = match normals.get(i).and_then(Option::as_ref) {
             Some(normal) => frame(normal.feet[0], normal.direction, line.direction),
             None => {
-                // Anywhere on the axis: where its normal with the one before ends nothing is left to shift. And turned as one
-                // likes: as the link is, whose coefficients are given in its own axes.
+                // The origin is free along the axis: at the foot of the normal with the joint before, d is 0. The direction of x
+                // is free: along the link's own axes, in which its coefficients are given.
                 let before = i.checked_sub(1).and_then(|k| normals[k].as_ref());
                 let point = before.map_or(line.point, |normal| normal.feet[1]);
                 frame(point, perpendicular(line.direction, line.axes), line.direction)
@@ -80,8 +80,8 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
             None => first(*line, pose),
             Some(parent) => match &normals[i - 1] {
                 Some(normal) => {
-                    let stand = Stand::Bend(bend(normal.sin, normal.cos), shift(normal.length()));
-                    by_normal(normal, *line, pose, stand)
+                    let placement = JointPlacement::Dh(link_twist(normal.sin, normal.cos), nonzero(normal.length()));
+                    by_normal(normal, *line, pose, placement)
                 }
                 None => by_pose(&inverse(&parent.pose).times(&pose), pose),
             },
@@ -91,33 +91,33 @@ pub fn joint_frames(lines: &[Line]) -> Vec<JointFrame> {
     frames
 }
 
-/// The first joint's frame, reached from the vehicle's along the common normal of their z axes, where there is one.
+/// The first joint's frame, related to the vehicle's by the common normal of their z axes if there is one.
 fn first(line: Line, pose: Pose<f64>) -> JointFrame {
     let axes = Matrix3::identity();
     let vertical = Line { point: Vector3([0.0; 3]), direction: Vector3([0.0, 0.0, 1.0]), axes };
     let Some(normal) = common_normal(vertical, line) else { return by_pose(&pose, pose) };
     let [cos, sin, _] = normal.direction.0;
-    // Rounding in a direction that is meant to be straight ahead.
-    let turn = if sin.abs() < PARALLEL && cos > 0.0 { Bend::Flat } else { Bend::General(sin, cos) };
-    let (d, a) = (shift(normal.feet[0].0[2]), shift(normal.length()));
-    let stand = Stand::Crank(turn, d, bend(normal.sin, normal.cos), a);
-    by_normal(&normal, line, pose, stand)
+    // Without the rounding of a direction along x.
+    let turn = if sin.abs() < PARALLEL && cos > 0.0 { LinkTwist::Deg0 } else { LinkTwist::General(sin, cos) };
+    let (d, a) = (nonzero(normal.feet[0].0[2]), nonzero(normal.length()));
+    let placement = JointPlacement::DhWithOffset(turn, d, link_twist(normal.sin, normal.cos), a);
+    by_normal(&normal, line, pose, placement)
 }
 
-/// A frame reached along a common normal: what is left is a screw about its own z axis.
-fn by_normal(normal: &Normal, line: Line, pose: Pose<f64>, stand: Stand<f64>) -> JointFrame {
+/// A frame related to its parent by a common normal and a screw about its own z axis.
+fn by_normal(normal: &Normal, line: Line, pose: Pose<f64>, placement: JointPlacement<f64>) -> JointFrame {
     let x = Vector3(pose.rotation.transposed().0[0]);
     JointFrame {
         pose,
-        stand,
+        placement,
         theta: normal.direction.cross(x).dot(line.direction).atan2(normal.direction.dot(x)),
         d: (pose.position - normal.feet[1]).dot(line.direction),
     }
 }
 
-/// A frame reached by a constant pose.
+/// A frame related to its parent by a general pose.
 fn by_pose(relative: &Pose<f64>, pose: Pose<f64>) -> JointFrame {
-    JointFrame { pose, stand: Stand::Pose(relative.rotation.0, relative.position.0), theta: 0.0, d: 0.0 }
+    JointFrame { pose, placement: JointPlacement::General(relative.rotation.0, relative.position.0), theta: 0.0, d: 0.0 }
 }
 
 /// `T^-1`
@@ -126,21 +126,21 @@ pub fn inverse(pose: &Pose<f64>) -> Pose<f64> {
     Pose { rotation, position: -rotation.apply(pose.position) }
 }
 
-/// A pose without rounding in what is meant to be zero: a quarter turn has a cosine of 6e-17.
+/// The pose with rounding replaced by zeros: the cosine of a quarter revolution is 6e-17.
 pub fn tidy(pose: &Pose<f64>) -> Pose<f64> {
     let tidied = |x: [f64; 3]| x.map(|x| if x.abs() > ROUNDING { x } else { 0.0 });
     Pose { rotation: Matrix3(pose.rotation.0.map(tidied)), position: Vector3(tidied(pose.position.0)) }
 }
 
-fn bend(sin: f64, cos: f64) -> Bend<f64> {
+fn link_twist(sin: f64, cos: f64) -> LinkTwist<f64> {
     if sin == 0.0 && cos > 0.0 {
-        Bend::Flat
+        LinkTwist::Deg0
     } else if sin == 0.0 {
-        Bend::Half
+        LinkTwist::Deg180
     } else if cos == 0.0 && sin > 0.0 {
-        Bend::Quarter
+        LinkTwist::Deg90
     } else {
-        Bend::General(sin, cos)
+        LinkTwist::General(sin, cos)
     }
 }
 
@@ -172,7 +172,7 @@ fn frame(origin: Vector3<f64>, x: Vector3<f64>, z: Vector3<f64>) -> Pose<f64> {
     Pose { rotation: Matrix3([x.0, y.0, z.0]).transposed().orthonormalised(), position: origin }
 }
 
-/// A unit vector at right angles to `z`, nearest to one of these axes (columns).
+/// Unit vector perpendicular to `z`: the longest projection of one of these axes (columns).
 fn perpendicular(z: Vector3<f64>, axes: Matrix3<f64>) -> Vector3<f64> {
     let across = axes.transposed().0.map(|axis| Vector3(axis) - z.scale(Vector3(axis).dot(z)));
     let length = |x: &Vector3<f64>| x.dot(*x).sqrt();

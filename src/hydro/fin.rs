@@ -1,7 +1,6 @@
 //! Fins and other lifting surfaces. `[HC eq. 21, F_PL]` `[F21]`
 //!
-//! A fin feels the water in the plane of its chord c and its normal n: with the components u, w of its velocity through the
-//! water, `V^2 = u^2 + w^2`, angle of attack `tan alpha = -w / u`,
+//! Forces act in the plane of the chord c and the normal n. With the components u, w of the fin's velocity through the water, `V^2 = u^2 + w^2`, angle of attack `tan alpha = -w / u`,
 //!
 //! ```text
 //! lift = q A C_L,  C_L = ((1 - s) a + s C_90) sin alpha cos alpha      across the flow, towards n for alpha > 0
@@ -9,24 +8,24 @@
 //! q = rho V^2 / 2,     s = x^4 / (1 + x^4),     x = sin^2 alpha / sin^2 alpha_stall
 //! ```
 //!
-//! the lift slope a being that of small angles, and s the share that has stalled: half of it at the stall angle, and so little
-//! well below that the slope is untouched. Past stall the fin is a flat plate, whose normal force has the coefficient `C_90 sin
-//! alpha`. Moving backward it is as good as forward. Everything is smooth in the velocity.
+//! with the lift slope a at small angles and the stalled fraction s: one half at the stall angle, negligible well below it. Past
+//! stall the fin is a flat plate, whose normal force has the coefficient `C_90 sin alpha`. The law is the same for motion
+//! backward and forward, and smooth in the velocity.
 
 use crate::lane::{Lane, Param, get_all, sin_cos};
 use crate::lie::{Vector3, Vector6};
 
-/// Greatest number of fins.
+/// Greatest number of fins of a vehicle.
 pub const FINS: usize = 8;
 
-/// A fin.
+/// A fin, in vehicle axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fin<P> {
-    /// Centre of pressure in the vehicle frame.
+    /// Centre of pressure, m.
     pub position: [P; 3],
-    /// Towards the leading edge, at deflection 0.
+    /// Unit vector towards the leading edge at deflection 0.
     pub chord: [P; 3],
-    /// Across chord and span, at deflection 0.
+    /// Unit vector normal to chord and span at deflection 0.
     pub normal: [P; 3],
     /// Deflection without command, rad.
     pub deflection: P,
@@ -43,7 +42,7 @@ pub struct Fin<P> {
 }
 
 impl<P: Copy> Fin<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Fin<Q> {
         let c = &change;
         Fin {
@@ -59,13 +58,13 @@ impl<P: Copy> Fin<P> {
         }
     }
 
-    /// Force of the water in the direction of chord and normal, on a fin that moves through it at `u` and `w` along these.
+    /// Components of the force along chord and normal, N, at the velocity components `u` and `w` through the water, m/s.
     #[inline(always)]
     fn force<L: Lane>(&self, u: L, w: L) -> [L; 2]
     where
         P: Param<L>,
     {
-        let square = u.mul_add(u, w.mul_add(w, L::c(STILL)));
+        let square = u.mul_add(u, w.mul_add(w, L::c(MIN_SPEED_SQUARED)));
         let (speed, sin2) = (square.sqrt(), w * w / square);
         let (mut lift, mut drag) = (self.lift.get(), L::zero());
         if let Some(induced) = self.induced {
@@ -79,29 +78,29 @@ impl<P: Copy> Fin<P> {
             lift = stalled.mul_add(plate - lift, lift);
             drag = stalled.mul_add(plate * sin2 - drag, drag);
         }
-        if let Some(own) = self.drag {
-            drag += own.get();
+        if let Some(parasitic) = self.drag {
+            drag += parasitic.get();
         }
         let (across, against) = (lift * u * w / speed, drag * speed);
         [across.mul_add(w, -(against * u)), -across.mul_add(u, against * w)]
     }
 }
 
-/// Square of a speed that is no speed at all, m2/s2: keeps quotients finite.
-const STILL: f64 = 1e-30;
+/// Added to squared speeds, m2/s2, to keep quotients finite at rest.
+pub(super) const MIN_SPEED_SQUARED: f64 = 1e-30;
 
-/// Chords and normals of deflected fins.
+/// Chords and normals of the deflected fins.
 #[derive(Debug, Clone, Copy)]
-pub struct Surfaces<L>([[Vector3<L>; 2]; FINS]);
+pub struct FinAxes<L>([[Vector3<L>; 2]; FINS]);
 
-impl<L: Lane> Surfaces<L> {
-    /// Memory to load into.
+impl<L: Lane> FinAxes<L> {
+    /// Zeros, to be overwritten.
     #[inline(always)]
     pub fn blank() -> Self {
         Self([[Vector3::zero(); 2]; FINS])
     }
 
-    /// Deflects the fins: each turns about its axis, which is across normal and chord.
+    /// Rotates each fin about its axis, which is normal to chord and normal.
     #[inline(always)]
     pub fn deflect<P: Param<L>>(&mut self, fins: &[Fin<P>], deflections: &[L; FINS]) {
         for (i, fin) in fins.iter().enumerate().take(FINS) {
@@ -111,7 +110,7 @@ impl<L: Lane> Surfaces<L> {
         }
     }
 
-    /// Wrench of the water on all fins, at the vehicle's twist through it; vehicle frame.
+    /// Wrench on the vehicle by all fins, from the vehicle's twist relative to the water; vehicle frame.
     #[inline(always)]
     pub fn wrench<P: Param<L>>(&self, fins: &[Fin<P>], twist: Vector6<L>) -> Vector6<L> {
         let mut sum = Vector6::zero();
@@ -124,37 +123,5 @@ impl<L: Lane> Surfaces<L> {
             sum = Vector6 { linear: sum.linear + force, angular: r.cross_add(force, sum.angular) };
         }
         sum
-    }
-}
-
-/// A cable that pulls at the vehicle, quasi-statically: weight in water and drag of the half of it that hangs on the vehicle.
-/// `[HC eq. 21, F_EXT]`
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tether<P> {
-    /// Where it is attached, in the vehicle frame.
-    pub position: [P; 3],
-    /// Mass less displaced mass of that half, kg.
-    pub net_mass: P,
-    /// `rho C_D d l / 2` of that half of length l, N s2/m2.
-    pub drag: P,
-}
-
-impl<P: Copy> Tether<P> {
-    /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Tether<Q> {
-        Tether { position: self.position.map(&change), net_mass: change(self.net_mass), drag: change(self.drag) }
-    }
-
-    /// Wrench on the vehicle at its twist through the water, under gravity in vehicle axes.
-    #[inline(always)]
-    pub fn wrench<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
-    where
-        P: Param<L>,
-    {
-        let r = Vector3(get_all(&self.position));
-        let v = twist.angular.cross_add(r, twist.linear);
-        let speed = (v.dot(v) + L::c(STILL)).sqrt();
-        let force = v.scale_add(-(self.drag.get() * speed), gravity.scale(self.net_mass.get()));
-        Vector6 { linear: force, angular: r.cross(force) }
     }
 }

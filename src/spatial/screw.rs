@@ -10,25 +10,25 @@ use crate::lie::{Vector3, Vector6};
 
 /// Twist angle alpha of a link, with the two cases that most arms are made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Bend<P> {
+pub enum LinkTwist<P> {
     /// Parallel axes: alpha = 0.
-    Flat,
+    Deg0,
     /// Perpendicular axes: alpha = pi/2.
-    Quarter,
+    Deg90,
     /// Opposite axes: alpha = pi.
-    Half,
+    Deg180,
     /// Any other: sine and cosine.
     General(P, P),
 }
 
-impl<P: Copy> Bend<P> {
+impl<P: Copy> LinkTwist<P> {
     /// The same bend with its numbers changed.
-    pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> Bend<Q> {
+    pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> LinkTwist<Q> {
         match *self {
-            Bend::Flat => Bend::Flat,
-            Bend::Quarter => Bend::Quarter,
-            Bend::Half => Bend::Half,
-            Bend::General(s, c) => Bend::General(change(s), change(c)),
+            LinkTwist::Deg0 => LinkTwist::Deg0,
+            LinkTwist::Deg90 => LinkTwist::Deg90,
+            LinkTwist::Deg180 => LinkTwist::Deg180,
+            LinkTwist::General(s, c) => LinkTwist::General(change(s), change(c)),
         }
     }
 }
@@ -38,26 +38,26 @@ impl<P: Copy> Bend<P> {
 /// none has to wait in a register.
 #[derive(Debug, Clone, Copy)]
 pub struct Screw<T, S, const ALONG: usize> {
-    turn: Bend<T>,
+    turn: LinkTwist<T>,
     shift: Option<S>,
 }
 
 /// `Rx(alpha) Tx(a)`.
 #[inline(always)]
-pub fn screw_x<P>(bend: Bend<P>, a: Option<P>) -> Screw<P, P, 0> {
+pub fn screw_x<P>(bend: LinkTwist<P>, a: Option<P>) -> Screw<P, P, 0> {
     Screw { turn: bend, shift: a }
 }
 
 /// `Rz(theta) Tz(d)` with a constant theta.
 #[inline(always)]
-pub fn constant_screw_z<P>(bend: Bend<P>, d: Option<P>) -> Screw<P, P, 2> {
+pub fn constant_screw_z<P>(bend: LinkTwist<P>, d: Option<P>) -> Screw<P, P, 2> {
     Screw { turn: bend, shift: d }
 }
 
 /// `Rz(theta) Tz(d)`, theta by its sine and cosine.
 #[inline(always)]
 pub fn screw_z<T, S>(sin: T, cos: T, d: Option<S>) -> Screw<T, S, 2> {
-    Screw { turn: Bend::General(sin, cos), shift: d }
+    Screw { turn: LinkTwist::General(sin, cos), shift: d }
 }
 
 impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
@@ -85,18 +85,18 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
     {
         let (i, k) = (Self::I, Self::K);
         match self.turn {
-            Bend::Flat => {}
-            Bend::Quarter => {
+            LinkTwist::Deg0 => {}
+            LinkTwist::Deg90 => {
                 for v in &mut vectors {
                     (v.0[i], v.0[k]) = (-v.0[k], v.0[i]);
                 }
             }
-            Bend::Half => {
+            LinkTwist::Deg180 => {
                 for v in &mut vectors {
                     (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
                 }
             }
-            Bend::General(s, c) => {
+            LinkTwist::General(s, c) => {
                 cold_path();
                 let (s, c): (L, L) = (s.get(), c.get());
                 for v in &mut vectors {
@@ -109,7 +109,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
 
     /// A point of the child frame, in the parent frame.
     #[inline(always)]
-    pub fn carry<L: Lane>(&self, mut point: Vector3<L>) -> Vector3<L>
+    pub fn transform_point<L: Lane>(&self, mut point: Vector3<L>) -> Vector3<L>
     where
         T: Param<L>,
         S: Param<L>,
@@ -130,18 +130,18 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
     {
         let (i, k) = (Self::I, Self::K);
         match self.turn {
-            Bend::Flat => {}
-            Bend::Quarter => {
+            LinkTwist::Deg0 => {}
+            LinkTwist::Deg90 => {
                 for v in &mut vectors {
                     (v.0[i], v.0[k]) = (v.0[k], -v.0[i]);
                 }
             }
-            Bend::Half => {
+            LinkTwist::Deg180 => {
                 for v in &mut vectors {
                     (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
                 }
             }
-            Bend::General(s, c) => {
+            LinkTwist::General(s, c) => {
                 cold_path();
                 let (s, c): (L, L) = (s.get(), c.get());
                 for v in &mut vectors {
@@ -289,19 +289,19 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
         let mut out = *s;
         match self.turn {
-            Bend::Flat => {}
-            Bend::Quarter => {
+            LinkTwist::Deg0 => {}
+            LinkTwist::Deg90 => {
                 out[ii] = s[kk];
                 out[kk] = s[ii];
                 out[ik] = -s[ik];
                 out[inn] = -s[kn];
                 out[kn] = s[inn];
             }
-            Bend::Half => {
+            LinkTwist::Deg180 => {
                 out[inn] = -s[inn];
                 out[kn] = -s[kn];
             }
-            Bend::General(sin, cos) => {
+            LinkTwist::General(sin, cos) => {
                 cold_path();
                 let (sin, cos): (L, L) = (sin.get(), cos.get());
                 let difference = s[ii] - s[kk];
@@ -329,21 +329,21 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let mut out = *h;
         match self.turn {
-            Bend::Flat => {}
-            Bend::Quarter => {
+            LinkTwist::Deg0 => {}
+            LinkTwist::Deg90 => {
                 (out[i][i], out[i][k], out[k][i], out[k][k]) = (h[k][k], -h[k][i], -h[i][k], h[i][i]);
                 (out[n][i], out[n][k]) = (-h[n][k], h[n][i]);
                 if !PLANAR {
                     (out[i][n], out[k][n]) = (-h[k][n], h[i][n]);
                 }
             }
-            Bend::Half => {
+            LinkTwist::Deg180 => {
                 (out[n][i], out[n][k]) = (-h[n][i], -h[n][k]);
                 if !PLANAR {
                     (out[i][n], out[k][n]) = (-h[i][n], -h[k][n]);
                 }
             }
-            Bend::General(sin, cos) => {
+            LinkTwist::General(sin, cos) => {
                 cold_path();
                 let (sin, cos): (L, L) = (sin.get(), cos.get());
                 // As a symmetric matrix; its skew part does not turn.

@@ -2,16 +2,16 @@
 
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::spatial::{Bend, Place, constant_screw_z};
+use crate::spatial::{LinkTwist, BodyPoint, constant_screw_z};
 
 /// Inertia (rigid and added), drag and net weight in a frame whose origin is the centre of all of them and whose axes are those
 /// of drag and masses, as most links have one: there they take half the arithmetic.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Central<P> {
+pub struct CentralFrameTerms<P> {
     /// Where the frame lies in the body's.
-    pub place: Place<P>,
+    pub origin: BodyPoint<P>,
     /// How it is turned against the body's.
-    pub turn: Turn<P>,
+    pub rotation: FrameRotation<P>,
     /// Diagonal of the linear inertia.
     pub masses: [P; 3],
     /// What turning makes of the diagonal of the angular one: `[J_z - J_y, J_x - J_z, J_y - J_x]`.
@@ -19,43 +19,43 @@ pub struct Central<P> {
     /// What the angular one has off its diagonal, if anything: `[J_yz, J_xz, J_xy]`.
     pub products: Option<[P; 3]>,
     /// Diagonals of D_L and D_Q, if there is any drag.
-    pub drag: Option<[[P; 6]; 2]>,
+    pub damping: Option<[[P; 6]; 2]>,
     /// Mass less displaced mass: both have their centres here.
     pub net_mass: P,
 }
 
 /// How the axes of a frame lie in the body's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Turn<P> {
+pub enum FrameRotation<P> {
     /// Along them.
-    None,
+    Aligned,
     /// Turned about z: sine and cosine.
-    Upright(P, P),
+    AboutZ(P, P),
     /// Anyhow: rotation by rows.
-    Whole([[P; 3]; 3]),
+    General([[P; 3]; 3]),
 }
 
-impl<P: Copy> Turn<P> {
+impl<P: Copy> FrameRotation<P> {
     /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Turn<Q> {
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> FrameRotation<Q> {
         match *self {
-            Turn::None => Turn::None,
-            Turn::Upright(sin, cos) => Turn::Upright(change(sin), change(cos)),
-            Turn::Whole(rows) => Turn::Whole(rows.map(|row| row.map(&change))),
+            FrameRotation::Aligned => FrameRotation::Aligned,
+            FrameRotation::AboutZ(sin, cos) => FrameRotation::AboutZ(change(sin), change(cos)),
+            FrameRotation::General(rows) => FrameRotation::General(rows.map(|row| row.map(&change))),
         }
     }
 }
 
-impl<P: Copy> Central<P> {
+impl<P: Copy> CentralFrameTerms<P> {
     /// The same with each number changed.
-    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Central<Q> {
-        Central {
-            place: self.place.map(&change),
-            turn: self.turn.map(&change),
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CentralFrameTerms<Q> {
+        CentralFrameTerms {
+            origin: self.origin.map(&change),
+            rotation: self.rotation.map(&change),
             masses: self.masses.map(&change),
             gyration: self.gyration.map(&change),
             products: self.products.map(|products| products.map(&change)),
-            drag: self.drag.map(|two| two.map(|d| d.map(&change))),
+            damping: self.damping.map(|two| two.map(|d| d.map(&change))),
             net_mass: change(self.net_mass),
         }
     }
@@ -67,9 +67,9 @@ impl<P: Copy> Central<P> {
     where
         P: Param<L>,
     {
-        let Turn::Whole(rows) = &self.turn else { return self.bias_upright(twist, gravity, bias) };
+        let FrameRotation::General(rows) = &self.rotation else { return self.bias_z_aligned(twist, gravity, bias) };
         let turn = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
-        let r = self.place.point();
+        let r = self.origin.coordinates();
         let v = turn.apply_transposed(twist.angular.cross_add(r, twist.linear));
         let w = turn.apply_transposed(twist.angular);
         let mut there = self.in_place(v, w);
@@ -80,13 +80,13 @@ impl<P: Copy> Central<P> {
 
     /// [`Self::bias`] where the frame's z axis lies along the body's.
     #[inline(always)]
-    pub fn bias_upright<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
+    pub fn bias_z_aligned<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
     where
         P: Param<L>,
     {
-        if let Turn::Upright(sin, cos) = self.turn {
-            let turn = constant_screw_z(Bend::General(sin, cos), None);
-            let r = self.place.point();
+        if let FrameRotation::AboutZ(sin, cos) = self.rotation {
+            let turn = constant_screw_z(LinkTwist::General(sin, cos), None);
+            let r = self.origin.coordinates();
             let linear = twist.angular.cross_add(r, twist.linear);
             let here = turn.adjoint_apply_inverse(Vector6 { linear, ..twist });
             let mut there = self.in_place(here.linear, here.angular);
@@ -96,11 +96,11 @@ impl<P: Copy> Central<P> {
             bias.angular = r.cross_add(bias.linear, angular);
             return;
         }
-        match self.place {
-            Place::X(x) => *bias = self.bias_on_axis::<L, 0>(x.get(), twist, gravity),
-            Place::Y(y) => *bias = self.bias_on_axis::<L, 1>(y.get(), twist, gravity),
-            Place::Z(z) => *bias = self.bias_on_axis::<L, 2>(z.get(), twist, gravity),
-            Place::At(point) => {
+        match self.origin {
+            BodyPoint::X(x) => *bias = self.bias_on_axis::<L, 0>(x.get(), twist, gravity),
+            BodyPoint::Y(y) => *bias = self.bias_on_axis::<L, 1>(y.get(), twist, gravity),
+            BodyPoint::Z(z) => *bias = self.bias_on_axis::<L, 2>(z.get(), twist, gravity),
+            BodyPoint::General(point) => {
                 let r = Vector3(get_all(&point));
                 let there = self.in_place(twist.angular.cross_add(r, twist.linear), twist.angular);
                 bias.linear = self.less_weight(gravity, there.linear);
@@ -173,7 +173,7 @@ impl<P: Copy> Central<P> {
     where
         P: Param<L>,
     {
-        let Some([linear, quadratic]) = &self.drag else { return Vector3::zero() };
+        let Some([linear, quadratic]) = &self.damping else { return Vector3::zero() };
         let mut out = v.0;
         for k in 0..3 {
             out[k] = quadratic[first + k].get().mul_add(v.0[k].abs(), linear[first + k].get()) * v.0[k];
@@ -187,25 +187,25 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::hydro::{Coefficients, Drag, Placement, Restoring};
+    use crate::hydro::{CoefficientFrame, CoefficientMatrix, Damping, Restoring};
     use crate::lie::{Pose, exp_se3};
     use crate::spatial::SpatialInertia;
 
     /// The same body by its full matrices.
-    fn general(body: &Central<f64>, j: [f64; 3], twist: Vector6<f64>, gravity: Vector3<f64>) -> Vector6<f64> {
-        let rotation = match body.turn {
-            Turn::None => Matrix3::identity(),
-            Turn::Upright(s, c) => Matrix3([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
-            Turn::Whole(rows) => Matrix3(rows),
+    fn general(body: &CentralFrameTerms<f64>, j: [f64; 3], twist: Vector6<f64>, gravity: Vector3<f64>) -> Vector6<f64> {
+        let rotation = match body.rotation {
+            FrameRotation::Aligned => Matrix3::identity(),
+            FrameRotation::AboutZ(s, c) => Matrix3([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
+            FrameRotation::General(rows) => Matrix3(rows),
         };
-        let pose = Pose { rotation, position: body.place.point() };
+        let pose = Pose { rotation, position: body.origin.coordinates() };
         let [yz, xz, xy] = body.products.unwrap_or([0.0; 3]);
         let [mx, my, mz] = body.masses;
         let inertia =
             SpatialInertia { m: [mx, 0.0, 0.0, my, 0.0, mz], h: [[0.0; 3]; 3], j: [j[0], xy, xz, j[1], yz, j[2]] };
-        let [linear, quadratic] = body.drag.unwrap_or_default().map(Coefficients::Diagonal);
-        let placement = Placement::At(pose.rotation.0, pose.position.0);
-        let drag = Drag { placement, linear, quadratic, linear_bound: None };
+        let [linear, quadratic] = body.damping.unwrap_or_default().map(CoefficientMatrix::Diagonal);
+        let frame = CoefficientFrame::General(pose.rotation.0, pose.position.0);
+        let drag = Damping { frame, linear, quadratic, linear_bound: None };
         let moment = pose.position.scale(body.net_mass).0;
         let bias = inertia.to_parent(&pose).bias_wrench(twist);
         Restoring { net_mass: body.net_mass, moment }.subtract(gravity, bias - drag.wrench(twist))
@@ -227,12 +227,12 @@ mod tests {
             let j = three(0);
             let gyration = [j[2] - j[1], j[0] - j[2], j[1] - j[0]];
             for point in [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z], point] {
-                for turn in [Turn::None, Turn::Upright(sin, cos), Turn::Whole(whole)] {
+                for turn in [FrameRotation::Aligned, FrameRotation::AboutZ(sin, cos), FrameRotation::General(whole)] {
                     let products = [None, Some(three(3))];
                     let drag = [None, Some([six(9), six(15)])];
                     for (products, drag) in products.into_iter().flat_map(|p| drag.map(|d| (p, d))) {
-                        let (place, masses, net_mass) = (Place::of(point), three(6), numbers[21] - 2.5);
-                        let body = Central { place, turn, masses, gyration, products, drag, net_mass };
+                        let (origin, masses, net_mass) = (BodyPoint::of(point), three(6), numbers[21] - 2.5);
+                        let body = CentralFrameTerms { origin, rotation: turn, masses, gyration, products, damping: drag, net_mass };
                         let mut bias = Vector6::zero();
                         body.bias(twist, gravity, &mut bias);
                         let expected = general(&body, j, twist, gravity).to_array();

@@ -4,55 +4,55 @@
 //! They are secants rather than tangents: quadratic drag `-D_Q |v| v` has the slope `D_Q |v|`, with which one implicit
 //! Euler step is exact for a single velocity, and never turns its sign.
 
-use super::damping::{Coefficients, Drag, Placement};
+use super::damping::{CoefficientFrame, CoefficientMatrix, Damping};
 use super::restoring::Restoring;
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 
-impl<P: Copy> Drag<P> {
+impl<P: Copy> Damping<P> {
     /// Symmetric D of `drag = -D V` at the relative twist `twist`, both in body frame; full coefficients enter by a bound:
     /// [`Self::linear_bound`], and for the quadratic ones the sum of each row.
     #[inline(always)]
-    pub fn slope<L: Lane>(&self, twist: Vector6<L>) -> SpatialInertia<L>
+    pub fn damping_matrix<L: Lane>(&self, twist: Vector6<L>) -> SpatialInertia<L>
     where
         P: Param<L>,
     {
-        match &self.placement {
-            Placement::Here => self.slope_in_place(twist),
-            Placement::Shifted(p) => {
+        match &self.frame {
+            CoefficientFrame::Body => self.damping_matrix_in_frame(twist),
+            CoefficientFrame::Shifted(p) => {
                 let r = Vector3(get_all(p));
                 let there = Vector6 { linear: twist.angular.cross_add(r, twist.linear), ..twist };
-                self.slope_in_place(there).shifted(r)
+                self.damping_matrix_in_frame(there).shifted(r)
             }
-            Placement::At(r, p) => {
+            CoefficientFrame::General(r, p) => {
                 let pose = Pose::of(r, p);
-                self.slope_in_place(pose.adjoint_apply_inverse(twist)).to_parent(&pose)
+                self.damping_matrix_in_frame(pose.adjoint_apply_inverse(twist)).to_parent(&pose)
             }
         }
     }
 
     #[inline(always)]
-    fn slope_in_place<L: Lane>(&self, twist: Vector6<L>) -> SpatialInertia<L>
+    fn damping_matrix_in_frame<L: Lane>(&self, twist: Vector6<L>) -> SpatialInertia<L>
     where
         P: Param<L>,
     {
         let mut sum = SpatialInertia::zero();
         let mut diagonal = [L::zero(); 6];
         match (&self.linear, &self.linear_bound) {
-            (Coefficients::Diagonal(d), _) => diagonal = get_all(d),
-            (Coefficients::Full(_), Some(bound)) => sum = bound.get(),
+            (CoefficientMatrix::Diagonal(d), _) => diagonal = get_all(d),
+            (CoefficientMatrix::Full(_), Some(bound)) => sum = bound.get(),
             _ => {}
         }
         let speed = twist.to_array();
         match &self.quadratic {
-            Coefficients::None => {}
-            Coefficients::Diagonal(d) => {
+            CoefficientMatrix::None => {}
+            CoefficientMatrix::Diagonal(d) => {
                 for i in 0..6 {
                     diagonal[i] = d[i].get().mul_add(speed[i].abs(), diagonal[i]);
                 }
             }
-            Coefficients::Full(rows) => {
+            CoefficientMatrix::Full(rows) => {
                 for i in 0..6 {
                     for k in 0..6 {
                         let row = (rows[i][k].get() * speed[k]).abs();

@@ -1,12 +1,12 @@
-//! Fins and tether from their description, and their wrench.
+//! Compilation of fins and tether, and their wrench.
 
 use super::model::System;
 use crate::description::{Scene, Water};
-use crate::hydro::{FINS, Fin, Surfaces, Tether};
+use crate::hydro::{FINS, Fin, FinAxes, Tether};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 
-/// Fins of a vehicle; none where there is no water.
+/// Compiled fins of a vehicle; none in a vacuum.
 pub(super) fn fins(scene: &Scene) -> Vec<Fin<f64>> {
     let per_coefficient = |area: f64| 0.5 * scene.water.density * area;
     if scene.water.density == 0.0 {
@@ -30,7 +30,7 @@ pub(super) fn fins(scene: &Scene) -> Vec<Fin<f64>> {
     compiled.collect()
 }
 
-/// The tether, if it pulls at all.
+/// Compiled tether, unless its wrench is always 0.
 pub(super) fn tether(scene: &Scene) -> Option<Tether<f64>> {
     let Water { density, gravity, .. } = &scene.water;
     let tether = scene.vehicle.tether.as_ref()?;
@@ -43,13 +43,13 @@ pub(super) fn tether(scene: &Scene) -> Option<Tether<f64>> {
 }
 
 impl<P: Copy, B> System<P, B> {
-    /// Whether there are fins or a tether.
+    /// True if the vehicle has fins or a tether.
     #[inline(always)]
-    pub fn has_appendages(&self) -> bool {
+    pub fn has_fins_or_tether(&self) -> bool {
         !self.fins.is_empty() || self.tether.is_some()
     }
 
-    /// Deflections without command.
+    /// Deflections without command, rad.
     pub fn deflections<L: Lane>(&self) -> [L; FINS]
     where
         P: Param<L>,
@@ -61,16 +61,16 @@ impl<P: Copy, B> System<P, B> {
         deflections
     }
 
-    /// Wrench of fins and tether on the vehicle at its twist through the water, under gravity (that of a world at rest) in
-    /// vehicle axes.
+    /// Wrench of fins and tether on the vehicle, from its twist relative to the water and gravity (of a world at rest) in vehicle
+    /// axes.
     #[inline(always)]
-    pub fn appendages<L: Lane>(&self, surfaces: &Surfaces<L>, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
+    pub fn fin_and_tether_wrench<L: Lane>(&self, fin_axes: &FinAxes<L>, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
     where
         P: Param<L>,
     {
         let mut wrench = Vector6::zero();
         if !self.fins.is_empty() {
-            wrench = surfaces.wrench(&self.fins, twist);
+            wrench = fin_axes.wrench(&self.fins, twist);
         }
         if let Some(tether) = &self.tether {
             wrench = wrench + tether.wrench(twist, gravity);

@@ -1,0 +1,21 @@
+//! A problem together with its key.
+
+use crate::error::Problem;
+
+/// A problem and the path of the key that has it.
+#[derive(Debug)]
+pub struct Fault {
+    pub key: String,
+    pub problem: Problem,
+}
+
+impl Fault {
+    pub fn new(key: impl Into<String>, problem: Problem) -> Self {
+        Self { key: key.into(), problem }
+    }
+}
+
+/// A fault unless the number satisfies the rule.
+pub fn range(ok: bool, value: f64, rule: &'static str, key: impl FnOnce() -> String) -> Result<(), Fault> {
+    if ok { Ok(()) } else { Err(Fault::new(key(), Problem::Range { value, rule })) }
+}

@@ -1,0 +1,152 @@
+//! Warnings about a scene that can exist but is hardly intended: slips of units, signs and keys.
+
+use std::fmt;
+
+use nalgebra::{DMatrix, Matrix6xX, Vector3};
+
+use super::{Body, Scene};
+
+/// Difference of mass and displaced mass over mass, beyond which a vehicle counts as out of trim.
+const OUT_OF_TRIM: f64 = 0.1;
+/// Density over that of water, beyond which it is implausible.
+const DENSE: f64 = 30.0;
+/// Added mass over displaced mass, beyond which it is implausible.
+const FLAT: f64 = 50.0;
+/// Names of the axes of a body.
+const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
+
+/// Warning about a valid scene.
+#[derive(Debug, Clone, PartialEq)]
+pub enum SceneWarning {
+    /// Quadratic damping that adds energy to the body at some twist. `[HC eq. 22]`
+    DampingAddsEnergy {
+        /// Path of the matrix.
+        key: String,
+        /// Relative twist `[v; omega]` in the hydrodynamic frame, m/s and rad/s.
+        twist: [f64; 6],
+        /// Power put into the body there, W.
+        power: f64,
+    },
+    /// Implausible value.
+    Implausible {
+        /// Path of the value.
+        key: String,
+        /// Reason.
+        text: String,
+    },
+}
+
+impl fmt::Display for SceneWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::DampingAddsEnergy { key, twist, power } => {
+                write!(f, "{key}: quadratic damping puts {power:.3e} W into the body at the relative twist {twist:?}")
+            }
+            Self::Implausible { key, text } => write!(f, "{key}: {text}"),
+        }
+    }
+}
+
+fn implausible(key: impl Into<String>, text: String) -> SceneWarning {
+    SceneWarning::Implausible { key: key.into(), text }
+}
+
+impl Scene {
+    /// Mass of all bodies and mass of the displaced water, kg.
+    pub fn masses(&self) -> (f64, f64) {
+        self.bodies().fold((0.0, 0.0), |(mass, water), (_, body)| {
+            (mass + body.mass, water + self.water.density * body.displaced_volume(&self.water))
+        })
+    }
+
+    /// Plausibility warnings of a scene that passed [`Scene::check`].
+    pub fn lint(&self) -> Vec<SceneWarning> {
+        let mut warnings = Vec::new();
+        if self.water.density > 0.0 {
+            self.lint_trim(&mut warnings);
+            for (key, body) in self.bodies() {
+                self.lint_body(&key, body, &mut warnings);
+            }
+        }
+        self.lint_thrusters(&mut warnings);
+        warnings
+    }
+
+    fn lint_trim(&self, warnings: &mut Vec<SceneWarning>) {
+        let gravity = self.water.gravity.norm();
+        if self.vehicle.fixed || gravity == 0.0 {
+            return;
+        }
+        let (mass, water) = self.masses();
+        if (mass - water).abs() > OUT_OF_TRIM * mass {
+            let force = (mass - water).abs() * gravity;
+            let way = if mass > water { "sinks" } else { "rises" };
+            let text = format!(
+                "all bodies weigh {mass:.4} kg but displace {water:.4} kg of water: the scene {way} with {force:.4} N"
+            );
+            warnings.push(implausible("vehicle.body.volume", text));
+        }
+        let body = &self.vehicle.body;
+        let lever = (body.center_of_mass - body.center_of_buoyancy).dot(&self.water.gravity) / gravity;
+        if body.displaced_volume(&self.water) > 0.0 && lever < -1e-9 {
+            let text = format!("is {:.4} m below the centre of mass: the vehicle capsizes", -lever);
+            warnings.push(implausible("vehicle.body.center_of_buoyancy", text));
+        }
+    }
+
+    fn lint_body(&self, key: &str, body: &Body, warnings: &mut Vec<SceneWarning>) {
+        let water = self.water.density * body.displaced_volume(&self.water);
+        if water > 0.0 && body.mass > DENSE * water {
+            let text = format!("{:.4} kg in a volume of {water:.4} kg of water is more than {DENSE} times the density of water", body.mass);
+            warnings.push(implausible(format!("{key}.volume"), text));
+        }
+        if self.vehicle.fixed && key == "vehicle.body" {
+            return;
+        }
+        let added = (0..3).map(|i| body.added_mass[(i, i)]).fold(0.0, f64::max);
+        if water > 0.0 && added == 0.0 {
+            let text = format!("is 0, but the body displaces {water:.4} kg of water");
+            warnings.push(implausible(format!("{key}.added_mass"), text));
+        } else if water > 0.0 && added > FLAT * water {
+            let text = format!("{added:.4} kg is {:.0} times the displaced water", added / water);
+            warnings.push(implausible(format!("{key}.added_mass"), text));
+        }
+        let damping = |i: usize| body.damping.linear[(i, i)] + body.damping.quadratic[(i, i)];
+        if key == "vehicle.body" && water > 0.0 {
+            let free: Vec<_> = (0..6).filter(|i| damping(*i) == 0.0).map(|i| AXES[i]).collect();
+            if !free.is_empty() {
+                warnings.push(implausible(
+                    "vehicle.body.damping",
+                    format!("no damping in {}", free.join(", ")),
+                ));
+            }
+        }
+    }
+
+    fn lint_thrusters(&self, warnings: &mut Vec<SceneWarning>) {
+        let thrusters = &self.vehicle.thrusters;
+        if thrusters.is_empty() || self.vehicle.fixed {
+            return;
+        }
+        let at = self.vehicle.body.center_of_mass;
+        let columns: Vec<_> = thrusters
+            .iter()
+            .map(|thruster| {
+                let moment: Vector3<f64> = (thruster.position - at).cross(&thruster.axis);
+                let (f, m) = (thruster.axis, moment);
+                nalgebra::Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z)
+            })
+            .collect();
+        let matrix = Matrix6xX::from_columns(&columns);
+        let none: Vec<_> = (0..6).filter(|i| matrix.row(*i).amax() < 1e-9).map(|i| AXES[i]).collect();
+        if !none.is_empty() {
+            warnings.push(implausible("vehicle.thrusters", format!("no thruster acts in {}", none.join(", "))));
+            return;
+        }
+        let rank = DMatrix::from_iterator(6, columns.len(), matrix.iter().copied()).rank(1e-6);
+        if rank < 6 {
+            let text = format!("they span {rank} of 6 degrees of freedom");
+            warnings.push(implausible("vehicle.thrusters", text));
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Errors of the closed form of the dynamics.
+
+/// Error of the closed form of the dynamics.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum DynamicsError {
+    /// Singular mass matrix, which does not determine the accelerations.
+    #[error("the mass matrix is not positive definite: some motion of the system has no inertia")]
+    NotPositiveDefinite,
+    /// Array of the wrong length.
+    #[error("{what} has {got} entries, but must have {expected}")]
+    Length {
+        /// Name of the array.
+        what: &'static str,
+        /// Expected length.
+        expected: usize,
+        /// Length.
+        got: usize,
+    },
+    /// More joints than a state holds.
+    #[error("{joints} joints, but at most {max} are supported")]
+    Joints {
+        /// Joints of the scene.
+        joints: usize,
+        /// Greatest number of joints.
+        max: usize,
+    },
+}

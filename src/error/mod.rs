@@ -1,0 +1,17 @@
+//! Errors, one enum per boundary.
+
+mod control;
+mod dynamics;
+mod policy;
+mod render;
+mod scene;
+mod simulator;
+mod task;
+
+pub use control::ControlError;
+pub use dynamics::DynamicsError;
+pub use policy::PolicyError;
+pub use render::RenderError;
+pub use scene::{Numbers, Problem, SceneError};
+pub use simulator::SimulatorError;
+pub use task::TaskError;

@@ -1,0 +1,169 @@
+//! Errors of the simulator: options and inputs.
+
+use super::{ControlError, DynamicsError};
+
+/// Invalid option or input of a simulator.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimulatorError {
+    /// No instances.
+    #[error("num_envs must be at least 1")]
+    NoInstances,
+    /// No threads.
+    #[error("threads must be at least 1 (or None for one per core)")]
+    NoThreads,
+    /// Invalid step size.
+    #[error("dt is {dt}, but must be a positive number of seconds")]
+    Step {
+        /// Value.
+        dt: f64,
+    },
+    /// Invalid gain of `[HC eq. 14]`.
+    #[error("gamma is {gamma}, but must be a number >= 0")]
+    Gamma {
+        /// Value.
+        gamma: f64,
+    },
+    /// Invalid expected speed.
+    #[error("speed is {value}, but must be a number >= 0 (m/s and rad/s)")]
+    Speed {
+        /// Value.
+        value: f64,
+    },
+    /// Invalid tolerance.
+    #[error("tolerance is {tolerance}, but must be a positive number")]
+    Tolerance {
+        /// Value.
+        tolerance: f64,
+    },
+    /// Unknown integrator.
+    #[error("no integrator named '{name}': one of {}", known.join(", "))]
+    UnknownIntegrator {
+        /// Value.
+        name: String,
+        /// Known names.
+        known: Vec<&'static str>,
+    },
+    /// Input of the wrong length.
+    #[error("{name} has {got} numbers, but must have {expected}")]
+    Length {
+        /// Name of the input.
+        name: &'static str,
+        /// Expected length.
+        expected: usize,
+        /// Length.
+        got: usize,
+    },
+    /// NaN or infinite input.
+    #[error("{name} of instance {instance}, entry {entry}, is {value}: must be finite in the simulator's dtype")]
+    NotFinite {
+        /// Name of the input.
+        name: &'static str,
+        /// Instance.
+        instance: usize,
+        /// Entry within the instance's row.
+        entry: usize,
+        /// Value.
+        value: f64,
+    },
+    /// Out of memory.
+    #[error("num_envs is {instances}: not enough memory for that many instances")]
+    Memory {
+        /// Number of instances.
+        instances: usize,
+    },
+    /// Matrix that is not a rotation.
+    #[error(
+        "{name} of instance {instance} is not a rotation: R^T R differs from the identity by {deviation:.3e}, det R is {determinant:.6}"
+    )]
+    NotARotation {
+        /// Name of the input.
+        name: &'static str,
+        /// Instance.
+        instance: usize,
+        /// Greatest entry of `|R^T R - I|`.
+        deviation: f64,
+        /// Determinant.
+        determinant: f64,
+    },
+    /// Quaternion that cannot be normalised.
+    #[error("quaternion of instance {instance} is zero, or too large or small to be normalised")]
+    NoAttitude {
+        /// Instance.
+        instance: usize,
+    },
+    /// Attitude given twice.
+    #[error("give the attitude as rotation or as quaternion, not both")]
+    TwoAttitudes,
+    /// Nonzero twist of a fixed vehicle.
+    #[error("twist of instance {instance} is not zero, but the vehicle of scene '{scene}' is fixed (vehicle.fixed)")]
+    FixedVehicle {
+        /// Name of the scene.
+        scene: String,
+        /// Instance.
+        instance: usize,
+    },
+    /// Acceleration of the water without gravity.
+    #[error(
+        "current_acceleration of instance {instance} is not zero, but scene '{scene}' has no gravity (water.gravity), so \
+             neither weight nor buoyancy"
+    )]
+    Weightless {
+        /// Name of the scene.
+        scene: String,
+        /// Instance.
+        instance: usize,
+    },
+    /// Thrust as a state of ideal thrusters.
+    #[error("the thrusters of scene '{scene}' have no dynamics, so thrust is not a state: pass it to step()")]
+    NoThrusterState {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Thrust out of the thruster's limits.
+    #[error("thrust {thruster} of instance {instance} is {value} N, but must be within [{lower}, {upper}] N")]
+    Thrust {
+        /// Instance.
+        instance: usize,
+        /// Thruster.
+        thruster: usize,
+        /// Thrust, N.
+        value: f64,
+        /// Least thrust, N.
+        lower: f64,
+        /// Greatest thrust, N.
+        upper: f64,
+    },
+    /// Joint targets without a joint servo.
+    #[error("scene '{scene}' has no joint with a servo, so joint_target would have no effect")]
+    NoJointServo {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Invalid factor on a parameter.
+    #[error(
+        "factor on {name} of instance {instance} is {value}, but must be finite and >= 0 (mass: > 0)"
+    )]
+    Factor {
+        /// Name of the parameter.
+        name: &'static str,
+        /// Instance.
+        instance: usize,
+        /// Factor.
+        value: f64,
+    },
+    /// Pose target for a vehicle without servo.
+    #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot hold a pose")]
+    NoVehicleServo {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// Unavailable instruction set.
+    #[error(transparent)]
+    Lanes(#[from] crate::lane::UnknownIsa),
+    /// Error of the dynamics.
+    #[error(transparent)]
+    Balance(#[from] DynamicsError),
+    /// Error of the thruster allocation.
+    #[error(transparent)]
+    Control(#[from] ControlError),
+}

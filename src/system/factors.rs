@@ -1,0 +1,262 @@
+//! Parameters of single instances: factors on the scene's parameters, for domain randomisation.
+
+use super::model::{BodyTerms, System};
+use crate::hydro::{CoefficientMatrix, Restoring};
+use crate::lane::{Lane, Param, Real, Shared};
+use crate::lie::Vector3;
+use crate::spatial::{BodyPoint, PointMass, SpatialInertia};
+
+/// Number of entries of [`Factors`].
+pub const FACTORS: usize = 8;
+
+/// Factors on the parameters of one instance, the same for all of its bodies; 1 leaves the scene unchanged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Factors<L> {
+    /// Mass, inertia and weight.
+    pub mass: L,
+    /// Added mass.
+    pub added_mass: L,
+    /// Linear damping.
+    pub linear_damping: L,
+    /// Quadratic damping.
+    pub quadratic_damping: L,
+    /// Displaced volume and buoyancy.
+    pub volume: L,
+    /// Point mass at the end effector, kg (not a factor).
+    pub payload: L,
+    /// Thrust.
+    pub thrust: L,
+    /// Thrusters' time constants.
+    pub thruster_lag: L,
+}
+
+impl Factors<f64> {
+    /// The unchanged scene.
+    pub const ONE: Self = Self {
+        mass: 1.0,
+        added_mass: 1.0,
+        linear_damping: 1.0,
+        quadratic_damping: 1.0,
+        volume: 1.0,
+        payload: 0.0,
+        thrust: 1.0,
+        thruster_lag: 1.0,
+    };
+    /// The scene without added mass.
+    pub const RIGID: Self = Self { added_mass: 0.0, ..Self::ONE };
+}
+
+impl Factors<f64> {
+    /// Entries that concern bodies: all but the thrusters'.
+    pub fn of_bodies(&self) -> [f64; FACTORS - 2] {
+        let [bodies @ .., _, _] = self.to_array();
+        bodies
+    }
+}
+
+impl<L: Copy> Factors<L> {
+    /// Names, in the order of [`Self::to_array`].
+    pub const NAMES: [&'static str; FACTORS] =
+        ["mass", "added_mass", "linear_damping", "quadratic_damping", "volume", "payload", "thrust", "thruster_lag"];
+
+    /// From an array in the order of [`Self::NAMES`].
+    #[inline(always)]
+    pub fn from_array(numbers: [L; FACTORS]) -> Self {
+        let [mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag] = numbers;
+        Self { mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag }
+    }
+
+    /// Array in the order of [`Self::NAMES`].
+    pub fn to_array(&self) -> [L; FACTORS] {
+        let Self { mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag } = *self;
+        [mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag]
+    }
+}
+
+/// Inertia in the central frame of a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CentralInertia<P> {
+    /// Diagonal.
+    pub diagonal: [P; 6],
+    /// Products of inertia: `[J_yz, J_xz, J_xy]`.
+    pub products: [P; 3],
+}
+
+impl<P> CentralInertia<P> {
+    fn map<Q>(self, change: &impl Fn(P) -> Q) -> CentralInertia<Q> {
+        CentralInertia { diagonal: self.diagonal.map(change), products: self.products.map(change) }
+    }
+}
+
+/// Parts of the terms of a moving body before [`Factors`] scale and sum them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UnscaledBodyTerms<P> {
+    /// Rigid inertia.
+    pub rigid: SpatialInertia<P>,
+    /// Added inertia.
+    pub added: SpatialInertia<P>,
+    /// Rigid and added inertia in the central frame, if the body has one.
+    pub central: Option<[CentralInertia<P>; 2]>,
+    /// Mass and its moment.
+    pub weight: Restoring<P>,
+    /// Displaced mass and its moment.
+    pub displaced: Restoring<P>,
+}
+
+impl<P: Copy> UnscaledBodyTerms<P> {
+    /// The same with `change` applied to each number.
+    pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> UnscaledBodyTerms<Q> {
+        UnscaledBodyTerms {
+            rigid: self.rigid.map(&change),
+            added: self.added.map(&change),
+            central: self.central.map(|parts| parts.map(|inertia| inertia.map(&change))),
+            weight: self.weight.map(&change),
+            displaced: self.displaced.map(&change),
+        }
+    }
+}
+
+/// A system whose bodies differ between the instances of a lane.
+pub type ScaledSystem<L> = System<Shared<<L as Lane>::Real>, L>;
+
+impl<T: Real> System<Shared<T>> {
+    /// Memory for a system with bodies per instance, with every term that [`System::apply_factors`] may need: `unscaled` terms
+    /// of the bodies (vehicle first), and the point at which payloads are held, in the last body's frame, if any.
+    pub fn allocate_scaled<L: Lane<Real = T>>(
+        &self,
+        unscaled: &[UnscaledBodyTerms<Shared<T>>],
+        payload_attachment: Option<[Shared<T>; 3]>,
+    ) -> ScaledSystem<L> {
+        let mut system = self.map_bodies(|Shared(x)| L::splat(x));
+        let zero = Shared(T::from_f64(0.0));
+        let weightless = Restoring { net_mass: zero, moment: [zero; 3] };
+        let none = Restoring { net_mass: L::zero(), moment: [L::zero(); 3] };
+        let joints = system.joints.iter_mut().map(|joint| &mut joint.body);
+        for (body, parts) in std::iter::once(&mut system.vehicle).chain(joints).zip(unscaled) {
+            if parts.weight != weightless || parts.displaced != weightless {
+                body.restoring.get_or_insert(none);
+            }
+        }
+        if let Some(attachment) = payload_attachment {
+            // A sparse inertia has no products of inertia of y with x and z.
+            let [off_x, off_y, off_z] = attachment.map(|entry| entry != zero);
+            system.sparse &= !(off_y && (off_x || off_z));
+            let position = BodyPoint::of(attachment.map(|Shared(x)| x.to_f64())).map(|x| L::splat(T::from_f64(x)));
+            let payload = PointMass { mass: L::zero(), position };
+            let last = system.joints.last_mut().map_or(&mut system.vehicle, |joint| &mut joint.body);
+            last.restoring.get_or_insert(none);
+            last.payload = Some(payload);
+        }
+        system
+    }
+
+    /// The system with the terms of its bodies scaled by `factors`, bit for bit as [`System::apply_factors`] does.
+    pub fn with_factors(&self, unscaled: &[UnscaledBodyTerms<Shared<T>>], factors: &Factors<f64>) -> Self {
+        let mut system = self.map_bodies(|Shared(x)| x);
+        system.apply_factors(self, unscaled, &Factors::from_array(factors.to_array().map(T::from_f64)), true);
+        system.map_bodies(Shared)
+    }
+}
+
+impl<L: Lane> ScaledSystem<L> {
+    /// Scales the terms of the bodies by `factors`: those of the system `of`, made of these `unscaled` terms (vehicle first).
+    ///
+    /// Without `body_frame_terms`, restoring and damping of bodies that have [`BodyTerms::central`] are left out: explicit
+    /// methods read only the central form.
+    #[inline(always)]
+    pub fn apply_factors(
+        &mut self,
+        of: &System<Shared<L::Real>>,
+        unscaled: &[UnscaledBodyTerms<Shared<L::Real>>],
+        factors: &Factors<L>,
+        body_frame_terms: bool,
+    ) {
+        let Some((vehicle, links)) = unscaled.split_first() else { return };
+        scale_body(&mut self.vehicle, &of.vehicle, vehicle, factors, body_frame_terms);
+        for ((joint, of), parts) in self.joints.iter_mut().zip(&of.joints).zip(links) {
+            scale_body(&mut joint.body, &of.body, parts, factors, body_frame_terms);
+        }
+    }
+}
+
+#[inline(always)]
+fn scale_body<L: Lane, P: Param<L>>(
+    body: &mut BodyTerms<L>,
+    of: &BodyTerms<P>,
+    parts: &UnscaledBodyTerms<P>,
+    factors: &Factors<L>,
+    body_frame_terms: bool,
+) {
+    let central_only = body.central.is_some() && !body_frame_terms;
+    let (rigid, added) = (parts.rigid.get(), parts.added.get());
+    body.inertia = rigid.scale_add(factors.mass, &added.scale(factors.added_mass));
+    if let Some(payload) = &mut body.payload {
+        payload.mass = factors.payload;
+        body.inertia = body.inertia.plus(&payload.inertia());
+    }
+    if let (Some(restoring), false) = (&mut body.restoring, central_only) {
+        let net = |weight: P, displaced: P| displaced.get().neg_mul_add(factors.volume, weight.get() * factors.mass);
+        restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass);
+        for k in 0..3 {
+            restoring.moment[k] = net(parts.weight.moment[k], parts.displaced.moment[k]);
+        }
+        if let Some(payload) = &body.payload {
+            restoring.net_mass += payload.mass;
+            let position = payload.position.coordinates::<L>();
+            restoring.moment = position.scale_add(payload.mass, Vector3(restoring.moment)).0;
+        }
+    }
+    if let (Some(central), Some(of), Some([rigid, added])) = (&mut body.central, &of.central, &parts.central) {
+        let displaced = parts.displaced.net_mass.get();
+        central.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
+        let mut inertia = [L::zero(); 6];
+        for k in 0..6 {
+            let added = added.diagonal[k].get() * factors.added_mass;
+            inertia[k] = rigid.diagonal[k].get().mul_add(factors.mass, added);
+        }
+        if let (Some([linear, quadratic]), Some(of)) = (&mut central.damping, &of.damping) {
+            for k in 0..6 {
+                linear[k] = of[0][k].get() * factors.linear_damping;
+                quadratic[k] = of[1][k].get() * factors.quadratic_damping;
+            }
+        }
+        let [masses @ .., x, y, z] = inertia;
+        central.masses = masses;
+        central.gyration = [z - y, x - z, y - x];
+        if let Some(products) = &mut central.products {
+            for k in 0..3 {
+                let added = added.products[k].get() * factors.added_mass;
+                products[k] = rigid.products[k].get().mul_add(factors.mass, added);
+            }
+        }
+    }
+    for (k, (damping, of)) in body.damping.iter_mut().zip(&of.damping).enumerate() {
+        if central_only && k == 0 {
+            continue;
+        }
+        scale(&mut damping.linear, &of.linear, factors.linear_damping);
+        scale(&mut damping.quadratic, &of.quadratic, factors.quadratic_damping);
+        if let (Some(bound), Some(of)) = (&mut damping.linear_bound, &of.linear_bound) {
+            *bound = of.get().scale(factors.linear_damping);
+        }
+    }
+}
+
+#[inline(always)]
+fn scale<L: Lane, P: Param<L>>(to: &mut CoefficientMatrix<L>, of: &CoefficientMatrix<P>, factor: L) {
+    match (to, of) {
+        (CoefficientMatrix::Diagonal(to), CoefficientMatrix::Diagonal(of)) => {
+            for k in 0..6 {
+                to[k] = of[k].get() * factor;
+            }
+        }
+        (CoefficientMatrix::Full(to), CoefficientMatrix::Full(of)) => {
+            for i in 0..6 {
+                for k in 0..6 {
+                    to[i][k] = of[i][k].get() * factor;
+                }
+            }
+        }
+        _ => {}
+    }
+}
