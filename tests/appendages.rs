@@ -404,7 +404,7 @@ fn what_cannot_be_is_refused_by_key() {
     refused(with(|s| s.vehicle.fins[0].area = -1.0), "vehicle.fins[0].area (fin): is -1.0, but must be >= 0");
     refused(
         with(|s| s.vehicle.fins[0].axis = Vector3::zeros()),
-        "vehicle.fins[0].axis (fin): [0.0, 0.0, 0.0] has no direction",
+        "vehicle.fins[0].axis (fin): is [0.0, 0.0, 0.0], but must have a nonzero length",
     );
     refused(with(|s| s.vehicle.fins[1].chord = Vector3::z()), "vehicle.fins[1].chord (rudder-top)");
     refused(

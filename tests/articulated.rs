@@ -9,9 +9,9 @@ use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{Balance, Loads};
-use uvms_gym::hydro::{Coefficients, Placement};
+use uvms_gym::hydro::{CoefficientFrame, CoefficientMatrix};
 use uvms_gym::lane::Shared;
-use uvms_gym::system::{Compiled, Factors, Flow, State, VariedSystem, compile};
+use uvms_gym::system::{Compiled, Factors, Flow, ScaledSystem, State, compile};
 
 /// Random loads of a scene, as both forms take them.
 struct RandomLoads {
@@ -131,9 +131,13 @@ fn full_drag_turned_about_joints_agrees_with_the_closed_form() {
                 drag.apply(|entry| *entry = random.between(-0.3, 1.0));
             }
         }
-        for drag in compile(&scene).system.joints.iter().flat_map(|joint| &joint.body.drag) {
-            let Placement::At([[_, Shared(sin), _], _, [.., Shared(along)]], _) = drag.placement else { continue };
-            turned += usize::from(along == 1.0 && sin.abs() > 0.01 && matches!(drag.quadratic, Coefficients::Full(_)));
+        for damping in compile(&scene).system.joints.iter().flat_map(|joint| &joint.body.damping) {
+            let CoefficientFrame::General([[_, Shared(sin), _], _, [.., Shared(along)]], _) = damping.frame else {
+                continue;
+            };
+            turned += usize::from(
+                along == 1.0 && sin.abs() > 0.01 && matches!(damping.quadratic, CoefficientMatrix::Full(_)),
+            );
         }
         let state = random_state(seed, &scene);
         let (difference, _, residual) = compare(&scene, &state, &RandomLoads::new(seed, &scene), Precision::Double);
@@ -255,10 +259,10 @@ fn payloads_are_held_wherever_the_end_effector_is() {
     for ((offset, sparse), seed) in places.into_iter().zip([1, 3, 5, 9]) {
         let mut scene = Scene::shipped("petasus-pum").unwrap();
         scene.arm.as_mut().unwrap().end_effector.position = offset.into();
-        let Compiled { system, ingredients, grip, .. } = compile(&scene);
-        let laden: VariedSystem<f64> = system.variable(&ingredients, Some(grip.map(Shared)));
-        assert!(system.sparse && system.upright);
-        assert_eq!(laden.sparse, sparse, "{grip:?}");
+        let Compiled { system, unscaled, payload_attachment, .. } = compile(&scene);
+        let laden: ScaledSystem<f64> = system.allocate_scaled(&unscaled, Some(payload_attachment.map(Shared)));
+        assert!(system.sparse && system.z_aligned);
+        assert_eq!(laden.sparse, sparse, "{payload_attachment:?}");
         check_factors(seed, scene);
     }
 }

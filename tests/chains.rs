@@ -9,11 +9,11 @@ use common::random_scene::{Options, Random, random_scene};
 use nalgebra as na;
 use uvms_gym::description::{Frame, JointKind, Scene};
 use uvms_gym::dynamics::Balance;
-use uvms_gym::hydro::Turn;
+use uvms_gym::hydro::FrameRotation;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};
-use uvms_gym::spatial::{Bend, Place};
-use uvms_gym::system::{Constant, Stand, State, compile};
+use uvms_gym::spatial::{BodyPoint, LinkTwist};
+use uvms_gym::system::{JointPlacement, JointScrew, State, compile};
 
 type Dense = na::Isometry3<f64>;
 
@@ -22,12 +22,12 @@ fn screw(axis: na::Vector3<f64>, angle: f64, shift: f64) -> na::Matrix4<f64> {
     na::Rotation3::new(axis * angle).to_homogeneous().append_translation(&(axis * shift))
 }
 
-fn angle(bend: Bend<Shared<f64>>) -> f64 {
+fn angle(bend: LinkTwist<Shared<f64>>) -> f64 {
     match bend {
-        Bend::Flat => 0.0,
-        Bend::Quarter => FRAC_PI_2,
-        Bend::Half => PI,
-        Bend::General(Shared(sin), Shared(cos)) => sin.atan2(cos),
+        LinkTwist::Deg0 => 0.0,
+        LinkTwist::Deg90 => FRAC_PI_2,
+        LinkTwist::Deg180 => PI,
+        LinkTwist::General(Shared(sin), Shared(cos)) => sin.atan2(cos),
     }
 }
 
@@ -45,17 +45,17 @@ fn compiled(scene: &Scene, q: &[f64]) -> Vec<na::Matrix4<f64>> {
     let mut links = Vec::new();
     let length = |shift: Option<Shared<f64>>| shift.map_or(0.0, |Shared(x)| x);
     for (i, (joint, link)) in compiled.system.joints.iter().zip(&compiled.links).enumerate() {
-        here *= match joint.stand {
-            Stand::Pose(r, p) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
-            Stand::Bend(bend, a) => screw(na::Vector3::x(), angle(bend), length(a)),
-            Stand::Crank(turn, d, bend, a) => {
+        here *= match joint.placement {
+            JointPlacement::General(r, p) => homogeneous(&r.map(|row| row.map(|Shared(x)| x)), &p.map(|Shared(x)| x)),
+            JointPlacement::Dh(bend, a) => screw(na::Vector3::x(), angle(bend), length(a)),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => {
                 screw(na::Vector3::z(), angle(turn), length(d)) * screw(na::Vector3::x(), angle(bend), length(a))
             }
         };
         let coordinate = joint.offset.0 + q[i];
-        let (theta, d) = match joint.constant {
-            Constant::Shift(d) => (coordinate, length(d)),
-            Constant::Turn(Shared(sin), Shared(cos)) => (sin.atan2(cos), coordinate),
+        let (theta, d) = match joint.screw {
+            JointScrew::Revolute { d } => (coordinate, length(d)),
+            JointScrew::Prismatic { sin: Shared(sin), cos: Shared(cos) } => (sin.atan2(cos), coordinate),
         };
         here *= screw(na::Vector3::z(), theta, d);
         let Pose { rotation: Matrix3(rotation), position: Vector3(position) } = link;
@@ -175,41 +175,47 @@ fn nearly_parallel_axes_keep_their_digits() {
 
 #[test]
 fn ordinary_arms_compute_in_the_cheap_frames() {
-    let stands = |scene: &Scene| -> Vec<Stand<Shared<f64>>> {
-        compile(scene).system.joints.iter().map(|joint| joint.stand).skip(1).collect()
+    let stands = |scene: &Scene| -> Vec<JointPlacement<Shared<f64>>> {
+        compile(scene).system.joints.iter().map(|joint| joint.placement).skip(1).collect()
     };
     let petasus = stands(&Scene::shipped("petasus-pum").unwrap());
-    let flat = petasus.iter().filter(|s| matches!(s, Stand::Bend(Bend::Flat, _))).count();
-    let quarter = petasus.iter().filter(|s| matches!(s, Stand::Bend(Bend::Quarter, _))).count();
+    let flat = petasus.iter().filter(|s| matches!(s, JointPlacement::Dh(LinkTwist::Deg0, _))).count();
+    let quarter = petasus.iter().filter(|s| matches!(s, JointPlacement::Dh(LinkTwist::Deg90, _))).count();
     assert_eq!((petasus.len(), flat, quarter), (4, 2, 2), "{petasus:?}");
     let lies = [Lie::Parallel, Lie::Coincident, Lie::Antiparallel, Lie::Crossing, Lie::General];
     for (stand, lie) in stands(&chain(4, &lies)).iter().zip(lies) {
         let expected = match lie {
-            Lie::Parallel | Lie::Coincident => matches!(stand, Stand::Bend(Bend::Flat, _)),
-            Lie::Crossing => matches!(stand, Stand::Bend(Bend::Quarter, _)),
-            Lie::Antiparallel => matches!(stand, Stand::Bend(Bend::Half, _)),
-            _ => matches!(stand, Stand::Bend(Bend::General(..), _)),
+            Lie::Parallel | Lie::Coincident => matches!(stand, JointPlacement::Dh(LinkTwist::Deg0, _)),
+            Lie::Crossing => matches!(stand, JointPlacement::Dh(LinkTwist::Deg90, _)),
+            Lie::Antiparallel => matches!(stand, JointPlacement::Dh(LinkTwist::Deg180, _)),
+            _ => matches!(stand, JointPlacement::Dh(LinkTwist::General(..), _)),
         };
         assert!(expected, "{lie:?}: {stand:?}");
     }
-    assert!(matches!(stands(&chain(4, &[Lie::Turned(1e-3)]))[0], Stand::Pose(..)));
+    assert!(matches!(stands(&chain(4, &[Lie::Turned(1e-3)]))[0], JointPlacement::General(..)));
 }
 
 #[test]
 fn shipped_arms_leave_out_what_their_frames_can_spare() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let system = compile(&Scene::shipped(name).unwrap()).system;
-        let last = system.joints.last().unwrap().constant;
-        assert!(matches!(last, Constant::Shift(None)), "{name}: {last:?}");
+        let last = system.joints.last().unwrap().screw;
+        assert!(matches!(last, JointScrew::Revolute { d: None }), "{name}: {last:?}");
     }
     // Drag in turned frames: of one link whose axes lie neither along its joint's axis nor along the normal to the next.
     let alpha5 = compile(&Scene::shipped("bluerov2-heavy-alpha5").unwrap()).system;
-    let turns: Vec<_> = alpha5.joints.iter().map(|joint| joint.body.central.unwrap().turn).collect();
-    assert!(matches!(turns[..], [Turn::None, Turn::Upright(..), Turn::None, Turn::None]), "{turns:?}");
-    assert!(alpha5.upright);
+    let turns: Vec<_> = alpha5.joints.iter().map(|joint| joint.body.central.unwrap().rotation).collect();
+    assert!(
+        matches!(
+            turns[..],
+            [FrameRotation::Aligned, FrameRotation::AboutZ(..), FrameRotation::Aligned, FrameRotation::Aligned]
+        ),
+        "{turns:?}"
+    );
+    assert!(alpha5.z_aligned);
     for joint in compile(&Scene::shipped("petasus-pum").unwrap()).system.joints {
-        let place = joint.body.central.unwrap().place;
-        assert!(!matches!(place, Place::At(_)), "{place:?}");
+        let origin = joint.body.central.unwrap().origin;
+        assert!(!matches!(origin, BodyPoint::General(_)), "{origin:?}");
     }
 }
 
@@ -226,12 +232,12 @@ fn shipped_bodies_without_drag_keep_their_centres() {
             body.damping.quadratic.fill(0.0);
         }
         let dragless = compile(&scene).system;
-        assert!(dragless.upright, "{name}");
+        assert!(dragless.z_aligned, "{name}");
         for (with, without) in system.joints.iter().zip(&dragless.joints) {
             let (with, without) = (with.body.central.unwrap(), without.body.central.unwrap());
-            assert!(with.drag.is_some() && without.drag.is_none(), "{name}");
-            assert!(with.place.map(near) == without.place.map(near), "{name}: {with:?}, {without:?}");
-            assert!(with.turn.map(near) == without.turn.map(near), "{name}: {with:?}, {without:?}");
+            assert!(with.damping.is_some() && without.damping.is_none(), "{name}");
+            assert!(with.origin.map(near) == without.origin.map(near), "{name}: {with:?}, {without:?}");
+            assert!(with.rotation.map(near) == without.rotation.map(near), "{name}: {with:?}, {without:?}");
         }
     }
 }
@@ -254,7 +260,7 @@ fn constants_are_no_rounding() {
             }
         };
         compiled.system.map(note);
-        for parts in &compiled.ingredients {
+        for parts in &compiled.unscaled {
             parts.map(note);
         }
         assert!(least.get() > 1e-9, "{name}: {:e}", least.get());

@@ -1,7 +1,7 @@
 //! Numbers from shapes: against the shipped scene that was derived by hand, and against each other.
 
 use nalgebra::{Matrix6, Rotation3, Vector3};
-use uvms_gym::description::{Body, Scene, Warning};
+use uvms_gym::description::{Body, Scene, SceneWarning};
 use uvms_gym::estimate::{Estimate, Outline};
 
 fn estimate(text: &str) -> Estimate {
@@ -124,7 +124,7 @@ fn estimates_are_scenes_that_pass_their_checks() {
         scene.vehicle.body = body;
         scene.provenance = Default::default();
         let warnings = scene.check().unwrap_or_else(|error| panic!("{error}"));
-        assert!(warnings.iter().all(|w| matches!(w, Warning::DragDrives { .. })), "{warnings:?}");
+        assert!(warnings.iter().all(|w| matches!(w, SceneWarning::DampingAddsEnergy { .. })), "{warnings:?}");
 
         let table = Estimate { body: scene.vehicle.body.clone(), formulas: formulas.clone() }.to_toml("vehicle.body");
         let whole = format!(

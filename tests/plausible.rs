@@ -1,4 +1,4 @@
-//! Doubts about scenes, and the template.
+//! Plausibility warnings about scenes, and the template.
 
 use nalgebra::{Matrix6, Vector3};
 use toml::Value;
@@ -10,7 +10,7 @@ fn shipped(name: &str) -> Scene {
 
 fn texts(scene: &Scene) -> Vec<String> {
     scene.check().unwrap();
-    scene.doubts().iter().map(ToString::to_string).collect()
+    scene.lint().iter().map(ToString::to_string).collect()
 }
 
 #[test]
@@ -21,7 +21,7 @@ fn shipped_scenes_that_hover_are_plausible() {
 }
 
 #[test]
-fn slips_are_doubted_by_key_and_number() {
+fn slips_are_reported_by_key_and_number() {
     fn changed(change: impl Fn(&mut Scene)) -> Vec<String> {
         let mut scene = shipped("bluerov2-heavy");
         change(&mut scene);
@@ -31,12 +31,15 @@ fn slips_are_doubted_by_key_and_number() {
         ("vehicle.body.volume: all bodies weigh 40.0000 kg", changed(|s| s.vehicle.body.mass = 40.0)),
         ("vehicle.body.volume: 13.5000 kg in a volume of 0.0137", changed(|s| s.vehicle.body.volume = Some(1.37e-5))),
         (
-            "vehicle.body.center_of_buoyancy: lies 0.0300 m below",
+            "vehicle.body.center_of_buoyancy: is 0.0300 m below",
             changed(|s| s.vehicle.body.center_of_buoyancy = Vector3::new(0.0, 0.0, -0.05)),
         ),
-        ("vehicle.body.added_mass: is 0, though", changed(|s| s.vehicle.body.added_mass = Matrix6::zeros())),
+        (
+            "vehicle.body.added_mass: is 0, but the body displaces",
+            changed(|s| s.vehicle.body.added_mass = Matrix6::zeros()),
+        ),
         ("vehicle.body.added_mass: 14600.0000 kg is", changed(|s| s.vehicle.body.added_mass *= 1000.0)),
-        ("vehicle.body.damping: no drag in surge, sway", changed(|s| s.vehicle.body.damping = Default::default())),
+        ("vehicle.body.damping: no damping in surge, sway", changed(|s| s.vehicle.body.damping = Default::default())),
         (
             "vehicle.thrusters: no thruster acts in sway",
             changed(|s| {
@@ -46,10 +49,10 @@ fn slips_are_doubted_by_key_and_number() {
                 })
             }),
         ),
-        ("vehicle.thrusters: they act in 4 independent directions", changed(|s| s.vehicle.thrusters.truncate(5))),
+        ("vehicle.thrusters: they span 4 of 6 degrees of freedom", changed(|s| s.vehicle.thrusters.truncate(5))),
     ];
-    for (start, doubts) in cases {
-        assert!(doubts.iter().any(|doubt| doubt.starts_with(start)), "{start}: {doubts:?}");
+    for (start, warnings) in cases {
+        assert!(warnings.iter().any(|warning| warning.starts_with(start)), "{start}: {warnings:?}");
     }
 }
 

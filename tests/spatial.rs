@@ -9,7 +9,7 @@ use nalgebra as na;
 use proptest::prelude::*;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3, Vector6, ad};
-use uvms_gym::spatial::{Bend, Screw, SpatialInertia, constant_screw_z, screw_x, screw_z};
+use uvms_gym::spatial::{LinkTwist, Screw, SpatialInertia, constant_screw_z, screw_x, screw_z};
 
 fn lanes(x: &na::Vector6<f64>) -> Vector6<f64> {
     Vector6::from_array((*x).into())
@@ -153,10 +153,10 @@ proptest! {
         let random = &mut Random::new(seed);
         let (sin, cos) = angle.sin_cos();
         for (bend, angle) in [
-            (Bend::Flat, 0.0),
-            (Bend::Quarter, FRAC_PI_2),
-            (Bend::Half, PI),
-            (Bend::General(sin, cos), angle),
+            (LinkTwist::Deg0, 0.0),
+            (LinkTwist::Deg90, FRAC_PI_2),
+            (LinkTwist::Deg180, PI),
+            (LinkTwist::General(sin, cos), angle),
         ] {
             let (x, z) = (na::Vector3::x(), na::Vector3::z());
             check_screw(random, &screw_x(bend, Some(shift)), x, angle, shift)?;
@@ -174,13 +174,13 @@ proptest! {
         let a = packed(&definite(random));
         let u = a.apply(lanes(&na::Vector6::ith(5, 1.0)));
         let over_d = 1.0 / u.angular.0[2];
-        let (rest, share, inverse) = a.free_to_turn();
+        let (rest, share, inverse) = a.eliminate_revolute();
         prop_assert!((six(share) - six(u) * over_d).amax() < 1e-15 && inverse == over_d);
         let scale = dense(&a).amax();
         prop_assert!((dense(&rest) - dense(&a.eliminated(u, over_d))).amax() < 4e-14 * scale);
         prop_assert!((0..6).all(|k| rest.entry(5, k) == 0.0 && rest.entry(k, 5) == 0.0));
         let (sin, cos) = angle.sin_cos();
-        let quarter = constant_screw_z(Bend::Quarter, Some(shift));
+        let quarter = constant_screw_z(LinkTwist::Deg90, Some(shift));
         for screw in [screw_z(sin, cos, Some(shift)), screw_z(sin, cos, None), quarter] {
             let (short, general) = (screw.turning_inertia_to_parent(&rest), screw.inertia_to_parent(&rest));
             prop_assert!((dense(&short) - dense(&general)).amax() < 1e-14 * scale);
@@ -219,7 +219,7 @@ fn check_screw<const ALONG: usize>(
 
 #[test]
 fn bend_changes_its_numbers_only() {
-    assert_eq!(Bend::<f64>::Flat.map(|x| x + 1.0), Bend::Flat);
-    assert_eq!(Bend::<f64>::Quarter.map(|x| x + 1.0), Bend::Quarter);
-    assert_eq!(Bend::General(0.5, 0.25).map(|x| x + 1.0), Bend::General(1.5, 1.25));
+    assert_eq!(LinkTwist::<f64>::Deg0.map(|x| x + 1.0), LinkTwist::Deg0);
+    assert_eq!(LinkTwist::<f64>::Deg90.map(|x| x + 1.0), LinkTwist::Deg90);
+    assert_eq!(LinkTwist::General(0.5, 0.25).map(|x| x + 1.0), LinkTwist::General(1.5, 1.25));
 }

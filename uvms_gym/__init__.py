@@ -13,7 +13,7 @@ from uvms_gym._core import (
     estimate,
     integrators,
     load_scene,
-    scene_doubts,
+    lint_scene,
     scene_template,
     scenes,
 )
@@ -47,7 +47,7 @@ __all__ = [
     "import_urdf",
     "integrators",
     "load_scene",
-    "scene_doubts",
+    "lint_scene",
     "scene_template",
     "scenes",
 ]

@@ -28,7 +28,7 @@ __all__ = [
     "import_urdf",
     "integrators",
     "load_scene",
-    "scene_doubts",
+    "lint_scene",
     "scene_template",
     "scenes",
 ]
@@ -77,7 +77,7 @@ def disturbances() -> list[tuple[str, str, str]]:
 def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
     """A scene as TOML text, which reads back as an equal scene."""
 
-def scene_doubts(scene: str | PathLike[str] | dict[str, Any]) -> list[str]:
+def lint_scene(scene: str | PathLike[str] | dict[str, Any]) -> list[str]:
     """What is possible in a scene, but hardly meant: one line each, with key and numbers."""
 
 def scene_template() -> str:
@@ -345,14 +345,14 @@ class Simulator:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
     @property
     def parameters(self) -> dict[str, NDArray[np.float64]]:
-        """(N,) factors on mass, added_mass, linear_drag, quadratic_drag, volume, thrust, thruster_lag; payload, kg."""
+        """(N,) factors on mass, added_mass, linear_damping, quadratic_damping, volume, thrust, thruster_lag; payload, kg."""
     def set_parameters(
         self,
         *,
         mass: ArrayLike | None = None,
         added_mass: ArrayLike | None = None,
-        linear_drag: ArrayLike | None = None,
-        quadratic_drag: ArrayLike | None = None,
+        linear_damping: ArrayLike | None = None,
+        quadratic_damping: ArrayLike | None = None,
         volume: ArrayLike | None = None,
         payload: ArrayLike | None = None,
         thrust: ArrayLike | None = None,

@@ -15,7 +15,7 @@ use crate::error::SimulatorError;
 use crate::hydro::Thrusts;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
-use crate::system::{Compiled, Factors, Flow, Ingredients, State, System};
+use crate::system::{Compiled, Factors, Flow, State, System, UnscaledBodyTerms};
 
 /// Instances that a thread takes at a time, in whole blocks: few enough that threads come to an end together, and so many
 /// that it does not show that each chunk's work is fetched anew.
@@ -99,9 +99,9 @@ struct Parameters<T> {
     system: System<Shared<T>>,
     /// The same for one instance at a time.
     alone: System<Shared<T>, T>,
-    ingredients: Vec<Ingredients<Shared<T>>>,
+    unscaled: Vec<UnscaledBodyTerms<Shared<T>>>,
     /// Where payloads are held.
-    grip: [Shared<T>; 3],
+    payload_attachment: [Shared<T>; 3],
     /// Working memory of the steps.
     working: Spare,
     /// Memory for the parameters of single instances.
@@ -124,14 +124,21 @@ impl<T: Real> Blocks<T> {
         flow: &Flow,
     ) -> Result<Self, SimulatorError> {
         let number = |Shared(x)| Shared(T::from_f64(x));
-        let ingredients: Vec<_> = compiled.ingredients.iter().map(|parts| parts.map(number)).collect();
+        let unscaled: Vec<_> = compiled.unscaled.iter().map(|parts| parts.map(number)).collect();
         // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
-        let system = compiled.system.map(number).put_together(&ingredients, &Factors::ONE);
-        let rigid = integrator.lag().map(|filter| (system.put_together(&ingredients, &Factors::RIGID), filter));
-        let grip = compiled.grip.map(|x| Shared(T::from_f64(x)));
+        let system = compiled.system.map(number).with_factors(&unscaled, &Factors::ONE);
+        let rigid = integrator.lag().map(|filter| (system.with_factors(&unscaled, &Factors::RIGID), filter));
+        let payload_attachment = compiled.payload_attachment.map(|x| Shared(T::from_f64(x)));
         let alone = system.map_bodies(|Shared(x)| x);
-        let scene =
-            Parameters { system, alone, ingredients, grip, working: Spare::default(), spare: Spare::default(), rigid };
+        let scene = Parameters {
+            system,
+            alone,
+            unscaled,
+            payload_attachment,
+            working: Spare::default(),
+            spare: Spare::default(),
+            rigid,
+        };
         let layout =
             Layout::new(compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len(), integrator);
         let memory = || SimulatorError::Memory { instances };
@@ -224,11 +231,11 @@ impl<T: Real> Part<'_, T> {
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
             alone: scene.rigid.is_none().then_some(&scene.alone),
-            ingredients: varied.then_some(&scene.ingredients[..]),
-            grip: laden.then_some(scene.grip),
+            unscaled: varied.then_some(&scene.unscaled[..]),
+            payload_attachment: laden.then_some(scene.payload_attachment),
             working: &scene.working,
             spare: &scene.spare,
-            lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { ingredients: &scene.ingredients, filter }),
+            lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { unscaled: &scene.unscaled, filter }),
             layout: &self.table.layout,
             integrator: run.integrator,
             h: T::from_f64(run.h),
@@ -320,8 +327,8 @@ impl<T: Real> Storage for Blocks<T> {
         let [varied, laden] = self.table.varied(&self.rows);
         let mut job = Accelerate {
             system: &self.scene.system,
-            ingredients: varied.then_some(&self.scene.ingredients[..]),
-            grip: laden.then_some(self.scene.grip),
+            unscaled: varied.then_some(&self.scene.unscaled[..]),
+            payload_attachment: laden.then_some(self.scene.payload_attachment),
             layout: &self.table.layout,
             switches: given.switches(),
             blocks: &mut self.rows,

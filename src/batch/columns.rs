@@ -5,7 +5,7 @@ use super::lagged::Lag;
 use super::layout::Layout;
 use super::step::Switches;
 use crate::dynamics::articulated::Loads;
-use crate::hydro::{FINS, Fin, Propulsion, Surfaces, THRUSTERS, Thruster};
+use crate::hydro::{FINS, Fin, FinAxes, THRUSTERS, Thruster, ThrusterDynamics};
 use crate::integrate::{Attitude, Motion, Watch};
 use crate::lane::{Lane, Param, Real};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
@@ -185,7 +185,7 @@ impl<T: Real> Columns<'_, T> {
         layout: &Layout,
         thrusters: &[Thruster<P>],
         h: T,
-        propulsion: &mut Propulsion<L>,
+        propulsion: &mut ThrusterDynamics<L>,
     ) {
         let (mut commands, mut gains) = ([L::zero(); THRUSTERS], [L::zero(); THRUSTERS]);
         let factors = self.factors(layout);
@@ -203,7 +203,7 @@ impl<T: Real> Columns<'_, T> {
         &self,
         layout: &Layout,
         fins: &[Fin<P>],
-        surfaces: &mut Surfaces<L>,
+        surfaces: &mut FinAxes<L>,
     ) {
         let mut deflections = [L::zero(); FINS];
         for k in 0..layout.fins.min(FINS) {

@@ -2,7 +2,7 @@
 
 use crate::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
 use crate::dynamics::implicit::{Ahead, implicit_accelerations};
-use crate::hydro::Surfaces;
+use crate::hydro::FinAxes;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param, Shared};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -60,7 +60,7 @@ pub struct Dynamics<'a, L: Lane, B> {
     /// Station, if one is kept.
     pub station: Option<Station<L>>,
     /// Fins, where there are any.
-    pub surfaces: &'a Surfaces<L>,
+    pub surfaces: &'a FinAxes<L>,
     /// Time of the step's start on the clock of the servo targets.
     pub time: L,
     /// Working memory.
@@ -97,9 +97,9 @@ impl<'a, L: Lane, B: Param<L>> Dynamics<'a, L, B> {
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }
-        if system.has_appendages() {
+        if system.has_fins_or_tether() {
             let gravity = gravity + at.to_body(self.acceleration);
-            wrench = wrench + system.appendages(self.surfaces, twist, gravity);
+            wrench = wrench + system.fin_and_tether_wrench(self.surfaces, twist, gravity);
         }
         let (is_start, time) = (at.is_start(), self.time + elapsed);
         Instant { is_start, gravity, twist, q, qd, wrench, held_rate, time }

@@ -14,7 +14,7 @@ use crate::dynamics::articulated::link_twists;
 use crate::integrate::Motion;
 use crate::lane::{Lane, Param, Real, Shared};
 use crate::lie::Vector6;
-use crate::system::{Ingredients, JOINTS};
+use crate::system::{JOINTS, UnscaledBodyTerms};
 
 /// Moving bodies.
 const BODIES: usize = JOINTS + 1;
@@ -23,7 +23,7 @@ const BODIES: usize = JOINTS + 1;
 #[derive(Clone, Copy)]
 pub struct Lagged<'a, T> {
     /// The bodies, vehicle first.
-    pub ingredients: &'a [Ingredients<Shared<T>>],
+    pub unscaled: &'a [UnscaledBodyTerms<Shared<T>>],
     /// alpha.
     pub filter: f64,
 }
@@ -58,7 +58,7 @@ impl<T: Real> Lagged<'_, T> {
         let begun = L::c(0.5).lt(lag.begun);
         let (weight, rest) = (L::c(self.filter), L::c(1.0 - self.filter));
         for i in 0..=n {
-            let Some(parts) = self.ingredients.get(i) else { break };
+            let Some(parts) = self.unscaled.get(i) else { break };
             let added = parts.added.get().scale(lag.factor);
             let (twist, [last, a]) = (twists[i].to_array(), lag.last[i]);
             let (last, mut a) = (last.to_array(), a.to_array());

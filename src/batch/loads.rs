@@ -11,7 +11,7 @@ use crate::description::Joint;
 use crate::dynamics::Loads;
 use crate::dynamics::joint::actuator_torque;
 use crate::error::SimulatorError;
-use crate::hydro::{Propulsion, Thrusts};
+use crate::hydro::{ThrusterDynamics, Thrusts};
 use crate::lie::{self, Matrix3, Pose, Vector3};
 use crate::system::State;
 
@@ -72,10 +72,10 @@ impl Simulator {
     }
 
     /// Thrusters of instance `i` under commands, if they have dynamics.
-    pub(super) fn propulsion(&self, i: usize, command: &Thrusts) -> Option<Propulsion<f64>> {
+    pub(super) fn propulsion(&self, i: usize, command: &Thrusts) -> Option<ThrusterDynamics<f64>> {
         let (thrusters, factors) = (&self.compiled().system.thrusters, self.factors(i));
         (!thrusters.is_empty()).then(|| {
-            let mut propulsion = Propulsion::blank();
+            let mut propulsion = ThrusterDynamics::blank();
             propulsion.thrust = self.state(i).thrust;
             let gains = self.losses(i).map(|loss| factors.thrust * (1.0 - loss));
             propulsion.command(thrusters, command, &gains, (self.options().dt, factors.thruster_lag));

@@ -68,7 +68,7 @@ impl Simulator {
         if let Some(at) =
             states.twist.filter(|_| self.scene().vehicle.fixed).and_then(|t| t.iter().position(|x| *x != 0.0))
         {
-            return Err(SimulatorError::Held { scene: self.scene().name.clone(), instance: at / 6 });
+            return Err(SimulatorError::FixedVehicle { scene: self.scene().name.clone(), instance: at / 6 });
         }
         self.check_thrust(states.thrust)?;
         let weightless = self.scene().water.gravity.norm() == 0.0;

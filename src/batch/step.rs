@@ -9,11 +9,11 @@ use super::dynamics::Dynamics;
 use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
 use crate::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::hydro::{Propulsion, Surfaces, thrust_wrench};
+use crate::hydro::{FinAxes, ThrusterDynamics, thrust_wrench};
 use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::system::{Ingredients, JOINTS, System, VariedSystem};
+use crate::system::{JOINTS, ScaledSystem, System, UnscaledBodyTerms};
 
 /// Which loads are on, the same for all instances.
 #[derive(Debug, Clone, Copy, Default)]
@@ -73,12 +73,12 @@ impl Clone for Spare {
 pub struct Step<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
-    /// The same with its numbers for a single instance: [`System::variable`] takes its time.
+    /// The same with its numbers for a single instance: [`System::allocate_scaled`] takes its time.
     pub alone: Option<&'a System<Shared<T>, T>>,
     /// What its bodies are made of, if instances differ in their parameters.
-    pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
+    pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,
     /// Where payloads are held, if some instances carry any.
-    pub grip: Option<[Shared<T>; 3]>,
+    pub payload_attachment: Option<[Shared<T>; 3]>,
     /// Working memory.
     pub working: &'a Spare,
     /// Memory for the parameters of single instances.
@@ -111,8 +111,8 @@ struct Memory<L: Lane> {
     loads: Loads<L>,
     motion: Motion<L, JOINTS>,
     lag: Lag<L>,
-    propulsion: Propulsion<L>,
-    surfaces: Surfaces<L>,
+    propulsion: ThrusterDynamics<L>,
+    surfaces: FinAxes<L>,
 }
 
 impl<L: Lane> Memory<L> {
@@ -181,7 +181,7 @@ impl<'a, T: Real> Step<'a, T> {
     /// number than that of one: no code for both.
     #[inline(always)]
     fn group_by_group<L: Lane<Real = T>>(&mut self) {
-        let alone: Option<&VariedSystem<L>> = match (self.ingredients, self.alone) {
+        let alone: Option<&ScaledSystem<L>> = match (self.unscaled, self.alone) {
             (None, Some(system)) => (system as &dyn Any).downcast_ref(),
             _ => None,
         };
@@ -193,13 +193,13 @@ impl<'a, T: Real> Step<'a, T> {
                     break;
                 }
                 let mut columns = Columns { rows: &mut *rows, first };
-                if let (Some(ingredients), Some(varied)) = (self.ingredients, &mut varied) {
+                if let (Some(unscaled), Some(varied)) = (self.unscaled, &mut varied) {
                     let mut factors = columns.factors(self.layout);
                     if self.lagged.is_some() {
                         factors.added_mass = L::zero();
                     }
-                    let twice = matches!(self.integrator, Integrator::LinearlyImplicit);
-                    varied.vary(self.system, ingredients, &factors, twice);
+                    let body_frame_terms = matches!(self.integrator, Integrator::LinearlyImplicit);
+                    varied.apply_factors(self.system, unscaled, &factors, body_frame_terms);
                 }
                 let Some(system) = varied.as_deref().or(alone) else { continue };
                 self.visit(system, &mut columns, &mut memory);
@@ -221,19 +221,21 @@ impl<'a, T: Real> Step<'a, T> {
     /// Working memory, and some for the parameters of single instances where it is needed. (One call for both: of two, the
     /// second would have to free what the first has given, should it panic.)
     #[inline(never)]
-    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<VariedSystem<L>>>) {
-        let laden = |system: &VariedSystem<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).load.is_some();
-        let spare =
-            self.ingredients.and_then(|_| self.spare.take().filter(|spare| laden(spare) == self.grip.is_some()));
-        let make = || Box::new(self.system.variable(self.ingredients.unwrap_or_default(), self.grip));
+    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<ScaledSystem<L>>>) {
+        let laden =
+            |system: &ScaledSystem<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
+        let spare = self
+            .unscaled
+            .and_then(|_| self.spare.take().filter(|spare| laden(spare) == self.payload_attachment.is_some()));
+        let make = || Box::new(self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment));
         (self.memory(), needed.then(|| spare.unwrap_or_else(make)))
     }
 
     /// Keeps both for the next who needs them.
     #[inline(never)]
-    fn give_back<L: Lane>(&self, memory: Box<Memory<L>>, system: Option<Box<VariedSystem<L>>>) {
+    fn give_back<L: Lane>(&self, memory: Box<Memory<L>>, system: Option<Box<ScaledSystem<L>>>) {
         self.working.put(memory);
-        if let (Some(system), Some(_)) = (system, self.ingredients) {
+        if let (Some(system), Some(_)) = (system, self.unscaled) {
             self.spare.put(system);
         }
     }
@@ -329,9 +331,9 @@ pub struct Accelerate<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
     /// What its bodies are made of, if instances differ in their parameters.
-    pub ingredients: Option<&'a [Ingredients<Shared<T>>]>,
+    pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,
     /// Where payloads are held, if some instances carry any.
-    pub grip: Option<[Shared<T>; 3]>,
+    pub payload_attachment: Option<[Shared<T>; 3]>,
     /// Rows of a block.
     pub layout: &'a Layout,
     /// Loads that are on.
@@ -347,12 +349,13 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.layout;
         // One form for instances that differ and for those that do not: speed does not matter here.
-        let mut system: VariedSystem<L> = self.system.variable(self.ingredients.unwrap_or_default(), self.grip);
+        let mut system: ScaledSystem<L> =
+            self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment);
         let system_gravity: Vector3<L> = Vector3(get_all(&system.gravity));
         let mut scratch = Scratch::new();
         let mut loads = Loads::none();
         let mut motion = Motion::blank();
-        let (mut propulsion, mut surfaces) = (Propulsion::blank(), Surfaces::blank());
+        let (mut propulsion, mut surfaces) = (ThrusterDynamics::blank(), FinAxes::blank());
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
         let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
@@ -361,8 +364,8 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let columns = Columns { rows: &mut *rows, first };
                 columns.motion(layout, &mut motion);
                 columns.loads(layout, self.switches, &mut loads);
-                if let Some(ingredients) = self.ingredients {
-                    system.vary(self.system, ingredients, &columns.factors(layout), true);
+                if let Some(unscaled) = self.unscaled {
+                    system.apply_factors(self.system, unscaled, &columns.factors(layout), true);
                 }
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
@@ -375,10 +378,10 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     let acting = propulsion.acting(&system.thrusters, twist);
                     wrench = wrench + thrust_wrench(&system.thrusters, &acting);
                 }
-                if system.has_appendages() {
+                if system.has_fins_or_tether() {
                     columns.surfaces(layout, &system.fins, &mut surfaces);
                     let gravity = rotation.apply_transposed(system_gravity);
-                    wrench = wrench + system.appendages(&surfaces, twist, gravity);
+                    wrench = wrench + system.fin_and_tether_wrench(&surfaces, twist, gravity);
                 }
                 if let (true, Some(gains)) = (self.switches.station, &system.vehicle_servo) {
                     let station = columns.station(layout);

@@ -5,10 +5,10 @@ use toml::Value;
 
 use super::fault::{Fault, range};
 use super::{
-    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, Tether, ThrustMap, Thruster, Water, check_body,
-    path,
+    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, Tether, ThrustMap, Thruster, Water,
+    check_body, path,
 };
-use crate::error::{SceneError, Problem};
+use crate::error::{DescriptionError, Problem};
 
 /// Greatest magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
@@ -204,9 +204,9 @@ impl Scene {
     /// Checks that the scene can exist; what can but is hardly meant comes back as warnings.
     ///
     /// # Errors
-    /// [`SceneError::Value`] with the scene's name as its source.
-    pub fn check(&self) -> Result<Vec<SceneWarning>, SceneError> {
-        self.validate().map_err(|fault| SceneError::Value {
+    /// [`DescriptionError::Value`] with the scene's name as its source.
+    pub fn check(&self) -> Result<Vec<SceneWarning>, DescriptionError> {
+        self.validate().map_err(|fault| DescriptionError::Value {
             source_name: format!("scene '{}'", self.name),
             key: path::with_names(&self.to_tree(), &fault.key),
             problem: fault.problem,

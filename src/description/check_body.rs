@@ -18,7 +18,13 @@ const SEMI_DEFINITE: f64 = 1e-6;
 const WEIGHT_PERCENT: f64 = 0.5;
 
 /// Faults and warnings of one body. A fixed vehicle never moves, so its inertia may be anything.
-pub fn validate(body: &Body, key: &str, water: &Water, fixed: bool, warnings: &mut Vec<SceneWarning>) -> Result<(), Fault> {
+pub fn validate(
+    body: &Body,
+    key: &str,
+    water: &Water,
+    fixed: bool,
+    warnings: &mut Vec<SceneWarning>,
+) -> Result<(), Fault> {
     let key = |name: &str| format!("{key}.{name}");
     symmetric(&body.inertia, || key("inertia"))?;
     symmetric(&body.added_mass, || key("added_mass"))?;

@@ -6,7 +6,7 @@ use serde::de::DeserializeOwned;
 use toml::Value;
 
 use super::{Fault, Scene, check, path};
-use crate::error::{SceneError, Problem};
+use crate::error::{DescriptionError, Problem};
 
 /// Scenes that come with the package.
 const SHIPPED: [(&str, &str); 6] = [
@@ -30,11 +30,11 @@ impl Scene {
     /// A shipped scene.
     ///
     /// # Errors
-    /// [`SceneError::UnknownScene`] lists the names that there are.
-    pub fn shipped(name: &str) -> Result<Self, SceneError> {
+    /// [`DescriptionError::UnknownScene`] lists the names that there are.
+    pub fn shipped(name: &str) -> Result<Self, DescriptionError> {
         match SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
             Some((_, text)) => Self::from_toml_str(text, &format!("{name}.toml")),
-            None => Err(SceneError::UnknownScene { name: name.to_owned(), shipped: Self::shipped_names() }),
+            None => Err(DescriptionError::UnknownScene { name: name.to_owned(), shipped: Self::shipped_names() }),
         }
     }
 
@@ -42,7 +42,7 @@ impl Scene {
     ///
     /// # Errors
     /// As [`Scene::shipped`] and [`Scene::from_file`].
-    pub fn load(name_or_path: &str) -> Result<Self, SceneError> {
+    pub fn load(name_or_path: &str) -> Result<Self, DescriptionError> {
         if name_or_path.ends_with(".toml") { Self::from_file(name_or_path) } else { Self::shipped(name_or_path) }
     }
 
@@ -50,12 +50,12 @@ impl Scene {
     ///
     /// # Errors
     /// A file that cannot be read, or as [`Scene::from_toml_str`].
-    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
         let path = path.as_ref();
         let source_name = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => Self::from_toml_str(&text, &source_name),
-            Err(error) => Err(SceneError::File { path: source_name, error }),
+            Err(error) => Err(DescriptionError::File { path: source_name, error }),
         }
     }
 
@@ -63,7 +63,7 @@ impl Scene {
     ///
     /// # Errors
     /// Text that is not TOML, by line and column, or as [`Scene::from_value`].
-    pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, SceneError> {
+    pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, DescriptionError> {
         Self::from_value(parse_toml(text, source_name)?, source_name)
     }
 
@@ -73,9 +73,9 @@ impl Scene {
     /// left to [`Scene::check`].
     ///
     /// # Errors
-    /// [`SceneError::Value`] names the source, the key and the value of the first thing that is wrong.
-    pub fn from_value(value: Value, source_name: &str) -> Result<Self, SceneError> {
-        Self::from_tree(&value).map_err(|fault| SceneError::Value {
+    /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.
+    pub fn from_value(value: Value, source_name: &str) -> Result<Self, DescriptionError> {
+        Self::from_tree(&value).map_err(|fault| DescriptionError::Value {
             source_name: source_name.to_owned(),
             key: path::with_names(&value, &fault.key),
             problem: fault.problem,
@@ -99,12 +99,12 @@ impl Scene {
 ///
 /// # Errors
 /// Text that is not TOML, by line and column.
-pub fn parse_toml(text: &str, source_name: &str) -> Result<Value, SceneError> {
+pub fn parse_toml(text: &str, source_name: &str) -> Result<Value, DescriptionError> {
     let table = text.parse::<toml::Table>().map_err(|error| {
         let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
         let line = before.matches('\n').count() + 1;
         let column = before.chars().rev().take_while(|&c| c != '\n').count() + 1;
-        SceneError::Syntax {
+        DescriptionError::Syntax {
             source_name: source_name.to_owned(),
             message: format!("line {line}, column {column}: {}", error.message().replace('\n', " ")),
         }
@@ -115,9 +115,9 @@ pub fn parse_toml(text: &str, source_name: &str) -> Result<Value, SceneError> {
 /// Data of any form from a tree of values, whose integers may stand for floats.
 ///
 /// # Errors
-/// [`SceneError::Value`] names the source, the key and the value.
-pub fn read_value<T: DeserializeOwned>(value: Value, source_name: &str) -> Result<T, SceneError> {
-    deserialize(&value).map_err(|fault| SceneError::Value {
+/// [`DescriptionError::Value`] names the source, the key and the value.
+pub fn read_value<T: DeserializeOwned>(value: Value, source_name: &str) -> Result<T, DescriptionError> {
+    deserialize(&value).map_err(|fault| DescriptionError::Value {
         source_name: source_name.to_owned(),
         key: path::with_names(&value, &fault.key),
         problem: fault.problem,

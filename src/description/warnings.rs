@@ -97,7 +97,10 @@ impl Scene {
     fn lint_body(&self, key: &str, body: &Body, warnings: &mut Vec<SceneWarning>) {
         let water = self.water.density * body.displaced_volume(&self.water);
         if water > 0.0 && body.mass > DENSE * water {
-            let text = format!("{:.4} kg in a volume of {water:.4} kg of water is more than {DENSE} times the density of water", body.mass);
+            let text = format!(
+                "{:.4} kg in a volume of {water:.4} kg of water is more than {DENSE} times the density of water",
+                body.mass
+            );
             warnings.push(implausible(format!("{key}.volume"), text));
         }
         if self.vehicle.fixed && key == "vehicle.body" {
@@ -115,10 +118,7 @@ impl Scene {
         if key == "vehicle.body" && water > 0.0 {
             let free: Vec<_> = (0..6).filter(|i| damping(*i) == 0.0).map(|i| AXES[i]).collect();
             if !free.is_empty() {
-                warnings.push(implausible(
-                    "vehicle.body.damping",
-                    format!("no damping in {}", free.join(", ")),
-                ));
+                warnings.push(implausible("vehicle.body.damping", format!("no damping in {}", free.join(", "))));
             }
         }
     }

@@ -18,8 +18,8 @@ pub struct DenseBody {
     displaced: f64,
     center_of_buoyancy: Vector3<f64>,
     pub(super) hydrodynamic: Pose,
-    pub(super) linear_drag: Matrix6<f64>,
-    pub(super) quadratic_drag: Matrix6<f64>,
+    pub(super) linear_damping: Matrix6<f64>,
+    pub(super) quadratic_damping: Matrix6<f64>,
 }
 
 impl DenseBody {
@@ -37,8 +37,8 @@ impl DenseBody {
             displaced: water.density * body.displaced_volume(water),
             center_of_buoyancy: body.center_of_buoyancy,
             hydrodynamic,
-            linear_drag: body.damping.linear,
-            quadratic_drag: body.damping.quadratic,
+            linear_damping: body.damping.linear,
+            quadratic_damping: body.damping.quadratic,
         }
     }
 
@@ -52,8 +52,8 @@ impl DenseBody {
             displaced: 0.0,
             center_of_buoyancy: Vector3::zeros(),
             hydrodynamic: Pose::identity(),
-            linear_drag: Matrix6::zeros(),
-            quadratic_drag: Matrix6::zeros(),
+            linear_damping: Matrix6::zeros(),
+            quadratic_damping: Matrix6::zeros(),
         }
     }
 
@@ -78,7 +78,7 @@ impl DenseBody {
     pub fn drag(&self, relative: &Vector6<f64>) -> Vector6<f64> {
         let there = self.hydrodynamic.adjoint_inverse() * relative;
         let squared = there.component_mul(&there.abs());
-        let drag = self.linear_drag * there + self.quadratic_drag * squared;
+        let drag = self.linear_damping * there + self.quadratic_damping * squared;
         self.hydrodynamic.wrench_to_parent(&-drag)
     }
 

@@ -8,7 +8,7 @@ use super::composite::{Composite, Equations};
 use super::dense::Pose;
 use super::joint::{EndStop, friction};
 use crate::description::{Arm, Scene, Thruster};
-use crate::error::BalanceError;
+use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
 
 /// A scene as systems composed of systems; made once, evaluated at any state.
@@ -33,8 +33,8 @@ impl Balance {
     /// Composes the scene.
     ///
     /// # Errors
-    /// [`BalanceError::Joints`] where the scene has more joints than a [`State`] holds.
-    pub fn new(scene: &Scene) -> Result<Self, BalanceError> {
+    /// [`DynamicsError::Joints`] where the scene has more joints than a [`State`] holds.
+    pub fn new(scene: &Scene) -> Result<Self, DynamicsError> {
         let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
         let payload = scene.payload.as_ref().map(|payload| (Pose::from_frame(&payload.frame), rigid(&payload.body)));
         let vehicle = rigid(&scene.vehicle.body);
@@ -62,7 +62,7 @@ impl Balance {
             }
         };
         if system.joints() > JOINTS {
-            return Err(BalanceError::Joints { joints: system.joints(), max: JOINTS });
+            return Err(DynamicsError::Joints { joints: system.joints(), max: JOINTS });
         }
         Ok(Self {
             system,
@@ -213,8 +213,8 @@ impl ClosedForm<'_> {
     /// Wrenches on the moving bodies.
     ///
     /// # Errors
-    /// [`BalanceError::Length`] where `loads.thrust`, `loads.fins` or `loads.external` fit neither the scene nor "none".
-    pub fn body_wrenches(&self, loads: &Loads) -> Result<BodyWrenches, BalanceError> {
+    /// [`DynamicsError::Length`] where `loads.thrust`, `loads.fins` or `loads.external` fit neither the scene nor "none".
+    pub fn body_wrenches(&self, loads: &Loads) -> Result<BodyWrenches, DynamicsError> {
         let thrusters = self.balance.thruster_configuration.ncols();
         let thrust = DVector::from_vec(filled("thrust", loads.thrust, thrusters, 0.0)?);
         let external = filled("external wrench", loads.external, self.moving.len(), Vector6::zeros())?;
@@ -262,8 +262,8 @@ impl ClosedForm<'_> {
     /// Torques on the joints.
     ///
     /// # Errors
-    /// [`BalanceError::Length`] where `loads.joint_command` fits neither the scene nor "none".
-    pub fn joint_torques(&self, loads: &Loads) -> Result<JointTorques, BalanceError> {
+    /// [`DynamicsError::Length`] where `loads.joint_command` fits neither the scene nor "none".
+    pub fn joint_torques(&self, loads: &Loads) -> Result<JointTorques, DynamicsError> {
         let n = self.joints();
         let command = DVector::from_vec(filled("joint command", loads.joint_command, n, 0.0)?);
         let joints = &self.equations.joints;
@@ -279,8 +279,8 @@ impl ClosedForm<'_> {
     /// `W F + L tau`, (6+n).
     ///
     /// # Errors
-    /// [`BalanceError::Length`] where a load fits neither the scene nor "none".
-    pub fn generalized_force(&self, loads: &Loads) -> Result<DVector<f64>, BalanceError> {
+    /// [`DynamicsError::Length`] where a load fits neither the scene nor "none".
+    pub fn generalized_force(&self, loads: &Loads) -> Result<DVector<f64>, DynamicsError> {
         let wrenches = self.body_wrenches(loads)?.sum;
         let stacked = DVector::from_iterator(6 * wrenches.len(), wrenches.iter().flatten().copied());
         Ok(self.wrench_influence() * stacked + self.torque_influence() * self.joint_torques(loads)?.sum)
@@ -289,14 +289,14 @@ impl ClosedForm<'_> {
     /// `[V'; q'']`, (6+n): forward dynamics by Cholesky's factorisation of M; V' = 0 where the vehicle is held.
     ///
     /// # Errors
-    /// [`BalanceError::NotPositiveDefinite`] where M has no such factorisation, [`BalanceError::Length`] as
+    /// [`DynamicsError::NotPositiveDefinite`] where M has no such factorisation, [`DynamicsError::Length`] as
     /// [`Self::generalized_force`].
-    pub fn accelerations(&self, loads: &Loads) -> Result<DVector<f64>, BalanceError> {
+    pub fn accelerations(&self, loads: &Loads) -> Result<DVector<f64>, DynamicsError> {
         let first = self.first_free_row();
         let free = self.bias().len() - first;
         let net = self.generalized_force(loads)? - self.bias();
         let mass = self.mass_matrix().view((first, first), (free, free)).into_owned();
-        let factor = Cholesky::new(mass).ok_or(BalanceError::NotPositiveDefinite)?;
+        let factor = Cholesky::new(mass).ok_or(DynamicsError::NotPositiveDefinite)?;
         let mut accelerations = DVector::zeros(net.len());
         accelerations.rows_mut(first, free).copy_from(&factor.solve(&net.rows(first, free)));
         Ok(accelerations)
@@ -305,8 +305,8 @@ impl ClosedForm<'_> {
     /// How well `accelerations`, (6+n), satisfies the equations of motion; the joints' rows where the vehicle is held.
     ///
     /// # Errors
-    /// [`BalanceError::Length`] as [`Self::generalized_force`], or where `accelerations` has another length than 6+n.
-    pub fn residual(&self, accelerations: &DVector<f64>, loads: &Loads) -> Result<Residual, BalanceError> {
+    /// [`DynamicsError::Length`] as [`Self::generalized_force`], or where `accelerations` has another length than 6+n.
+    pub fn residual(&self, accelerations: &DVector<f64>, loads: &Loads) -> Result<Residual, DynamicsError> {
         self.check_size("acceleration", accelerations)?;
         let first = self.first_free_row();
         let force = self.generalized_force(loads)?;
@@ -316,9 +316,9 @@ impl ClosedForm<'_> {
         Ok(Residual { norm: (mass * &a + &c - &f).norm(), scale: mass.norm() * a.norm() + c.norm() + f.norm() })
     }
 
-    pub(super) fn check_size(&self, what: &'static str, vector: &DVector<f64>) -> Result<(), BalanceError> {
+    pub(super) fn check_size(&self, what: &'static str, vector: &DVector<f64>) -> Result<(), DynamicsError> {
         let expected = self.bias().len();
-        if vector.len() == expected { Ok(()) } else { Err(BalanceError::Length { what, expected, got: vector.len() }) }
+        if vector.len() == expected { Ok(()) } else { Err(DynamicsError::Length { what, expected, got: vector.len() }) }
     }
 
     fn first_free_row(&self) -> usize {
@@ -347,10 +347,10 @@ impl ClosedForm<'_> {
 }
 
 /// `given`, or zeros where nothing is given.
-fn filled<T: Clone>(what: &'static str, given: &[T], expected: usize, zero: T) -> Result<Vec<T>, BalanceError> {
+fn filled<T: Clone>(what: &'static str, given: &[T], expected: usize, zero: T) -> Result<Vec<T>, DynamicsError> {
     match given.len() {
         0 => Ok(vec![zero; expected]),
         got if got == expected => Ok(given.to_vec()),
-        got => Err(BalanceError::Length { what, expected, got }),
+        got => Err(DynamicsError::Length { what, expected, got }),
     }
 }

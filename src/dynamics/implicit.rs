@@ -18,7 +18,7 @@ use super::joint_torque::implicit_joint_torque;
 use crate::lane::{Lane, Param};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
-use crate::system::{BodyTerms, Constant, JOINTS, System};
+use crate::system::{BodyTerms, JOINTS, JointScrew, System};
 
 /// How far ahead forces are taken.
 #[derive(Debug, Clone, Copy)]
@@ -40,8 +40,8 @@ fn effective<L: Lane, B: Param<L>>(
     let mut inertia: SpatialInertia<L> = body.inertia.get();
     let mut bias = Vector6::zero();
     body_bias::<_, _, false>(body, twist, gravity, &mut bias);
-    for drag in &body.drag {
-        inertia = drag.slope(twist).scale_add(h, &inertia);
+    for damping in &body.damping {
+        inertia = damping.damping_matrix(twist).scale_add(h, &inertia);
     }
     if let Some(restoring) = &body.restoring {
         let stiffness = Matrix3::symmetric(&restoring.stiffness(gravity));
@@ -84,13 +84,13 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
         let inertia = own.plus(&carried.0);
         bias = bias + carried.1;
-        let (column, along) = match joint.constant {
-            Constant::Shift(_) => (inertia.column::<5>(), bias.angular.0[2]),
-            Constant::Turn(..) => (inertia.column::<2>(), bias.linear.0[2]),
+        let (column, along) = match joint.screw {
+            JointScrew::Revolute { .. } => (inertia.column::<5>(), bias.angular.0[2]),
+            JointScrew::Prismatic { .. } => (inertia.column::<2>(), bias.linear.0[2]),
         };
-        let d = match joint.constant {
-            Constant::Shift(_) => column.angular.0[2],
-            Constant::Turn(..) => column.linear.0[2],
+        let d = match joint.screw {
+            JointScrew::Revolute { .. } => column.angular.0[2],
+            JointScrew::Prismatic { .. } => column.linear.0[2],
         };
         let (torque, falls) = implicit_joint_torque(joint, h, q[i], qd[i], loads.torque[i], loads.target(i, time));
         let over_d = L::c(1.0) / (d + falls);

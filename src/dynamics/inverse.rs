@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Vector6};
 
 use super::closed_form::{Balance, ClosedForm, Loads};
-use crate::error::BalanceError;
+use crate::error::DynamicsError;
 use crate::system::{Flow, State};
 
 /// What must be applied.
@@ -19,9 +19,9 @@ impl ClosedForm<'_> {
     /// The vehicle wrench and actuator torques that, on top of `loads`, give `accelerations` `[V'; q'']`, (6+n).
     ///
     /// # Errors
-    /// [`BalanceError::Length`] where `accelerations` has another length than 6+n or a load fits neither the scene nor
+    /// [`DynamicsError::Length`] where `accelerations` has another length than 6+n or a load fits neither the scene nor
     /// "none".
-    pub fn inverse_dynamics(&self, accelerations: &DVector<f64>, loads: &Loads) -> Result<Effort, BalanceError> {
+    pub fn inverse_dynamics(&self, accelerations: &DVector<f64>, loads: &Loads) -> Result<Effort, DynamicsError> {
         self.check_size("acceleration", accelerations)?;
         let missing = self.mass_matrix() * accelerations + self.bias() - self.generalized_force(loads)?;
         // The vehicle's block of W and the joints' of L are identities.
@@ -38,7 +38,7 @@ impl Balance {
     ///
     /// # Errors
     /// None on a scene that composes.
-    pub fn trim(&self, state: &State, flow: impl Into<Flow>) -> Result<Effort, BalanceError> {
+    pub fn trim(&self, state: &State, flow: impl Into<Flow>) -> Result<Effort, DynamicsError> {
         let rest = State { twist: Vector6::zeros(), qd: Default::default(), ..state.clone() };
         let form = self.at(&rest, flow);
         form.inverse_dynamics(&DVector::zeros(6 + form.joints()), &Loads::default())

@@ -8,7 +8,7 @@ use nalgebra::{DVector, Vector3, Vector6};
 use super::closed_form::{ClosedForm, Loads};
 use super::dense::{angular, linear, stack};
 use super::joint::EndStop;
-use crate::error::BalanceError;
+use crate::error::DynamicsError;
 use crate::system::State;
 
 /// Energies, J.
@@ -115,8 +115,8 @@ impl ClosedForm<'_> {
     /// Powers, by absolute twists.
     ///
     /// # Errors
-    /// [`BalanceError::Length`] where a load fits neither the scene nor "none".
-    pub fn power(&self, loads: &Loads) -> Result<Power, BalanceError> {
+    /// [`DynamicsError::Length`] where a load fits neither the scene nor "none".
+    pub fn power(&self, loads: &Loads) -> Result<Power, DynamicsError> {
         let wrenches = self.body_wrenches(loads)?;
         let torques = self.joint_torques(loads)?;
         let twists = self.body_twists();

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::hydro::{FINS, Surfaces};
+use crate::hydro::{FINS, FinAxes};
 use crate::lane::{Dual, Shared};
 use crate::lie::{self, Matrix3, Vector6};
 use crate::system::{Flow, JOINTS, State, System};
@@ -95,7 +95,7 @@ fn accelerations_along(
     let qd: [Dual; JOINTS] = std::array::from_fn(|k| number(state.qd[k], Direction::Rate(k)));
     let zero = Dual::new(0.0, 0.0);
     let gravity = rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| Dual::new(g, 0.0))));
-    let mut surfaces = Surfaces::blank();
+    let mut surfaces = FinAxes::blank();
     surfaces.deflect(&system.fins, &fins.map(|x| Dual::new(x, 0.0)));
     let instant = Instant {
         is_start: true,
@@ -103,7 +103,8 @@ fn accelerations_along(
         twist,
         q: &q,
         qd: &qd,
-        wrench: six(&|k| number(wrench[k], Direction::Wrench(k))) + system.appendages(&surfaces, twist, gravity),
+        wrench: six(&|k| number(wrench[k], Direction::Wrench(k)))
+            + system.fin_and_tether_wrench(&surfaces, twist, gravity),
         held_rate: lie::Vector3::zero() - pull,
         time: zero,
     };

@@ -10,7 +10,7 @@ use super::body::DenseBody;
 use super::dense::{Pose, ad, angular, blocks, cross, linear, stack};
 use super::joint::{EndStop, friction, joint_axis};
 use crate::description::{Joint, JointKind, Scene};
-use crate::error::BalanceError;
+use crate::error::DynamicsError;
 use crate::system::{JOINTS, Joints};
 
 /// Greatest number of velocities `[V; q']`.
@@ -59,7 +59,7 @@ impl Moving {
         let [x, y] = [Vector3::x(), Vector3::y()].map(|axis| body.restoring(&axis));
         self.weight += x[0];
         self.moment += pose.rotation * Vector3::new(y[5], -x[5], x[4]) + pose.position * x[0];
-        let (linear, quadratic) = (body.linear_drag, body.quadratic_drag);
+        let (linear, quadratic) = (body.linear_damping, body.quadratic_damping);
         if linear != Matrix6::zeros() || quadratic != Matrix6::zeros() {
             self.drags.push(Drag { pose: pose * body.hydrodynamic, linear, quadratic });
         }
@@ -116,8 +116,8 @@ impl Recursion {
     /// For a checked scene.
     ///
     /// # Errors
-    /// [`BalanceError::Joints`] where the scene has more joints than a state holds.
-    pub fn new(scene: &Scene) -> Result<Self, BalanceError> {
+    /// [`DynamicsError::Joints`] where the scene has more joints than a state holds.
+    pub fn new(scene: &Scene) -> Result<Self, DynamicsError> {
         let body = |body| DenseBody::new(body, &scene.water);
         let mut bodies = vec![Moving::default()];
         bodies[0].add(Pose::identity(), &body(&scene.vehicle.body));
@@ -150,7 +150,7 @@ impl Recursion {
             last.add(at * Pose::from_frame(&payload.frame), &body(&payload.body));
         }
         if joints.len() > JOINTS {
-            return Err(BalanceError::Joints { joints: joints.len(), max: JOINTS });
+            return Err(DynamicsError::Joints { joints: joints.len(), max: JOINTS });
         }
         let appendages = Appendages::new(&scene.vehicle, &scene.water);
         let deflections = appendages.deflections();

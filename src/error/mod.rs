@@ -12,6 +12,6 @@ pub use control::ControlError;
 pub use dynamics::DynamicsError;
 pub use policy::PolicyError;
 pub use render::RenderError;
-pub use scene::{Numbers, Problem, SceneError};
+pub use scene::{DescriptionError, Numbers, Problem};
 pub use simulator::SimulatorError;
 pub use task::TaskError;

@@ -13,7 +13,9 @@ pub enum PolicyError {
     #[error("layer {layer} has {got} weights, but must have {outputs} x {inputs}, and at least one")]
     Layer { layer: usize, outputs: usize, inputs: usize, got: usize },
     /// Inputs that are not a whole number of observations.
-    #[error("the policy has {inputs} inputs, but must have a multiple of {history}, its number of stacked observations")]
+    #[error(
+        "the policy has {inputs} inputs, but must have a multiple of {history}, its number of stacked observations"
+    )]
     History { history: usize, inputs: usize },
     /// Tensor of the wrong length.
     #[error("{tensor} has {got} numbers, but must have {expected}")]

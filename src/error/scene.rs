@@ -4,7 +4,7 @@ use std::fmt;
 
 /// A scene that cannot be read or is not physical.
 #[derive(Debug, thiserror::Error)]
-pub enum SceneError {
+pub enum DescriptionError {
     /// The file cannot be read.
     #[error("{path}: {error}")]
     File {

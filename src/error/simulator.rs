@@ -140,9 +140,7 @@ pub enum SimulatorError {
         scene: String,
     },
     /// Invalid factor on a parameter.
-    #[error(
-        "factor on {name} of instance {instance} is {value}, but must be finite and >= 0 (mass: > 0)"
-    )]
+    #[error("factor on {name} of instance {instance} is {value}, but must be finite and >= 0 (mass: > 0)")]
     Factor {
         /// Name of the parameter.
         name: &'static str,

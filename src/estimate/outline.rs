@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::solid::Solid;
 use crate::description::{Frame, numbers, read_value};
-use crate::error::{SceneError, Problem};
+use crate::error::{DescriptionError, Problem};
 
 /// Shapes that make up one body, and the water that they move through.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -182,12 +182,12 @@ impl Outline {
     /// Reads and checks a tree of values; `source_name` appears in errors.
     ///
     /// # Errors
-    /// [`SceneError::Value`] names the source, the key and the value of the first thing that is wrong.
-    pub fn from_value(value: toml::Value, source_name: &str) -> Result<Self, SceneError> {
+    /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.
+    pub fn from_value(value: toml::Value, source_name: &str) -> Result<Self, DescriptionError> {
         let outline: Self = read_value(value, source_name)?;
         match outline.faults() {
             None => Ok(outline),
-            Some((key, problem)) => Err(SceneError::Value { source_name: source_name.to_owned(), key, problem }),
+            Some((key, problem)) => Err(DescriptionError::Value { source_name: source_name.to_owned(), key, problem }),
         }
     }
 
@@ -195,7 +195,7 @@ impl Outline {
     ///
     /// # Errors
     /// Text that is not TOML, by line and column, or as [`Outline::from_value`].
-    pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, SceneError> {
+    pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, DescriptionError> {
         Self::from_value(crate::description::parse_toml(text, source_name)?, source_name)
     }
 
@@ -203,12 +203,12 @@ impl Outline {
     ///
     /// # Errors
     /// A file that cannot be read, or as [`Outline::from_toml_str`].
-    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, SceneError> {
+    pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
         let path = path.as_ref();
         let source_name = path.display().to_string();
         match std::fs::read_to_string(path) {
             Ok(text) => Self::from_toml_str(&text, &source_name),
-            Err(error) => Err(SceneError::File { path: source_name, error }),
+            Err(error) => Err(DescriptionError::File { path: source_name, error }),
         }
     }
 

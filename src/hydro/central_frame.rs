@@ -2,7 +2,7 @@
 
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::spatial::{LinkTwist, BodyPoint, constant_screw_z};
+use crate::spatial::{BodyPoint, LinkTwist, constant_screw_z};
 
 /// Inertia (rigid and added), drag and net weight in a frame whose origin is the centre of all of them and whose axes are those
 /// of drag and masses, as most links have one: there they take half the arithmetic.

@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
 use uvms_gym::error::{
-    BalanceError, ControlError, DescriptionError, PolicyError, RenderError, SimulatorError, TaskError,
+    ControlError, DescriptionError, DynamicsError, PolicyError, RenderError, SimulatorError, TaskError,
 };
 
 create_exception!(
@@ -58,4 +58,4 @@ macro_rules! value_errors {
     )*};
 }
 
-value_errors!(BalanceError, ControlError, PolicyError, RenderError, SimulatorError, TaskError);
+value_errors!(DynamicsError, ControlError, PolicyError, RenderError, SimulatorError, TaskError);

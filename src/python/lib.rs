@@ -36,7 +36,7 @@ mod core {
     #[pymodule_export]
     use super::renderer::Renderer;
     #[pymodule_export]
-    use super::robots::{dump_scene, estimate, import_urdf, scene_doubts, scene_template};
+    use super::robots::{dump_scene, estimate, import_urdf, lint_scene, scene_template};
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]

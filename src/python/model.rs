@@ -11,7 +11,7 @@ use super::simulator::Simulator;
 use uvms_gym::batch::AppliedLoads;
 use uvms_gym::dynamics::dense::Pose;
 use uvms_gym::dynamics::{BodyWrenches, ClosedForm};
-use uvms_gym::error::BalanceError;
+use uvms_gym::error::DynamicsError;
 
 /// Arrays by name.
 type Arrays<'py> = PyResult<Bound<'py, PyDict>>;
@@ -22,7 +22,7 @@ impl Simulator {
         &self,
         py: Python<'py>,
         shapes: [&[usize]; K],
-        f: impl Fn(usize, &ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
+        f: impl Fn(usize, &ClosedForm) -> Result<[Vec<f64>; K], DynamicsError> + Sync,
     ) -> PyResult<[Array<'py>; K]> {
         let (simulator, instances) = (&self.inner, self.inner.instances());
         let f = &f;
@@ -34,7 +34,7 @@ impl Simulator {
                         column.extend(row);
                     }
                 }
-                Ok::<_, BalanceError>(columns)
+                Ok::<_, DynamicsError>(columns)
             })
             .or_raise()?;
         let mut arrays = Vec::with_capacity(K);
@@ -61,7 +61,7 @@ impl Simulator {
         py: Python<'py>,
         names: [&str; K],
         shape: &[usize],
-        f: impl Fn(usize, &ClosedForm) -> Result<[Vec<f64>; K], BalanceError> + Sync,
+        f: impl Fn(usize, &ClosedForm) -> Result<[Vec<f64>; K], DynamicsError> + Sync,
     ) -> Arrays<'py> {
         dict(py, names, self.each(py, [shape; K], f)?)
     }

@@ -16,7 +16,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag: see `set_parameters`.
+    ///     mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag: see `set_parameters`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let instances = self.inner.instances();
@@ -38,7 +38,7 @@ impl Simulator {
     ///     Factor on mass, and with it inertia and weight. Positive.
     /// added_mass : array_like () or (N,)
     ///     Factor on added mass.
-    /// linear_drag, quadratic_drag : array_like () or (N,)
+    /// linear_damping, quadratic_damping : array_like () or (N,)
     ///     Factors on drag coefficients.
     /// volume : array_like () or (N,)
     ///     Factor on displaced volume, and with it buoyancy.
@@ -54,7 +54,7 @@ impl Simulator {
     /// ValueError, TypeError
     ///     A factor has the wrong shape or type, is negative or not finite; nothing has changed then.
     #[pyo3(signature = (
-        *, mass=None, added_mass=None, linear_drag=None, quadratic_drag=None, volume=None, payload=None, thrust=None,
+        *, mass=None, added_mass=None, linear_damping=None, quadratic_damping=None, volume=None, payload=None, thrust=None,
         thruster_lag=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
@@ -62,8 +62,8 @@ impl Simulator {
         &mut self,
         mass: Given,
         added_mass: Given,
-        linear_drag: Given,
-        quadratic_drag: Given,
+        linear_damping: Given,
+        quadratic_damping: Given,
         volume: Given,
         payload: Given,
         thrust: Given,
@@ -71,7 +71,7 @@ impl Simulator {
     ) -> PyResult<()> {
         let instances = self.inner.instances();
         let mut factors: Vec<_> = (0..instances).map(|i| self.inner.factors(i).to_array()).collect();
-        let given = [mass, added_mass, linear_drag, quadratic_drag, volume, payload, thrust, thruster_lag];
+        let given = [mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag];
         for (k, (name, given)) in Factors::<f64>::NAMES.into_iter().zip(given).enumerate() {
             let Some(given) = given else { continue };
             let (shape, numbers) = read(name, given)?;

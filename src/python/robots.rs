@@ -53,11 +53,10 @@ pub fn dump_scene(scene: &Bound<'_, PyAny>) -> PyResult<String> {
 /// SceneError
 ///     As `load_scene`.
 #[pyfunction]
-pub fn scene_doubts(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+pub fn lint_scene(scene: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
     let scene = read(scene)?;
     let warnings = scene.check().or_raise()?;
-    let doubts = scene.doubts();
-    Ok(warnings.iter().map(ToString::to_string).chain(doubts.iter().map(ToString::to_string)).collect())
+    Ok(warnings.iter().chain(&scene.lint()).map(ToString::to_string).collect())
 }
 
 /// Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.

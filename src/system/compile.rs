@@ -321,7 +321,10 @@ fn tidy_inertia(inertia: &SpatialInertia<f64>) -> SpatialInertia<f64> {
 
 /// Terms in the frame of the damping coefficients (of [`undamped`] where there are none), with rigid and added inertia there.
 /// None unless the frame is central: both masses are centred in it, all matrices but the angular inertia diagonal.
-fn central(of: &UnscaledBodyTerms<f64>, damping: &Damping<f64>) -> Option<(CentralFrameTerms<f64>, [CentralInertia<f64>; 2])> {
+fn central(
+    of: &UnscaledBodyTerms<f64>,
+    damping: &Damping<f64>,
+) -> Option<(CentralFrameTerms<f64>, [CentralInertia<f64>; 2])> {
     let at = frame_pose(&damping.frame);
     let back = inverse(&at);
     let there = |inertia: &SpatialInertia<f64>| {
@@ -378,11 +381,6 @@ fn frame_pose(frame: &CoefficientFrame<f64>) -> Pose<f64> {
         CoefficientFrame::Shifted(p) => Pose { rotation: Matrix3::identity(), position: Vector3(p) },
         CoefficientFrame::General(r, p) => Pose { rotation: Matrix3(r), position: Vector3(p) },
     }
-}
-
-fn turn(theta: f64) -> JointScrew<f64> {
-    let (sin, cos) = theta.sin_cos();
-    JointScrew::Prismatic { sin, cos }
 }
 
 fn friction(joint: &Joint) -> Option<Friction<f64>> {

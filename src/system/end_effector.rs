@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::compile::compile;
-use super::model::{JointScrew, JointTerms, JointPlacement};
+use super::model::{JointPlacement, JointScrew, JointTerms};
 use super::state::{JOINTS, Joints};
 use crate::description::{Frame, Scene};
 use crate::lane::{Lane, Param, Shared, get_option, sin_cos};
@@ -68,8 +68,11 @@ impl<P: Copy> EndEffector<P> {
     /// The chain with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> EndEffector<Q> {
         let c = &change;
-        let link =
-            |link: &Link<P>| Link { placement: link.placement.map(c), offset: c(link.offset), screw: link.screw.map(c) };
+        let link = |link: &Link<P>| Link {
+            placement: link.placement.map(c),
+            offset: c(link.offset),
+            screw: link.screw.map(c),
+        };
         let (rotation, position) = self.tip;
         EndEffector {
             joints: self.joints.iter().map(link).collect(),

@@ -64,7 +64,12 @@ impl<P: Copy, B> System<P, B> {
     /// Wrench of fins and tether on the vehicle, from its twist relative to the water and gravity (of a world at rest) in vehicle
     /// axes.
     #[inline(always)]
-    pub fn fin_and_tether_wrench<L: Lane>(&self, fin_axes: &FinAxes<L>, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
+    pub fn fin_and_tether_wrench<L: Lane>(
+        &self,
+        fin_axes: &FinAxes<L>,
+        twist: Vector6<L>,
+        gravity: Vector3<L>,
+    ) -> Vector6<L>
     where
         P: Param<L>,
     {

@@ -117,7 +117,12 @@ fn by_normal(normal: &Normal, line: Line, pose: Pose<f64>, placement: JointPlace
 
 /// A frame related to its parent by a general pose.
 fn by_pose(relative: &Pose<f64>, pose: Pose<f64>) -> JointFrame {
-    JointFrame { pose, placement: JointPlacement::General(relative.rotation.0, relative.position.0), theta: 0.0, d: 0.0 }
+    JointFrame {
+        pose,
+        placement: JointPlacement::General(relative.rotation.0, relative.position.0),
+        theta: 0.0,
+        d: 0.0,
+    }
 }
 
 /// `T^-1`

@@ -15,5 +15,7 @@ pub use attitude::{quaternion, roll_pitch_yaw, rotation, rotation_vector};
 pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;
 pub use factors::{FACTORS, Factors, ScaledSystem, UnscaledBodyTerms};
-pub use model::{Actuator, BodyTerms, JointScrew, Friction, JointTerms, Limits, Servo, JointPlacement, System, VehicleServo};
+pub use model::{
+    Actuator, BodyTerms, Friction, JointPlacement, JointScrew, JointTerms, Limits, Servo, System, VehicleServo,
+};
 pub use state::{Flow, JOINTS, Joints, State};

@@ -207,7 +207,8 @@ impl<P: Copy, B: Copy> System<P, B> {
 impl<B> BodyTerms<B> {
     /// True if the body has a central frame whose z axis lies along its own, and no other damping.
     pub fn is_z_aligned(&self) -> bool {
-        self.damping.len() <= 1 && self.central.as_ref().is_some_and(|central| !matches!(central.rotation, FrameRotation::General(_)))
+        self.damping.len() <= 1
+            && self.central.as_ref().is_some_and(|central| !matches!(central.rotation, FrameRotation::General(_)))
     }
 }
 
@@ -236,7 +237,9 @@ impl<P: Copy> JointPlacement<P> {
     pub(super) fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointPlacement<Q> {
         match *self {
             JointPlacement::Dh(bend, a) => JointPlacement::Dh(bend.map(c), a.map(c)),
-            JointPlacement::DhWithOffset(turn, d, bend, a) => JointPlacement::DhWithOffset(turn.map(c), d.map(c), bend.map(c), a.map(c)),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => {
+                JointPlacement::DhWithOffset(turn.map(c), d.map(c), bend.map(c), a.map(c))
+            }
             JointPlacement::General(r, p) => JointPlacement::General(r.map(|row| row.map(c)), p.map(c)),
         }
     }

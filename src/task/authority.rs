@@ -6,7 +6,7 @@ use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::METRES_PER_RADIAN;
 use crate::description::{Joint, JointKind, JointServo, Scene};
 use crate::dynamics::Balance;
-use crate::error::{BalanceError, TaskError};
+use crate::error::{DynamicsError, TaskError};
 use crate::system::State;
 
 /// Accelerations of a joint for which an action of 1 is enough, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2): where
@@ -96,6 +96,6 @@ fn model(scene: &Scene) -> Result<Balance, TaskError> {
     Balance::new(scene).map_err(|error| unfit(scene, &error))
 }
 
-fn unfit(scene: &Scene, error: &BalanceError) -> TaskError {
+fn unfit(scene: &Scene, error: &DynamicsError) -> TaskError {
     TaskError::Scene { scene: scene.name.clone(), reason: error.to_string() }
 }

@@ -1,7 +1,7 @@
 //! The serial chain between two links of a tree.
 
 use super::file::{Joint, Kind, Robot, fault};
-use crate::error::SceneError;
+use crate::error::DescriptionError;
 
 /// Joints from a base link to a tip link, fixed ones among them.
 pub struct Chain {
@@ -11,7 +11,7 @@ pub struct Chain {
     pub joints: Vec<usize>,
 }
 
-type Result<T> = std::result::Result<T, SceneError>;
+type Result<T> = std::result::Result<T, DescriptionError>;
 
 impl Robot {
     fn link_called(&self, name: &str, role: &str, source: &str) -> Result<usize> {

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use roxmltree::{Document, Node};
 
 use crate::description::Frame;
-use crate::error::SceneError;
+use crate::error::DescriptionError;
 use crate::estimate::{Axis, Ends, Round, Shape};
 
 /// Greatest magnitude of a number, as of scenes.
@@ -69,11 +69,11 @@ struct Element<'a> {
     source: &'a str,
 }
 
-type Result<T> = std::result::Result<T, SceneError>;
+type Result<T> = std::result::Result<T, DescriptionError>;
 
 /// An error in an element.
-pub fn fault(source: &str, line: u32, element: &str, problem: impl Into<String>) -> SceneError {
-    SceneError::Urdf {
+pub fn fault(source: &str, line: u32, element: &str, problem: impl Into<String>) -> DescriptionError {
+    DescriptionError::Urdf {
         source_name: source.to_owned(),
         line,
         element: element.to_owned(),
@@ -168,7 +168,7 @@ impl<'a> Element<'a> {
 impl Robot {
     /// Reads a file's text.
     pub fn read(text: &str, source: &str) -> Result<Self> {
-        let document = Document::parse(text).map_err(|error| SceneError::Syntax {
+        let document = Document::parse(text).map_err(|error| DescriptionError::Syntax {
             source_name: source.to_owned(),
             message: format!("line {}: {error}", error.pos().row),
         })?;

@@ -11,7 +11,7 @@ use super::links::Part;
 use crate::description::{
     Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS, Mount, Scene, VEHICLE,
 };
-use crate::error::SceneError;
+use crate::error::DescriptionError;
 use crate::estimate::{Estimate, Outline};
 
 /// Natural frequency that servos are given, 1/s.
@@ -43,7 +43,7 @@ pub struct Imported {
     pub notes: Vec<String>,
 }
 
-type Result<T> = std::result::Result<T, SceneError>;
+type Result<T> = std::result::Result<T, DescriptionError>;
 
 impl Import<'_> {
     /// Reads a URDF file.
@@ -54,14 +54,14 @@ impl Import<'_> {
         let path = path.as_ref();
         let source = path.display().to_string();
         let text =
-            std::fs::read_to_string(path).map_err(|error| SceneError::File { path: source.clone(), error })?;
+            std::fs::read_to_string(path).map_err(|error| DescriptionError::File { path: source.clone(), error })?;
         self.from_text(&text, &source)
     }
 
     /// Reads URDF text; `source` (a file's name) appears in errors.
     ///
     /// # Errors
-    /// [`SceneError::Syntax`], [`SceneError::Urdf`] with line and element, or [`SceneError::Value`] with the
+    /// [`DescriptionError::Syntax`], [`DescriptionError::Urdf`] with line and element, or [`DescriptionError::Value`] with the
     /// key of the scene that no physical system can have.
     pub fn from_text(&self, text: &str, source: &str) -> Result<Imported> {
         let robot = Robot::read(text, source)?;

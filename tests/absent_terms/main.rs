@@ -109,7 +109,7 @@ fn absent_terms_are_dropped_by_the_compiler() {
             for (i, &nothing) in nothing.iter().enumerate() {
                 let stated = compiled(&place.edited(&base, nothing));
                 assert!(stated.system == without.system, "{what}, form {i} of nothing");
-                assert!(stated.ingredients == without.ingredients, "{what}, form {i} of nothing");
+                assert!(stated.unscaled == without.unscaled, "{what}, form {i} of nothing");
                 checked += 1;
             }
         }
@@ -284,8 +284,8 @@ fn factors_of_zero_take_terms_away() {
     type Way = (&'static str, fn(&mut Factors<f64>), Edit);
     let ways: [Way; 4] = [
         ("added mass", |f| f.added_mass = 0.0, |body| drop(body.remove("added_mass"))),
-        ("linear drag", |f| f.linear_drag = 0.0, |body| drop(table(body, "damping").remove("linear"))),
-        ("quadratic drag", |f| f.quadratic_drag = 0.0, |body| drop(table(body, "damping").remove("quadratic"))),
+        ("linear drag", |f| f.linear_damping = 0.0, |body| drop(table(body, "damping").remove("linear"))),
+        ("quadratic drag", |f| f.quadratic_damping = 0.0, |body| drop(table(body, "damping").remove("quadratic"))),
         ("volume", |f| f.volume = 0.0, no_volume),
     ];
     for (name, base) in scenes() {

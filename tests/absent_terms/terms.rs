@@ -1,9 +1,9 @@
 //! The table: every term of a scene, how to leave it out, and every way of stating nothing of it.
 
-use uvms_gym::hydro::Coefficients;
+use uvms_gym::hydro::CoefficientMatrix;
 use uvms_gym::lane::Shared;
 use uvms_gym::spatial::SpatialInertia;
-use uvms_gym::system::{BodyTerms, Compiled, Ingredients, JointTerms};
+use uvms_gym::system::{BodyTerms, Compiled, JointTerms, UnscaledBodyTerms};
 
 use crate::edit::{Edit, Place, bodies, list, table, zeros};
 
@@ -20,7 +20,7 @@ pub struct Term {
 }
 
 type Body = BodyTerms<Shared<f64>>;
-type Parts = Ingredients<Shared<f64>>;
+type Parts = UnscaledBodyTerms<Shared<f64>>;
 
 /// Where the kernel would have a term.
 #[derive(Clone, Copy)]
@@ -41,21 +41,21 @@ impl Dropped {
             Dropped::Body(dropped) => {
                 let concerned = match place {
                     Place::Vehicle => 0..1,
-                    Place::Links => 1..compiled.ingredients.len(),
-                    _ => 0..compiled.ingredients.len(),
+                    Place::Links => 1..compiled.unscaled.len(),
+                    _ => 0..compiled.unscaled.len(),
                 };
-                all().zip(&compiled.ingredients).skip(concerned.start).take(concerned.len()).all(|(b, p)| dropped(b, p))
+                all().zip(&compiled.unscaled).skip(concerned.start).take(concerned.len()).all(|(b, p)| dropped(b, p))
             }
         }
     }
 }
 
 fn no_linear(body: &Body) -> bool {
-    body.drag.iter().all(|drag| drag.linear == Coefficients::None)
+    body.damping.iter().all(|damping| damping.linear == CoefficientMatrix::None)
 }
 
 fn no_quadratic(body: &Body) -> bool {
-    body.drag.iter().all(|drag| drag.quadratic == Coefficients::None)
+    body.damping.iter().all(|damping| damping.quadratic == CoefficientMatrix::None)
 }
 
 fn no_added(parts: &Parts) -> bool {
@@ -114,7 +114,7 @@ const BODY: [Row<BodyLacks>; 5] = [
                 }
             },
         ],
-        |body, parts| body.drag.is_empty() && no_added(parts),
+        |body, parts| body.damping.is_empty() && no_added(parts),
     ),
     (
         "buoyancy",
@@ -212,7 +212,7 @@ const SCENE: [Row<SystemLacks>; 4] = [
             table(root, "water").insert("density".into(), 0.0.into());
             bodies(root, |body| drop(body.remove("buoyancy")));
         }],
-        |compiled| compiled.ingredients.iter().all(|parts| parts.displaced.net_mass.0 == 0.0),
+        |compiled| compiled.unscaled.iter().all(|parts| parts.displaced.net_mass.0 == 0.0),
     ),
     (
         "station keeping",

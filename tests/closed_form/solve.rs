@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::description::{Body, Frame, Friction, InertiaPoint, JointKind, JointLimits, Link, Scene};
 use uvms_gym::dynamics::{Balance, Loads};
-use uvms_gym::error::BalanceError;
+use uvms_gym::error::DynamicsError;
 use uvms_gym::system::State;
 
 use crate::cases::{Push, current, dry, scene, scenes};
@@ -139,15 +139,15 @@ fn bad_input_is_refused_with_its_numbers() {
     let wrong = |loads: Loads| form.accelerations(&loads).unwrap_err();
     assert_eq!(
         wrong(Loads { thrust: &[1.0], ..Loads::default() }),
-        BalanceError::Length { what: "thrust", expected: 6, got: 1 }
+        DynamicsError::Length { what: "thrust", expected: 6, got: 1 }
     );
     assert!(matches!(
         wrong(Loads { external: &[Vector6::zeros()], ..Loads::default() }),
-        BalanceError::Length { expected: 5, got: 1, .. }
+        DynamicsError::Length { expected: 5, got: 1, .. }
     ));
     assert!(matches!(
         wrong(Loads { joint_command: &[0.0; 3], ..Loads::default() }),
-        BalanceError::Length { expected: 4, got: 3, .. }
+        DynamicsError::Length { expected: 4, got: 3, .. }
     ));
     assert!(form.inverse_dynamics(&DVector::zeros(4), &Loads::default()).is_err());
 
@@ -157,11 +157,11 @@ fn bad_input_is_refused_with_its_numbers() {
     bad.payload = None;
     let massless = Balance::new(&bad).unwrap();
     let form = massless.at(&random_state(0, &bad), Vector3::zeros());
-    assert_eq!(form.accelerations(&Loads::default()).unwrap_err(), BalanceError::NotPositiveDefinite);
+    assert_eq!(form.accelerations(&Loads::default()).unwrap_err(), DynamicsError::NotPositiveDefinite);
 
     let link = bad.arm.as_ref().unwrap().links[0].clone();
     bad.arm.as_mut().unwrap().links = vec![link; 9];
-    assert_eq!(Balance::new(&bad).unwrap_err(), BalanceError::Joints { joints: 10, max: 9 });
+    assert_eq!(Balance::new(&bad).unwrap_err(), DynamicsError::Joints { joints: 10, max: 9 });
 }
 
 #[test]

@@ -28,8 +28,8 @@ fn run(scene: &Scene, precision: Precision, integrator: &str, varied: bool) -> V
     if varied {
         let mut factor = || random.between(0.8, 1.2);
         let mut own = || {
-            let (mass, added_mass, quadratic_drag, volume) = (factor(), factor(), factor(), factor());
-            Factors { mass, added_mass, quadratic_drag, volume, ..Factors::ONE }
+            let (mass, added_mass, quadratic_damping, volume) = (factor(), factor(), factor(), factor());
+            Factors { mass, added_mass, quadratic_damping, volume, ..Factors::ONE }
         };
         let factors: Vec<_> = (0..INSTANCES).map(|_| own()).collect();
         simulator.set_factors(&factors).unwrap();

@@ -319,7 +319,7 @@ def test_a_policy_that_does_not_fit_is_refused_before_computing(
     policy().save(file)
     assert "its scene is bluerov2-heavy, the environment's rexrov" in message(SMALL, "rexrov")
     file.write_bytes(file.read_bytes()[:-5])
-    assert "own.safetensors: no policy of uvms_gym" in message(SMALL)
+    assert "own.safetensors: not a policy of uvms_gym" in message(SMALL)
 
 
 @pytest.mark.parametrize(

@@ -143,7 +143,7 @@ def test_what_is_no_policy_is_refused(tmp_path: Path) -> None:
     data = file.read_bytes()
     for content in (b"", b"PK\x03\x04 a zip file", data[:100], data[:-1], data + b"\0"):
         file.write_bytes(content)
-        with pytest.raises(ValueError, match=r"policy\.safetensors: no policy of uvms_gym: "):
+        with pytest.raises(ValueError, match=r"policy\.safetensors: not a policy of uvms_gym: "):
             MLP.load(file)
 
 

@@ -196,7 +196,7 @@ def test_parameters_are_drawn_per_episode():
     envs = StationKeepVectorEnv(64, scene=ARM, disturbance="calm", randomize=True, autoreset_mode="Disabled")
     envs.reset(seed=0)
     first = envs.simulator.parameters
-    for name in ("mass", "added_mass", "linear_drag", "quadratic_drag", "thrust"):
+    for name in ("mass", "added_mass", "linear_damping", "quadratic_damping", "thrust"):
         assert 0.7 <= first[name].min() < 0.75 and 1.25 < first[name].max() <= 1.3
     assert same(first["volume"], first["mass"])
     envs.reset()

@@ -82,7 +82,7 @@ def simulated(scene: Any) -> None:
     simulator.step(substeps=2)
     simulator.energy()
     simulator.trim()
-    uvms_gym.scene_doubts(scene)
+    uvms_gym.lint_scene(scene)
     assert uvms_gym.load_scene(uvms_gym.load_scene(scene)) == simulator.scene
 
 

@@ -188,15 +188,15 @@ def test_time_that_runs_too_fast_would_show(name: str, monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     ("case", "factor"),
     [
-        (water.MASS_RATIO, "quadratic_drag"),
+        (water.MASS_RATIO, "quadratic_damping"),
         (water.OFF_DIAGONAL, "added_mass"),
         (water.MUNK_CASE, "added_mass"),
         (water.FAST_DRAG, "mass"),
-        (water.DRAG_DECAY, "linear_drag"),
+        (water.DRAG_DECAY, "linear_damping"),
         (water.PENDULUM_CASE, "added_mass"),
         (water.DRIFT, "added_mass"),
         (water.DRIFT_ACCELERATING, "volume"),
-        (arms.STIFF_DRAG, "linear_drag"),
+        (arms.STIFF_DRAG, "linear_damping"),
         (contact.END_STOP, "mass"),
         (contact.CHATTER, "volume"),
     ],

@@ -9,7 +9,7 @@ from helpers import assert_same, bodies, moving, state_of
 
 from uvms_gym import Simulator, load_scene
 
-NAMES = ["mass", "added_mass", "linear_drag", "quadratic_drag", "volume", "payload", "thrust", "thruster_lag"]
+NAMES = ["mass", "added_mass", "linear_damping", "quadratic_damping", "volume", "payload", "thrust", "thruster_lag"]
 NEUTRAL = {name: float(name != "payload") for name in NAMES}
 
 
@@ -61,7 +61,7 @@ def test_factors_are_those_of_a_scene_with_other_numbers(name: str) -> None:
         body["damping"]["quadratic"] = (1.5 * np.array(body["damping"]["quadratic"])).tolist()
     scene["provenance"] = {}
     twin, varied = moving(scene), moving(name)
-    varied.set_parameters(mass=1.2, added_mass=0.8, linear_drag=0.7, quadratic_drag=1.5)
+    varied.set_parameters(mass=1.2, added_mass=0.8, linear_damping=0.7, quadratic_damping=1.5)
     assert np.allclose(varied.mass_matrix(), twin.mass_matrix(), rtol=1e-13, atol=1e-15)
     for s in (twin, varied):
         s.step(thrust=10.0 * np.ones(s.num_thrusters), substeps=50)
@@ -100,16 +100,16 @@ def test_copies_keep_parameters() -> None:
         ({"mass": 0.0}, "mass of instance 0 is 0"),
         ({"mass": -1.0}, "mass of instance 0 is -1"),
         ({"volume": [1.0, np.nan]}, "volume of instance 1 is NaN"),
-        ({"linear_drag": [1.0, 2.0, 3.0]}, r"linear_drag has shape \(3,\)"),
+        ({"linear_damping": [1.0, 2.0, 3.0]}, r"linear_damping has shape \(3,\)"),
     ],
 )
 def test_bad_factors_change_nothing(factors: dict[str, object], words: str) -> None:
     s = Simulator("petasus-pum", 2)
     s.set_parameters(added_mass=1.1)
     with pytest.raises(ValueError, match=words):
-        s.set_parameters(quadratic_drag=2.0, **factors)
+        s.set_parameters(quadratic_damping=2.0, **factors)
     assert (s.parameters["added_mass"] == 1.1).all()
-    assert (s.parameters["quadratic_drag"] == 1.0).all()
+    assert (s.parameters["quadratic_damping"] == 1.0).all()
 
 
 def test_memory_with_parameters() -> None:

@@ -72,7 +72,7 @@ def test_a_network_says_whether_it_corrects(tmp_path: Path) -> None:
     alone.save(file)
     with pytest.raises(ValueError, match=r"its observation is nothing, the environment's base_action \(6\)"):
         MLP.load(file, ENV, corrects=True)
-    with pytest.raises(ValueError, match=r"reads 24 entries of an observation and gives 6 .* here they are 30"):
+    with pytest.raises(ValueError, match=r"reads 24 observation entries and gives 6 .* the environment has 30"):
         Residual(PD(ENV), alone)
     for limit in (-0.1, 1.1, float("nan")):
         with pytest.raises(ValueError, match=rf"limit is (?i:{limit:g}), but must be in \[0, 1\]"):

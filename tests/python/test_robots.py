@@ -81,10 +81,10 @@ def test_a_dumped_scene_reads_back(tmp_path: Path) -> None:
 
 
 def test_doubts_are_lines_with_key_and_numbers() -> None:
-    assert uvms_gym.scene_doubts("petasus-pum") == []
+    assert uvms_gym.lint_scene("petasus-pum") == []
     scene = uvms_gym.load_scene("bluerov2-heavy")
     scene["vehicle"]["body"]["mass"] = 1.35
-    (doubt,) = uvms_gym.scene_doubts(scene)
+    (doubt,) = uvms_gym.lint_scene(scene)
     assert doubt.startswith("vehicle.body.volume: ") and "rises" in doubt
 
 

@@ -142,7 +142,7 @@ def test_what_cannot_be_rolled_out_is_refused() -> None:
     with pytest.raises(ValueError, match="instance 2: there are 2"):
         Rollout(env, PD(env), trace=[2])
     env.reset(seed=0)
-    with pytest.raises(ValueError, match="the policy reads 44 entries of an observation and gives 6 of an action"):
+    with pytest.raises(ValueError, match="the policy reads 44 observation entries and gives 6 action entries"):
         Rollout(env, PD(scene="petasus-pum")).run(1)
 
 

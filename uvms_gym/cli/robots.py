@@ -109,7 +109,7 @@ def import_arm(
     numbers = _numbers("--mount", mount)
     try:
         scene, notes = import_with_notes(urdf, vehicle, mount=numbers, base=base, tip=tip)
-        doubts = uvms_gym.scene_doubts(scene)
+        doubts = uvms_gym.lint_scene(scene)
     except ValueError as error:
         raise fail(str(error)) from None
     heading = [f"{urdf.name} on the vehicle of {vehicle}, by uvms scenes import.", *notes]

@@ -108,7 +108,7 @@ def check(
         simulator = uvms_gym.Simulator(loaded)
     except ValueError as error:
         raise fail(f"{scene}: {error}") from None
-    doubts = uvms_gym.scene_doubts(loaded)
+    doubts = uvms_gym.lint_scene(loaded)
     balance = _balance(simulator)
     steps = simulator.stable_steps(speed)
     greatest = steps[DEFAULT[0]]

@@ -9,7 +9,7 @@ use super::{along, velocity_product};
 use crate::lane::{Lane, Param};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::{SpatialInertia, constant_screw_z, screw_x, screw_z};
-use crate::system::{Constant, JOINTS, JointTerms, Stand};
+use crate::system::{JOINTS, JointPlacement, JointScrew, JointTerms};
 
 /// What the passes leave for each other at a link.
 #[derive(Debug, Clone, Copy)]
@@ -65,12 +65,12 @@ impl<L: Lane> Default for Scratch<L> {
 /// Does something with a joint's screw about its axis.
 macro_rules! with_screw {
     ($link:expr, $joint:expr, |$screw:ident| $work:expr) => {
-        match $joint.constant {
-            Constant::Shift(d) => {
+        match $joint.screw {
+            JointScrew::Revolute { d } => {
                 let $screw = screw_z($link.screw[0], $link.screw[1], d);
                 $work
             }
-            Constant::Turn(sin, cos) => {
+            JointScrew::Prismatic { sin, cos } => {
                 cold_path();
                 let $screw = screw_z(sin, cos, Some($link.screw[0]));
                 $work
@@ -91,7 +91,7 @@ impl<L: Lane> Link<L> {
     ) -> (Vector3<L>, Vector6<L>) {
         let (gravity, twist) = self.both_from_parent(joint, gravity, twist);
         let twist = along(joint, twist, qd);
-        self.across = velocity_product(joint.slides(), twist, qd);
+        self.across = velocity_product(joint.is_prismatic(), twist, qd);
         (gravity, twist)
     }
 
@@ -103,14 +103,14 @@ impl<L: Lane> Link<L> {
         v: Vector3<L>,
         twist: Vector6<L>,
     ) -> (Vector3<L>, Vector6<L>) {
-        let (v, twist) = joint.stand.both_from_parent(v, twist);
+        let (v, twist) = joint.placement.both_from_parent(v, twist);
         with_screw!(self, joint, |screw| screw.both_from_parent(v, twist))
     }
 
     /// A twist of the parent, in this link's frame.
     #[inline(always)]
     pub fn twist_from_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, twist: Vector6<L>) -> Vector6<L> {
-        let twist = joint.stand.twist_from_parent(twist);
+        let twist = joint.placement.twist_from_parent(twist);
         with_screw!(self, joint, |screw| screw.adjoint_apply_inverse(twist))
     }
 
@@ -121,17 +121,17 @@ impl<L: Lane> Link<L> {
         joint: &JointTerms<P, B>,
         inertia: &SpatialInertia<L>,
     ) -> SpatialInertia<L> {
-        joint.stand.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
+        joint.placement.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
     }
 
     /// A wrench on this link, in the parent's frame.
     #[inline(always)]
     pub fn wrench_to_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, wrench: Vector6<L>) -> Vector6<L> {
-        joint.stand.wrench_to_parent(with_screw!(self, joint, |screw| screw.co_adjoint_apply_inverse(wrench)))
+        joint.placement.wrench_to_parent(with_screw!(self, joint, |screw| screw.co_adjoint_apply_inverse(wrench)))
     }
 }
 
-impl<P: Copy> Stand<P> {
+impl<P: Copy> JointPlacement<P> {
     /// A twist of the parent, in the joint's frame at zero.
     #[inline(always)]
     fn twist_from_parent<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
@@ -139,11 +139,11 @@ impl<P: Copy> Stand<P> {
         P: Param<L>,
     {
         match *self {
-            Stand::Bend(bend, a) => screw_x(bend, a).adjoint_apply_inverse(twist),
-            Stand::Crank(turn, d, bend, a) => {
+            JointPlacement::Dh(bend, a) => screw_x(bend, a).adjoint_apply_inverse(twist),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => {
                 screw_x(bend, a).adjoint_apply_inverse(constant_screw_z(turn, d).adjoint_apply_inverse(twist))
             }
-            Stand::Pose(ref r, ref p) => {
+            JointPlacement::General(ref r, ref p) => {
                 cold_path();
                 Pose::of(r, p).adjoint_apply_inverse(twist)
             }
@@ -157,12 +157,12 @@ impl<P: Copy> Stand<P> {
         P: Param<L>,
     {
         match *self {
-            Stand::Bend(bend, a) => screw_x(bend, a).both_from_parent(v, twist),
-            Stand::Crank(turn, d, bend, a) => {
+            JointPlacement::Dh(bend, a) => screw_x(bend, a).both_from_parent(v, twist),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => {
                 let (v, twist) = constant_screw_z(turn, d).both_from_parent(v, twist);
                 screw_x(bend, a).both_from_parent(v, twist)
             }
-            Stand::Pose(ref r, ref p) => {
+            JointPlacement::General(ref r, ref p) => {
                 cold_path();
                 let pose = Pose::of(r, p);
                 (pose.rotation.apply_transposed(v), pose.adjoint_apply_inverse(twist))
@@ -177,11 +177,11 @@ impl<P: Copy> Stand<P> {
         P: Param<L>,
     {
         match *self {
-            Stand::Bend(bend, a) => screw_x(bend, a).inertia_to_parent(inertia),
-            Stand::Crank(turn, d, bend, a) => {
+            JointPlacement::Dh(bend, a) => screw_x(bend, a).inertia_to_parent(inertia),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => {
                 constant_screw_z(turn, d).inertia_to_parent(&screw_x(bend, a).inertia_to_parent(inertia))
             }
-            Stand::Pose(ref r, ref p) => {
+            JointPlacement::General(ref r, ref p) => {
                 cold_path();
                 inertia.to_parent(&Pose::of(r, p))
             }
@@ -195,11 +195,11 @@ impl<P: Copy> Stand<P> {
         P: Param<L>,
     {
         match *self {
-            Stand::Bend(bend, a) => screw_x(bend, a).co_adjoint_apply_inverse(wrench),
-            Stand::Crank(turn, d, bend, a) => {
+            JointPlacement::Dh(bend, a) => screw_x(bend, a).co_adjoint_apply_inverse(wrench),
+            JointPlacement::DhWithOffset(turn, d, bend, a) => {
                 constant_screw_z(turn, d).co_adjoint_apply_inverse(screw_x(bend, a).co_adjoint_apply_inverse(wrench))
             }
-            Stand::Pose(ref r, ref p) => {
+            JointPlacement::General(ref r, ref p) => {
                 cold_path();
                 Pose::of(r, p).co_adjoint_apply_inverse(wrench)
             }

@@ -27,7 +27,7 @@ use super::joint_torque::joint_torque;
 use crate::lane::{Lane, Param, sin_cos, sin_cos_near};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::{SpatialInertia, screw_z};
-use crate::system::{BodyTerms, Constant, JOINTS, JointTerms, System};
+use crate::system::{BodyTerms, JOINTS, JointScrew, JointTerms, System};
 
 /// Forces at the joints and on the links besides those of the system itself; held over a control period.
 #[derive(Debug, Clone, Copy)]
@@ -117,9 +117,9 @@ pub(super) fn whole<L: Lane>([vx, vy, wx, wy]: [L; 4]) -> Vector6<L> {
 /// `V + E q'`
 #[inline(always)]
 pub(super) fn along<L: Lane, P: Copy, B>(joint: &JointTerms<P, B>, mut twist: Vector6<L>, qd: L) -> Vector6<L> {
-    match joint.constant {
-        Constant::Shift(_) => twist.angular.0[2] += qd,
-        Constant::Turn(..) => {
+    match joint.screw {
+        JointScrew::Revolute { .. } => twist.angular.0[2] += qd,
+        JointScrew::Prismatic { .. } => {
             cold_path();
             twist.linear.0[2] += qd;
         }
@@ -136,14 +136,14 @@ pub(super) fn body_bias<L: Lane, B: Param<L>, const SPARSE: bool>(
     gravity: Vector3<L>,
     bias: &mut Vector6<L>,
 ) {
-    let mut drag = &body.drag[..];
+    let mut damping = &body.damping[..];
     if let Some(central) = &body.central {
         central.bias(twist, gravity, bias);
         // (Those of all instances bear none.)
-        if let (Some(load), false) = (&body.load, B::SHARED) {
-            load.add_bias(twist, gravity, bias);
+        if let (Some(payload), false) = (&body.payload, B::SHARED) {
+            payload.add_bias(twist, gravity, bias);
         }
-        drag = drag.get(1..).unwrap_or_default();
+        damping = damping.get(1..).unwrap_or_default();
     } else {
         *bias =
             if SPARSE { body.inertia.get().sparse_bias_wrench(twist) } else { body.inertia.get().bias_wrench(twist) };
@@ -151,8 +151,8 @@ pub(super) fn body_bias<L: Lane, B: Param<L>, const SPARSE: bool>(
             *bias = restoring.subtract(gravity, *bias);
         }
     }
-    for drag in drag {
-        *bias = *bias - drag.wrench(twist);
+    for damping in damping {
+        *bias = *bias - damping.wrench(twist);
     }
 }
 
@@ -166,14 +166,14 @@ pub(super) fn place<L: Lane, P: Param<L>, B>(
 ) {
     for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
         let coordinate = joint.offset.get() + q[i];
-        link.screw = match joint.constant {
-            Constant::Shift(_) if is_start => {
+        link.screw = match joint.screw {
+            JointScrew::Revolute { .. } if is_start => {
                 let (sin, cos) = sin_cos(coordinate);
                 link.start = [coordinate, sin, cos];
                 [sin, cos]
             }
-            Constant::Shift(_) => sin_cos_near(coordinate, link.start).into(),
-            Constant::Turn(..) => {
+            JointScrew::Revolute { .. } => sin_cos_near(coordinate, link.start).into(),
+            JointScrew::Prismatic { .. } => {
                 cold_path();
                 [coordinate; 2]
             }
@@ -198,18 +198,18 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     place(joints, is_start, q, links);
     let (mut pull, mut moving) = (gravity, twist);
     // Twice, as the common kind of links needs no branch, and with that no way through memory.
-    if system.upright {
+    if system.z_aligned {
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
             (pull, moving) = link.outward(joint, pull, moving, qd[i]);
             if let Some(central) = &joint.body.central {
-                central.bias_upright(moving, pull, &mut link.bias);
+                central.bias_z_aligned(moving, pull, &mut link.bias);
             }
         }
         // The last link alone may bear a payload.
         if let (Some(joint), Some(link)) = (joints.last(), links.last_mut())
-            && let (Some(load), false) = (&joint.body.load, B::SHARED)
+            && let (Some(payload), false) = (&joint.body.payload, B::SHARED)
         {
-            load.add_bias(moving, pull, &mut link.bias);
+            payload.add_bias(moving, pull, &mut link.bias);
         }
     } else {
         for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
@@ -238,7 +238,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         let ([sx, sy, sz], [tx, ty, tz]) = (link.share.linear.0, link.share.angular.0);
         // What a link does along its joint is `(u - U^T ...) / D`, whatever its parent does there. In two sums, and first what
         // the joint does not turn, as the joints wait for each other here.
-        let first = if joint.slides() {
+        let first = if joint.is_prismatic() {
             cold_path();
             tz.neg_mul_add(wz, link.torque)
         } else {
@@ -246,7 +246,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         };
         let does = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
         // (Both entries anew: a reference to one of them would send both through memory.)
-        let (vz, wz, more) = if joint.slides() {
+        let (vz, wz, more) = if joint.is_prismatic() {
             cold_path();
             (does, wz, does - vz)
         } else {
@@ -275,10 +275,10 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
         let inertia = carried.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut wrench = link.bias + asked;
         // Nothing but its torque passes a joint along its axis.
-        let (felt, meant) = match joint.constant {
-            Constant::Shift(d) => {
+        let (felt, meant) = match joint.screw {
+            JointScrew::Revolute { d } => {
                 let screw = screw_z(link.screw[0], link.screw[1], d);
-                let (rest, share, over_d) = inertia.free_to_turn();
+                let (rest, share, over_d) = inertia.eliminate_revolute();
                 link.share.linear = share.linear;
                 (link.share.angular.0[0], link.share.angular.0[1]) = (share.angular.0[0], share.angular.0[1]);
                 let u = torque - wrench.angular.0[2];
@@ -288,10 +288,10 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
                 wrench.angular.0[2] = torque;
                 (screw.turning_inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(wrench))
             }
-            Constant::Turn(sin, cos) => {
+            JointScrew::Prismatic { sin, cos } => {
                 cold_path();
                 let screw = screw_z(sin, cos, Some(link.screw[0]));
-                let (rest, share, over_d) = inertia.free_to_slide();
+                let (rest, share, over_d) = inertia.eliminate_prismatic();
                 link.share = share;
                 let u = torque - wrench.linear.0[2];
                 link.torque = u * over_d;
@@ -300,7 +300,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
                 (screw.inertia_to_parent(&rest), screw.co_adjoint_apply_inverse(wrench))
             }
         };
-        (carried, asked) = (joint.stand.inertia_to_parent(&felt), joint.stand.wrench_to_parent(meant));
+        (carried, asked) = (joint.placement.inertia_to_parent(&felt), joint.placement.wrench_to_parent(meant));
     }
 
     *twist_rate = if system.fixed {

@@ -22,7 +22,7 @@ pub struct Parameters {
 /// What `true` stands for: factors from 0.7 to 1.3.
 const USUAL: f64 = 0.3;
 /// What a single share is for.
-const SHARED: [&str; 6] = ["mass", "added_mass", "linear_drag", "quadratic_drag", "thrust", "thruster_lag"];
+const SHARED: [&str; 6] = ["mass", "added_mass", "linear_damping", "quadratic_damping", "thrust", "thruster_lag"];
 const PAYLOAD: &str = "payload";
 const VOLUME: &str = "volume";
 const MASS: &str = "mass";
