@@ -42,7 +42,7 @@ test-wheel: dist/installed/made ## Python tests against the installed wheel, fro
 test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluation on a local Ray; downloads 300 MB
 	UVMS_GYM_UNDER_TEST="$(CURDIR)" .venv-ray/bin/python -m pytest -n auto --dist loadfile tests/python/test_ray.py \
 		tests/python/test_contract_single.py tests/python/test_contract_vector.py \
-		tests/python/test_check_vector_env.py tests/python/test_sb3.py tests/python/test_station_keep.py \
+		tests/python/test_sb3.py tests/python/test_station_keep.py \
 		tests/python/test_ee_track.py tests/python/test_examples.py tests/python/test_rollouts.py
 
 clean: ## remove everything that was built

@@ -12,8 +12,8 @@ from uvms_gym._core import (
     dump_scene,
     estimate,
     integrators,
-    load_scene,
     lint_scene,
+    load_scene,
     scene_template,
     scenes,
 )
@@ -46,8 +46,8 @@ __all__ = [
     "estimate",
     "import_urdf",
     "integrators",
-    "load_scene",
     "lint_scene",
+    "load_scene",
     "scene_template",
     "scenes",
 ]

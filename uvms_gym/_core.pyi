@@ -27,8 +27,8 @@ __all__ = [
     "estimate",
     "import_urdf",
     "integrators",
-    "load_scene",
     "lint_scene",
+    "load_scene",
     "scene_template",
     "scenes",
 ]

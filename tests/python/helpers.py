@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import uvms_gym
 from uvms_gym import MLP, PD, PID, Simulator, load_scene
@@ -130,6 +131,40 @@ def same(a: Any, b: Any) -> bool:
             return b.dtype == object and a.shape == b.shape and all(map(same, a.tolist(), b.tolist()))
         return (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
     return type(a) is type(b) and a == b
+
+
+def assert_parity(envs: Any, single: Any, steps: int) -> None:
+    """Check that `envs` gives the numbers of a SyncVectorEnv of what `single` makes, bit for bit, in arrays of its own.
+
+    Actions are random, and episodes have to end within `steps`.
+    """
+    mode = envs.metadata["autoreset_mode"]
+    sync = SyncVectorEnv([single] * envs.num_envs, autoreset_mode=mode)
+    assert envs.single_observation_space == sync.single_observation_space
+    assert envs.single_action_space == sync.single_action_space
+    envs.action_space.seed(0)
+    got, expected = envs.reset(seed=3), sync.reset(seed=3)
+    earlier = [got[0]]
+    assert same(got, expected)
+    ends = 0
+    for step in range(steps):
+        actions = envs.action_space.sample()
+        got, expected = envs.step(actions), sync.step(actions)
+        assert same(got, expected), step
+        assert envs.observation_space.contains(got[0])
+        arrays = [*got[:4], *(value for value in got[4].values() if isinstance(value, np.ndarray))]
+        assert not any(np.shares_memory(a, b) for a in arrays for b in earlier)
+        earlier += arrays
+        over = got[2] | got[3]
+        ends += over.any()
+        if mode is AutoresetMode.DISABLED and over.any():
+            options = {"reset_mask": over}
+            assert same(envs.reset(options=options), sync.reset(options={"reset_mask": over.copy()}))
+            assert options["reset_mask"] is over
+    assert ends > 0
+    for _ in range(2):
+        envs.close()
+    sync.close()
 
 
 #: A scene without arm, and the layers of a network for it.

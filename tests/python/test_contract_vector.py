@@ -1,4 +1,4 @@
-"""What Gymnasium expects of vector environments, for every id; `check_vector_env` has its own tests."""
+"""What Gymnasium expects of vector environments, for every id."""
 
 import copy
 import json

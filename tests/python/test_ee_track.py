@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from helpers import assert_parity
 
 import uvms_gym
 from uvms_gym.envs._arguments import RESET_OPTIONS
@@ -16,7 +17,6 @@ from uvms_gym.envs._options import DEFAULTS, PREVIEW, TOLERANCE
 from uvms_gym.envs._options import REWARD as REWARDS
 from uvms_gym.envs.ee_track import EETrackEnv, EETrackVectorEnv
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
-from uvms_gym.testing import check_vector_env
 
 ENV = "UVMS-EETrack-v0"
 REWARD = REWARDS["ee-track"]
@@ -250,7 +250,7 @@ def test_recovery_time_counts_from_when_the_tolerance_was_left(make):
 def test_the_vector_environment_keeps_its_contract_and_is_its_single_ones(task, mode, action):
     options = {"scene": ARM, "action": action, "privileged": True, "max_episode_steps": 5}
     envs = gym.make_vec(f"UVMS-{task}-v0", num_envs=3, autoreset_mode=mode, **options)
-    check_vector_env(envs, single=lambda: gym.make(f"UVMS-{task}-v0", **options), steps=13)
+    assert_parity(envs, lambda: gym.make(f"UVMS-{task}-v0", **options), steps=13)
 
 
 @pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")

@@ -9,10 +9,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from helpers import same, small, task_ids
+from helpers import assert_parity, same, small, task_ids
 
 import uvms_gym
-from uvms_gym.testing import check_vector_env
 
 FILE = Path(__file__).parents[2] / "training" / "own_task.py"
 spec = importlib.util.spec_from_file_location("own_task", FILE)
@@ -44,7 +43,7 @@ def test_an_own_task_keeps_the_contract(task):
 @pytest.mark.parametrize("mode", ["NextStep", "Disabled"])
 def test_own_tasks_keep_it_too_and_are_alike(task, mode):
     envs = own_task.OwnTasks(gym.make_vec(task, 3, autoreset_mode=mode, **options(task)))
-    check_vector_env(envs, single=lambda: own_task.OwnTask(gym.make(task, **options(task))), steps=14)
+    assert_parity(envs, lambda: own_task.OwnTask(gym.make(task, **options(task))), steps=14)
 
 
 def test_an_own_task_is_another_one(task):
