@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use proptest::prelude::*;
-use uvms_gym::control::{ActionKind, Activation, Layer, Mlp, Network, Normalisation, Output, Policy, Purpose};
+use uvms_gym::control::{ActionKind, Activation, Layer, Mlp, Network, Normalisation, Output, Controller, PolicySpec};
 use uvms_gym::error::PolicyError;
 use uvms_gym::lane::{Isa, Kernel, Lane, Real, tanh};
 
@@ -43,8 +43,8 @@ fn normalised(sizes: &[usize], seed: u64) -> Network {
     Network { normalisation: Some(normalisation), ..network(sizes, Activation::Tanh, Output::Clip, seed) }
 }
 
-fn purpose() -> Purpose {
-    Purpose {
+fn spec() -> PolicySpec {
+    PolicySpec {
         task: "UVMS-StationKeep".into(),
         scene: "a scene".into(),
         action: ActionKind::Wrench,
@@ -56,7 +56,7 @@ fn purpose() -> Purpose {
 
 fn policy() -> Mlp {
     let notes = BTreeMap::from([("seed".to_owned(), "3".to_owned())]);
-    Mlp::new(normalised(&[7, 10, 6], 4), Some(purpose()), notes).unwrap()
+    Mlp::new(normalised(&[7, 10, 6], 4), Some(spec()), notes).unwrap()
 }
 
 fn mlp(network: Network) -> Mlp {
@@ -226,11 +226,11 @@ fn files_keep_every_bit() {
     let policy = policy();
     let bytes = policy.to_bytes().unwrap();
     let again = Mlp::from_bytes(&bytes).unwrap();
-    assert_eq!((again.network(), again.purpose(), again.notes()), (policy.network(), policy.purpose(), policy.notes()));
+    assert_eq!((again.network(), again.spec(), again.notes()), (policy.network(), policy.spec(), policy.notes()));
     assert_eq!(again.to_bytes().unwrap(), bytes);
     let (without, squashed) = (network(&[2, 1], Activation::Elu, Output::Tanh, 0), Mlp::from_bytes);
     let again = squashed(&mlp(without.clone()).to_bytes().unwrap()).unwrap();
-    assert_eq!((again.network(), again.purpose()), (&without, None));
+    assert_eq!((again.network(), again.spec()), (&without, None));
 }
 
 #[test]
@@ -298,32 +298,32 @@ fn networks_that_do_not_fit_together_are_refused() {
 #[test]
 fn policies_for_something_else_are_refused_by_the_difference() {
     let policy = policy();
-    policy.check(&purpose()).unwrap();
+    policy.check(&spec()).unwrap();
     // A period that is a product differs in its last digit.
-    policy.check(&Purpose { control_period: 0.05_f64.next_up(), ..purpose() }).unwrap();
+    policy.check(&PolicySpec { control_period: 0.05_f64.next_up(), ..spec() }).unwrap();
     let observation = |name: &str, entries| vec![("position_error".into(), 3), (name.into(), entries)];
     for (other, what) in [
         (
-            Purpose { task: "UVMS-EETrack".into(), ..purpose() },
+            PolicySpec { task: "UVMS-EETrack".into(), ..spec() },
             "task is UVMS-StationKeep, the environment's UVMS-EETrack",
         ),
-        (Purpose { scene: "another".into(), ..purpose() }, "scene is a scene, the environment's another"),
-        (Purpose { action: ActionKind::Thrusters, ..purpose() }, "action is wrench, the environment's thrusters"),
-        (Purpose { actions: 8, ..purpose() }, "number of actions is 6, the environment's 8"),
-        (Purpose { control_period: 0.1, ..purpose() }, "control period is 0.050000000 s"),
+        (PolicySpec { scene: "another".into(), ..spec() }, "scene is a scene, the environment's another"),
+        (PolicySpec { action: ActionKind::Thrusters, ..spec() }, "action is wrench, the environment's thrusters"),
+        (PolicySpec { actions: 8, ..spec() }, "number of actions is 6, the environment's 8"),
+        (PolicySpec { control_period: 0.1, ..spec() }, "control period is 0.050000000 s"),
         (
-            Purpose { observation: observation("twist", 4), ..purpose() },
+            PolicySpec { observation: observation("twist", 4), ..spec() },
             "attitude_error (4), the environment's twist (4)",
         ),
-        (Purpose { observation: observation("attitude_error", 3), ..purpose() }, "environment's attitude_error (3)"),
-        (Purpose { observation: vec![("position_error".into(), 3)], ..purpose() }, "the environment's nothing"),
+        (PolicySpec { observation: observation("attitude_error", 3), ..spec() }, "environment's attitude_error (3)"),
+        (PolicySpec { observation: vec![("position_error".into(), 3)], ..spec() }, "the environment's nothing"),
     ] {
         let refused = policy.check(&other).unwrap_err().to_string();
         assert!(refused.contains(what), "{refused}");
     }
     // One that does not say what it is for must have the right widths, at least.
-    mlp(network(&[7, 6], Activation::Tanh, Output::Clip, 0)).check(&purpose()).unwrap();
-    assert!(mlp(network(&[8, 6], Activation::Tanh, Output::Clip, 0)).check(&purpose()).is_err());
-    let misfit = Mlp::new(network(&[8, 6], Activation::Tanh, Output::Clip, 0), Some(purpose()), BTreeMap::new());
+    mlp(network(&[7, 6], Activation::Tanh, Output::Clip, 0)).check(&spec()).unwrap();
+    assert!(mlp(network(&[8, 6], Activation::Tanh, Output::Clip, 0)).check(&spec()).is_err());
+    let misfit = Mlp::new(network(&[8, 6], Activation::Tanh, Output::Clip, 0), Some(spec()), BTreeMap::new());
     assert!(matches!(misfit, Err(PolicyError::Mismatch { .. })));
 }

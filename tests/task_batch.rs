@@ -5,7 +5,7 @@ mod common;
 use common::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
 use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, Tally, TaskBatch, Transition};
-use uvms_gym::control::{ActionKind, Policy};
+use uvms_gym::control::{ActionKind, Controller};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::Balance;
 use uvms_gym::error::{ControlError, TaskError};
@@ -393,7 +393,7 @@ fn the_pd_holds_station_and_no_action_does_not() {
 }
 
 /// What stepping with a policy's actions brings in so many periods.
-fn stepped(batch: &mut TaskBatch, policy: &dyn Policy, steps: u32) -> Vec<Tally> {
+fn stepped(batch: &mut TaskBatch, policy: &dyn Controller, steps: u32) -> Vec<Tally> {
     let (n, widths) = (batch.instances(), policy.widths());
     let mut observations = batch.reset(&seeds(n), None, &[]).unwrap().observations;
     let mut memory = vec![0.0; n * widths.memory];
@@ -455,7 +455,7 @@ fn rollouts_that_do_not_fit_are_refused() {
     batch.reset(&seeds(3), None, &[]).unwrap();
     let mut other = Rollout::new(&pid, 4, &[]).unwrap();
     assert!(matches!(batch.run(&pid, &mut other, 1), Err(TaskError::Control(ControlError::Shape { .. }))));
-    let mut rest = Rollout::new(&batch.task().rest(), 3, &[]).unwrap();
+    let mut rest = Rollout::new(&batch.task().no_control(), 3, &[]).unwrap();
     let refused = batch.run(&pid, &mut rest, 1);
     assert!(matches!(refused, Err(TaskError::Control(ControlError::Shape { what: "memory", got: 0, expected: 18 }))));
     let small = TaskBatch::new(

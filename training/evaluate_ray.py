@@ -21,10 +21,10 @@ import typer
 from uvms_gym.cli.common import Json, Out, check_range, circumstances, fail, prepare, progress, table, write_json
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.cli.statistics import Draws, Scores
-from uvms_gym.controllers import Controller, catalogue
+from uvms_gym.controllers import Controller, registry
 
 NAME = "evaluate_ray"
-KNOWN = f"{', '.join(catalogue.NAMES)}, {catalogue.MLP_PREFIX}FILE"
+KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
 MOST_EPISODES = 100_000
 #: Lever that turns angles into distances in the pose error, m.
 LEVER = 0.5
@@ -204,7 +204,7 @@ def _unlike(option: str, given: Iterable[str]) -> list[str]:
 def _controller(name: str, env: gymnasium.Env) -> Controller:
     """Make a controller by its name; it travels to the workers, files and all."""
     try:
-        return catalogue.controller(name, env)
+        return registry.make_controller(name, env)
     except OSError as error:
         raise fail(f"cannot read {error.filename}: {error.strerror}") from None
     except (ValueError, TypeError) as error:

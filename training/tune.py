@@ -44,7 +44,7 @@ from uvms_gym.cli.common import check_range, circumstances, console, fail, prepa
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.cli.statistics import interquartile_mean
 from uvms_gym.controllers import Controller
-from uvms_gym.controllers.catalogue import CLASSICAL, POLICIES, check_name, folder
+from uvms_gym.controllers.registry import CLASSICAL, PRETRAINED, check_name, folder
 
 Floats = NDArray[np.float64]
 
@@ -271,7 +271,7 @@ def main(
     episodes: Annotated[int, typer.Option(help="Episodes of a candidate, 4 to 10000.")] = 64,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     threads: Annotated[int | None, typer.Option(help="Most threads. [default: one per core]")] = None,
-    policies: Annotated[Path, typer.Option(help="Folder for the gains.")] = POLICIES,
+    policies: Annotated[Path, typer.Option(help="Folder for the gains.")] = PRETRAINED,
     work: Annotated[Path, typer.Option(help="Folder for what an interrupted search goes on from.")] = Path("out/tune"),
 ) -> None:
     """Tune gains of classical controllers, and put them into the package."""
@@ -283,7 +283,7 @@ def main(
         raise fail(f"--generations times --episodes is {generations * episodes}, more than there are seeds for tuning")
     arena = _arena(env, scene, period, threads)
     batch = arena.batch(FINAL_EPISODES)
-    task, place = batch.unwrapped.task, folder(batch).relative_to(POLICIES)
+    task, place = batch.unwrapped.task, folder(batch).relative_to(PRETRAINED)
     known = parameters(EACH if axes == "each" else ALIKE)
     names = [name.strip() for name in controller.split(",")]
     for name in names:

@@ -18,7 +18,7 @@ from uvms_gym._core import (
     scenes,
 )
 from uvms_gym.controllers import DOB, MLP, MPC, PD, PID, ComputedTorque, PDRestoring, Residual, ResolvedMotion
-from uvms_gym.controllers.catalogue import controller
+from uvms_gym.controllers.registry import make_controller
 from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
 from uvms_gym.robots import import_urdf
@@ -40,7 +40,6 @@ __all__ = [
     "Simulator",
     "StepWarning",
     "__version__",
-    "controller",
     "disturbances",
     "dump_scene",
     "estimate",
@@ -48,6 +47,7 @@ __all__ = [
     "integrators",
     "lint_scene",
     "load_scene",
+    "make_controller",
     "scene_template",
     "scenes",
 ]

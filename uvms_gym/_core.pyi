@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
 __all__ = [
+    "Controller",
     "Mlp",
     "ModelControl",
     "Mpc",
     "Pd",
     "Pid",
-    "Policy",
     "Renderer",
     "ResolvedMotion",
     "Rollout",
@@ -560,7 +560,7 @@ class Task:
 
     def paths(self, count: int) -> NDArray[np.float64]:
         """(N, count, 3) places all along the paths of the end effectors; count is 0 for tasks without."""
-    def rest(self) -> Policy:
+    def no_control(self) -> Controller:
         """No control: every action is 0."""
 
     def pd(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
@@ -620,7 +620,7 @@ class Task:
     ) -> ResolvedMotion:
         """Resolved motion with these gains; the usual ones where they are not given."""
 
-    def rollout(self, policy: Policy, trace: list[int] = ...) -> Rollout:
+    def rollout(self, policy: Controller, trace: list[int] = ...) -> Rollout:
         """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
 
     def run(self, rollout: Rollout, steps: int) -> None:
@@ -676,7 +676,7 @@ class Rollout:
         """Count anew from here on; the policy forgets nothing."""
 
 @disjoint_base
-class Policy:
+class Controller:
     """A controller that runs here: alone by `act`, or in a closed loop by `Task.run`."""
 
     @property
@@ -689,7 +689,7 @@ class Policy:
         """Actions (n, a) for observations (n, d) and memory (n, m), and the memory after them."""
 
 @final
-class Pd(Policy):
+class Pd(Controller):
     """PD on the vehicle, `F = -kp e - kd V`."""
 
     @property
@@ -701,7 +701,7 @@ class Pd(Policy):
         """Derivative gains, N s/m and N m s/rad."""
 
 @final
-class Pid(Policy):
+class Pid(Controller):
     """PD with an integral of the pose error."""
 
     @property
@@ -717,7 +717,7 @@ class Pid(Policy):
         """Integral gains, N/(m s) and N m/(rad s)."""
 
 @final
-class ModelControl(Policy):
+class ModelControl(Controller):
     """Feedback on what an observer tells that knows the nominal model."""
 
     @property
@@ -753,7 +753,7 @@ class ModelControl(Policy):
         """Time beyond the present that is predicted, s."""
 
 @final
-class Mpc(Policy):
+class Mpc(Controller):
     """Linear model-predictive control."""
 
     @property
@@ -789,7 +789,7 @@ class Mpc(Policy):
         """Age of measurements that is compensated, in control periods."""
 
 @final
-class ResolvedMotion(Policy):
+class ResolvedMotion(Controller):
     """Resolved motion and inverse dynamics, for an end effector that follows a path."""
 
     @property
@@ -797,7 +797,7 @@ class ResolvedMotion(Policy):
         """Gains by name, as `Task.resolved_motion` takes them."""
 
 @final
-class Mlp(Policy):
+class Mlp(Controller):
     """A multilayer perceptron in single precision."""
 
     def __new__(
@@ -810,7 +810,7 @@ class Mlp(Policy):
         history: int,
         normalisation: tuple[NDArray[np.float32], NDArray[np.float32], float, float] | None,
         task: Task | None,
-        corrects: bool,
+        residual: bool,
         notes: dict[str, str],
     ) -> Mlp: ...
     @staticmethod
@@ -820,14 +820,14 @@ class Mlp(Policy):
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
 
-    def check(self, task: Task, *, corrects: bool) -> None:
+    def check(self, task: Task, *, residual: bool) -> None:
         """Refuse a task that the policy is not for, alone or to correct a controller."""
 
-    def correcting(self, base: Policy, limit: float) -> Policy:
+    def correcting(self, base: Controller, limit: float) -> Controller:
         """Give this network's corrections to a controller, of at most `limit`."""
 
     @property
-    def corrects(self) -> bool:
+    def residual(self) -> bool:
         """Whether it says that it corrects a controller."""
 
     @property
@@ -843,7 +843,7 @@ class Mlp(Policy):
         """Function between layers."""
 
     @property
-    def purpose(self) -> dict[str, Any] | None:
+    def spec(self) -> dict[str, Any] | None:
         """What the policy is for: task, scene, action, actions, control_period and observation."""
 
     @property

@@ -60,12 +60,12 @@ impl ActionMap {
         self.kind
     }
 
-    /// Entries of an action.
+    /// BlockIndices of an action.
     pub fn len(&self) -> usize {
         self.vehicle_len() + self.torques.len()
     }
 
-    /// Entries of the vehicle.
+    /// BlockIndices of the vehicle.
     fn vehicle_len(&self) -> usize {
         match self.kind {
             ActionKind::Wrench | ActionKind::Residual => 6,

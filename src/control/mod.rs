@@ -9,9 +9,9 @@ mod mlp;
 mod model;
 mod pd;
 mod pid;
-mod policy;
+mod controller;
 mod residual;
-mod resolved;
+mod resolved_motion;
 
 #[cfg(test)]
 mod tests;
@@ -19,12 +19,12 @@ mod tests;
 pub use action::{ActionKind, ActionMap, ActionRange};
 pub use actuation::{ACTIONS, Actuated, Actuation};
 pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
-pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, Purpose};
+pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 pub use model::{
-    Arm, Law, ModelControl, ModelGains, ModelReading, Motion, Mpc, MpcGains, Observing, PdRestoring, Plant, Push,
+    Arm, Law, ModelControl, ModelGains, ModelIndices, Motion, Mpc, MpcGains, Observing, PdRestoring, Plant, Push,
 };
-pub use pd::{Pd, Reading};
+pub use pd::{Pd, ObservationIndices};
 pub use pid::Pid;
-pub use policy::{Policy, Rest, Widths};
+pub use controller::{Controller, NoControl, Widths};
 pub use residual::{BASE_ACTION, Residual};
-pub use resolved::{Entries, MOST_DELAY, ResolvedGains, ResolvedMotion, TrackReading};
+pub use resolved_motion::{BlockIndices, MOST_DELAY, ResolvedGains, ResolvedMotion, TrackingIndices};

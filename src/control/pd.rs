@@ -3,7 +3,7 @@
 use nalgebra as na;
 
 use super::ActionMap;
-use super::policy::{Policy, Widths};
+use super::controller::{Controller, Widths};
 use crate::description::VehicleServo;
 use crate::error::ControlError;
 use crate::lane::Lane;
@@ -12,7 +12,7 @@ use crate::lie::Vector6;
 /// Where a controller finds what it reads in a row of observations: offset, and the scale that undoes the
 /// normalisation.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Reading {
+pub struct ObservationIndices {
     /// Length of a row.
     pub width: usize,
     /// Pose error `[R^T (r - r_d); log(R_d^T R)]`, m and rad.
@@ -25,7 +25,7 @@ pub struct Reading {
 /// their own PD servos, which belong to the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pd {
-    reading: Reading,
+    reading: ObservationIndices,
     gains: VehicleServo,
     actions: ActionMap,
 }
@@ -35,7 +35,7 @@ impl Pd {
     ///
     /// # Errors
     /// `ControlError::Gain` for a gain that is not finite or is negative.
-    pub fn new(reading: Reading, gains: VehicleServo, actions: ActionMap) -> Result<Self, ControlError> {
+    pub fn new(reading: ObservationIndices, gains: VehicleServo, actions: ActionMap) -> Result<Self, ControlError> {
         check_gains("kp", &gains.kp)?;
         check_gains("kd", &gains.kd)?;
         Ok(Self { reading, gains, actions })
@@ -47,7 +47,7 @@ impl Pd {
     }
 
     /// What it reads.
-    pub fn reading(&self) -> &Reading {
+    pub fn reading(&self) -> &ObservationIndices {
         &self.reading
     }
 
@@ -81,7 +81,7 @@ impl Pd {
     }
 }
 
-impl Policy for Pd {
+impl Controller for Pd {
     fn widths(&self) -> Widths {
         Widths { observation: self.reading.width, memory: 0, action: self.actions.len() }
     }

@@ -1,7 +1,7 @@
 //! The paper's PD with an integral, from observations alone.
 
 use super::pd::check_gains;
-use super::policy::{Policy, Widths};
+use super::controller::{Controller, Widths};
 use super::{ACTIONS, Actuation, Pd};
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
@@ -74,7 +74,7 @@ impl Pid {
     }
 }
 
-impl Policy for Pid {
+impl Controller for Pid {
     fn widths(&self) -> Widths {
         Widths { memory: 6, ..self.pd.widths() }
     }

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::policy::{Policy, Widths};
-use super::{Mlp, Purpose};
+use super::controller::{Controller, Widths};
+use super::{Mlp, PolicySpec};
 use crate::error::ControlError;
 
 /// Name of the block that a correcting network reads after the observation.
@@ -12,7 +12,7 @@ pub const BASE_ACTION: &str = "base_action";
 /// A controller and a network that corrects it: the network reads the observation and then the controller's action, and
 /// the action is `clip(base + limit * clip(network))`, each clip to [-1, 1]. `[Sil18]`
 pub struct Residual {
-    base: Arc<dyn Policy>,
+    base: Arc<dyn Controller>,
     correction: Arc<Mlp>,
     limit: f32,
 }
@@ -22,7 +22,7 @@ impl Residual {
     ///
     /// # Errors
     /// `ControlError` for a network that does not read and write rows of these lengths, or a limit beyond [0, 1].
-    pub fn new(base: Arc<dyn Policy>, correction: Arc<Mlp>, limit: f64) -> Result<Self, ControlError> {
+    pub fn new(base: Arc<dyn Controller>, correction: Arc<Mlp>, limit: f64) -> Result<Self, ControlError> {
         if !(0.0..=1.0).contains(&limit) {
             return Err(ControlError::Limit { name: "limit", value: limit });
         }
@@ -35,7 +35,7 @@ impl Residual {
     }
 }
 
-impl Policy for Residual {
+impl Controller for Residual {
     fn widths(&self) -> Widths {
         let base = self.base.widths();
         Widths { memory: base.memory + self.correction.widths().memory, ..base }
@@ -69,16 +69,16 @@ impl Policy for Residual {
     }
 }
 
-impl Purpose {
-    /// The purpose of a network that corrects a controller in this environment.
+impl PolicySpec {
+    /// The spec of a network that corrects a controller in this environment.
     #[must_use]
-    pub fn correcting(mut self) -> Self {
+    pub fn residual(mut self) -> Self {
         self.observation.push((BASE_ACTION.to_owned(), self.actions));
         self
     }
 
     /// Whether it is that of a network that corrects a controller.
-    pub fn corrects(&self) -> bool {
+    pub fn is_residual(&self) -> bool {
         self.observation.last().is_some_and(|(name, _)| name == BASE_ACTION)
     }
 }

@@ -233,7 +233,7 @@ fn a_wrench_beyond_all_bounds_keeps_its_direction() {
 
 fn pd(kind: ActionKind) -> Pd {
     let reading =
-        Reading { width: 12, error: std::array::from_fn(|k| (k, 0.1)), twist: std::array::from_fn(|k| (6 + k, 0.2)) };
+        ObservationIndices { width: 12, error: std::array::from_fn(|k| (k, 0.1)), twist: std::array::from_fn(|k| (6 + k, 0.2)) };
     let gains = VehicleServo { kp: [100.0; 6], kd: [30.0; 6] };
     Pd::new(reading, gains, ActionMap::new(kind, allocation(), Vec::new())).unwrap()
 }
@@ -279,7 +279,7 @@ fn pd_rows_are_independent_clipped_and_checked() {
 
 #[test]
 fn gains_that_push_away_are_refused() {
-    let reading = Reading { width: 12, error: [(0, 1.0); 6], twist: [(0, 1.0); 6] };
+    let reading = ObservationIndices { width: 12, error: [(0, 1.0); 6], twist: [(0, 1.0); 6] };
     let mut gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
     gains.kd[2] = -1.0;
     let refused = Pd::new(reading, gains, ActionMap::new(ActionKind::Wrench, allocation(), Vec::new()));
@@ -379,7 +379,7 @@ fn integral_gains_follow_from_the_others() {
 fn rest_is_no_action() {
     let widths = Widths { observation: 12, memory: 0, action: 8 };
     let mut actions = [1.0; 24];
-    Rest::new(widths).act(&[0.5; 36], &mut [], &mut actions).unwrap();
+    NoControl::new(widths).act(&[0.5; 36], &mut [], &mut actions).unwrap();
     assert_eq!(actions, [0.0; 24]);
-    assert!(Rest::new(widths).act(&[0.5; 35], &mut [], &mut actions).is_err());
+    assert!(NoControl::new(widths).act(&[0.5; 35], &mut [], &mut actions).is_err());
 }

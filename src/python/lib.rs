@@ -10,7 +10,7 @@ mod model;
 mod motion;
 mod outputs;
 mod parameters;
-mod policies;
+mod controllers;
 mod renderer;
 mod robots;
 mod rollout;
@@ -32,7 +32,7 @@ mod core {
     #[pymodule_export]
     use super::integrators::integrators;
     #[pymodule_export]
-    use super::policies::{Mlp, ModelControl, Mpc, Pd, Pid, Policy, ResolvedMotion};
+    use super::controllers::{Mlp, ModelControl, Mpc, Pd, Pid, Controller, ResolvedMotion};
     #[pymodule_export]
     use super::renderer::Renderer;
     #[pymodule_export]

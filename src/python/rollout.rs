@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use super::errors::OrRaise;
-use super::policies::Policy;
+use super::controllers::Controller;
 use super::stability::warn;
 use super::task::{Row, Rows, Task, refused, rows};
 use uvms_gym::batch::{self, Tally};
@@ -19,7 +19,7 @@ use uvms_gym::task::INFO;
 #[pyclass(module = "uvms_gym._core")]
 pub struct Rollout {
     rollout: batch::Rollout,
-    policy: Arc<dyn control::Policy>,
+    policy: Arc<dyn control::Controller>,
 }
 
 #[pymethods]
@@ -104,7 +104,7 @@ impl Rollout {
 impl Task {
     /// A rollout of a policy that remembers nothing yet; `trace` names instances to record.
     #[pyo3(signature = (policy, trace=Vec::new()))]
-    fn rollout(&self, policy: PyRef<'_, Policy>, trace: Vec<usize>) -> PyResult<Rollout> {
+    fn rollout(&self, policy: PyRef<'_, Controller>, trace: Vec<usize>) -> PyResult<Rollout> {
         let policy = policy.inner.clone();
         Ok(Rollout { rollout: batch::Rollout::new(&*policy, self.batch.instances(), &trace).or_raise()?, policy })
     }

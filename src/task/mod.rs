@@ -13,7 +13,7 @@ mod metrics;
 mod observation;
 mod options;
 mod path;
-mod policies;
+mod controllers;
 mod pose;
 mod random;
 mod reference;

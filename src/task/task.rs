@@ -12,7 +12,7 @@ use super::observation::layout;
 use super::options::{Goal, TaskOptions};
 use super::pose::Pose;
 use super::stance::Stance;
-use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, Reading};
+use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, ObservationIndices};
 use crate::description::{Joint, JointKind, Scene, VehicleServo};
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
@@ -193,12 +193,12 @@ impl Task {
         &self.rig.layout
     }
 
-    /// Entries of an observation.
+    /// BlockIndices of an observation.
     pub fn observation_len(&self) -> usize {
         self.rig.layout.len()
     }
 
-    /// Entries of an action.
+    /// BlockIndices of an action.
     pub fn action_len(&self) -> usize {
         self.rig.actions.len()
     }
@@ -243,7 +243,7 @@ impl Task {
     pub(super) fn refuse_residual(&self) -> Result<(), TaskError> {
         match self.options.action {
             ActionKind::Residual => {
-                Err(self.unfit("its actions are corrections to a controller: use Rest for that alone"))
+                Err(self.unfit("its actions are corrections to a controller: use NoControl for that alone"))
             }
             _ => Ok(()),
         }
@@ -272,7 +272,7 @@ impl Task {
                 .flat_map(|block| block.scale.iter().enumerate().map(|(k, scale)| (block.offset + k, *scale)));
             std::array::from_fn(|_| found.next().expect("every layout holds these two blocks of three"))
         };
-        let reading = Reading {
+        let reading = ObservationIndices {
             width: self.observation_len(),
             error: find(["position_error", "attitude_error"]),
             twist: find(["linear_velocity", "angular_velocity"]),
@@ -280,7 +280,7 @@ impl Task {
         Ok(Pd::new(reading, gains, self.rig.actions.clone())?)
     }
 
-    /// Refuses actions (n rows) that are misshaped or not finite. Entries beyond [-1, 1] are clipped by [`Self::act`].
+    /// Refuses actions (n rows) that are misshaped or not finite. BlockIndices beyond [-1, 1] are clipped by [`Self::act`].
     ///
     /// # Errors
     /// `ControlError::Shape` or `TaskError::Action`, with the instance and the entry.

@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::{ActionKind, Policy};
+use crate::control::{ActionKind, Controller};
 use crate::description::Scene;
 use crate::error::{ControlError, TaskError};
 use crate::system::{JOINTS, State, rotation_vector};

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import uvms_gym
 from uvms_gym import MLP, PD, PID, Simulator, load_scene
-from uvms_gym.controllers import Rest
+from uvms_gym.controllers import NoControl
 
 PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration")
 
@@ -194,7 +194,7 @@ def policy(**arguments: Any) -> MLP:
 
 def policies() -> list[Any]:
     """One controller of each kind, for the small scene."""
-    return [Rest(scene=SMALL), PD(scene=SMALL), PID(scene=SMALL), policy(mean=np.ones(24), variance=np.ones(24))]
+    return [NoControl(scene=SMALL), PD(scene=SMALL), PID(scene=SMALL), policy(mean=np.ones(24), variance=np.ones(24))]
 
 
 def task_ids() -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 
 import uvms_gym
 from uvms_gym.cli import arm_motion, main, momentum
-from uvms_gym.controllers import Rest
+from uvms_gym.controllers import NoControl
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -182,7 +182,7 @@ def test_files_that_cannot_be_written_are_refused_before_computing(
 def test_no_control_is_asked_as_any_policy_is() -> None:
     env = uvms_gym.envs.station_keep.StationKeepVectorEnv(2)
     observations, _ = env.reset(seed=0)
-    actions, state = Rest(env).predict(observations, None, episode_start=np.ones(2), deterministic=True)
+    actions, state = NoControl(env).predict(observations, None, episode_start=np.ones(2), deterministic=True)
     assert (actions.shape, actions.any(), state) == ((2, 6), False, None)
 
 

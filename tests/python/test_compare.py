@@ -13,7 +13,7 @@ import uvms_gym
 from uvms_gym import MLP
 from uvms_gym.cli import compare, compare_cells, compare_plots, compare_report, compare_runs, compare_summary, main
 from uvms_gym.cli.statistics import Estimate, interquartile_mean
-from uvms_gym.controllers import catalogue
+from uvms_gym.controllers import registry
 
 PNG = b"\x89PNG\r\n\x1a\n"
 STORM, TRACK = "UVMS-StationKeep-Storm-v0", "UVMS-EETrack-Storm-v0"
@@ -41,7 +41,7 @@ def compared(out: Path, *arguments: str) -> dict[str, Any]:
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with two policies for the small scene at 0.1 s."""
-    monkeypatch.setattr(catalogue, "POLICIES", tmp_path / "policies")
+    monkeypatch.setattr(registry, "PRETRAINED", tmp_path / "policies")
     folder = tmp_path / "policies" / "UVMS-StationKeep" / SMALL / "0.1s"
     folder.mkdir(parents=True)
     for seed in (0, 1):
@@ -142,7 +142,7 @@ def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
     name = "pid" if env == STORM else "resolved"
     scores = run(cell(env, scene), name, 2)
     single = gymnasium.make(env, scene=scene)
-    controller = catalogue.controller(name, single)
+    controller = registry.make_controller(name, single)
     observation, _ = single.reset(seed=6)
     over, state, before, pose, changes = False, None, 0.0, [], []
     while not over:
@@ -346,7 +346,7 @@ def test_options_are_named_with_their_value(
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr(catalogue, "POLICIES", tmp_path)
+    monkeypatch.setattr(registry, "PRETRAINED", tmp_path)
     out = tmp_path / "out"
     assert main(["compare", *arguments, "--out", str(out)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
@@ -368,6 +368,6 @@ def test_numbers_are_written_to_the_digits_that_their_intervals_leave() -> None:
 
 
 def test_controllers_are_told_apart_by_colours() -> None:
-    colours = compare_plots.colours([*catalogue.names("station-keep")])
+    colours = compare_plots.colours([*registry.names("station-keep")])
     assert len(set(colours.values())) == len(colours)
     assert compare_plots.shown("mlp:a/b/own.safetensors") == "own"

@@ -88,16 +88,16 @@ def test_files_give_the_same_policy_and_say_what_it_is_for(tmp_path: Path) -> No
     rows = observations(40)
     np.testing.assert_array_equal(again.predict(rows)[0], made.predict(rows)[0])
     assert (again.notes, again.sizes) == ({"seed": "5"}, list(SIZES))
-    purpose = again.purpose
-    assert purpose is not None
-    assert [purpose[key] for key in ("task", "scene", "action", "actions", "control_period")] == [
+    spec = again.spec
+    assert spec is not None
+    assert [spec[key] for key in ("task", "scene", "action", "actions", "control_period")] == [
         "UVMS-StationKeep",
         SMALL,
         "wrench",
         6,
         0.05,
     ]
-    assert purpose["observation"] == [(b["name"], len(b["scale"])) for b in StationKeepEnv(scene=SMALL).layout]
+    assert spec["observation"] == [(b["name"], len(b["scale"])) for b in StationKeepEnv(scene=SMALL).layout]
     again.save(tmp_path / "b.safetensors")
     assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
 

@@ -407,7 +407,7 @@ def test_rollouts_and_networks_work_for_tracking():
     d, a = env.single_observation_space.shape[0], env.single_action_space.shape[0]
     weights = [rng.normal(size=(8, d), scale=0.02), rng.normal(size=(a, 8), scale=0.02)]
     mlp = uvms_gym.MLP(env, weights=weights, biases=[np.zeros(8), np.zeros(a)])
-    assert mlp.purpose["task"] == "UVMS-EETrack"
+    assert mlp.spec["task"] == "UVMS-EETrack"
     for controller in (mlp, uvms_gym.ResolvedMotion(env)):
         observations, _ = env.reset(seed=2)
         rollout = uvms_gym.Rollout(env, controller)
@@ -422,7 +422,7 @@ def test_rollouts_and_networks_work_for_tracking():
         assert (tally.steps == 20).all()
         assert tally.truncated.all()
     with pytest.raises(ValueError, match="UVMS-EETrack"):
-        mlp.policy.check(StationKeepEnv(scene=ARM)._native, corrects=False)
+        mlp.policy.check(StationKeepEnv(scene=ARM)._native, residual=False)
 
 
 @pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")

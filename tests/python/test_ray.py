@@ -105,7 +105,7 @@ def test_an_evaluation_is_the_same_whoever_runs_it_bit_for_bit(trained: Path, tm
     # By hand, the other way round through the environment.
     envs = gymnasium.make_vec(ENV, num_envs=10, disturbance="current-hard")
     observations, _ = envs.reset(seed=7)
-    pd = uvms_gym.controller("pd", envs)
+    pd = uvms_gym.make_controller("pd", envs)
     for _ in range(200):
         observations, _, _, _, infos = envs.step(pd.predict(observations)[0])
     (run,) = (run for run in runs["here"] if (run["disturbance"], run["controller"]) == ("current-hard", "pd"))

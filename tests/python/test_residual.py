@@ -16,7 +16,7 @@ ENV = StationKeepEnv(scene=SMALL)
 
 def correction(seed: int = 0) -> MLP:
     """A network that reads 24 entries and 6 of an action, and whose actions are often clipped."""
-    return MLP(ENV, **layers((30, 7, 6), seed), corrects=True)
+    return MLP(ENV, **layers((30, 7, 6), seed), residual=True)
 
 
 @pytest.mark.parametrize("kind", [PD, PID])
@@ -37,7 +37,7 @@ def test_val_the_action_is_the_bases_and_a_share_of_the_networks(kind: type[PD] 
 
 def test_the_network_may_see_the_past() -> None:
     base = PID(ENV)
-    network = MLP(ENV, **layers((60, 7, 6)), history=2, corrects=True)
+    network = MLP(ENV, **layers((60, 7, 6)), history=2, residual=True)
     corrected, rows = Residual(base, network, 0.4), [observations(9, seed) for seed in (1, 2, 3)]
     state = own = past = None
     for row in rows:
@@ -65,13 +65,13 @@ def test_without_corrections_it_is_the_base() -> None:
 def test_a_network_says_whether_it_corrects(tmp_path: Path) -> None:
     file = tmp_path / "correction.safetensors"
     correction().save(file)
-    assert MLP.load(file, ENV, corrects=True).corrects
+    assert MLP.load(file, ENV, residual=True).residual
     with pytest.raises(ValueError, match=r"correction.safetensors: it corrects a controller, and is none by itself"):
         MLP.load(file, ENV)
     alone = MLP(ENV, **layers((24, 7, 6)))
     alone.save(file)
     with pytest.raises(ValueError, match=r"its observation is nothing, the environment's base_action \(6\)"):
-        MLP.load(file, ENV, corrects=True)
+        MLP.load(file, ENV, residual=True)
     with pytest.raises(ValueError, match=r"reads 24 observation entries and gives 6 .* the environment has 30"):
         Residual(PD(ENV), alone)
     for limit in (-0.1, 1.1, float("nan")):

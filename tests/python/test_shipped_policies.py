@@ -11,20 +11,20 @@ import pytest
 
 from uvms_gym import MLP, Rollout
 from uvms_gym.cli import compare
-from uvms_gym.controllers.catalogue import CLASSICAL, LEARNED, POLICIES, controller
+from uvms_gym.controllers.registry import CLASSICAL, LEARNED, PRETRAINED, make_controller
 
 # Without control an arm may be flung at its stops.
 pytestmark = pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
 
-FILES = sorted(POLICIES.glob("*/*/*/*.safetensors"))
-RESULTS = sorted(POLICIES.glob("*/*/*/results.json"))
-GAINS = sorted(POLICIES.glob("*/*/*/gains.json"))
+FILES = sorted(PRETRAINED.glob("*/*/*/*.safetensors"))
+RESULTS = sorted(PRETRAINED.glob("*/*/*/results.json"))
+GAINS = sorted(PRETRAINED.glob("*/*/*/gains.json"))
 #: What learned policies are to beat, by task.
 BASE = {"UVMS-StationKeep": "pd", "UVMS-EETrack": "resolved"}
 
 
 def named(path: Path) -> str:
-    return str(path.relative_to(POLICIES))
+    return str(path.relative_to(PRETRAINED))
 
 
 def environment(folder: Path) -> dict[str, Any]:
@@ -64,10 +64,10 @@ def _kept(entry: Any) -> Iterator[Any]:
 @pytest.mark.parametrize("path", FILES, ids=named)
 def test_policies_say_what_they_are_for_and_where_they_come_from(path: Path) -> None:
     name, seed = path.stem.rsplit("-", 1)
-    policy = MLP.load(path, corrects=LEARNED[name].base is not None)
-    purpose = policy.purpose
-    assert purpose is not None
-    said = (purpose["task"], purpose["scene"], f"{purpose['control_period']:g}s")
+    policy = MLP.load(path, residual=LEARNED[name].base is not None)
+    spec = policy.spec
+    assert spec is not None
+    said = (spec["task"], spec["scene"], f"{spec['control_period']:g}s")
     assert said == (path.parents[2].name, path.parents[1].name, path.parents[0].name)
     notes = policy.notes
     assert notes["seed"] == seed and notes.get("base") == LEARNED[name].base
@@ -87,7 +87,7 @@ def test_val_a_policy_is_what_torch_makes_of_its_file(path: Path) -> None:
         name: torch.from_numpy(np.frombuffer(body[slice(*at["data_offsets"])], "<f4").reshape(at["shape"]).copy())
         for name, at in header.items()
     }
-    policy = MLP.load(path, corrects=True)
+    policy = MLP.load(path, residual=True)
     d, history = policy.policy.widths[0], policy.history
     rows = np.random.default_rng(0).normal(size=(500, d * history)).astype(np.float32)
     x = torch.from_numpy(rows)
@@ -123,7 +123,7 @@ def test_learned_policies_beat_what_they_are_set_against(folder: Path) -> None:
     for name in (BASE[folder.parents[1].name], *learned):
         envs = gym.make_vec(**made, num_envs=32)
         envs.reset(seed=500_000)
-        rollout = Rollout(envs, controller(name, envs))
+        rollout = Rollout(envs, make_controller(name, envs))
         rollout.run(made["max_episode_steps"])
         tally = rollout.take()
         pose = tally.squares["position_error"] + 0.5**2 * tally.squares["attitude_error"]

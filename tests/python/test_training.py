@@ -24,7 +24,7 @@ from stable_baselines3 import PPO
 import uvms_gym
 from uvms_gym import MLP, PD, PID, Residual
 from uvms_gym.cli import main
-from uvms_gym.controllers import Rest
+from uvms_gym.controllers import NoControl
 from uvms_gym.sb3 import make_vec_env
 from uvms_gym.training import continuation
 from uvms_gym.training.evaluation import evaluate
@@ -144,7 +144,7 @@ def test_zero_corrections_are_the_controller(kind: type[PD] | type[PID]) -> None
 
 def test_corrections_are_limited() -> None:
     one, other = (make_vec_env(ENV, 2, 1) for _ in range(2))
-    corrected = ResidualVecEnv(one, Rest(one), 0.25)
+    corrected = ResidualVecEnv(one, NoControl(one), 0.25)
     corrected.reset()
     other.reset()
     for action in (0.4, -7.0):
@@ -152,7 +152,7 @@ def test_corrections_are_limited() -> None:
         got = corrected.step(np.full((2, 6), action))
         assert same(got[0][:, :-6], other.step(np.full((2, 6), clipped, dtype=np.float32))[0])
     with pytest.raises(ValueError, match=r"limit is 1\.5"):
-        ResidualVecEnv(one, Rest(one), 1.5)
+        ResidualVecEnv(one, NoControl(one), 1.5)
 
 
 def test_learning_beats_doing_nothing(tmp_path: Path) -> None:
@@ -162,7 +162,7 @@ def test_learning_beats_doing_nothing(tmp_path: Path) -> None:
     env = gymnasium.make(ENV, **EASY)
     for seed in (0, 10_000):
         learned, nothing = (
-            evaluate(ENV, EASY, controller, 128, seed) for controller in (MLP.load(outcome.policy, env), Rest(env))
+            evaluate(ENV, EASY, controller, 128, seed) for controller in (MLP.load(outcome.policy, env), NoControl(env))
         )
         # Seen: 0.02 m against 0.3 m.
         assert learned["pose"] < 0.3 * nothing["pose"]
@@ -187,7 +187,7 @@ def test_a_run_that_was_stopped_ends_as_if_it_had_not(tmp_path: Path, base: str 
 
     stopped = train(chosen, parts, tick=interrupt)
     assert (stopped.finished, stopped.steps, stopped.checkpoint.name) == (False, 64, "rl_model_64_steps.zip")
-    assert MLP.load(stopped.policy, corrects=base is not None).notes["steps"] == "64"
+    assert MLP.load(stopped.policy, residual=base is not None).notes["steps"] == "64"
     assert Settings.load(parts) == chosen
     # What came after does not matter, as after a crash.
     again = train(chosen, parts, agent=latest_checkpoint(parts))
@@ -264,7 +264,7 @@ def test_the_closed_loop_is_what_was_trained(base: str | None, stack: int) -> No
     with torch.no_grad():
         # So that it says something.
         model.policy.action_net.weight.mul_(100.0)
-    policy = policy_of(model, envs, corrects=corrected is not None, history=stack)
+    policy = policy_of(model, envs, residual=corrected is not None, history=stack)
     control = policy if corrected is None else Residual(corrected, policy, chosen.limit)
     other = make_vec_env(ENV, 4, 11, **chosen.kwargs)
     plain = other.reset()
@@ -321,7 +321,7 @@ def test_the_command_trains_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFi
     assert MLP.load(folder / POLICY).notes["steps"] == "192"
     # A second run has a folder of its own.
     assert main(uvms_train("-n", "64", "-f", str(logs), "--base", "pd", "--residual", "0.2", "--verbose", "0")) == 0
-    assert MLP.load(logs / "ppo-pd" / f"{ENV}_1" / POLICY, corrects=True).notes["limit"] == "0.2"
+    assert MLP.load(logs / "ppo-pd" / f"{ENV}_1" / POLICY, residual=True).notes["limit"] == "0.2"
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ from uvms_gym.cli.compare_runs import Entrant, enter, make, run
 from uvms_gym.cli.compare_summary import KEPT, Summary, summarise
 from uvms_gym.cli.scenes import read_scene
 from uvms_gym.cli.statistics import CONFIDENCE, RESAMPLES
-from uvms_gym.controllers import catalogue
+from uvms_gym.controllers import registry
 
 #: Most episodes of one run, so that a slip of the keyboard does not ask for all memory.
 MOST_EPISODES = 100_000
@@ -35,7 +35,7 @@ MOST_EPISODES = 100_000
 MOST_CURRENT = 10.0
 #: What is printed where there is no policy.
 NO_POLICY = "no policy"
-KNOWN = f"{', '.join(catalogue.NAMES)}, {catalogue.MLP_PREFIX}FILE"
+KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
 #: By how much stored numbers may differ from those of another machine, relatively.
 TOLERANCE = 1e-4
 
@@ -241,7 +241,7 @@ def _names(given: str) -> list[str]:
     if not names:
         raise fail(f"no controllers given; known: {KNOWN}")
     for name in names:
-        if name not in catalogue.NAMES and not name.startswith(catalogue.MLP_PREFIX):
+        if name not in registry.NAMES and not name.startswith(registry.MLP_PREFIX):
             raise fail(f"unknown controller {name!r}; known: {KNOWN}")
         if names.count(name) > 1:
             raise fail(f"controller {name!r} is given twice")
@@ -254,18 +254,18 @@ def _contests(found: Sequence[Cell], asked: list[str] | None) -> list[Contest]:
         # Other tasks may be compared along; one has to be its own.
         try:
             if not any(_suits(name, cell) for cell in found):
-                catalogue.check_name(name, found[0].designed["task"])
+                registry.check_name(name, found[0].designed["task"])
         except ValueError as error:
             raise fail(str(error)) from None
     contests = []
     for cell in found:
-        names = catalogue.names(cell.designed["task"]) if asked is None else [n for n in asked if _suits(n, cell)]
+        names = registry.names(cell.designed["task"]) if asked is None else [n for n in asked if _suits(n, cell)]
         contests.append(_contest(cell, names, asked is not None))
     return contests
 
 
 def _suits(name: str, cell: Cell) -> bool:
-    return name in catalogue.names(cell.designed["task"]) or name.startswith(catalogue.MLP_PREFIX)
+    return name in registry.names(cell.designed["task"]) or name.startswith(registry.MLP_PREFIX)
 
 
 def _contest(cell: Cell, names: Sequence[str], asked: bool) -> Contest:
@@ -274,7 +274,7 @@ def _contest(cell: Cell, names: Sequence[str], asked: bool) -> Contest:
     for name in names:
         try:
             entrants[name] = enter(cell, name)
-        except catalogue.Unavailable as error:
+        except registry.Unavailable as error:
             if asked:
                 raise fail(str(error)) from None
             missing[name] = NO_POLICY

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium
 
 from uvms_gym.cli.common import fail
-from uvms_gym.controllers.catalogue import TASKS
+from uvms_gym.controllers.registry import TASKS
 from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import EPISODE_STEPS
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uvms_gym import Rollout
 from uvms_gym.cli.common import fail
 from uvms_gym.cli.compare_cells import Cell
-from uvms_gym.controllers import MLP, Controller, Residual, catalogue
+from uvms_gym.controllers import MLP, Controller, Residual, registry
 from uvms_gym.rollouts import Tally
 
 Floats = NDArray[np.float64]
@@ -130,17 +130,17 @@ def enter(cell: Cell, name: str) -> Entrant:
 
     Raises
     ------
-    catalogue.Unavailable
+    registry.Unavailable
         There is no policy.
     TyperException
         It does not fit, or a file is broken.
     """
     options = cell.designed
     try:
-        seeds = catalogue.seeds(name, **options)
-        made = [catalogue.controller(name, seed=seed, **options) for seed in seeds or (0,)]
+        seeds = registry.seeds(name, **options)
+        made = [registry.make_controller(name, seed=seed, **options) for seed in seeds or (0,)]
         return Entrant(name, seeds, made, _origin(name, seeds, made, options))
-    except catalogue.Unavailable:
+    except registry.Unavailable:
         raise
     except OSError as error:
         raise fail(f"cannot read {error.filename}: {error.strerror}") from None
@@ -150,12 +150,12 @@ def enter(cell: Cell, name: str) -> Entrant:
 
 def _origin(entrant: str, seeds: tuple[int, ...], controllers: list[Controller], options: Any) -> dict[str, Any]:
     """Tell where controllers come from: their files, or their gains and how these were tuned (None: they are not)."""
-    if entrant.startswith(catalogue.MLP_PREFIX):
-        files = [Path(entrant.removeprefix(catalogue.MLP_PREFIX))]
+    if entrant.startswith(registry.MLP_PREFIX):
+        files = [Path(entrant.removeprefix(registry.MLP_PREFIX))]
     elif seeds:
-        files = [catalogue.policy_file(entrant, seed, **options) for seed in seeds]
+        files = [registry.policy_file(entrant, seed, **options) for seed in seeds]
     else:
-        return {"tuned": catalogue.tuned(entrant, **options)}
+        return {"tuned": registry.tuned(entrant, **options)}
     digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
     return {
         "files": [

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uvms_gym.cli.compare_runs import METRICS, Entrant, Scored
 from uvms_gym.cli.statistics import Draws, Estimate, Profile, Sample, Scores
-from uvms_gym.controllers.catalogue import LEARNED, MLP_PREFIX
+from uvms_gym.controllers.registry import LEARNED, MLP_PREFIX
 
 Floats = NDArray[np.float64]
 

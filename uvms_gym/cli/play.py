@@ -14,7 +14,7 @@ import typer
 from uvms_gym.cli.common import check_range, console, fail, prepare, progress
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.scenes import read_scene
-from uvms_gym.controllers import Controller, catalogue
+from uvms_gym.controllers import Controller, registry
 
 if TYPE_CHECKING:
     from uvms_gym.cli.overlay import Overlay
@@ -24,7 +24,7 @@ MOST_SECONDS = 3600.0
 #: What is needed, by module: package, and the extra that brings it.
 NEEDS = {"PIL": ("pillow", "video"), "imageio_ffmpeg": ("imageio-ffmpeg", "video"), "pygame": ("pygame", "human")}
 _SUFFIXES = (".mp4", ".gif", ".png")
-KNOWN = f"{', '.join(catalogue.NAMES)}, {catalogue.MLP_PREFIX}FILE"
+KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
 
 
 def play(
@@ -68,7 +68,7 @@ def play(
     control = _controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
-    name = Path(chosen).name if chosen.startswith(catalogue.MLP_PREFIX) else chosen
+    name = Path(chosen).name if chosen.startswith(registry.MLP_PREFIX) else chosen
     title = f"{made.unwrapped.simulator.scene_name}  ·  {name}"  # type: ignore[attr-defined]
     overlay = _overlay(title, disturbance or "", steps * period) if out is not None or window else None
     for file in (out, plot):
@@ -200,7 +200,7 @@ def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymn
 def _controller(name: str, env: gymnasium.Env[Any, Any]) -> Controller:
     """Make a controller by its name, for an environment; of learned ones the first training seed."""
     try:
-        return catalogue.controller(name, env)
+        return registry.make_controller(name, env)
     except OSError as error:
         raise fail(f"cannot read {error.filename}: {error.strerror}") from None
     except (ValueError, TypeError) as error:

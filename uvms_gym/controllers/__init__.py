@@ -1,7 +1,7 @@
 """Controllers with the signature of Stable-Baselines3's policies. They run natively, alone or in a closed loop."""
 
 from uvms_gym.controllers.base import Controller
-from uvms_gym.controllers.feedback import PD, PID, Rest
+from uvms_gym.controllers.feedback import PD, PID, NoControl
 from uvms_gym.controllers.mlp import MLP
 from uvms_gym.controllers.model import DOB, MPC, ComputedTorque, PDRestoring
 from uvms_gym.controllers.residual import Residual
@@ -15,8 +15,8 @@ __all__ = [
     "PID",
     "ComputedTorque",
     "Controller",
+    "NoControl",
     "PDRestoring",
     "Residual",
     "ResolvedMotion",
-    "Rest",
 ]

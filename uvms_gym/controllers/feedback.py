@@ -12,7 +12,7 @@ from uvms_gym.envs._options import Options, native
 Floats = NDArray[np.float64]
 
 
-class Rest(Controller):
+class NoControl(Controller):
     """No control: every action is 0.
 
     Parameters
@@ -23,7 +23,7 @@ class Rest(Controller):
 
     def __init__(self, env: Any = None, **options: Unpack[Options]) -> None:
         self._options = options_of(type(self).__name__, env, options)
-        self.policy = native(self._options).rest()
+        self.policy = native(self._options).no_control()
 
     def __reduce__(self) -> Any:
         return remade, (type(self), self._options, {})

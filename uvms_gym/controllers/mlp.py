@@ -41,7 +41,7 @@ class MLP(Controller):
     history : int
         Observations that it reads at once: the last ones, oldest first, and zeros in place of those before an episode's
         first, as `VecFrameStack` has it. They are the controller's state, which `predict` takes and gives back.
-    corrects : bool
+    residual : bool
         Whether it corrects a controller, whose action it reads after the observation: see `Residual`.
     notes : mapping of str to str, or None
         What else is to be known: seeds, steps, scores.
@@ -71,7 +71,7 @@ class MLP(Controller):
         epsilon: float = 1e-8,
         clip: float = 10.0,
         history: int = 1,
-        corrects: bool = False,
+        residual: bool = False,
         notes: Mapping[str, str] | None = None,
         **options: Unpack[Options],
     ) -> None:
@@ -86,7 +86,7 @@ class MLP(Controller):
             history=history,
             normalisation=given,
             task=_task(type(self).__name__, env, options),
-            corrects=corrects,
+            residual=residual,
             notes=dict(notes or {}),
         )
 
@@ -124,11 +124,11 @@ class MLP(Controller):
 
     @classmethod
     def load(
-        cls, file: str | os.PathLike[str], env: Any = None, *, corrects: bool = False, **options: Unpack[Options]
+        cls, file: str | os.PathLike[str], env: Any = None, *, residual: bool = False, **options: Unpack[Options]
     ) -> Self:
         """Read a policy from a safetensors file, and check that it is for `env` (or `options`), if given.
 
-        With `corrects` it is to be one that corrects a controller, without it is not.
+        With `residual` it is to be one that corrects a controller, without it is not.
 
         Raises
         ------
@@ -140,10 +140,10 @@ class MLP(Controller):
         task = _task(cls.__name__, env, options)
         try:
             policy = _core.Mlp.from_bytes(Path(file).read_bytes())
-            if policy.corrects and not corrects:
+            if policy.residual and not residual:
                 raise ValueError("it corrects a controller, and is none by itself")
             if task is not None:
-                policy.check(task, corrects=corrects)
+                policy.check(task, residual=residual)
         except ValueError as error:
             raise ValueError(f"{os.fspath(file)}: {error}") from None
         return cls._of(policy)
@@ -164,9 +164,9 @@ class MLP(Controller):
         return self.policy.sizes
 
     @property
-    def purpose(self) -> dict[str, Any] | None:
+    def spec(self) -> dict[str, Any] | None:
         """What the policy is for: task, scene, action, actions, control_period and observation."""
-        return self.policy.purpose
+        return self.policy.spec
 
     @property
     def history(self) -> int:
@@ -174,9 +174,9 @@ class MLP(Controller):
         return self.policy.history
 
     @property
-    def corrects(self) -> bool:
+    def residual(self) -> bool:
         """Whether it says that it corrects a controller."""
-        return self.policy.corrects
+        return self.policy.residual
 
     @property
     def notes(self) -> dict[str, str]:

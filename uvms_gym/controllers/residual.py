@@ -17,7 +17,7 @@ class Residual(Controller):
     base : Controller
         What is corrected.
     correction : MLP
-        Of an environment with `corrects=True`: it reads d + a entries and gives a.
+        Of an environment with `residual=True`: it reads d + a entries and gives a.
     limit : float
         Greatest correction of an entry of the action, in [0, 1].
 

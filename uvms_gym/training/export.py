@@ -20,7 +20,7 @@ _ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu", nn.ELU: "elu"}
 
 
 def policy_of(
-    model: PPO, env: Any, *, history: int = 1, corrects: bool = False, notes: Mapping[str, str] | None = None
+    model: PPO, env: Any, *, history: int = 1, residual: bool = False, notes: Mapping[str, str] | None = None
 ) -> MLP:
     """Take the actor out of a model.
 
@@ -32,7 +32,7 @@ def policy_of(
         What it was trained for.
     history : int
         Observations that it reads at once.
-    corrects : bool
+    residual : bool
         Whether it corrects a controller (`uvms_gym.Residual`).
     notes : mapping of str to str, or None
         What goes into the policy's file.
@@ -48,7 +48,7 @@ def policy_of(
     if activation is None or model.policy.squash_output:
         raise ValueError(f"only a MlpPolicy of {', '.join(_ACTIVATIONS.values())} layers can be exported")
     state = {name: array.detach().cpu().numpy() for name, array in model.policy.state_dict().items()}
-    policy = MLP.from_state_dict(state, env, activation=activation, history=history, corrects=corrects, notes=notes)
+    policy = MLP.from_state_dict(state, env, activation=activation, history=history, residual=residual, notes=notes)
     # Of what it was trained on, if that is at hand: rounding grows with what is read.
     rows: Any = model._last_obs
     if rows is None:
@@ -85,15 +85,15 @@ def write_card(folder: Path) -> None:
 
 def card(folder: Path) -> str:
     """Tell of the policies in a folder what their notes say, in Markdown."""
-    files = {file.name: MLP.load(file, corrects=True) for file in sorted(folder.glob("*.safetensors"))}
+    files = {file.name: MLP.load(file, residual=True) for file in sorted(folder.glob("*.safetensors"))}
     files = {name: policy for name, policy in files.items() if "environment" in policy.notes}
     if not files:
         raise ValueError(f"{folder} has no policies of `uvms train`")
-    purpose: Any = next(iter(files.values())).purpose
+    spec: Any = next(iter(files.values())).spec
     lines = [
         _MARK,
-        f"# {', '.join(dict.fromkeys(_name(policy) for policy in files.values()))}: {purpose['task']} on "
-        f"{purpose['scene']}, every {purpose['control_period']:g} s",
+        f"# {', '.join(dict.fromkeys(_name(policy) for policy in files.values()))}: {spec['task']} on "
+        f"{spec['scene']}, every {spec['control_period']:g} s",
         "",
         "| File | Learned | Training seed | Steps | Wall-clock | Pose error | 95th percentile | Effort | Diverged |",
         "| --- | --- | --: | --: | --: | --: | --: | --: | --: |",
@@ -131,8 +131,8 @@ def card(folder: Path) -> str:
         "",
         "## Intended use",
         "",
-        f"To compare controllers of {purpose['task']} in simulation, on the scene {purpose['scene']} at a control "
-        f"period of {purpose['control_period']:g} s; `uvms_gym.MLP.load` refuses other tasks. Not for real vehicles: "
+        f"To compare controllers of {spec['task']} in simulation, on the scene {spec['scene']} at a control "
+        f"period of {spec['control_period']:g} s; `uvms_gym.MLP.load` refuses other tasks. Not for real vehicles: "
         "nothing bounds what the network says off the states that it was trained on, but the clip to [-1, 1].",
         "",
         "## Known failures",

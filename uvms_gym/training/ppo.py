@@ -17,7 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from uvms_gym import MLP, Residual
 from uvms_gym.controllers import Controller
-from uvms_gym.controllers.catalogue import controller, tuned
+from uvms_gym.controllers.registry import make_controller, tuned
 from uvms_gym.envs._base import TaskVectorEnv
 from uvms_gym.sb3 import make_vec_env
 from uvms_gym.training import continuation
@@ -150,7 +150,7 @@ def make_envs(settings: Settings) -> tuple[VecEnv, TaskVectorEnv, Controller | N
     if not isinstance(envs, TaskVectorEnv):
         raise ValueError(f"{settings.env} is no environment of uvms_gym")
     venv: VecEnv = StaggeredStart(native, episode_steps(settings.env, settings.kwargs))
-    base = None if settings.base is None else controller(settings.base, envs)
+    base = None if settings.base is None else make_controller(settings.base, envs)
     if base is not None:
         venv = ResidualVecEnv(venv, base, settings.limit)
     if settings.history > 1:
@@ -312,7 +312,7 @@ class _Run(BaseCallback):
         """The network as it is, and the controller that it makes."""
         model: Any = self.model
         settings = self.settings
-        policy = policy_of(model, self.envs, history=settings.history, corrects=self.base is not None, notes=notes)
+        policy = policy_of(model, self.envs, history=settings.history, residual=self.base is not None, notes=notes)
         return policy, policy if self.base is None else Residual(self.base, policy, self.settings.limit)
 
     def evaluate(self) -> None:

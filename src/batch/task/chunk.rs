@@ -5,7 +5,7 @@ use super::outputs::{Outputs, Transition};
 use super::slot::Slot;
 use super::{Autoreset, Final};
 use crate::batch::blocks::{CHUNK, Part};
-use crate::control::Policy;
+use crate::control::Controller;
 use crate::dynamics::Balance;
 use crate::lane::Real;
 use crate::system::{Flow, State};
@@ -25,7 +25,7 @@ pub(super) struct Duty<'a, T> {
     pub kernel: &'a TaskKernel<T>,
     pub rules: Rules,
     /// What actions are corrections to, where they are.
-    pub base: Option<&'a dyn Policy>,
+    pub base: Option<&'a dyn Controller>,
     /// A state that steps harmlessly.
     pub home: &'a State,
 }

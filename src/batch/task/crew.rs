@@ -12,7 +12,7 @@ use crate::batch::aligned::Aligned;
 use crate::batch::blocks::CHUNK;
 use crate::batch::simulator::Simulator;
 use crate::batch::step::Switches;
-use crate::control::Policy;
+use crate::control::Controller;
 use crate::error::{ControlError, SimulatorError};
 use crate::lane::Real;
 use crate::system::State;
@@ -58,7 +58,7 @@ pub(super) trait Crew: Send + Sync {
 pub(super) struct Orders<'a> {
     pub task: &'a Task,
     pub rules: Rules,
-    pub base: Option<&'a dyn Policy>,
+    pub base: Option<&'a dyn Controller>,
     pub actions: &'a [f32],
 }
 
@@ -66,8 +66,8 @@ pub(super) struct Orders<'a> {
 pub(super) struct Course<'a> {
     pub task: &'a Task,
     pub rules: Rules,
-    pub base: Option<&'a dyn Policy>,
-    pub policy: &'a dyn Policy,
+    pub base: Option<&'a dyn Controller>,
+    pub policy: &'a dyn Controller,
     pub steps: u32,
 }
 

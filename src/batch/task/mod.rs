@@ -12,7 +12,7 @@ use std::sync::Arc;
 use super::monitor::Stray;
 use super::rates::Unstable;
 use super::simulator::{Precision, Simulator, SimulatorOptions};
-use crate::control::{Policy, Widths};
+use crate::control::{Controller, Widths};
 use crate::description::Scene;
 use crate::dynamics::Servos;
 use crate::error::{ControlError, TaskError};
@@ -85,7 +85,7 @@ pub struct Saved {
 pub struct TaskBatch {
     task: Task,
     /// What actions are corrections to, where they are.
-    base: Option<Arc<dyn Policy>>,
+    base: Option<Arc<dyn Controller>>,
     simulator: Simulator,
     rules: Rules,
     slots: Vec<Slot>,
@@ -280,7 +280,7 @@ impl TaskBatch {
     ///
     /// # Errors
     /// `TaskError` for a policy or a rollout of other sizes, and before the first reset; nothing has changed then.
-    pub fn run(&mut self, policy: &dyn Policy, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
+    pub fn run(&mut self, policy: &dyn Controller, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
         let (expected, takes) = (self.task.observation_len(), self.task.action_len());
         let Widths { observation: got, memory, action: gives } = policy.widths();
         if (got, gives) != (expected, takes) {

@@ -2,7 +2,7 @@
 
 use super::chunk::Chunk;
 use super::outputs::{Outputs, Transition};
-use crate::control::Policy;
+use crate::control::Controller;
 use crate::error::ControlError;
 use crate::lane::Real;
 use crate::task::INFO;
@@ -56,7 +56,7 @@ impl Rollout {
     ///
     /// # Errors
     /// `ControlError::Instance` for one that there is not.
-    pub fn new(policy: &dyn Policy, instances: usize, traced: &[usize]) -> Result<Self, ControlError> {
+    pub fn new(policy: &dyn Controller, instances: usize, traced: &[usize]) -> Result<Self, ControlError> {
         if let Some(&got) = traced.iter().find(|i| **i >= instances) {
             return Err(ControlError::Instance { instance: got, instances });
         }
@@ -89,7 +89,7 @@ impl Rollout {
 
 /// The part of a rollout that belongs to a chunk.
 pub(super) struct Lap<'a> {
-    pub policy: &'a dyn Policy,
+    pub policy: &'a dyn Controller,
     pub steps: u32,
     pub memory: &'a mut [f64],
     pub tallies: &'a mut [Tally],

@@ -10,7 +10,7 @@ use safetensors::tensor::{Dtype, TensorView};
 use safetensors::{SafeTensors, serialize};
 use serde::{Deserialize, Serialize};
 
-use super::{Activation, Layer, Mlp, Network, Normalisation, Output, Purpose};
+use super::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 use crate::error::PolicyError;
 
 /// Key of the metadata.
@@ -30,7 +30,8 @@ struct Header {
     #[serde(default = "one")]
     history: usize,
     normalisation: Option<Bounds>,
-    purpose: Option<Purpose>,
+    #[serde(rename = "purpose")]
+    spec: Option<PolicySpec>,
     #[serde(default)]
     notes: BTreeMap<String, String>,
 }
@@ -61,7 +62,7 @@ impl Mlp {
             output: network.output,
             history: network.history,
             normalisation: network.normalisation.as_ref().map(|n| Bounds { epsilon: n.epsilon, clip: n.clip }),
-            purpose: self.purpose.clone(),
+            spec: self.spec.clone(),
             notes: self.notes.clone(),
         };
         let mut tensors: Vec<(String, Vec<usize>, &[f32])> = Vec::new();
@@ -135,6 +136,6 @@ impl Mlp {
         }
         let Header { activation, output, history, .. } = header;
         let network = Network { history, normalisation, layers, activation, output };
-        Self::new(network, header.purpose, header.notes)
+        Self::new(network, header.spec, header.notes)
     }
 }

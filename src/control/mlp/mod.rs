@@ -3,14 +3,14 @@
 mod file;
 mod forward;
 mod network;
-mod purpose;
+mod spec;
 
 use std::collections::BTreeMap;
 
 pub use network::{Activation, Layer, Network, Normalisation, Output};
-pub use purpose::Purpose;
+pub use spec::PolicySpec;
 
-use super::policy::{Policy, Widths};
+use super::controller::{Controller, Widths};
 use crate::error::{ControlError, PolicyError};
 use crate::lane::{Isa, Real};
 use forward::{Forward, Packed};
@@ -19,28 +19,28 @@ use forward::{Forward, Packed};
 #[derive(Debug, Clone)]
 pub struct Mlp {
     network: Network,
-    purpose: Option<Purpose>,
+    spec: Option<PolicySpec>,
     notes: BTreeMap<String, String>,
     packed: Packed,
     isa: Isa,
 }
 
 impl Mlp {
-    /// The policy of a network; `purpose` tells what it is for, `notes` are for people.
+    /// The policy of a network; `spec` tells what it is for, `notes` are for people.
     ///
     /// # Errors
-    /// `PolicyError` where layers do not fit together or to the purpose, or a number is not finite.
+    /// `PolicyError` where layers do not fit together or to the spec, or a number is not finite.
     pub fn new(
         network: Network,
-        purpose: Option<Purpose>,
+        spec: Option<PolicySpec>,
         notes: BTreeMap<String, String>,
     ) -> Result<Self, PolicyError> {
         network.check()?;
-        if let Some(purpose) = &purpose {
-            purpose.check_widths(network.observation_len(), network.outputs())?;
+        if let Some(spec) = &spec {
+            spec.check_widths(network.observation_len(), network.outputs())?;
         }
         let packed = Packed::new(&network);
-        Ok(Self { network, purpose, notes, packed, isa: Isa::best()? })
+        Ok(Self { network, spec, notes, packed, isa: Isa::best()? })
     }
 
     /// The network.
@@ -49,8 +49,8 @@ impl Mlp {
     }
 
     /// What the policy is for, if it says so.
-    pub fn purpose(&self) -> Option<&Purpose> {
-        self.purpose.as_ref()
+    pub fn spec(&self) -> Option<&PolicySpec> {
+        self.spec.as_ref()
     }
 
     /// What else is to be known of it: seeds, steps, scores.
@@ -63,8 +63,8 @@ impl Mlp {
     ///
     /// # Errors
     /// `PolicyError` names the first difference.
-    pub fn check(&self, environment: &Purpose) -> Result<(), PolicyError> {
-        if let Some(own) = &self.purpose {
+    pub fn check(&self, environment: &PolicySpec) -> Result<(), PolicyError> {
+        if let Some(own) = &self.spec {
             own.check(environment)?;
         }
         environment.check_widths(self.network.observation_len(), self.network.outputs())
@@ -77,7 +77,7 @@ impl Mlp {
     }
 }
 
-impl Policy for Mlp {
+impl Controller for Mlp {
     fn widths(&self) -> Widths {
         let (inputs, observation) = (self.network.inputs(), self.network.observation_len());
         Widths { observation, memory: inputs - observation, action: self.network.outputs() }

@@ -38,12 +38,12 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// Entries of y.
+    /// BlockIndices of y.
     pub fn outputs(&self) -> usize {
         self.biases.len()
     }
 
-    /// Entries of x.
+    /// BlockIndices of x.
     pub fn inputs(&self) -> usize {
         self.weights.len() / self.biases.len().max(1)
     }
@@ -80,22 +80,22 @@ pub struct Network {
 }
 
 impl Network {
-    /// Entries of an observation.
+    /// BlockIndices of an observation.
     pub fn observation_len(&self) -> usize {
         self.inputs() / self.history.max(1)
     }
 
-    /// Entries of what it reads.
+    /// BlockIndices of what it reads.
     pub fn inputs(&self) -> usize {
         self.layers.first().map_or(0, Layer::inputs)
     }
 
-    /// Entries of an action.
+    /// BlockIndices of an action.
     pub fn outputs(&self) -> usize {
         self.layers.last().map_or(0, Layer::outputs)
     }
 
-    /// Entries of what it reads, and of all layers' results.
+    /// BlockIndices of what it reads, and of all layers' results.
     pub fn sizes(&self) -> Vec<usize> {
         std::iter::once(self.inputs()).chain(self.layers.iter().map(Layer::outputs)).collect()
     }

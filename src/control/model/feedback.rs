@@ -2,9 +2,9 @@
 
 use super::filter::Swell;
 use super::observer::{Estimate, Observer, Observing};
-use super::rows::{ModelReading, forget, load, reached, store, write};
+use super::rows::{ModelIndices, forget, load, reached, store, write};
 use crate::control::pd::check_gains;
-use crate::control::{ActionMap, Actuation, Policy, Widths};
+use crate::control::{ActionMap, Actuation, Controller, Widths};
 use crate::description::Scene;
 use crate::dynamics::articulated::Scratch;
 use crate::error::ControlError;
@@ -39,7 +39,7 @@ pub struct ModelGains {
 pub struct ModelControl {
     law: Law,
     gains: ModelGains,
-    reading: ModelReading,
+    reading: ModelIndices,
     observer: Observer,
     /// From now to when a command acts.
     acting: Swell,
@@ -55,7 +55,7 @@ impl ModelControl {
     pub fn new(
         law: Law,
         gains: ModelGains,
-        reading: ModelReading,
+        reading: ModelIndices,
         scene: &Scene,
         actions: ActionMap,
         period: f64,
@@ -109,7 +109,7 @@ impl ModelControl {
     }
 }
 
-impl Policy for ModelControl {
+impl Controller for ModelControl {
     fn widths(&self) -> Widths {
         Widths { observation: self.reading.vehicle.width, memory: self.observer.memory(), action: self.actions.len() }
     }

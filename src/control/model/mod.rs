@@ -14,4 +14,4 @@ pub use mpc::{Mpc, MpcGains};
 pub use observer::Observing;
 pub use plant::{Arm, Motion, Plant, Push};
 pub use restoring::PdRestoring;
-pub use rows::ModelReading;
+pub use rows::ModelIndices;

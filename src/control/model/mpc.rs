@@ -7,9 +7,9 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Vector6};
 use super::filter::Swell;
 use super::observer::{Estimate, Observer, Observing};
 use super::plant::{Plant, fading};
-use super::rows::{ModelReading, ask, forget, load, reached, rows_of, store};
+use super::rows::{ModelIndices, ask, forget, load, reached, rows_of, store};
 use crate::control::pd::check_gains;
-use crate::control::{ActionMap, Actuation, Policy, Widths};
+use crate::control::{ActionMap, Actuation, Controller, Widths};
 use crate::description::Scene;
 use crate::dynamics::articulated::Scratch;
 use crate::error::ControlError;
@@ -59,7 +59,7 @@ impl MpcGains {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mpc {
     gains: MpcGains,
-    reading: ModelReading,
+    reading: ModelIndices,
     observer: Observer,
     actions: ActionMap,
     actuation: Actuation<f64>,
@@ -215,7 +215,7 @@ impl Mpc {
     /// `ControlError::Gain` for a weight that is not finite or is negative.
     pub fn new(
         gains: MpcGains,
-        reading: ModelReading,
+        reading: ModelIndices,
         scene: &Scene,
         actions: ActionMap,
         period: f64,
@@ -329,7 +329,7 @@ impl Mpc {
     }
 }
 
-impl Policy for Mpc {
+impl Controller for Mpc {
     fn widths(&self) -> Widths {
         Widths { observation: self.reading.vehicle.width, memory: self.observer.memory(), action: self.actions.len() }
     }
@@ -379,13 +379,13 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::control::{ActionKind, Allocation, Entries, Reading};
+    use crate::control::{ActionKind, Allocation, BlockIndices, ObservationIndices};
 
     fn mpc(name: &str) -> Mpc {
         let scene = Scene::shipped(name).unwrap();
-        let none = || Entries::default();
-        let vehicle = Reading { width: 12, error: [(0, 1.0); 6], twist: [(0, 1.0); 6] };
-        let reading = ModelReading { vehicle, arm: [none(), none()], reference: [none(), none()], home: Vec::new() };
+        let none = || BlockIndices::default();
+        let vehicle = ObservationIndices { width: 12, error: [(0, 1.0); 6], twist: [(0, 1.0); 6] };
+        let reading = ModelIndices { vehicle, arm: [none(), none()], reference: [none(), none()], home: Vec::new() };
         let actions = ActionMap::new(ActionKind::Wrench, Allocation::new(&scene.vehicle).unwrap(), Vec::new());
         let observing = Observing { observer: [2.0; 2], waves: [0.0; 2], frequency: 1.0, jolts: [0.0; 2], delay: 0 };
         Mpc::new(MpcGains::usual(observing), reading, &scene, actions, 0.1).unwrap()

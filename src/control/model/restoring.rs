@@ -1,8 +1,8 @@
 //! PD with restoring compensation.
 
 use super::plant::{Motion, Plant};
-use super::rows::{ModelReading, write};
-use crate::control::{Pd, Policy, Widths};
+use super::rows::{ModelIndices, write};
+use crate::control::{Pd, Controller, Widths};
 use crate::description::Scene;
 use crate::dynamics::articulated::Scratch;
 use crate::error::ControlError;
@@ -14,13 +14,13 @@ use crate::lie::Vector6;
 #[derive(Debug, Clone, PartialEq)]
 pub struct PdRestoring {
     pd: Pd,
-    reading: ModelReading,
+    reading: ModelIndices,
     plant: Plant,
 }
 
 impl PdRestoring {
     /// For a checked scene.
-    pub fn new(pd: Pd, reading: ModelReading, scene: &Scene) -> Self {
+    pub fn new(pd: Pd, reading: ModelIndices, scene: &Scene) -> Self {
         Self { pd, reading, plant: Plant::new(scene) }
     }
 
@@ -30,7 +30,7 @@ impl PdRestoring {
     }
 }
 
-impl Policy for PdRestoring {
+impl Controller for PdRestoring {
     fn widths(&self) -> Widths {
         self.pd.widths()
     }

@@ -4,7 +4,7 @@ use nalgebra as na;
 
 use super::observer::Seen;
 use super::plant::{Arm, Motion};
-use crate::control::{ACTIONS, ActionMap, Actuation, Entries, Reading};
+use crate::control::{ACTIONS, ActionMap, Actuation, BlockIndices, ObservationIndices};
 use crate::lane::Lane;
 use crate::lie::Vector6;
 use crate::system::JOINTS;
@@ -14,13 +14,13 @@ const WIDEST: usize = 16;
 
 /// Where a controller that knows the model finds what it reads.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ModelReading {
+pub struct ModelIndices {
     /// Vehicle.
-    pub vehicle: Reading,
+    pub vehicle: ObservationIndices,
     /// Joint coordinates and rates.
-    pub arm: [Entries; 2],
+    pub arm: [BlockIndices; 2],
     /// What the arm is told for the next control instant.
-    pub reference: [Entries; 2],
+    pub reference: [BlockIndices; 2],
     /// What coordinates are told from.
     pub home: Vec<f64>,
 }
@@ -70,10 +70,10 @@ pub(super) fn store<L: Lane<Real = f64>>(from: &[L], rows: &mut [f64], width: us
     }
 }
 
-impl ModelReading {
+impl ModelIndices {
     /// A block of the arm.
     #[inline(always)]
-    fn joints<L: Lane<Real = f64>>(&self, rows: &[f32], [q, qd]: &[Entries; 2]) -> Arm<L> {
+    fn joints<L: Lane<Real = f64>>(&self, rows: &[f32], [q, qd]: &[BlockIndices; 2]) -> Arm<L> {
         let mut arm = Arm { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };
         let width = self.vehicle.width;
         for (i, home) in self.home.iter().enumerate() {

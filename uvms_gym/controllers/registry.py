@@ -1,6 +1,6 @@
 """Controllers by name: classical ones with tuned gains, and learned ones with the policies that the package ships.
 
-What is shipped for a task, a scene and a control period lies in one folder, `policies/TASK/SCENE/PERIODs`: the tuned
+What is shipped for a task, a scene and a control period lies in one folder, `pretrained/TASK/SCENE/PERIODs`: the tuned
 gains as `gains.json`, a policy of training seed S as `NAME-S.safetensors`.
 """
 
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, Unpack
 
 from uvms_gym.controllers.base import Controller, options_of
-from uvms_gym.controllers.feedback import PD, PID, Rest
+from uvms_gym.controllers.feedback import PD, PID, NoControl
 from uvms_gym.controllers.mlp import MLP
 from uvms_gym.controllers.model import DOB, MPC, ComputedTorque, PDRestoring
 from uvms_gym.controllers.residual import Residual
@@ -20,7 +20,7 @@ from uvms_gym.controllers.resolved import ResolvedMotion
 from uvms_gym.envs._options import Options, native
 
 #: Where shipped policies and tuned gains lie.
-POLICIES = Path(__file__).parents[1] / "policies"
+PRETRAINED = Path(__file__).parents[1] / "pretrained"
 #: What stands before the file of a neural policy.
 MLP_PREFIX = "mlp:"
 #: What learned corrections are limited to where their file does not say it.
@@ -48,7 +48,7 @@ class Learned(NamedTuple):
 
 
 CLASSICAL: dict[str, Classical] = {
-    "none": Classical(Rest, _BOTH),
+    "none": Classical(NoControl, _BOTH),
     "pd": Classical(PD),
     "pd-restoring": Classical(PDRestoring),
     "pid": Classical(PID),
@@ -80,7 +80,7 @@ def names(task: str | None = None) -> tuple[str, ...]:
     return tuple(name for name in NAMES if task is None or task in _entry(name).tasks)
 
 
-def controller(
+def make_controller(
     name: str,
     env: Any = None,
     *,
@@ -128,7 +128,7 @@ def controller(
     base = LEARNED[name].base
     if base is None:
         return MLP.load(file, **given)
-    correction = MLP.load(file, corrects=True, **given)
+    correction = MLP.load(file, residual=True, **given)
     said = correction.notes.get("base", base)
     if said != base:
         raise ValueError(f"{file}: it corrects {said}, not {base}")
@@ -173,7 +173,7 @@ def folder(env: Any = None, **options: Unpack[Options]) -> Path:
     given = options_of("controller", env, options)
     made = native(given)
     task = TASKS[given.get("task", "station-keep")]
-    return POLICIES / task / made.simulator.scene_name / f"{made.control_period:.6g}s"
+    return PRETRAINED / task / made.simulator.scene_name / f"{made.control_period:.6g}s"
 
 
 def tuned(name: str, env: Any = None, **options: Unpack[Options]) -> dict[str, Any] | None:
@@ -270,5 +270,5 @@ def _action(given: Options) -> str:
 
 def _places() -> str:
     """Say what policies are shipped for, whatever it is."""
-    found = sorted({file.parent.relative_to(POLICIES) for file in POLICIES.glob("*/*/*s/*.safetensors")})
+    found = sorted({file.parent.relative_to(PRETRAINED) for file in PRETRAINED.glob("*/*/*s/*.safetensors")})
     return "those for " + "; ".join(" ".join(place.parts) for place in found) if found else "none"

@@ -5,11 +5,11 @@ use crate::error::ControlError;
 /// Lengths of the rows that a policy reads, remembers and writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Widths {
-    /// Entries of an observation.
+    /// BlockIndices of an observation.
     pub observation: usize,
     /// Numbers remembered per instance.
     pub memory: usize,
-    /// Entries of an action.
+    /// BlockIndices of an action.
     pub action: usize,
 }
 
@@ -37,7 +37,7 @@ impl Widths {
 ///
 /// Rows are independent: the action of an instance depends on its own row and memory alone, bit for bit, whatever the
 /// number of rows.
-pub trait Policy: Send + Sync {
+pub trait Controller: Send + Sync {
     /// Lengths of the rows.
     fn widths(&self) -> Widths;
 
@@ -51,18 +51,18 @@ pub trait Policy: Send + Sync {
 
 /// No control: every action is 0.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rest {
+pub struct NoControl {
     widths: Widths,
 }
 
-impl Rest {
-    /// Rest for rows of these lengths.
+impl NoControl {
+    /// NoControl for rows of these lengths.
     pub fn new(widths: Widths) -> Self {
         Self { widths }
     }
 }
 
-impl Policy for Rest {
+impl Controller for NoControl {
     fn widths(&self) -> Widths {
         self.widths
     }

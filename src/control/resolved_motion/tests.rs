@@ -13,9 +13,9 @@ const JOINT_TORQUES: [f64; 5] = [14.0, 21.0, 4.0, 0.9, 0.06];
 const N: usize = 5;
 
 /// An observation in SI units, without a preview.
-fn reading() -> TrackReading {
-    let entries = |offset, count| Entries { offset, scale: vec![1.0; count] };
-    TrackReading {
+fn reading() -> TrackingIndices {
+    let entries = |offset, count| BlockIndices { offset, scale: vec![1.0; count] };
+    TrackingIndices {
         width: 31,
         error: entries(0, 6),
         twist: entries(6, 6),

@@ -8,14 +8,14 @@ use crate::error::PolicyError;
 /// The environment that a policy is for, as far as it matters to the policy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Purpose {
+pub struct PolicySpec {
     /// Name of the task.
     pub task: String,
     /// Name of the scene. A scene that is altered but keeps its name counts as the same.
     pub scene: String,
     /// What the entries of an action stand for.
     pub action: ActionKind,
-    /// Entries of an action.
+    /// BlockIndices of an action.
     pub actions: usize,
     /// Control period, s.
     pub control_period: f64,
@@ -23,20 +23,20 @@ pub struct Purpose {
     pub observation: Vec<(String, usize)>,
 }
 
-impl Purpose {
-    /// Entries of an observation.
+impl PolicySpec {
+    /// BlockIndices of an observation.
     pub fn observation_len(&self) -> usize {
         self.observation.iter().map(|(_, entries)| entries).sum()
     }
 
     /// Refuses another environment.
     pub(super) fn check(&self, environment: &Self) -> Result<(), PolicyError> {
-        let block = |purpose: &Self, i: usize| match purpose.observation.get(i) {
+        let block = |spec: &Self, i: usize| match spec.observation.get(i) {
             Some((name, entries)) => format!("{name} ({entries})"),
             None => "nothing".to_owned(),
         };
         // Not to the last digit: a period is a product, and may have been to a file and back.
-        let period = |purpose: &Self| format!("{:.9} s", purpose.control_period);
+        let period = |spec: &Self| format!("{:.9} s", spec.control_period);
         let blocks = self.observation.len().max(environment.observation.len());
         let apart = (0..blocks).find(|&i| self.observation.get(i) != environment.observation.get(i));
         let pairs = [

@@ -1,4 +1,4 @@
-//! `_core.Policy` and its kinds.
+//! `_core.Controller` and its kinds.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use pyo3::types::{PyBytes, PyDict};
 use super::errors::OrRaise;
 use super::task::{Rows, Task, name_of, one_of, rows};
 use uvms_gym::control::{
-    self, Activation, Law, Layer, ModelGains, MpcGains, Network, Normalisation, Observing, Output, Purpose, Residual,
+    self, Activation, Law, Layer, ModelGains, MpcGains, Network, Normalisation, Observing, Output, PolicySpec, Residual,
     ResolvedGains,
 };
 use uvms_gym::description::VehicleServo;
@@ -23,18 +23,18 @@ const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::T
 
 /// A controller that runs here: alone by `act`, or in a closed loop by `Task.run`.
 #[pyclass(module = "uvms_gym._core", subclass, frozen)]
-pub struct Policy {
-    pub(super) inner: Arc<dyn control::Policy>,
+pub struct Controller {
+    pub(super) inner: Arc<dyn control::Controller>,
 }
 
-impl Policy {
-    fn of(policy: impl control::Policy + 'static) -> PyClassInitializer<Self> {
+impl Controller {
+    fn of(policy: impl control::Controller + 'static) -> PyClassInitializer<Self> {
         PyClassInitializer::from(Self { inner: Arc::new(policy) })
     }
 }
 
 #[pymethods]
-impl Policy {
+impl Controller {
     /// Lengths of a row of observations, memory and actions.
     #[getter]
     fn widths(&self) -> [usize; 3] {
@@ -70,7 +70,7 @@ impl Policy {
 }
 
 /// PD on the vehicle, `F = -kp e - kd V`.
-#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
 pub struct Pd {
     gains: VehicleServo,
 }
@@ -91,7 +91,7 @@ impl Pd {
 }
 
 /// PD with an integral of the pose error.
-#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
 pub struct Pid {
     gains: VehicleServo,
     ki: [f64; 6],
@@ -119,7 +119,7 @@ impl Pid {
 }
 
 /// Feedback on what an observer tells that knows the nominal model.
-#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
 pub struct ModelControl {
     gains: ModelGains,
 }
@@ -176,7 +176,7 @@ impl ModelControl {
 }
 
 /// Linear model-predictive control.
-#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
 pub struct Mpc {
     gains: MpcGains,
 }
@@ -233,7 +233,7 @@ impl Mpc {
 }
 
 /// Resolved motion and inverse dynamics, for an end effector that follows a path.
-#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
 pub struct ResolvedMotion {
     gains: ResolvedGains,
 }
@@ -263,7 +263,7 @@ impl ResolvedMotion {
 }
 
 /// A multilayer perceptron in single precision.
-#[pyclass(module = "uvms_gym._core", extends = Policy, frozen)]
+#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
 pub struct Mlp {
     mlp: Arc<control::Mlp>,
 }
@@ -271,7 +271,7 @@ pub struct Mlp {
 impl Mlp {
     fn of(mlp: control::Mlp) -> PyClassInitializer<Self> {
         let mlp = Arc::new(mlp);
-        PyClassInitializer::from(Policy { inner: mlp.clone() }).add_subclass(Self { mlp })
+        PyClassInitializer::from(Controller { inner: mlp.clone() }).add_subclass(Self { mlp })
     }
 }
 
@@ -280,7 +280,7 @@ impl Mlp {
     /// Layers `W x + b` from weights (outputs, inputs) and biases; mean, variance, epsilon and clip of a normalisation;
     /// and the task that the policy is for, alone or to correct a controller.
     #[new]
-    #[pyo3(signature = (weights, biases, *, activation, output, history, normalisation, task, corrects, notes))]
+    #[pyo3(signature = (weights, biases, *, activation, output, history, normalisation, task, residual, notes))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn new(
         weights: Vec<PyReadonlyArray2<'_, f32>>,
@@ -290,7 +290,7 @@ impl Mlp {
         history: usize,
         normalisation: Option<(Vec<f32>, Vec<f32>, f32, f32)>,
         task: Option<PyRef<'_, Task>>,
-        corrects: bool,
+        residual: bool,
         notes: BTreeMap<String, String>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let (activation, output) = (one_of("activation", activation, ACTIVATIONS)?, one_of("output", output, OUTPUTS)?);
@@ -313,9 +313,9 @@ impl Mlp {
         }
         let normalisation =
             normalisation.map(|(mean, variance, epsilon, clip)| Normalisation { mean, variance, epsilon, clip });
-        let purpose = task.map(|task| purpose(&task, corrects));
+        let spec = task.map(|task| spec(&task, residual));
         let network = Network { history, normalisation, layers, activation, output };
-        Ok(Self::of(control::Mlp::new(network, purpose, notes).or_raise()?))
+        Ok(Self::of(control::Mlp::new(network, spec, notes).or_raise()?))
     }
 
     /// The policy that a safetensors file holds.
@@ -330,21 +330,21 @@ impl Mlp {
     }
 
     /// Refuses a task that the policy is not for, alone or to correct a controller.
-    #[pyo3(signature = (task, *, corrects))]
-    fn check(&self, task: PyRef<'_, Task>, corrects: bool) -> PyResult<()> {
-        self.mlp.check(&purpose(&task, corrects)).or_raise()
+    #[pyo3(signature = (task, *, residual))]
+    fn check(&self, task: PyRef<'_, Task>, residual: bool) -> PyResult<()> {
+        self.mlp.check(&spec(&task, residual)).or_raise()
     }
 
     /// This network's corrections to a controller, of at most `limit`.
-    fn correcting(&self, base: PyRef<'_, Policy>, limit: f64) -> PyResult<Policy> {
+    fn correcting(&self, base: PyRef<'_, Controller>, limit: f64) -> PyResult<Controller> {
         let inner = Arc::new(Residual::new(base.inner.clone(), self.mlp.clone(), limit).or_raise()?);
-        Ok(Policy { inner })
+        Ok(Controller { inner })
     }
 
-    /// Whether it says that it corrects a controller.
+    /// Whether it says that it residual a controller.
     #[getter]
-    fn corrects(&self) -> bool {
-        self.mlp.purpose().is_some_and(Purpose::corrects)
+    fn residual(&self) -> bool {
+        self.mlp.spec().is_some_and(PolicySpec::is_residual)
     }
 
     /// Observations that it reads at once.
@@ -367,15 +367,15 @@ impl Mlp {
 
     /// What the policy is for: task, scene, action, actions, control_period and observation.
     #[getter]
-    fn purpose<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
-        let Some(purpose) = self.mlp.purpose() else { return Ok(None) };
+    fn spec<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let Some(spec) = self.mlp.spec() else { return Ok(None) };
         let result = PyDict::new(py);
-        result.set_item("task", &purpose.task)?;
-        result.set_item("scene", &purpose.scene)?;
-        result.set_item("action", purpose.action.name())?;
-        result.set_item("actions", purpose.actions)?;
-        result.set_item("control_period", purpose.control_period)?;
-        result.set_item("observation", &purpose.observation)?;
+        result.set_item("task", &spec.task)?;
+        result.set_item("scene", &spec.scene)?;
+        result.set_item("action", spec.action.name())?;
+        result.set_item("actions", spec.actions)?;
+        result.set_item("control_period", spec.control_period)?;
+        result.set_item("observation", &spec.observation)?;
         Ok(Some(result))
     }
 
@@ -386,17 +386,17 @@ impl Mlp {
     }
 }
 
-fn purpose(task: &Task, corrects: bool) -> Purpose {
-    let purpose = task.batch.task().purpose();
-    if corrects { purpose.correcting() } else { purpose }
+fn spec(task: &Task, residual: bool) -> PolicySpec {
+    let spec = task.batch.task().policy_spec();
+    if residual { spec.residual() } else { spec }
 }
 
 /// What policies need to know of the task.
 #[pymethods]
 impl Task {
     /// No control: every action is 0.
-    fn rest(&self, py: Python<'_>) -> PyResult<Py<Policy>> {
-        Py::new(py, Policy::of(self.batch.task().rest()))
+    fn no_control(&self, py: Python<'_>) -> PyResult<Py<Controller>> {
+        Py::new(py, Controller::of(self.batch.task().no_control()))
     }
 
     /// The paper's PD with these gains (6 each), or with the scene's.
@@ -404,7 +404,7 @@ impl Task {
     fn pd(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
         let pd = self.batch.task().pd(Some(self.gains(kp, kd)?)).or_raise()?;
         let gains = pd.gains().clone();
-        Py::new(py, Policy::of(pd).add_subclass(Pd { gains }))
+        Py::new(py, Controller::of(pd).add_subclass(Pd { gains }))
     }
 
     /// The PD with restoring compensation.
@@ -412,7 +412,7 @@ impl Task {
     fn pd_restoring(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
         let policy = self.batch.task().pd_restoring(Some(self.gains(kp, kd)?)).or_raise()?;
         let gains = policy.pd().gains().clone();
-        Py::new(py, Policy::of(policy).add_subclass(Pd { gains }))
+        Py::new(py, Controller::of(policy).add_subclass(Pd { gains }))
     }
 
     /// Feedback on an observer's estimate; the usual gains where they are not given, and the task's own delay.
@@ -443,7 +443,7 @@ impl Task {
         };
         let gains = ModelGains { observing, lead: lead.unwrap_or(usual.lead), ..usual };
         let policy = task.model_control(law, gains).or_raise()?;
-        Py::new(py, Policy::of(policy).add_subclass(ModelControl { gains }))
+        Py::new(py, Controller::of(policy).add_subclass(ModelControl { gains }))
     }
 
     /// Model-predictive control; the usual weights where they are not given, and the task's own delay.
@@ -476,7 +476,7 @@ impl Task {
             change: change.unwrap_or(usual.change),
             observing,
         };
-        Py::new(py, Policy::of(task.mpc(gains).or_raise()?).add_subclass(Mpc { gains }))
+        Py::new(py, Controller::of(task.mpc(gains).or_raise()?).add_subclass(Mpc { gains }))
     }
 
     /// Resolved motion with these gains; the usual ones where they are not given.
@@ -511,7 +511,7 @@ impl Task {
             delay: delay.unwrap_or(usual.delay),
         };
         let policy = self.batch.task().resolved_motion(Some(gains)).or_raise()?;
-        Py::new(py, Policy::of(policy).add_subclass(ResolvedMotion { gains }))
+        Py::new(py, Controller::of(policy).add_subclass(ResolvedMotion { gains }))
     }
 
     /// The PD with an integral; its gains follow from the others where they are not given.
@@ -525,7 +525,7 @@ impl Task {
     ) -> PyResult<Py<Pid>> {
         let pid = self.batch.task().pid(Some(self.gains(kp, kd)?), ki).or_raise()?;
         let (gains, ki) = (pid.pd().gains().clone(), *pid.ki());
-        Py::new(py, Policy::of(pid).add_subclass(Pid { gains, ki }))
+        Py::new(py, Controller::of(pid).add_subclass(Pid { gains, ki }))
     }
 }
 

@@ -11,8 +11,8 @@ from helpers import SMALL, layers, observations
 
 from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion
 from uvms_gym.cli import main
-from uvms_gym.controllers import Rest, catalogue
-from uvms_gym.controllers.catalogue import Unavailable, available, controller, names, seeds
+from uvms_gym.controllers import NoControl, registry
+from uvms_gym.controllers.registry import Unavailable, available, make_controller, names, seeds
 
 STORM = "UVMS-StationKeep-Storm-v0"
 OPTIONS: dict[str, Any] = {"scene": SMALL, "substeps": 10}
@@ -23,21 +23,21 @@ KD = [11.0, 21.0, 31.0, 5.0, 6.0, 7.0]
 def network(seed: int = 0, **arguments: Any) -> MLP:
     """A policy for the small scene at a control period of 0.1 s."""
     options = {"scene": SMALL, "substeps": 10} | arguments
-    corrects = options.pop("corrects", False)
-    return MLP(**layers((30 if corrects else 24, 8, 6), seed), corrects=corrects, **options)
+    residual = options.pop("residual", False)
+    return MLP(**layers((30 if residual else 24, 8, 6), seed), residual=residual, **options)
 
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of policies for the small scene: two seeds of ppo, one of corrections, tuned gains of PD."""
-    monkeypatch.setattr(catalogue, "POLICIES", tmp_path)
+    monkeypatch.setattr(registry, "PRETRAINED", tmp_path)
     folder = tmp_path / "UVMS-StationKeep" / SMALL / "0.1s"
     folder.mkdir(parents=True)
     for seed in (0, 3):
         network(seed).save(folder / f"ppo-{seed}.safetensors")
     # It was trained on the PD with other gains than those tuned since.
     notes = {"base": "pd", "base_gains": json.dumps({"kp": KD, "kd": KD}), "limit": "0.2"}
-    network(5, corrects=True, notes=notes).save(folder / "ppo-pd-1.safetensors")
+    network(5, residual=True, notes=notes).save(folder / "ppo-pd-1.safetensors")
     tuned = {"pd": {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}}
     (folder / "gains.json").write_text(json.dumps(tuned))
     return folder
@@ -45,24 +45,24 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def message(name: str, error: type[Exception] = ValueError, **options: Any) -> str:
     with pytest.raises(error) as caught:
-        controller(name, **(OPTIONS | options))
+        make_controller(name, **(OPTIONS | options))
     (line,) = str(caught.value).splitlines()
     return line
 
 
 def test_classical_controllers_have_the_tuned_gains_or_their_own(shipped: Path) -> None:
-    tuned = controller("pd", **OPTIONS)
+    tuned = make_controller("pd", **OPTIONS)
     assert isinstance(tuned, PD)
     np.testing.assert_array_equal(tuned.kp, KP)
     np.testing.assert_array_equal(tuned.kd, KD)
     own = PD(scene=SMALL)
-    for other in (controller("pd", gains="scene", **OPTIONS), controller("pd", scene=SMALL)):
+    for other in (make_controller("pd", gains="scene", **OPTIONS), make_controller("pd", scene=SMALL)):
         np.testing.assert_array_equal(other.kp, own.kp)
-    assert isinstance(controller("pid", **OPTIONS), PID)
-    assert isinstance(controller("none", **OPTIONS), Rest)
-    assert isinstance(controller("resolved", task="ee-track"), ResolvedMotion)
+    assert isinstance(make_controller("pid", **OPTIONS), PID)
+    assert isinstance(make_controller("none", **OPTIONS), NoControl)
+    assert isinstance(make_controller("resolved", task="ee-track"), ResolvedMotion)
     with pytest.raises(ValueError, match="gains is 'mine', but must be 'tuned' or 'scene'"):
-        controller("pd", gains="mine", **OPTIONS)  # type: ignore[arg-type]
+        make_controller("pd", gains="mine", **OPTIONS)  # type: ignore[arg-type]
 
 
 def test_learned_controllers_are_the_shipped_policies(shipped: Path) -> None:
@@ -73,21 +73,21 @@ def test_learned_controllers_are_the_shipped_policies(shipped: Path) -> None:
     assert seeds("pd", env) == seeds("ppo-dob", env) == ()
     for seed in (0, 3):
         np.testing.assert_array_equal(
-            controller("ppo", env, seed=seed).predict(rows)[0], network(seed).predict(rows)[0]
+            make_controller("ppo", env, seed=seed).predict(rows)[0], network(seed).predict(rows)[0]
         )
-    corrected = controller("ppo-pd", env, seed=1)
-    expected = Residual(PD(env, kp=KD, kd=KD), network(5, corrects=True), 0.2)
+    corrected = make_controller("ppo-pd", env, seed=1)
+    expected = Residual(PD(env, kp=KD, kd=KD), network(5, residual=True), 0.2)
     np.testing.assert_array_equal(corrected.predict(rows)[0], expected.predict(rows)[0])
     file = shipped / "ppo-3.safetensors"
-    np.testing.assert_array_equal(controller(f"mlp:{file}", env).predict(rows)[0], network(3).predict(rows)[0])
+    np.testing.assert_array_equal(make_controller(f"mlp:{file}", env).predict(rows)[0], network(3).predict(rows)[0])
 
 
 def test_what_is_available_is_what_there_is_all_for(shipped: Path) -> None:
-    classical = [name for name in names("station-keep") if name in catalogue.CLASSICAL]
+    classical = [name for name in names("station-keep") if name in registry.CLASSICAL]
     assert list(available(**OPTIONS)) == [*classical, "ppo", "ppo-pd"]
     assert list(available(scene=SMALL)) == classical
     assert list(available(**OPTIONS, action="thrusters")) == classical
-    assert set(names()) == set(catalogue.NAMES) > set(names("ee-track")) > {"none", "resolved", "ppo"}
+    assert set(names()) == set(registry.NAMES) > set(names("ee-track")) > {"none", "resolved", "ppo"}
 
 
 def test_an_unknown_controller_is_told_the_known_ones_of_its_task() -> None:
@@ -114,7 +114,7 @@ def test_a_policy_that_is_not_shipped_is_told_those_that_are(shipped: Path) -> N
     [
         ({"scene": "rexrov"}, "its scene is rexrov, the environment's bluerov2-heavy"),
         ({"substeps": 5}, "its control period is 0.050000000 s, the environment's 0.100000000 s"),
-        ({"corrects": True}, "it corrects a controller, and is none by itself"),
+        ({"residual": True}, "it corrects a controller, and is none by itself"),
     ],
 )
 def test_a_shipped_policy_for_something_else_is_refused(shipped: Path, made: dict[str, Any], words: str) -> None:
@@ -125,9 +125,9 @@ def test_a_shipped_policy_for_something_else_is_refused(shipped: Path, made: dic
 
 def test_corrections_to_something_else_are_refused(shipped: Path) -> None:
     file = shipped / "ppo-pd-1.safetensors"
-    network(corrects=True, notes={"base": "pid"}).save(file)
+    network(residual=True, notes={"base": "pid"}).save(file)
     assert message("ppo-pd", seed=1) == f"{file}: it corrects pid, not pd"
-    network(corrects=True, notes={"limit": "7"}).save(file)
+    network(residual=True, notes={"limit": "7"}).save(file)
     assert message("ppo-pd", seed=1) == f"{file}: limit is 7, but must be in [0, 1]"
 
 
@@ -163,15 +163,15 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
 
 
 def test_gains_are_for_their_scene_task_and_period_alone(shipped: Path) -> None:
-    assert catalogue.tuned("pd", **OPTIONS) == {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}
-    assert catalogue.tuned("pid", **OPTIONS) is None
-    assert catalogue.tuned("pd", scene=SMALL) is None
+    assert registry.tuned("pd", **OPTIONS) == {"gains": {"kp": KP, "kd": KD}, "tuning": {"episodes": 4096}}
+    assert registry.tuned("pid", **OPTIONS) is None
+    assert registry.tuned("pd", scene=SMALL) is None
     # Conditions other than those change nothing.
     env = gymnasium.make(STORM, scene=SMALL, disturbance="calm", thruster_lag=0.3)
-    np.testing.assert_array_equal(controller("pd", env).kp, KP)  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(make_controller("pd", env).kp, KP)  # type: ignore[attr-defined]
 
 
-def test_play_takes_names_of_the_catalogue(shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_play_takes_names_of_the_registry(shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def play(name: str) -> int:
         plot = str(tmp_path / "plot.png")
         return main(
@@ -186,11 +186,11 @@ def test_play_takes_names_of_the_catalogue(shipped: Path, tmp_path: Path, capsys
         assert words in line
 
 
-@pytest.mark.parametrize("name", catalogue.CLASSICAL)
+@pytest.mark.parametrize("name", registry.CLASSICAL)
 def test_every_classical_controller_is_made_for_its_tasks(name: str) -> None:
-    for task in catalogue.CLASSICAL[name].tasks:
-        made = controller(name, task=task, scene="bluerov2-heavy-alpha5", substeps=10)
-        env = gymnasium.make(f"{catalogue.TASKS[task]}-Storm-v0", scene="bluerov2-heavy-alpha5")
+    for task in registry.CLASSICAL[name].tasks:
+        made = make_controller(name, task=task, scene="bluerov2-heavy-alpha5", substeps=10)
+        env = gymnasium.make(f"{registry.TASKS[task]}-Storm-v0", scene="bluerov2-heavy-alpha5")
         observation, _ = env.reset(seed=0)
         action, _ = made.predict(observation)
         assert action.shape == env.action_space.shape

@@ -4,16 +4,16 @@ use std::sync::Arc;
 
 use super::{Goal, Task};
 use crate::control::{
-    ActionKind, Entries, Law, ModelControl, ModelGains, ModelReading, Mpc, MpcGains, Observing, Pd, PdRestoring, Pid,
-    Plant, Policy, Purpose, ResolvedGains, ResolvedMotion, Rest, TrackReading, Widths,
+    ActionKind, BlockIndices, Law, ModelControl, ModelGains, ModelIndices, Mpc, MpcGains, Observing, Pd, PdRestoring, Pid,
+    Plant, Controller, PolicySpec, ResolvedGains, ResolvedMotion, NoControl, TrackingIndices, Widths,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
 
 impl Task {
     /// No control.
-    pub fn rest(&self) -> Rest {
-        Rest::new(Widths { observation: self.observation_len(), memory: 0, action: self.action_len() })
+    pub fn no_control(&self) -> NoControl {
+        NoControl::new(Widths { observation: self.observation_len(), memory: 0, action: self.action_len() })
     }
 
     /// Resolved motion, for an end effector that follows a path, with these gains or the usual ones.
@@ -29,7 +29,7 @@ impl Task {
     ///
     /// # Errors
     /// `TaskError` where there is no such controller.
-    pub fn base(&self) -> Result<Option<Arc<dyn Policy>>, TaskError> {
+    pub fn base(&self) -> Result<Option<Arc<dyn Controller>>, TaskError> {
         if self.options().action != ActionKind::Residual {
             return Ok(None);
         }
@@ -49,8 +49,8 @@ impl Task {
             .layout()
             .block("preview")
             .filter(|_| spacing > 0.0)
-            .map(|block| (Entries { offset: block.offset, scale: block.scale[..6].to_vec() }, spacing));
-        let reading = TrackReading {
+            .map(|block| (BlockIndices { offset: block.offset, scale: block.scale[..6].to_vec() }, spacing));
+        let reading = TrackingIndices {
             width: self.observation_len(),
             error: find(&["position_error", "attitude_error"]),
             twist: find(&["linear_velocity", "angular_velocity"]),
@@ -64,11 +64,11 @@ impl Task {
         Ok(ResolvedMotion::new(&self.scene, reading, gains, self.actions().clone(), period)?)
     }
 
-    /// Entries of these blocks, which follow each other.
-    fn entries(&self, names: &[&str]) -> Entries {
+    /// BlockIndices of these blocks, which follow each other.
+    fn entries(&self, names: &[&str]) -> BlockIndices {
         let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
         let first =
-            blocks.next().map_or_else(Entries::default, |b| Entries { offset: b.offset, scale: b.scale.clone() });
+            blocks.next().map_or_else(BlockIndices::default, |b| BlockIndices { offset: b.offset, scale: b.scale.clone() });
         blocks.fold(first, |mut entries, block| {
             entries.scale.extend(&block.scale);
             entries
@@ -80,8 +80,8 @@ impl Task {
         self.disturbance().delay.as_ref().map_or(0, |delay| delay.in_periods(self.options().control_period()))
     }
 
-    fn model_reading(&self, pd: &Pd) -> ModelReading {
-        ModelReading {
+    fn model_reading(&self, pd: &Pd) -> ModelIndices {
+        ModelIndices {
             vehicle: pd.reading().clone(),
             arm: [self.entries(&["joint_position"]), self.entries(&["joint_rate"])],
             reference: [self.entries(&["joint_reference"]), self.entries(&["joint_reference_rate"])],
@@ -163,8 +163,8 @@ impl Task {
     }
 
     /// What a policy for this task says that it is for.
-    pub fn purpose(&self) -> Purpose {
-        Purpose {
+    pub fn policy_spec(&self) -> PolicySpec {
+        PolicySpec {
             task: self.options().task.name().into(),
             scene: self.scene_name().into(),
             action: self.options().action,

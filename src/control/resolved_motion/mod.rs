@@ -7,7 +7,7 @@ mod tests;
 use nalgebra::{SMatrix, Vector3, Vector6};
 
 use self::observer::Model;
-use super::policy::{Policy, Widths};
+use super::controller::{Controller, Widths};
 use super::{ACTIONS, ActionMap, Actuation};
 use crate::description::{JointLimits, Scene};
 use crate::dynamics::{Passive, Recursion, Terms, VELOCITIES, Velocities};
@@ -99,14 +99,14 @@ const MISSED: f64 = 1e-4;
 
 /// A run of entries of an observation: the first, and the scales that undo the normalisation.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Entries {
+pub struct BlockIndices {
     /// First entry.
     pub offset: usize,
     /// Physical value of 1, per entry.
     pub scale: Vec<f64>,
 }
 
-impl Entries {
+impl BlockIndices {
     /// Physical values at one row of observations.
     pub fn read<'a>(&'a self, observation: &'a [f32]) -> impl Iterator<Item = f64> + 'a {
         self.scale.iter().zip(&observation[self.offset..]).map(|(scale, x)| f64::from(*x) * scale)
@@ -115,23 +115,23 @@ impl Entries {
 
 /// Where [`ResolvedMotion`] finds what it reads.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TrackReading {
+pub struct TrackingIndices {
     /// Length of a row.
     pub width: usize,
     /// Both pose errors of the end effector, 6.
-    pub error: Entries,
+    pub error: BlockIndices,
     /// Body twist of the vehicle, 6.
-    pub twist: Entries,
+    pub twist: BlockIndices,
     /// Direction against gravity, body axes, 3.
-    pub up: Entries,
+    pub up: BlockIndices,
     /// Joint coordinates relative to home, n.
-    pub q: Entries,
+    pub q: BlockIndices,
     /// Joint rates, n.
-    pub qd: Entries,
+    pub qd: BlockIndices,
     /// Twist of the reference, end-effector axes, 6.
-    pub reference: Entries,
+    pub reference: BlockIndices,
     /// Errors against the first point ahead, 6, and the time to it, s.
-    pub ahead: Option<(Entries, f64)>,
+    pub ahead: Option<(BlockIndices, f64)>,
 }
 
 /// Resolved motion and inverse dynamics. `[Whi69]`
@@ -144,7 +144,7 @@ pub struct TrackReading {
 /// With `observer` the forces that the model does not know of are estimated from how the velocities went, and made up
 /// for; with `delay` all of it acts on a prediction of the present from what was measured so many periods ago.
 pub struct ResolvedMotion {
-    reading: TrackReading,
+    reading: TrackingIndices,
     gains: ResolvedGains,
     actions: ActionMap,
     actuation: Actuation<f64>,
@@ -181,7 +181,7 @@ impl ResolvedMotion {
     /// not compose.
     pub fn new(
         scene: &Scene,
-        reading: TrackReading,
+        reading: TrackingIndices,
         gains: ResolvedGains,
         actions: ActionMap,
         period: f64,
@@ -202,7 +202,7 @@ impl ResolvedMotion {
 
     fn read(&self, observation: &[f32]) -> Present {
         let reading = &self.reading;
-        let six = |entries: &Entries| Vector6::from_iterator(entries.read(observation));
+        let six = |entries: &BlockIndices| Vector6::from_iterator(entries.read(observation));
         let mut velocities = Velocities::zeros();
         let rates = reading.twist.read(observation).chain(reading.qd.read(observation));
         rates.zip(velocities.iter_mut()).for_each(|(x, velocity)| *velocity = x);
@@ -343,7 +343,7 @@ impl ResolvedMotion {
     }
 }
 
-impl Policy for ResolvedMotion {
+impl Controller for ResolvedMotion {
     fn widths(&self) -> Widths {
         let integral = if self.gains.integral > 0.0 { 6 } else { 0 };
         let memory = integral + self.model.as_ref().map_or(0, Model::memory);
