@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use proptest::prelude::*;
-use uvms_gym::control::{ActionKind, Activation, Layer, Mlp, Network, Normalisation, Output, Controller, PolicySpec};
+use uvms_gym::control::{ActionKind, Activation, Controller, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 use uvms_gym::error::PolicyError;
 use uvms_gym::lane::{Isa, Kernel, Lane, Real, tanh};
 

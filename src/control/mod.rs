@@ -5,11 +5,11 @@
 mod action;
 mod actuation;
 mod allocation;
+mod controller;
 mod mlp;
 mod model;
 mod pd;
 mod pid;
-mod controller;
 mod residual;
 mod resolved_motion;
 
@@ -19,12 +19,12 @@ mod tests;
 pub use action::{ActionKind, ActionMap, ActionRange};
 pub use actuation::{ACTIONS, Actuated, Actuation};
 pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
+pub use controller::{Controller, NoControl, Widths};
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 pub use model::{
     Arm, Law, ModelControl, ModelGains, ModelIndices, Motion, Mpc, MpcGains, Observing, PdRestoring, Plant, Push,
 };
-pub use pd::{Pd, ObservationIndices};
+pub use pd::{ObservationIndices, Pd};
 pub use pid::Pid;
-pub use controller::{Controller, NoControl, Widths};
 pub use residual::{BASE_ACTION, Residual};
 pub use resolved_motion::{BlockIndices, MOST_DELAY, ResolvedGains, ResolvedMotion, TrackingIndices};

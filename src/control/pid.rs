@@ -1,7 +1,7 @@
 //! The paper's PD with an integral, from observations alone.
 
-use super::pd::check_gains;
 use super::controller::{Controller, Widths};
+use super::pd::check_gains;
 use super::{ACTIONS, Actuation, Pd};
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};

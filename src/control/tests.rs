@@ -232,8 +232,11 @@ fn a_wrench_beyond_all_bounds_keeps_its_direction() {
 }
 
 fn pd(kind: ActionKind) -> Pd {
-    let reading =
-        ObservationIndices { width: 12, error: std::array::from_fn(|k| (k, 0.1)), twist: std::array::from_fn(|k| (6 + k, 0.2)) };
+    let reading = ObservationIndices {
+        width: 12,
+        error: std::array::from_fn(|k| (k, 0.1)),
+        twist: std::array::from_fn(|k| (6 + k, 0.2)),
+    };
     let gains = VehicleServo { kp: [100.0; 6], kd: [30.0; 6] };
     Pd::new(reading, gains, ActionMap::new(kind, allocation(), Vec::new())).unwrap()
 }

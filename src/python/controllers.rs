@@ -11,8 +11,8 @@ use pyo3::types::{PyBytes, PyDict};
 use super::errors::OrRaise;
 use super::task::{Rows, Task, name_of, one_of, rows};
 use uvms_gym::control::{
-    self, Activation, Law, Layer, ModelGains, MpcGains, Network, Normalisation, Observing, Output, PolicySpec, Residual,
-    ResolvedGains,
+    self, Activation, Law, Layer, ModelGains, MpcGains, Network, Normalisation, Observing, Output, PolicySpec,
+    Residual, ResolvedGains,
 };
 use uvms_gym::description::VehicleServo;
 

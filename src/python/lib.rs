@@ -1,6 +1,7 @@
 //! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
 
 mod arrays;
+mod controllers;
 mod disturbance;
 mod errors;
 mod inputs;
@@ -10,7 +11,6 @@ mod model;
 mod motion;
 mod outputs;
 mod parameters;
-mod controllers;
 mod renderer;
 mod robots;
 mod rollout;
@@ -26,13 +26,13 @@ use pyo3::prelude::*;
 #[pymodule(name = "_core")]
 mod core {
     #[pymodule_export]
+    use super::controllers::{Controller, Mlp, ModelControl, Mpc, Pd, Pid, ResolvedMotion};
+    #[pymodule_export]
     use super::disturbance::disturbances;
     #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
     #[pymodule_export]
     use super::integrators::integrators;
-    #[pymodule_export]
-    use super::controllers::{Mlp, ModelControl, Mpc, Pd, Pid, Controller, ResolvedMotion};
     #[pymodule_export]
     use super::renderer::Renderer;
     #[pymodule_export]

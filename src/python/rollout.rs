@@ -7,8 +7,8 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use super::errors::OrRaise;
 use super::controllers::Controller;
+use super::errors::OrRaise;
 use super::stability::warn;
 use super::task::{Row, Rows, Task, refused, rows};
 use uvms_gym::batch::{self, Tally};

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::{Goal, Task};
 use crate::control::{
-    ActionKind, BlockIndices, Law, ModelControl, ModelGains, ModelIndices, Mpc, MpcGains, Observing, Pd, PdRestoring, Pid,
-    Plant, Controller, PolicySpec, ResolvedGains, ResolvedMotion, NoControl, TrackingIndices, Widths,
+    ActionKind, BlockIndices, Controller, Law, ModelControl, ModelGains, ModelIndices, Mpc, MpcGains, NoControl,
+    Observing, Pd, PdRestoring, Pid, Plant, PolicySpec, ResolvedGains, ResolvedMotion, TrackingIndices, Widths,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
@@ -67,8 +67,9 @@ impl Task {
     /// BlockIndices of these blocks, which follow each other.
     fn entries(&self, names: &[&str]) -> BlockIndices {
         let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
-        let first =
-            blocks.next().map_or_else(BlockIndices::default, |b| BlockIndices { offset: b.offset, scale: b.scale.clone() });
+        let first = blocks
+            .next()
+            .map_or_else(BlockIndices::default, |b| BlockIndices { offset: b.offset, scale: b.scale.clone() });
         blocks.fold(first, |mut entries, block| {
             entries.scale.extend(&block.scale);
             entries

@@ -4,6 +4,7 @@
 //! control instant is written in lanes; episodes are drawn one by one, in f64.
 
 mod authority;
+mod controllers;
 pub mod disturbance;
 mod disturbed;
 mod episode;
@@ -13,7 +14,6 @@ mod metrics;
 mod observation;
 mod options;
 mod path;
-mod controllers;
 mod pose;
 mod random;
 mod reference;

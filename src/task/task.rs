@@ -12,7 +12,7 @@ use super::observation::layout;
 use super::options::{Goal, TaskOptions};
 use super::pose::Pose;
 use super::stance::Stance;
-use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, Pd, ObservationIndices};
+use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, ObservationIndices, Pd};
 use crate::description::{Joint, JointKind, Scene, VehicleServo};
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;

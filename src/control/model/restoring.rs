@@ -2,7 +2,7 @@
 
 use super::plant::{Motion, Plant};
 use super::rows::{ModelIndices, write};
-use crate::control::{Pd, Controller, Widths};
+use crate::control::{Controller, Pd, Widths};
 use crate::description::Scene;
 use crate::dynamics::articulated::Scratch;
 use crate::error::ControlError;
