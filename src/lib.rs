@@ -11,7 +11,7 @@
 //! estimate      a body's numbers from its shape
 //! urdf          arms from URDF files
 //! system        compile(description), state
-//! dynamics      the principle of dynamical balance: closed form, articulated bodies, ledger
+//! dynamics      equations of motion: dynamical balance in closed form, ABA, RNEA, CRBA, linearization
 //! integrate     Munthe-Kaas methods, a linearly implicit one, rivals
 //! render        pictures
 //! control       thruster allocation; policies: PD, PID, feedback on the nominal model, resolved motion, neural networks

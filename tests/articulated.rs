@@ -8,7 +8,7 @@ use common::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::{Balance, Loads};
+use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::hydro::{CoefficientFrame, CoefficientMatrix};
 use uvms_gym::lane::Shared;
 use uvms_gym::system::{Compiled, Factors, Flow, ScaledSystem, State, compile};
@@ -61,7 +61,7 @@ fn compare(scene: &Scene, state: &State, loads: &RandomLoads, precision: Precisi
     let external: Vec<Vector6<f64>> = loads.external.chunks(6).map(Vector6::from_column_slice).collect();
     let applied =
         Loads { thrust: &loads.thrust, external: &external, joint_command: &loads.torque, ..Loads::default() };
-    let balance = Balance::new(scene).unwrap();
+    let balance = ClosedFormModel::new(scene).unwrap();
     let form = balance.at(state, flow);
     let closed = form.accelerations(&applied).unwrap();
     let residual = form.residual(&articulated, &applied).unwrap();
@@ -172,8 +172,8 @@ fn a_current_changes_nothing_but_the_observer() {
         };
         let current = nalgebra::Vector3::new(0.4, -0.3, 0.2);
         let moving = run(current, &state);
-        let still = run(nalgebra::Vector3::zeros(), &uvms_gym::dynamics::seen_from_water(&state, &current));
-        let seen = uvms_gym::dynamics::seen_from_water(&moving, &current);
+        let still = run(nalgebra::Vector3::zeros(), &uvms_gym::dynamics::relative_to_water(&state, &current));
+        let seen = uvms_gym::dynamics::relative_to_water(&moving, &current);
         assert!((seen.position - still.position).norm() < 1e-11);
         assert!((seen.rotation - still.rotation).norm() < 1e-11);
         assert!((seen.twist - still.twist).norm() < 1e-10 * still.twist.norm().max(1.0));

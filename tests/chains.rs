@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use common::random_scene::{Options, Random, random_scene};
 use nalgebra as na;
 use uvms_gym::description::{Frame, JointKind, Scene};
-use uvms_gym::dynamics::Balance;
+use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::hydro::FrameRotation;
 use uvms_gym::lane::Shared;
 use uvms_gym::lie::{Matrix3, Pose, Vector3};
@@ -275,7 +275,7 @@ fn body_poses_of_the_balance_are_those_of_the_scene() {
         let mut state = State::default();
         let mut random = Random::new(seed);
         scene.joints().enumerate().for_each(|(i, _)| state.q[i] = random.between(-3.0, 3.0));
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let poses = balance.at(&state, na::Vector3::zeros()).body_poses();
         for (pose, expected) in poses[1..].iter().zip(direct(&scene, &state.q)) {
             let rotation = pose.rotation - expected.fixed_view::<3, 3>(0, 0);

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::{Balance, Loads};
+use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::system::{JOINTS, Joints, State, rotation_vector};
 
 /// Bound on errors, relative to the greatest component.
@@ -20,7 +20,7 @@ const FORWARD_DYNAMICS: [(&str, ForwardDynamics); 2] =
     [("closed form", closed_form), ("articulated bodies", articulated_bodies)];
 
 fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
-    let balance = Balance::new(scene).unwrap();
+    let balance = ClosedFormModel::new(scene).unwrap();
     let external = case.external_with_wrench();
     let loads = Loads { thrust: &[], external: &external, joint_command: &case.joint_torque, ..Loads::default() };
     balance.at(&case.at.state(), Vector3::from(case.current)).accelerations(&loads).unwrap()
@@ -236,7 +236,7 @@ fn miss(ours: &State, theirs: &State) -> f64 {
 fn val_mass_matrix_bias_and_jacobian_equal_pinocchio() {
     let mut compared = 0;
     for (scene, SceneCases { scene: name, cases }) in golden("pinocchio_dry.json") {
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         for (i, case) in cases.iter().enumerate() {
             let Some(theirs) = &case.expected.details else { continue };
             let what = |quantity: &str| format!("{name}, case {i}, {quantity}");

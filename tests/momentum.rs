@@ -6,8 +6,8 @@ use common::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use uvms_gym::control::{Arm, Motion, Plant, Push};
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::articulated::Scratch;
-use uvms_gym::dynamics::{Balance, Loads, Whole};
+use uvms_gym::dynamics::aba::Scratch;
+use uvms_gym::dynamics::{ClosedFormModel, CompositeBody, Loads};
 use uvms_gym::lie;
 use uvms_gym::system::{State, compile, rotation_vector};
 
@@ -32,9 +32,9 @@ fn a_system_as_one_body_is_the_closed_form_summed_up() {
         let system = compile(&scene).system;
         let gravity = lie::Vector3(state.rotation.tr_mul(&scene.water.gravity).into());
         let twist = lie::Vector6::from_array(state.twist.into());
-        let whole = Whole::of(&system, gravity, twist, (&state.q, &state.qd), &mut Scratch::<f64>::new());
+        let whole = CompositeBody::of(&system, gravity, twist, (&state.q, &state.qd), &mut Scratch::<f64>::new());
 
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let form = balance.at(&state, Vector3::zeros());
         let n = form.joints();
         let mut velocities = DVector::zeros(6 + n);
@@ -50,7 +50,7 @@ fn a_system_as_one_body_is_the_closed_form_summed_up() {
             }
         }
         let wrenches: Vec<f64> =
-            form.drag().iter().zip(form.restoring()).flat_map(|(a, b)| (a + b).data.0[0]).collect();
+            form.damping().iter().zip(form.restoring()).flat_map(|(a, b)| (a + b).data.0[0]).collect();
         let force = form.wrench_influence() * DVector::from_vec(wrenches);
         let force = force.fixed_rows::<6>(0).into_owned();
         assert!(gap(&whole.force, &force) < 1e-12, "{}: {}", scene.name, gap(&whole.force, &force));
@@ -93,7 +93,7 @@ fn predictions_start_as_the_closed_form_says() {
         let time = 1e-6;
         let then = Plant::new(&scene).advance(&motion, [&arm, &later(&arm, time)], &push, time, &mut Scratch::new());
         let rate = (then.motion.twist - motion.twist).to_array();
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let form = balance.at(&state, Vector3::zeros());
         let mut accelerations = DVector::zeros(6 + form.joints());
         accelerations.rows_mut(0, 6).copy_from_slice(&rate.map(|x| x / time));

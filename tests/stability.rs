@@ -6,7 +6,7 @@ mod random_scene;
 use nalgebra::{Complex, Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions, stabilities};
 use uvms_gym::description::{Friction, JointServo, Scene};
-use uvms_gym::dynamics::{Balance, Servos};
+use uvms_gym::dynamics::{ClosedFormModel, Servos};
 use uvms_gym::integrate::{EULER, GROWTH, Gains, HEUN3, Integrator, MIDPOINT, PASSING, RK4, Stability, Tableau};
 use uvms_gym::system::State;
 
@@ -109,7 +109,7 @@ fn val_rates_of_a_servo_on_one_joint_of_a_floating_vehicle() {
         joint.servo = Some(JointServo { kp, kd });
         joint.friction.viscous = 0.25;
         let state = State { q: scene.home(), ..State::default() };
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let mobility = balance.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
         let found = rates(&scene, &Inputs::default(), JOINTS);
         for root in roots(1.0 / mobility[(7, 7)], kd + 0.25, kp) {
@@ -152,7 +152,7 @@ fn an_end_stop_is_a_rate_of_its_own() {
     let survey = simulator.survey(None).unwrap();
     let modes = survey.modes(OFF);
     let state = State { q: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let mobility = balance.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
     let frequency = (50.0 * mobility[(6, 6)]).sqrt();
     assert!(modes[0].stop && (modes[0].rate - Complex::new(0.0, frequency)).norm() < 0.02 * frequency, "{modes:?}");
@@ -291,7 +291,7 @@ fn steps_below_the_stable_one_decay_and_steps_above_it_grow() {
         for factor in [1.0, 10.0, 100.0] {
             let scene = stiffened(name, factor);
             let state = State { q: scene.home(), ..State::default() };
-            let trim = Balance::new(&scene).unwrap().trim(&state, Vector3::zeros()).unwrap();
+            let trim = ClosedFormModel::new(&scene).unwrap().trim(&state, Vector3::zeros()).unwrap();
             let (wrench, torque) = (trim.wrench.as_slice(), trim.joint_torques.as_slice());
             let held = Inputs { wrench: Some(wrench), joint_torque: Some(torque), ..Inputs::default() };
             let found = rates(&scene, &held, BOTH);

@@ -7,7 +7,7 @@ use nalgebra::Matrix3;
 use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, Tally, TaskBatch, Transition};
 use uvms_gym::control::{ActionKind, Controller};
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::Balance;
+use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::lane::Isa;
 use uvms_gym::system::EndEffector;
@@ -76,7 +76,7 @@ fn the_end_effector_is_where_the_closed_form_has_it() {
         let scene = random_scene(seed, Options::default());
         let state = random_state(seed, &scene);
         let (rotation, position) = EndEffector::new(&scene).pose(&state.q);
-        let expected = Balance::new(&scene).unwrap().at(&state, scene.water.current).end_effector_pose();
+        let expected = ClosedFormModel::new(&scene).unwrap().at(&state, scene.water.current).end_effector_pose();
         let reached = state.position + state.rotation * position;
         assert!((reached - expected.position).norm() < 1e-12, "seed {seed}");
         assert!((state.rotation * rotation - expected.rotation).norm() < 1e-12, "seed {seed}");

@@ -4,7 +4,7 @@ use super::dynamics::Station;
 use super::lagged::Lag;
 use super::layout::Layout;
 use super::step::Switches;
-use crate::dynamics::articulated::Loads;
+use crate::dynamics::aba::Loads;
 use crate::hydro::{FINS, Fin, FinAxes, THRUSTERS, Thruster, ThrusterDynamics};
 use crate::integrate::{Attitude, Motion, Watch};
 use crate::lane::{Lane, Param, Real};

@@ -1,7 +1,7 @@
 //! The right-hand side of the equations of motion, for the integrators.
 
-use crate::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
-use crate::dynamics::implicit::{Ahead, implicit_accelerations};
+use crate::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::hydro::FinAxes;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param, Shared};

@@ -10,7 +10,7 @@
 //! unless `M_A / m < 2 / alpha - 1`.
 
 use super::dynamics::Dynamics;
-use crate::dynamics::articulated::link_twists;
+use crate::dynamics::aba::link_twists;
 use crate::integrate::Motion;
 use crate::lane::{Lane, Param, Real, Shared};
 use crate::lie::Vector6;

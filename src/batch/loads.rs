@@ -9,7 +9,7 @@ use super::simulator::Simulator;
 use super::table::InstanceLoads;
 use crate::description::Joint;
 use crate::dynamics::Loads;
-use crate::dynamics::joint::actuator_torque;
+use crate::dynamics::dense::actuator_torque;
 use crate::error::SimulatorError;
 use crate::hydro::{ThrusterDynamics, Thrusts};
 use crate::lie::{self, Matrix3, Pose, Vector3};

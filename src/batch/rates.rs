@@ -9,7 +9,7 @@ use nalgebra::{Complex, Vector3};
 use super::simulator::{Simulator, SimulatorOptions};
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
-use crate::dynamics::articulated::Loads;
+use crate::dynamics::aba::Loads;
 use crate::dynamics::{Linearization, Modes, Servos, linearize};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, PASSING, Stability};
@@ -310,8 +310,9 @@ impl Simulator {
             let drag = |speed: f64| {
                 let twist = nalgebra::Vector6::ith(axis, speed);
                 let state = State { q: self.scene().home(), twist, ..State::default() };
-                let power = self.balance().at(&state, Vector3::zeros()).power(&crate::dynamics::Loads::default());
-                power.map_or(0.0, |power| -power.drag / speed)
+                let power =
+                    self.closed_form_model().at(&state, Vector3::zeros()).power(&crate::dynamics::Loads::default());
+                power.map_or(0.0, |power| -power.damping / speed)
             };
             // drag = linear v + quadratic v^2
             let [at_one, at_two] = [1.0, 2.0].map(drag);

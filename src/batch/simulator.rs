@@ -9,8 +9,8 @@ use super::step::Switches;
 use super::table::InstanceLoads;
 use crate::control::Allocation;
 use crate::description::Scene;
-use crate::dynamics::articulated::Loads;
-use crate::dynamics::{Balance, ClosedForm, Linearization, linearize};
+use crate::dynamics::aba::Loads;
+use crate::dynamics::{ClosedForm, ClosedFormModel, Linearization, linearize};
 use crate::error::SimulatorError;
 use crate::hydro::{Thrusts, thrust_wrench};
 use crate::integrate::{Attitude, Gains, Integrator};
@@ -99,7 +99,7 @@ impl Default for SimulatorOptions {
 /// the threads.
 pub struct Simulator {
     scene: Scene,
-    balance: Balance,
+    closed_form_model: ClosedFormModel,
     compiled: Compiled,
     allocation: Allocation,
     options: SimulatorOptions,
@@ -116,7 +116,7 @@ impl Clone for Simulator {
     fn clone(&self) -> Self {
         Self {
             scene: self.scene.clone(),
-            balance: self.balance.clone(),
+            closed_form_model: self.closed_form_model.clone(),
             compiled: self.compiled.clone(),
             allocation: self.allocation.clone(),
             options: self.options.clone(),
@@ -167,7 +167,7 @@ impl Simulator {
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
         Ok(Self {
-            balance: Balance::new(&scene)?,
+            closed_form_model: ClosedFormModel::new(&scene)?,
             allocation,
             threads: options.threads.unwrap_or_else(cores),
             scene,
@@ -202,8 +202,8 @@ impl Simulator {
     }
 
     /// The scene composed, with the scene's own parameters.
-    pub(super) fn balance(&self) -> &Balance {
-        &self.balance
+    pub(super) fn closed_form_model(&self) -> &ClosedFormModel {
+        &self.closed_form_model
     }
 
     pub(super) fn watch_mut(&mut self) -> &mut Watch {
@@ -436,19 +436,19 @@ impl Simulator {
     }
 
     /// The composed scene with the parameters of instance `i`.
-    pub fn balance_of(&self, i: usize) -> Cow<'_, Balance> {
+    pub fn closed_form_model_of(&self, i: usize) -> Cow<'_, ClosedFormModel> {
         let factors = self.factors(i);
         if factors == Factors::ONE {
-            return Cow::Borrowed(&self.balance);
+            return Cow::Borrowed(&self.closed_form_model);
         }
         // A scene that composed does so with other masses too.
-        let varied = Balance::new(&self.scene.varied(factors.of_bodies()));
-        varied.map_or(Cow::Borrowed(&self.balance), Cow::Owned)
+        let varied = ClosedFormModel::new(&self.scene.varied(factors.of_bodies()));
+        varied.map_or(Cow::Borrowed(&self.closed_form_model), Cow::Owned)
     }
 
     /// Reads the closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
     pub fn closed_form<R>(&self, i: usize, read: impl FnOnce(&ClosedForm) -> R) -> R {
-        read(&self.balance_of(i).at(&self.state(i), self.flow(i)))
+        read(&self.closed_form_model_of(i).at(&self.state(i), self.flow(i)))
     }
 
     /// Linearizes instance `i` about its state under `inputs` (servos off).

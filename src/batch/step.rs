@@ -8,7 +8,7 @@ use super::columns::Columns;
 use super::dynamics::Dynamics;
 use super::lagged::{Lag, Lagged};
 use super::layout::Layout;
-use crate::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
+use crate::dynamics::aba::{Instant, Loads, Scratch, accelerations};
 use crate::hydro::{FinAxes, ThrusterDynamics, thrust_wrench};
 use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all, prefetch_after};

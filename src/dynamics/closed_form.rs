@@ -2,18 +2,15 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
-use super::appendages::Appendages;
-use super::body::{DenseBody, relative_twist};
-use super::composite::{Composite, Equations};
-use super::dense::Pose;
-use super::joint::{EndStop, friction};
+use super::dense::{Appendages, DenseBody, EndStop, Pose, friction, relative_twist};
+use super::dynamical_balance::{Composite, Equations};
 use crate::description::{Arm, Scene, Thruster};
 use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
 
 /// A scene as systems composed of systems; made once, evaluated at any state.
 #[derive(Debug, Clone)]
-pub struct Balance {
+pub struct ClosedFormModel {
     /// Vehicle, arm and payload.
     pub system: Composite,
     /// The arm with its payload as a free-base system of its own, base frame first. `[HC eq. 28]`
@@ -29,7 +26,7 @@ pub struct Balance {
     pub(super) end_effector: (usize, Pose),
 }
 
-impl Balance {
+impl ClosedFormModel {
     /// Composes the scene.
     ///
     /// # Errors
@@ -84,7 +81,7 @@ impl Balance {
         let moving: Vec<usize> =
             equations.bodies.iter().enumerate().filter(|(k, body)| body.carrier == *k).map(|(k, _)| k).collect();
         ClosedForm {
-            balance: self,
+            model: self,
             equations,
             moving,
             pose: Pose { rotation: state.rotation, position: state.position },
@@ -128,8 +125,8 @@ pub struct Loads<'a> {
 /// Wrenches on the moving bodies (vehicle first), body axes at their frame origins, N and N m. `[HC eqs. 21, 26]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyWrenches {
-    /// Linear and quadratic drag.
-    pub drag: Vec<Vector6<f64>>,
+    /// Linear and quadratic damping.
+    pub damping: Vec<Vector6<f64>>,
     /// Weight and buoyancy.
     pub restoring: Vec<Vector6<f64>>,
     /// Acceleration of the water: Froude-Krylov force and added mass.
@@ -172,7 +169,7 @@ pub struct Residual {
 /// are per body, screwed ones apart. `[HC eqs. 13, 31, 34]`
 #[derive(Debug, Clone)]
 pub struct ClosedForm<'a> {
-    pub(super) balance: &'a Balance,
+    pub(super) model: &'a ClosedFormModel,
     pub(super) equations: Equations<'a>,
     /// Bodies of `equations` that move on their own: the vehicle, and one per joint.
     pub(super) moving: Vec<usize>,
@@ -215,30 +212,29 @@ impl ClosedForm<'_> {
     /// # Errors
     /// [`DynamicsError::Length`] where `loads.thrust`, `loads.fins` or `loads.external` fit neither the scene nor "none".
     pub fn body_wrenches(&self, loads: &Loads) -> Result<BodyWrenches, DynamicsError> {
-        let thrusters = self.balance.thruster_configuration.ncols();
+        let thrusters = self.model.thruster_configuration.ncols();
         let thrust = DVector::from_vec(filled("thrust", loads.thrust, thrusters, 0.0)?);
         let external = filled("external wrench", loads.external, self.moving.len(), Vector6::zeros())?;
-        let (drag, restoring, flow) = (self.drag(), self.restoring(), self.flow_acceleration());
-        let thrust = Vector6::from_column_slice((&self.balance.thruster_configuration * thrust).as_slice());
-        let mut sum: Vec<_> = (0..drag.len()).map(|k| drag[k] + restoring[k] + flow[k] + external[k]).collect();
+        let (damping, restoring, flow) = (self.damping(), self.restoring(), self.flow_acceleration());
+        let thrust = Vector6::from_column_slice((&self.model.thruster_configuration * thrust).as_slice());
+        let mut sum: Vec<_> = (0..damping.len()).map(|k| damping[k] + restoring[k] + flow[k] + external[k]).collect();
         sum[0] += thrust;
-        let appendages = &self.balance.appendages;
+        let appendages = &self.model.appendages;
         let deflections = match loads.fins {
             [] => appendages.deflections(),
             given => filled("fin deflection", given, appendages.fins(), 0.0)?,
         };
         let fins = appendages.fin_wrench(&deflections, &self.relative_twist(0));
-        let tether =
-            appendages.tether_wrench(&self.relative_twist(0), &self.pose.rotation.tr_mul(&self.balance.gravity));
+        let tether = appendages.tether_wrench(&self.relative_twist(0), &self.pose.rotation.tr_mul(&self.model.gravity));
         sum[0] += fins + tether;
-        Ok(BodyWrenches { drag, restoring, flow, thrust, fins, tether, external, sum })
+        Ok(BodyWrenches { damping, restoring, flow, thrust, fins, tether, external, sum })
     }
 
-    /// Drag per moving body. `[HC eq. 22]`
-    pub fn drag(&self) -> Vec<Vector6<f64>> {
+    /// Damping wrench per moving body, N and N m. `[HC eq. 22]`
+    pub fn damping(&self) -> Vec<Vector6<f64>> {
         self.merged(|k| {
             let motion = &self.equations.bodies[k];
-            motion.body.drag(&self.relative_twist(k))
+            motion.body.damping(&self.relative_twist(k))
         })
     }
 
@@ -246,7 +242,7 @@ impl ClosedForm<'_> {
     pub fn restoring(&self) -> Vec<Vector6<f64>> {
         self.merged(|k| {
             let rotation = self.world_pose(k).rotation;
-            self.equations.bodies[k].body.restoring(&rotation.tr_mul(&self.balance.gravity))
+            self.equations.bodies[k].body.restoring(&rotation.tr_mul(&self.model.gravity))
         })
     }
 
@@ -322,7 +318,7 @@ impl ClosedForm<'_> {
     }
 
     fn first_free_row(&self) -> usize {
-        if self.balance.fixed { 6 } else { 0 }
+        if self.model.fixed { 6 } else { 0 }
     }
 
     /// Body `k` of `equations` in the world.

@@ -18,13 +18,13 @@ impl ClosedForm<'_> {
 
     /// The end effector in the world: of the last link, else of the arm's base, else the vehicle.
     pub fn end_effector_pose(&self) -> Pose {
-        let (carrier, end_effector) = self.balance.end_effector;
+        let (carrier, end_effector) = self.model.end_effector;
         self.world_pose(carrier) * end_effector
     }
 
     /// End-effector body twist per `[V; q']`, (6, 6+n). `[MLS94]`
     pub fn jacobian(&self) -> Matrix6xX<f64> {
-        let (carrier, end_effector) = self.balance.end_effector;
+        let (carrier, end_effector) = self.model.end_effector;
         end_effector.adjoint_inverse() * self.equations.body_jacobian(carrier)
     }
 }

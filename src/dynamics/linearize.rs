@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use super::articulated::{Instant, Loads, Scratch, accelerations};
+use super::aba::{Instant, Loads, Scratch, accelerations};
 use crate::hydro::{FINS, FinAxes};
 use crate::lane::{Dual, Shared};
 use crate::lie::{self, Matrix3, Vector6};

@@ -1,33 +1,43 @@
-//! The principle of dynamical balance: systems composed of systems, in closed form. `[HC] [P05]`
+//! Equations of motion: closed form by dynamical balance, articulated bodies, recursions, linearization. `[HC] [P05] [RF08]`
 //!
-//! [`Composite`] composes; [`Balance`] composes a scene; [`ClosedForm`] is the scene's
-//! `W F + L tau = M [V'; q''] + C [V; q']` at a state, with its solve, kinematics and books. All of it is plain
-//! f64 with dense matrices. [`articulated`] solves the same balance in lanes and is what steps the simulation; each
-//! checks the other.
+//! | file | algorithm | arithmetic |
+//! |---|---|---|
+//! | [`aba`] | articulated-body algorithm: forward dynamics in O(n), the form that steps | lanes, over `System` |
+//! | [`aba_implicit`] | the same for linearly implicit Euler | lanes, over `System` |
+//! | `composite_body` | composite inertia, momentum and outer forces of vehicle and arm | lanes, over `System` |
+//! | `linearize`, `modes` | A and B by dual numbers through [`aba`]; eigenvalues | f64, over `System` |
+//! | `serial_chain`, `crba`, `rnea` | mass matrix by composite bodies, bias by Newton and Euler: for controllers | f64, no allocation |
+//! | `dynamical_balance` | the principle of dynamical balance: composition of M, C, W, L | dense f64 |
+//! | `closed_form` | `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state, with its solve | dense f64 |
+//! | `kinematics`, `inverse_dynamics`, `energy`, `momentum` | results of the closed form | dense f64 |
+//!
+//! The dense closed form is built from the scene and shares no arithmetic with the lane kernels, which are built from the
+//! compiled `System`: each checks the other.
 
-mod appendages;
-pub mod articulated;
-pub mod body;
+pub mod aba;
+pub mod aba_implicit;
 mod closed_form;
-mod composite;
+mod composite_body;
+mod crba;
 pub mod dense;
-pub mod implicit;
-mod inverse;
-pub mod joint;
+mod dynamical_balance;
+mod energy;
+mod inverse_dynamics;
 mod joint_torque;
 mod kinematics;
-mod ledger;
 mod linearize;
+mod link;
 mod modes;
 mod momentum;
-mod recursive;
+mod rnea;
+mod serial_chain;
 
-pub use appendages::Appendages;
-pub use closed_form::{Balance, BodyWrenches, ClosedForm, JointTorques, Loads, Residual};
-pub use composite::{BodyMotion, Composite, Equations};
-pub use inverse::Effort;
-pub use ledger::{Energy, Momentum, Power, seen_from_water};
+pub use closed_form::{BodyWrenches, ClosedForm, ClosedFormModel, JointTorques, Loads, Residual};
+pub use composite_body::CompositeBody;
+pub use dynamical_balance::{BodyMotion, Composite, Equations};
+pub use energy::{Energy, Power, relative_to_water};
+pub use inverse_dynamics::GeneralizedForce;
 pub use linearize::{Linearization, linearize};
 pub use modes::{Modes, Servos};
-pub use momentum::Whole;
-pub use recursive::{Masses, Passive, Recursion, Terms, VELOCITIES, Velocities};
+pub use momentum::Momentum;
+pub use serial_chain::{EquationsOfMotion, MassMatrix, PassiveTorque, SerialChain, VELOCITIES, Velocities};

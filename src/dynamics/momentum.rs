@@ -1,79 +1,49 @@
-//! Momentum of a whole system and the forces that change it from outside, in lanes: what controllers predict by.
-//!
-//! With h the momentum (rigid and added) of all bodies in vehicle axes at the vehicle's origin, whatever the joints do
-//! `h' = f + F - V x* h` `[HC eq. 5, 22]`: weight, buoyancy and drag f, the wrench F of all else, and
-//! `V x* h = [omega x p; v x p + omega x l]`.
+//! Momentum of the bodies and impulse of the water of a scene at a state.
 
-use super::articulated::{Scratch, body_bias, place};
-use crate::lane::{Lane, Param};
-use crate::lie::{Vector3, Vector6};
-use crate::spatial::SpatialInertia;
-use crate::system::{JOINTS, System};
+use nalgebra::Vector6;
 
-/// A system as one body, in vehicle axes at the vehicle's origin.
-#[derive(Debug, Clone, Copy)]
-pub struct Whole<L> {
-    /// Rigid and added inertia of all bodies as their joints stand: the first rows and columns of M.
-    pub inertia: SpatialInertia<L>,
-    /// `h = inertia V + arm`
-    pub momentum: Vector6<L>,
-    /// Weight, buoyancy and drag.
-    pub force: Vector6<L>,
+use super::closed_form::ClosedForm;
+use super::dense::{angular, linear};
+
+/// Momentum `[linear; angular]` in world axes about the world origin, N s and N m s.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Momentum {
+    /// Momentum of the rigid bodies, by absolute twists.
+    pub rigid: Vector6<f64>,
+    /// Impulse of the water, by twists relative to it.
+    pub added: Vector6<f64>,
+    /// Sum over bodies of the magnitudes of their linear and angular `rigid`: the scale for drifts.
+    pub rigid_scale: [f64; 2],
+    /// Sum over bodies of the magnitudes of their linear and angular `rigid + added`.
+    pub total_scale: [f64; 2],
 }
 
-impl<L: Lane> Whole<L> {
-    /// A system under gravity (vehicle axes) whose vehicle has this twist through the water. Fins and tethers do not
-    /// count.
-    #[inline(always)]
-    pub fn of<P: Param<L>, B: Param<L>>(
-        system: &System<P, B>,
-        gravity: Vector3<L>,
-        twist: Vector6<L>,
-        (q, qd): (&[L; JOINTS], &[L; JOINTS]),
-        scratch: &mut Scratch<L>,
-    ) -> Self {
-        let joints = system.chain();
-        let links = &mut scratch.links[..joints.len()];
-        place(joints, true, q, links);
-        let (mut pull, mut moving) = (gravity, twist);
-        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
-            (pull, moving) = link.outward(joint, pull, moving, qd[i]);
-            (link.gravity, link.twist) = (pull, moving);
+impl Momentum {
+    /// `rigid + added`, N s and N m s.
+    pub fn total(&self) -> Vector6<f64> {
+        self.rigid + self.added
+    }
+}
+
+impl ClosedForm<'_> {
+    /// Momentum of the bodies and impulse of the water.
+    pub fn momentum(&self) -> Momentum {
+        let mut momentum =
+            Momentum { rigid: Vector6::zeros(), added: Vector6::zeros(), rigid_scale: [0.0; 2], total_scale: [0.0; 2] };
+        for (k, motion) in self.equations.bodies.iter().enumerate() {
+            let pose = self.world_pose(k);
+            let rigid = pose.wrench_to_parent(&(motion.body.rigid * motion.twist));
+            let added = pose.wrench_to_parent(&(motion.body.added * self.relative_twist(k)));
+            momentum.rigid += rigid;
+            momentum.added += added;
+            add_magnitudes(&mut momentum.rigid_scale, &rigid);
+            add_magnitudes(&mut momentum.total_scale, &(rigid + added));
         }
-        let mut all = Self { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
-        for (joint, link) in joints.iter().zip(links.iter()).rev() {
-            all.join(&joint.body, link.twist, link.gravity);
-            all = Self {
-                inertia: link.inertia_to_parent(joint, &all.inertia),
-                momentum: link.wrench_to_parent(joint, all.momentum),
-                force: link.wrench_to_parent(joint, all.force),
-            };
-        }
-        all.join(&system.vehicle, twist, gravity);
-        all
+        momentum
     }
+}
 
-    /// Adds a body.
-    #[inline(always)]
-    fn join<B: Param<L>>(&mut self, body: &crate::system::BodyTerms<B>, twist: Vector6<L>, gravity: Vector3<L>) {
-        let inertia: SpatialInertia<L> = body.inertia.get();
-        let mut bias = Vector6::zero();
-        body_bias::<_, _, false>(body, twist, gravity, &mut bias);
-        self.inertia = self.inertia.plus(&inertia);
-        self.momentum = self.momentum + inertia.apply(twist);
-        self.force = self.force + (inertia.bias_wrench(twist) - bias);
-    }
-
-    /// Momentum of the joints' motion alone, with the vehicle of twist V at rest: `h - inertia V`.
-    #[inline(always)]
-    pub fn of_joints(&self, twist: Vector6<L>) -> Vector6<L> {
-        self.momentum - self.inertia.apply(twist)
-    }
-
-    /// `V x* h`
-    #[inline(always)]
-    pub fn turning(&self, twist: Vector6<L>) -> Vector6<L> {
-        let (p, l) = (self.momentum.linear, self.momentum.angular);
-        Vector6 { linear: twist.angular.cross(p), angular: twist.linear.cross_add(p, twist.angular.cross(l)) }
-    }
+fn add_magnitudes(scale: &mut [f64; 2], momentum: &Vector6<f64>) {
+    scale[0] += linear(momentum).norm();
+    scale[1] += angular(momentum).norm();
 }

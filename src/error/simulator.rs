@@ -160,7 +160,7 @@ pub enum SimulatorError {
     Lanes(#[from] crate::lane::UnknownIsa),
     /// Error of the dynamics.
     #[error(transparent)]
-    Balance(#[from] DynamicsError),
+    ClosedFormModel(#[from] DynamicsError),
     /// Error of the thruster allocation.
     #[error(transparent)]
     Control(#[from] ControlError),

@@ -153,7 +153,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n + 1, 6)
-    ///     drag, restoring (weight and buoyancy), flow (the water's acceleration: Froude-Krylov and added mass), thrust
+    ///     damping, restoring (weight and buoyancy), flow (the water's acceleration: Froude-Krylov and added mass), thrust
     ///     (what acts at this instant), fins, tether, external, and their sum F.
     #[pyo3(signature = (*, thrust=None, wrench=None, external=None, station=None, fin=None))]
     fn body_wrenches<'py>(
@@ -167,7 +167,7 @@ impl Simulator {
     ) -> Arrays<'py> {
         let loads = self.loads(&InputArguments { thrust, wrench, external, station, fin, ..Default::default() })?;
         let bodies = self.inner.joints() + 1;
-        let names = ["drag", "restoring", "flow", "thrust", "fins", "tether", "external", "sum"];
+        let names = ["damping", "restoring", "flow", "thrust", "fins", "tether", "external", "sum"];
         self.named(py, names, &[bodies, 6], |i, form| {
             let wrenches = form.body_wrenches(&loads[i].loads())?;
             let on_vehicle = |wrench: Vector6<f64>| {
@@ -176,8 +176,8 @@ impl Simulator {
                 all
             };
             let [thrust, fins, tether] = [wrenches.thrust, wrenches.fins, wrenches.tether].map(on_vehicle);
-            let BodyWrenches { drag, restoring, flow, external, sum, .. } = &wrenches;
-            Ok([drag, restoring, flow, &thrust, &fins, &tether, external, sum].map(|w| stacked(w)))
+            let BodyWrenches { damping, restoring, flow, external, sum, .. } = &wrenches;
+            Ok([damping, restoring, flow, &thrust, &fins, &tether, external, sum].map(|w| stacked(w)))
         })
     }
 
@@ -220,7 +220,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     drag, friction, end_stop (damping), flow (the water's acceleration), thrust, fins, tether (its weight included),
+    ///     damping (of the bodies), friction, end_stop (damping), flow (the water's acceleration), thrust, fins, tether (its weight included),
     ///     external, joint_command, total.
     #[pyo3(signature = (
         *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None
@@ -239,14 +239,24 @@ impl Simulator {
     ) -> Arrays<'py> {
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
         let loads = self.loads(&arguments)?;
-        let names =
-            ["drag", "friction", "end_stop", "flow", "thrust", "fins", "tether", "external", "joint_command", "total"];
+        let names = [
+            "damping",
+            "friction",
+            "end_stop",
+            "flow",
+            "thrust",
+            "fins",
+            "tether",
+            "external",
+            "joint_command",
+            "total",
+        ];
         self.named(py, names, &[], |i, form| {
             let p = form.power(&loads[i].loads())?;
-            let water = [p.drag, p.friction, p.end_stop, p.flow, p.thrust, p.fins, p.tether].map(|x| vec![x]);
-            let [drag, friction, end_stop, flow, thrust, fins, tether] = water;
+            let water = [p.damping, p.friction, p.end_stop, p.flow, p.thrust, p.fins, p.tether].map(|x| vec![x]);
+            let [damping, friction, end_stop, flow, thrust, fins, tether] = water;
             let [external, command, total] = [p.external, p.joint_command, p.total()].map(|x| vec![x]);
-            Ok([drag, friction, end_stop, flow, thrust, fins, tether, external, command, total])
+            Ok([damping, friction, end_stop, flow, thrust, fins, tether, external, command, total])
         })
     }
 
@@ -353,7 +363,7 @@ impl Simulator {
         let (simulator, allocation) = (&self.inner, self.inner.allocation());
         let shapes: [&[usize]; 4] = [&[6], &[allocation.count()], &[simulator.joints()], &[6]];
         let arrays = self.each(py, shapes, |i, _| {
-            let effort = simulator.balance_of(i).trim(&simulator.state(i), simulator.flow(i))?;
+            let effort = simulator.closed_form_model_of(i).trim(&simulator.state(i), simulator.flow(i))?;
             let needed = if simulator.scene().vehicle.fixed { Vector6::zeros() } else { effort.wrench };
             let thrust = allocation.allocate(&needed);
             let residual = needed - allocation.wrench(&thrust);

@@ -5,7 +5,7 @@ use nalgebra::{Rotation3, Vector3};
 use super::random::{EpisodeKey, Purpose, Stream};
 use super::reference::METRES_PER_RADIAN;
 use crate::description::{Joint, JointKind, JointServo, Scene};
-use crate::dynamics::Balance;
+use crate::dynamics::ClosedFormModel;
 use crate::error::{DynamicsError, TaskError};
 use crate::system::State;
 
@@ -92,8 +92,8 @@ pub(super) fn greatest_tilt(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) 
     Ok(greatest)
 }
 
-fn model(scene: &Scene) -> Result<Balance, TaskError> {
-    Balance::new(scene).map_err(|error| unfit(scene, &error))
+fn model(scene: &Scene) -> Result<ClosedFormModel, TaskError> {
+    ClosedFormModel::new(scene).map_err(|error| unfit(scene, &error))
 }
 
 fn unfit(scene: &Scene, error: &DynamicsError) -> TaskError {

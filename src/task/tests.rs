@@ -465,7 +465,7 @@ fn joints_are_driven_by_no_more_than_their_effort_and_enough_to_hold_the_arm() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let scene = Scene::shipped(name).unwrap();
         let task = Task::new(&scene, TaskOptions { task: Goal::Track, ..Default::default() }).unwrap();
-        let trim = crate::dynamics::Balance::new(&scene).unwrap();
+        let trim = crate::dynamics::ClosedFormModel::new(&scene).unwrap();
         let home = State { q: scene.home(), ..State::default() };
         let holding = trim.trim(&home, Vector3::zeros()).unwrap().joint_torques;
         let ranges = task.action_ranges();

@@ -2,10 +2,10 @@
 
 use nalgebra::{DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::description::{Body, InertiaPoint, Link, Scene, Water};
-use uvms_gym::dynamics::body::DenseBody;
+use uvms_gym::dynamics::dense::DenseBody;
+use uvms_gym::dynamics::dense::joint_pose;
 use uvms_gym::dynamics::dense::{Pose, cross};
-use uvms_gym::dynamics::joint::joint_pose;
-use uvms_gym::dynamics::{Balance, ClosedForm, Composite, Loads};
+use uvms_gym::dynamics::{ClosedForm, ClosedFormModel, Composite, Loads};
 use uvms_gym::system::State;
 
 use crate::cases::{current, dry, scene, scenes, vector6, velocities};
@@ -96,7 +96,7 @@ fn composing_is_associative() {
 
         let state = random_state(1, &scene);
         let n = scene.joints().count();
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let evaluate = |system: &Composite| {
             assert_eq!((system.bodies(), system.joints()), (6, n));
             let equations = system.at(&state.twist, &state.q[..n], &state.qd[..n], &current());
@@ -128,7 +128,7 @@ fn composing_is_associative() {
 #[test]
 fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
     let scene = scene(false);
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let form = balance.at(&random_state(0, &scene), Vector3::zeros());
     let n = scene.joints().count();
     assert_eq!(form.wrench_influence().shape(), (6 + n, 6 * (n + 1)));
@@ -148,7 +148,7 @@ fn what_is_screwed_onto_the_screwed_belongs_to_the_vehicle() {
     let mut scene = scene(false);
     scene.arm.as_mut().unwrap().links.clear();
     let state = random_state(0, &scene);
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let form = balance.at(&state, current());
     // The vehicle's block of W is the identity, so its merged wrenches are the sum over all bodies' own columns.
     let still = balance.system.at(&Vector6::zeros(), &[], &[], &Vector3::zeros());
@@ -183,7 +183,7 @@ fn end_effector_sits_on_the_last_body() {
         let state = random_state(8, &scene);
         let end_effector = Pose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
         let end = |scene: &Scene| {
-            let balance = Balance::new(scene).unwrap();
+            let balance = ClosedFormModel::new(scene).unwrap();
             let form = balance.at(&state, Vector3::zeros());
             (form.body_poses(), form.end_effector_pose())
         };
@@ -207,7 +207,7 @@ fn end_effector_sits_on_the_last_body() {
 #[test]
 fn arm_alone_has_the_rows_of_the_arm_on_a_held_vehicle() {
     let scene = scene(false);
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let at = State { twist: Vector6::zeros(), ..random_state(3, &scene) };
     let whole = balance.at(&at, Vector3::zeros());
     let arm = balance.arm.as_ref().unwrap().at(&Vector6::zeros(), &at.q[..3], &at.qd[..3], &Vector3::zeros());
@@ -224,14 +224,14 @@ fn joint_loading_is_one_more_link() {
     let link = Link { name: "base".into(), joint: arm.mount.joint.take().unwrap(), body: arm.base.take().unwrap() };
     arm.links.insert(0, link);
     let at = random_state(4, &loaded);
-    let (loaded, linked) = (Balance::new(&loaded).unwrap(), Balance::new(&linked).unwrap());
+    let (loaded, linked) = (ClosedFormModel::new(&loaded).unwrap(), ClosedFormModel::new(&linked).unwrap());
     assert!(difference(&loaded.at(&at, current()), &linked.at(&at, current())) < 1e-13);
 }
 
 #[test]
 fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
     for (seed, scene) in scenes() {
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let at = random_state(seed, &scene);
         let n = scene.joints().count();
         let acceleration = DVector::from_fn(6 + n, |i, _| (i as f64).cos());

@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, SVector, Vector1, Vector3, Vector6};
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::{Balance, ClosedForm, Loads, seen_from_water};
+use uvms_gym::dynamics::{ClosedForm, ClosedFormModel, Loads, relative_to_water};
 use uvms_gym::system::State;
 
 use crate::cases::{Push, current, dry, for_bodies, lossless, scene, scenes, velocities};
@@ -13,7 +13,7 @@ const H: f64 = 1e-5;
 
 /// The rate of `book` along the motion of the system under `loads`.
 fn rate<const N: usize>(
-    balance: &Balance,
+    balance: &ClosedFormModel,
     state: &State,
     accelerations: &DVector<f64>,
     book: impl Fn(&ClosedForm) -> SVector<f64, N>,
@@ -28,17 +28,18 @@ fn energy_changes_by_the_powers_put_in() {
     for (seed, mut scene) in scenes() {
         for held in [false, true] {
             scene.vehicle.fixed = held;
-            let balance = Balance::new(&scene).unwrap();
+            let balance = ClosedFormModel::new(&scene).unwrap();
             let state = random_state(seed, &scene);
             let push = Push::new(seed, &scene);
             let form = balance.at(&state, Vector3::zeros());
             let accelerations = form.accelerations(&push.loads()).unwrap();
             let power = form.power(&push.loads()).unwrap();
             let energy = rate(&balance, &state, &accelerations, |form| Vector1::new(form.energy().total()));
-            let parts = [power.drag, power.friction, power.end_stop, power.thrust, power.external, power.joint_command];
+            let parts =
+                [power.damping, power.friction, power.end_stop, power.thrust, power.external, power.joint_command];
             let scale = 1.0 + parts.map(f64::abs).iter().sum::<f64>();
             assert!((energy.x - power.total()).abs() < 1e-7 * scale, "{seed}: {} {}", energy.x, power.total());
-            assert!(power.drag <= 0.0 && power.friction <= 0.0 && power.end_stop <= 0.0, "losses are losses");
+            assert!(power.damping <= 0.0 && power.friction <= 0.0 && power.end_stop <= 0.0, "losses are losses");
             entries += Vector6::from(parts).abs();
             elastic += form.energy().elastic;
         }
@@ -49,16 +50,16 @@ fn energy_changes_by_the_powers_put_in() {
 #[test]
 fn energy_balances_in_a_current_for_an_observer_who_drifts_with_it() {
     for (seed, scene) in scenes() {
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let state = random_state(seed, &scene);
         let push = Push::new(seed, &scene);
         let accelerations = balance.at(&state, current()).accelerations(&push.loads()).unwrap();
         let energy = |dt| {
-            let seen = seen_from_water(&advance(&state, &accelerations, dt), &current());
+            let seen = relative_to_water(&advance(&state, &accelerations, dt), &current());
             balance.at(&seen, Vector3::zeros()).energy().total()
         };
         let rate = (energy(H) - energy(-H)) / (2.0 * H);
-        let still = balance.at(&seen_from_water(&state, &current()), Vector3::zeros());
+        let still = balance.at(&relative_to_water(&state, &current()), Vector3::zeros());
         let power = still.power(&push.loads()).unwrap().total();
         assert!((rate - power).abs() < 1e-7 * power.abs().max(100.0), "{seed}: {rate} {power}");
     }
@@ -67,7 +68,7 @@ fn energy_balances_in_a_current_for_an_observer_who_drifts_with_it() {
 #[test]
 fn kinetic_energy_is_half_the_mass_matrix_form() {
     for (seed, scene) in scenes() {
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let state = random_state(seed, &scene);
         let form = balance.at(&state, Vector3::zeros());
         let nu = velocities(&state, form.joints());
@@ -101,7 +102,7 @@ fn conserves(
     momentum: impl Fn(&ClosedForm) -> Vector6<f64>,
     scale: impl Fn(&ClosedForm) -> [f64; 2],
 ) {
-    let balance = Balance::new(scene).unwrap();
+    let balance = ClosedFormModel::new(scene).unwrap();
     let state = random_state(seed, scene);
     let push = Push::new(seed, scene);
     let form = balance.at(&state, Vector3::zeros());
@@ -119,7 +120,7 @@ fn conserves(
 #[test]
 fn momentum_changes_by_the_wrench_about_the_world_origin() {
     let scene = lossless(&scene(true));
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let state = random_state(6, &scene);
     let push = Push::new(6, &scene);
     let form = balance.at(&state, Vector3::zeros());
@@ -135,9 +136,9 @@ fn momentum_changes_by_the_wrench_about_the_world_origin() {
 fn books_of_the_water_go_by_the_twist_relative_to_it() {
     for (seed, scene) in scenes() {
         let scene = lossless(&scene);
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let state = random_state(seed, &scene);
-        let (flowing, seen) = (balance.at(&state, current()), seen_from_water(&state, &current()));
+        let (flowing, seen) = (balance.at(&state, current()), relative_to_water(&state, &current()));
         let still = balance.at(&seen, Vector3::zeros());
         let energies = [flowing.energy().kinetic_added, still.energy().kinetic_added];
         assert!((energies[0] - energies[1]).abs() < 1e-13 * energies[1]);

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::description::{Body, Frame, Friction, InertiaPoint, JointKind, JointLimits, Link, Scene};
-use uvms_gym::dynamics::{Balance, Loads};
+use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::error::DynamicsError;
 use uvms_gym::system::State;
 
@@ -43,7 +43,7 @@ fn compound_pendulum_falls_as_by_hand() {
     let scene = planar_arm(vec![planar_link(0.0, Vector3::y(), center, inertia, mass)]);
     let mut state = State::default();
     (state.q[0], state.qd[0]) = (0.6, 1.7);
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let acceleration = balance.at(&state, Vector3::zeros()).accelerations(&Loads::default()).unwrap();
     // +q about y dips the link below the horizon: its weight speeds that up.
     let expected = mass * 9.81 * center * 0.6_f64.cos() / (inertia + mass * center * center);
@@ -67,7 +67,7 @@ fn val_planar_two_link_arm() {
     let mass = DMatrix::from_row_slice(2, 2, &[alpha + 2.0 * beta * c, delta + beta * c, delta + beta * c, delta]);
     let coriolis = DMatrix::from_row_slice(2, 2, &[-beta * s * qd2, -beta * s * (qd1 + qd2), beta * s * qd1, 0.0]);
 
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let form = balance.at(&state, Vector3::zeros());
     assert!(relative(&form.mass_matrix().view((6, 6), (2, 2)).into_owned(), &mass) < 1e-14);
     let bias = form.bias().rows(6, 2).into_owned();
@@ -78,9 +78,9 @@ fn val_planar_two_link_arm() {
 fn arm_with_a_fixed_base_is_the_lower_rows_of_the_free_one() {
     let mut scene = scene(true);
     let at = State { twist: Vector6::zeros(), ..random_state(2, &scene) };
-    let free = Balance::new(&scene).unwrap();
+    let free = ClosedFormModel::new(&scene).unwrap();
     scene.vehicle.fixed = true;
-    let held = Balance::new(&scene).unwrap();
+    let held = ClosedFormModel::new(&scene).unwrap();
     let loads = Loads { joint_command: &[1.0, -2.0, 3.0, 0.5], ..Loads::default() };
     let acceleration = held.at(&at, current()).accelerations(&loads).unwrap();
     assert_eq!(acceleration.rows(0, 6).norm(), 0.0);
@@ -98,7 +98,7 @@ fn arm_with_a_fixed_base_is_the_lower_rows_of_the_free_one() {
 #[test]
 fn inverse_dynamics_undoes_forward_dynamics() {
     for (seed, scene) in scenes() {
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let form = balance.at(&random_state(seed, &scene), current());
         let push = Push::new(seed, &scene);
         let loads = push.loads();
@@ -118,7 +118,7 @@ fn inverse_dynamics_undoes_forward_dynamics() {
 #[test]
 fn trim_holds_the_system_at_rest() {
     let scene = scene(true);
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let moving = random_state(7, &scene);
     for water in [Vector3::zeros(), current()] {
         let effort = balance.trim(&moving, water).unwrap();
@@ -134,7 +134,7 @@ fn trim_holds_the_system_at_rest() {
 #[test]
 fn bad_input_is_refused_with_its_numbers() {
     let mut bad = scene(true);
-    let balance = Balance::new(&bad).unwrap();
+    let balance = ClosedFormModel::new(&bad).unwrap();
     let form = balance.at(&random_state(0, &bad), Vector3::zeros());
     let wrong = |loads: Loads| form.accelerations(&loads).unwrap_err();
     assert_eq!(
@@ -155,13 +155,13 @@ fn bad_input_is_refused_with_its_numbers() {
     arm.links.truncate(1);
     arm.links[0].body = Body { mass: 0.0, inertia: Matrix3::zeros(), ..dry(&arm.links[0].body) };
     bad.payload = None;
-    let massless = Balance::new(&bad).unwrap();
+    let massless = ClosedFormModel::new(&bad).unwrap();
     let form = massless.at(&random_state(0, &bad), Vector3::zeros());
     assert_eq!(form.accelerations(&Loads::default()).unwrap_err(), DynamicsError::NotPositiveDefinite);
 
     let link = bad.arm.as_ref().unwrap().links[0].clone();
     bad.arm.as_mut().unwrap().links = vec![link; 9];
-    assert_eq!(Balance::new(&bad).unwrap_err(), DynamicsError::Joints { joints: 10, max: 9 });
+    assert_eq!(ClosedFormModel::new(&bad).unwrap_err(), DynamicsError::Joints { joints: 10, max: 9 });
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn joints_resist_as_described() {
     let mut at = State::default();
     at.q[..3].copy_from_slice(&[0.6, 0.1, -0.9]);
     at.qd[..3].copy_from_slice(&[-2.0, 0.0, 0.5]);
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     let torques = balance.at(&at, Vector3::zeros()).joint_torques(&Loads::default()).unwrap();
     let close = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-13, "{got} {expected}");
     close(torques.friction[0], 1.0 + 0.2 * 2.0 / (4.0_f64 + 0.0025).sqrt());

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Payload, Scene};
-use uvms_gym::dynamics::{Balance, Loads, seen_from_water};
+use uvms_gym::dynamics::{ClosedFormModel, Loads, relative_to_water};
 use uvms_gym::system::State;
 
 use crate::cases::{Push, current, dry, scenes, vector6, vehicle_alone};
@@ -66,13 +66,13 @@ fn val_vehicle_alone_is_fossens_six_degree_form() {
         let turning = Vector6::new(turning.x, turning.y, turning.z, 0.0, 0.0, 0.0);
         let bias = c_rb * state.twist + m_a * turning + c_a * nu_r;
 
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let form = balance.at(&state, v_c);
         assert!((form.mass_matrix() - dynamic(&(m_rb + m_a))).norm() < 1e-13 * m_rb.norm());
         assert!((form.bias() - DVector::from_column_slice(bias.as_slice())).norm() < 1e-13 * bias.norm());
 
         let drag = -body.damping.linear * nu_r - body.damping.quadratic * nu_r.map(|x| x * x.abs());
-        assert!((form.drag()[0] - drag).norm() < 1e-13 * drag.norm());
+        assert!((form.damping()[0] - drag).norm() < 1e-13 * drag.norm());
         let gravity = state.rotation.transpose() * scene.water.gravity;
         let (weight, buoyancy) = (gravity * m, -gravity * scene.water.density * body.displaced_volume(&scene.water));
         let moment = s(rg) * weight + s(body.center_of_buoyancy) * buoyancy;
@@ -99,7 +99,7 @@ fn val_munk_moment_turns_a_slender_body_broadside() {
         ..scene.vehicle.body
     };
     let (u, v) = (1.2, 0.3);
-    let balance = Balance::new(&scene).unwrap();
+    let balance = ClosedFormModel::new(&scene).unwrap();
     // Moving through still water, and held in water that moves the other way: the same moment.
     let moving = State { twist: Vector6::new(u, v, 0.0, 0.0, 0.0, 0.0), ..State::default() };
     for form in [balance.at(&moving, Vector3::zeros()), balance.at(&State::default(), Vector3::new(-u, -v, 0.0))] {
@@ -128,9 +128,9 @@ fn body_that_drifts_with_the_current_feels_no_water() {
     let mut twist = vector6(3);
     twist.fixed_rows_mut::<3>(0).copy_from(&water);
     let state = State { rotation, twist, ..State::default() };
-    let balance = Balance::new(&wet).unwrap();
+    let balance = ClosedFormModel::new(&wet).unwrap();
     let form = balance.at(&state, current());
-    assert!(form.drag()[0].norm() < 1e-13);
+    assert!(form.damping()[0].norm() < 1e-13);
     let acceleration = form.accelerations(&Loads::default()).unwrap();
     // The world velocity and the spin are constant: v' + omega x v = 0.
     let (v, omega) = (twist.fixed_rows::<3>(0).into_owned(), twist.fixed_rows::<3>(3).into_owned());
@@ -142,11 +142,11 @@ fn body_that_drifts_with_the_current_feels_no_water() {
 fn system_in_a_current_is_the_one_in_still_water_seen_from_the_moving_frame() {
     for (seed, scene) in scenes() {
         let state = random_state(seed, &scene);
-        let balance = Balance::new(&scene).unwrap();
+        let balance = ClosedFormModel::new(&scene).unwrap();
         let push = Push::new(seed, &scene);
         let loads = push.loads();
         let flowing = balance.at(&state, current()).accelerations(&loads).unwrap();
-        let still = balance.at(&seen_from_water(&state, &current()), Vector3::zeros()).accelerations(&loads).unwrap();
+        let still = balance.at(&relative_to_water(&state, &current()), Vector3::zeros()).accelerations(&loads).unwrap();
         // V_r' = V' + [omega x R^T v_c; 0]; the joints do not care who looks.
         let mut expected = flowing.clone();
         let turning = state.twist.fixed_rows::<3>(3).cross(&(state.rotation.transpose() * current()));
@@ -168,8 +168,8 @@ fn drag_holds_in_the_frame_that_its_coefficients_were_given_for() {
     };
     // Forward motion crosses the drag frame's negative y axis.
     let state = State { twist: Vector6::new(1.5, 0.0, 0.0, 0.0, 0.0, 0.0), ..State::default() };
-    let balance = Balance::new(&scene).unwrap();
-    let drag = balance.at(&state, Vector3::zeros()).drag()[0];
+    let balance = ClosedFormModel::new(&scene).unwrap();
+    let drag = balance.at(&state, Vector3::zeros()).damping()[0];
     let force = Vector3::new(-30.0 * 1.5 * 1.5, 0.0, 0.0);
     let moment = lever.cross(&force);
     assert!((drag - Vector6::new(force.x, 0.0, 0.0, moment.x, moment.y, moment.z)).norm() < 1e-12);
@@ -197,7 +197,7 @@ fn added_mass_in_another_frame_is_the_same_inertia() {
     };
     solid.payload = Some(Payload { frame: Frame { position: lever, rpy: Vector3::zeros() }, body });
     let state = random_state(2, &wet);
-    let (wet, solid) = (Balance::new(&wet).unwrap(), Balance::new(&solid).unwrap());
+    let (wet, solid) = (ClosedFormModel::new(&wet).unwrap(), ClosedFormModel::new(&solid).unwrap());
     let (wet, solid) = (wet.at(&state, Vector3::zeros()), solid.at(&state, Vector3::zeros()));
     assert!(relative(wet.mass_matrix(), solid.mass_matrix()) < 1e-13);
     assert!(relative(wet.bias(), solid.bias()) < 1e-13);

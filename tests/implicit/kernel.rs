@@ -2,10 +2,10 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 use uvms_gym::description::{Body, Joint, Scene};
-use uvms_gym::dynamics::Balance;
-use uvms_gym::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::ClosedFormModel;
+use uvms_gym::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use uvms_gym::dynamics::dense::Pose;
-use uvms_gym::dynamics::implicit::{Ahead, implicit_accelerations};
 use uvms_gym::lane::Shared;
 use uvms_gym::lie;
 use uvms_gym::system::{JOINTS, State, System, compile};
@@ -85,7 +85,7 @@ impl Case {
     /// The same by dense matrices, without gravity.
     fn dense(&self, h: f64) -> DVector<f64> {
         let Self { scene, state, .. } = self;
-        let balance = Balance::new(scene).unwrap();
+        let balance = ClosedFormModel::new(scene).unwrap();
         let n = scene.joints().count();
         let equations = balance.system.at(&state.twist, &state.q[..n], &state.qd[..n], &Vector3::zeros());
         let mut matrix = equations.mass_matrix.clone();
@@ -103,7 +103,7 @@ impl Case {
             let jacobian = equations.body_jacobian(k);
             let slope = drag_slope(body, &motion.twist) * h;
             matrix += jacobian.tr_mul(&(slope * &jacobian));
-            force += jacobian.tr_mul(&(motion.body.drag(&motion.twist) - slope * motion.drift));
+            force += jacobian.tr_mul(&(motion.body.damping(&motion.twist) - slope * motion.drift));
         }
         let mut first = force.rows_mut(0, 6);
         first += self.wrench;

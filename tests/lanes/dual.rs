@@ -1,6 +1,6 @@
 //! Dual numbers: the kernel differentiates itself.
 
-use uvms_gym::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::aba::{Instant, Loads, Scratch, accelerations};
 use uvms_gym::lane::{Dual, Lane, Shared, horner, sin_cos};
 use uvms_gym::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6, dexp_inverse_negative, exp_se3};
 use uvms_gym::system::{JOINTS, System, compile};

@@ -9,7 +9,7 @@ mod steps;
 
 use random_scene::{Options, Random, random_scene};
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::articulated::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::aba::{Instant, Loads, Scratch, accelerations};
 use uvms_gym::lane::{Isa, Kernel, Lane, Real, Shared, atan2, horner, ln, ln_1p, sin_cos};
 use uvms_gym::lie::{Vector3, Vector6};
 use uvms_gym::system::{JOINTS, System, compile};

@@ -66,7 +66,7 @@ fn ledger(h: f64, stops: bool) -> f64 {
             } * 2.0
                 * h
                 / 45.0;
-            let parts = [power.drag, power.friction, power.thrust, power.joint_command, power.end_stop];
+            let parts = [power.damping, power.friction, power.thrust, power.joint_command, power.end_stop];
             work += weight * power.total();
             for (share, part) in shares.iter_mut().zip(parts) {
                 *share += weight * part.abs();

@@ -84,7 +84,7 @@ fn accelerating_water_is_still_water_under_another_gravity() {
         let mut moving = flowing(&scene, "mk4", &state);
         let mut other = scene.clone();
         other.water.gravity -= ACCELERATION;
-        let seen = uvms_gym::dynamics::seen_from_water(&state, &VELOCITY);
+        let seen = uvms_gym::dynamics::relative_to_water(&state, &VELOCITY);
         let mut still = simulator(&other, "mk4", 0.01, &seen);
         still.set_flow(0, Vector3::zeros());
         for simulator in [&mut moving, &mut still] {

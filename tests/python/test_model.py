@@ -213,7 +213,7 @@ def test_energy_changes_by_power() -> None:
     s.step(**inputs)
     power = s.power(**inputs)
     s.step(**inputs)
-    assert all(np.abs(power[name]).min() > 0 for name in ("drag", "friction", "thrust", "external", "joint_command"))
+    assert all(np.abs(power[name]).min() > 0 for name in ("damping", "friction", "thrust", "external", "joint_command"))
     total = power.pop("total")
     assert np.allclose(sum(power.values()), total, rtol=1e-12)
     assert np.allclose((s.energy()["total"] - before) / 2e-4, total, rtol=1e-5, atol=1e-5 * np.abs(total).max())

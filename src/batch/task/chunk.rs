@@ -6,7 +6,7 @@ use super::slot::Slot;
 use super::{Autoreset, Final};
 use crate::batch::blocks::{CHUNK, Part};
 use crate::control::Controller;
-use crate::dynamics::Balance;
+use crate::dynamics::ClosedFormModel;
 use crate::lane::Real;
 use crate::system::{Flow, State};
 use crate::task::disturbance::{Column, Handling, Weather, seize};
@@ -86,7 +86,7 @@ impl<T: Real> Chunk<'_, '_, T> {
             match handling {
                 Handling::Pick(mass) => {
                     // A scene that composed does so with other masses too.
-                    if let Ok(balance) = Balance::new(&self.duty.task.scene().varied(factors.of_bodies())) {
+                    if let Ok(balance) = ClosedFormModel::new(&self.duty.task.scene().varied(factors.of_bodies())) {
                         let mut state = table.state(rows, k);
                         seize(&balance, &mut state, mass);
                         table.set_velocities(rows, k, &state);

@@ -6,7 +6,7 @@ use super::rows::{ModelIndices, forget, load, reached, store, write};
 use crate::control::pd::check_gains;
 use crate::control::{ActionMap, Actuation, Controller, Widths};
 use crate::description::Scene;
-use crate::dynamics::articulated::Scratch;
+use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;
@@ -99,7 +99,7 @@ impl ModelControl {
             wrench = match (self.law, k) {
                 (Law::Disturbance, _) => return feedback - here.force - against,
                 (Law::ComputedTorque, 0) => {
-                    let held = here.turning(motion.twist) - here.force - against;
+                    let held = here.momentum_transport(motion.twist) - here.force - against;
                     here.momentum.scale_add(L::c(-1.0 / self.observer.period()), here.inertia.apply(feedback) + held)
                 }
                 (Law::ComputedTorque, _) => here.momentum.scale_add(L::c(1.0 / self.observer.period()), wrench),

@@ -11,7 +11,7 @@ use super::rows::{ModelIndices, ask, forget, load, reached, rows_of, store};
 use crate::control::pd::check_gains;
 use crate::control::{ActionMap, Actuation, Controller, Widths};
 use crate::description::Scene;
-use crate::dynamics::articulated::Scratch;
+use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::system::Joints;
@@ -314,7 +314,7 @@ impl Mpc {
             let here = self.observer.plant().whole(&motion, arm, scratch);
             steady = here.momentum.scale_add(L::c(share / self.observer.period()), steady);
             if share > 0.0 {
-                steady = steady + here.force - here.turning(motion.twist);
+                steady = steady + here.force - here.momentum_transport(motion.twist);
             }
         }
         [

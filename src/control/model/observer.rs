@@ -4,7 +4,7 @@ use super::filter::{Correction, Expected, STATES, Swell};
 use super::plant::{Arm, Motion, Plant, Push, Reached};
 use crate::control::pd::check_gains;
 use crate::description::Scene;
-use crate::dynamics::articulated::Scratch;
+use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
 use crate::lane::Lane;
 use crate::lie::Vector6;

@@ -3,8 +3,8 @@
 use nalgebra::Matrix6;
 
 use crate::description::Scene;
-use crate::dynamics::Whole;
-use crate::dynamics::articulated::Scratch;
+use crate::dynamics::CompositeBody;
+use crate::dynamics::aba::Scratch;
 use crate::lane::{Lane, Param, Shared};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotation_vector};
 use crate::spatial::SpatialInertia;
@@ -105,9 +105,14 @@ impl Plant {
 
     /// Vehicle and arm as one body.
     #[inline(always)]
-    pub fn whole<L: Lane<Real = f64>>(&self, at: &Motion<L>, arm: &Arm<L>, scratch: &mut Scratch<L>) -> Whole<L> {
+    pub fn whole<L: Lane<Real = f64>>(
+        &self,
+        at: &Motion<L>,
+        arm: &Arm<L>,
+        scratch: &mut Scratch<L>,
+    ) -> CompositeBody<L> {
         let gravity = self.gravity(at.error);
-        Whole::of(&self.system, gravity, at.twist, (&arm.q, &arm.qd), scratch)
+        CompositeBody::of(&self.system, gravity, at.twist, (&arm.q, &arm.qd), scratch)
     }
 
     /// Goes on by `time` (s), while the arm goes from one motion to the other. Momentum by Heun's method, thrusters exactly,
@@ -140,14 +145,14 @@ impl Plant {
                 let arm = if stage == 0 { &arm } else { &arm_then };
                 let at = if stage == 2 { reached.motion } else { start };
                 let here = self.whole(&at, arm, scratch);
-                let change = here.force + wrench - here.turning(at.twist);
+                let change = here.force + wrench - here.momentum_transport(at.twist);
                 let gained = match stage {
                     0 => {
                         (momentum, rate) = (here.momentum, change);
                         continue;
                     }
                     1 => {
-                        (reached.inertia, joints) = (here.inertia, here.of_joints(at.twist));
+                        (reached.inertia, joints) = (here.inertia, here.joint_momentum(at.twist));
                         rate.scale(L::c(h))
                     }
                     _ => (rate + change).scale(L::c(0.5 * h)),

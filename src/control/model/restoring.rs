@@ -4,7 +4,7 @@ use super::plant::{Motion, Plant};
 use super::rows::{ModelIndices, write};
 use crate::control::{Controller, Pd, Widths};
 use crate::description::Scene;
-use crate::dynamics::articulated::Scratch;
+use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;

@@ -10,7 +10,7 @@ use self::observer::Model;
 use super::controller::{Controller, Widths};
 use super::{ACTIONS, ActionMap, Actuation};
 use crate::description::{JointLimits, Scene};
-use crate::dynamics::{Passive, Recursion, Terms, VELOCITIES, Velocities};
+use crate::dynamics::{EquationsOfMotion, PassiveTorque, SerialChain, VELOCITIES, Velocities};
 use crate::error::ControlError;
 use crate::system::{JOINTS, Joints};
 
@@ -148,7 +148,7 @@ pub struct ResolvedMotion {
     gains: ResolvedGains,
     actions: ActionMap,
     actuation: Actuation<f64>,
-    recursion: Recursion,
+    chain: SerialChain,
     model: Option<Model>,
     /// Control period, s.
     period: f64,
@@ -187,12 +187,12 @@ impl ResolvedMotion {
         period: f64,
     ) -> Result<Self, ControlError> {
         gains.check()?;
-        let recursion = Recursion::new(scene).map_err(|error| ControlError::Model(error.to_string()))?;
+        let chain = SerialChain::new(scene).map_err(|error| ControlError::Model(error.to_string()))?;
         let actuated = actions.allocation().wrench_limits().map(|limit| f64::from(u8::from(limit > 0.0)));
         let (home, limits) = scene.joints().map(|joint| (joint.home, joint.limits.clone())).unzip();
         let model = gains.foresees().then(|| Model::new(&gains, scene, &actions, period));
         let actuation = Actuation::new(&actions);
-        Ok(Self { reading, gains, actions, actuation, recursion, model, period, home, limits, actuated })
+        Ok(Self { reading, gains, actions, actuation, chain, model, period, home, limits, actuated })
     }
 
     /// Gains in use.
@@ -223,17 +223,17 @@ impl ResolvedMotion {
     }
 
     /// The equations of motion, and what joints make by themselves.
-    fn terms(&self, now: &Present) -> (Terms, [Passive; JOINTS]) {
-        let mut passive = [Passive::default(); JOINTS];
+    fn terms(&self, now: &Present) -> (EquationsOfMotion, [PassiveTorque; JOINTS]) {
+        let mut passive = [PassiveTorque::default(); JOINTS];
         for (k, passive) in passive.iter_mut().enumerate().take(self.home.len()) {
-            *passive = self.recursion.passive(k, now.q[k], now.velocities[6 + k]);
+            *passive = self.chain.passive(k, now.q[k], now.velocities[6 + k]);
         }
         let up = now.up.try_normalize(0.0).unwrap_or_else(Vector3::z);
-        (self.recursion.at(&up, &now.q, &now.velocities), passive)
+        (self.chain.at(&up, &now.q, &now.velocities), passive)
     }
 
     /// Accelerations that are wanted now, for an integral of the pose error.
-    fn acceleration(&self, now: &Present, terms: &Terms, integral: &Vector6<f64>) -> Option<Velocities> {
+    fn acceleration(&self, now: &Present, terms: &EquationsOfMotion, integral: &Vector6<f64>) -> Option<Velocities> {
         let (gains, n, q) = (&self.gains, self.home.len(), &now.q);
         let jacobian = &terms.jacobian;
         // Mobilities: one over the weights.
@@ -327,7 +327,7 @@ impl ResolvedMotion {
     }
 
     /// By how much a joint's own torque falls with its rate over a period.
-    fn falls(&self, passive: &Passive) -> f64 {
+    fn falls(&self, passive: &PassiveTorque) -> f64 {
         passive.damping + self.period * passive.stiffness
     }
 

@@ -5,7 +5,7 @@ use nalgebra::{Cholesky, Const, Vector6};
 use super::{Present, ResolvedGains, ResolvedMotion};
 use crate::control::ActionMap;
 use crate::description::Scene;
-use crate::dynamics::{Masses, Passive, Terms, VELOCITIES, Velocities};
+use crate::dynamics::{EquationsOfMotion, MassMatrix, PassiveTorque, VELOCITIES, Velocities};
 use crate::system::JOINTS;
 
 /// Velocities are within this, m/s and rad/s, as far as the model is concerned.
@@ -43,9 +43,9 @@ pub(super) struct Estimate {
     /// nu- at the next measurement, and the wrench then, where they are known already.
     next: Option<(Velocities, Vector6<f64>)>,
     /// The equations of motion now.
-    pub terms: Terms,
+    pub terms: EquationsOfMotion,
     /// What joints make by themselves now.
-    pub passive: [Passive; JOINTS],
+    pub passive: [PassiveTorque; JOINTS],
     /// Whether the next measurement is of a later time than this one.
     moves: bool,
 }
@@ -121,7 +121,7 @@ impl Model {
     }
 
     /// `M + T D`.
-    fn inertia(&self, of: &ResolvedMotion, terms: &Terms, passive: &[Passive; JOINTS]) -> Masses {
+    fn inertia(&self, of: &ResolvedMotion, terms: &EquationsOfMotion, passive: &[PassiveTorque; JOINTS]) -> MassMatrix {
         let mut inertia = terms.mass;
         for k in 0..self.joints {
             inertia[(6 + k, 6 + k)] += of.period * of.falls(&passive[k]);
@@ -135,8 +135,8 @@ impl Model {
         &self,
         of: &ResolvedMotion,
         now: &mut Present,
-        terms: &Terms,
-        passive: &[Passive; JOINTS],
+        terms: &EquationsOfMotion,
+        passive: &[PassiveTorque; JOINTS],
         effort: &Velocities,
         wrench: &mut Vector6<f64>,
         disturbance: &Velocities,

@@ -4,7 +4,7 @@ use nalgebra::{Rotation3, Vector3, Vector6};
 
 use super::*;
 use crate::control::{ActionKind, Allocation};
-use crate::dynamics::{Balance, Loads};
+use crate::dynamics::{ClosedFormModel, Loads};
 use crate::system::State;
 
 const PERIOD: f64 = 0.1;
@@ -130,7 +130,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
 #[test]
 fn without_errors_all_velocities_die_out_at_their_gains() {
     let gains = ResolvedGains { home: 0.0, level: 0.0, ..ResolvedGains::default() };
-    let (policy, balance, mut draw) = (policy(gains).unwrap(), Balance::new(&scene()).unwrap(), noise(3));
+    let (policy, balance, mut draw) = (policy(gains).unwrap(), ClosedFormModel::new(&scene()).unwrap(), noise(3));
     for _ in 0..10 {
         let mut plant = Plant::at_home();
         plant.rotation = Rotation3::from_euler_angles(0.05 * draw(), 0.05 * draw(), 0.0);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::site::Site;
 use super::span::Span;
-use crate::dynamics::Balance;
+use crate::dynamics::ClosedFormModel;
 use crate::error::TaskError;
 use crate::system::{Flow, State};
 use crate::task::random::Stream;
@@ -75,7 +75,7 @@ impl PayloadEvent {
 
 /// Velocities `[V; q']` after the end effector has seized a point mass that was at rest:
 /// `(M + J^T A_p J) nu+ = M nu-`, added mass being part of M.
-pub fn seize(balance: &Balance, state: &mut State, mass: f64) {
+pub fn seize(balance: &ClosedFormModel, state: &mut State, mass: f64) {
     let form = balance.at(state, Flow::from(nalgebra::Vector3::zeros()));
     let n = form.joints();
     let before = DVector::from_iterator(6 + n, state.twist.iter().chain(&state.qd[..n]).copied());

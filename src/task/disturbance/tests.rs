@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::*;
 use crate::control::Allocation;
 use crate::description::Scene;
-use crate::dynamics::Balance;
+use crate::dynamics::ClosedFormModel;
 use crate::lane::Rows;
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::State;
@@ -246,7 +246,7 @@ fn a_cable_pulls_towards_its_fixed_point_and_its_drag_with_the_current() {
 
 #[test]
 fn a_payload_is_seized_without_a_loss_of_momentum() {
-    let balance = Balance::new(&scene()).unwrap();
+    let balance = ClosedFormModel::new(&scene()).unwrap();
     let mass = 1.5;
     let mut state = State { q: scene().home(), ..State::default() };
     state.twist = na::Vector6::new(0.2, -0.1, 0.15, 0.1, -0.2, 0.3);

@@ -2,7 +2,7 @@
 
 use nalgebra::{Vector3, Vector6};
 
-use super::dense::{Pose, stack};
+use super::se3::{Pose, stack};
 use crate::description::{Joint, JointKind};
 
 /// The joint matrix E: twist of the child in the child's own frame per joint rate. `[HC eq. 9]`

@@ -1,35 +1,36 @@
-//! A link's place on its parent, and what the passes leave for each other.
+//! Transforms between a link and its parent, and the link's intermediate results of the passes of [`super::aba`].
 //!
-//! Joints that slide and stands that are whole poses are marked as rare, here and in the passes: the compiler then keeps
-//! in registers what the others work with, and their way straight. A step takes 6 % less for that.
+//! Prismatic joints and general placements are marked as cold paths, here and in the passes: the compiler then keeps the
+//! operands of the other cases in registers and their code contiguous. A step takes 6 % less time for it.
+
+#![allow(non_snake_case, reason = "fields carry the symbols of the articulated-body algorithm")]
 
 use std::hint::cold_path;
 
-use super::{along, velocity_product};
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, sin_cos, sin_cos_near};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::{SpatialInertia, constant_screw_z, screw_x, screw_z};
 use crate::system::{JOINTS, JointPlacement, JointScrew, JointTerms};
 
-/// What the passes leave for each other at a link.
+/// Intermediate results of the passes at a link.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Link<L> {
-    /// Sine and cosine of theta; or d of a joint that slides.
+    /// Sine and cosine of theta of a revolute joint; d of a prismatic one, m.
     pub screw: [L; 2],
-    /// Theta at the step's start, its sine and its cosine.
+    /// Theta at the start of the step, its sine and its cosine.
     pub start: [L; 3],
-    /// Gravity in its axes.
-    pub gravity: Vector3<L>,
-    /// `U / D`. Along the joint it is 1, and not kept.
-    pub share: Vector6<L>,
-    /// V: for the implicit passes alone.
-    pub twist: Vector6<L>,
-    /// c, without the entries that vanish.
-    pub across: [L; 4],
-    /// p without what the links further out ask for.
-    pub bias: Vector6<L>,
+    /// Gravity in link axes, m/s2; set by the implicit passes only.
+    pub g: Vector3<L>,
+    /// `U / D`. Its component along the joint is 1 and not stored.
+    pub U_over_D: Vector6<L>,
+    /// Twist relative to the water; set by the implicit passes only.
+    pub V: Vector6<L>,
+    /// `c = ad_V E q'` without its vanishing entries: x and y of the linear and of the angular part.
+    pub c: [L; 4],
+    /// Bias wrench of the link without the contribution of the outer links.
+    pub p: Vector6<L>,
     /// `u / D`.
-    pub torque: L,
+    pub u_over_D: L,
 }
 
 /// Working memory of the passes.
@@ -39,18 +40,18 @@ pub struct Scratch<L> {
 }
 
 impl<L: Lane> Scratch<L> {
-    /// Fresh memory; its contents never matter.
+    /// Zeros. No pass reads an entry before it has written it.
     pub fn new() -> Self {
         let (zero, none) = (L::zero(), Vector6::zero());
         let link = Link {
             screw: [zero; 2],
             start: [zero; 3],
-            gravity: Vector3::zero(),
-            share: none,
-            twist: none,
-            across: [zero; 4],
-            bias: none,
-            torque: zero,
+            g: Vector3::zero(),
+            U_over_D: none,
+            V: none,
+            c: [zero; 4],
+            p: none,
+            u_over_D: zero,
         };
         Self { links: [link; JOINTS] }
     }
@@ -62,7 +63,69 @@ impl<L: Lane> Default for Scratch<L> {
     }
 }
 
-/// Does something with a joint's screw about its axis.
+/// `c = ad_V E q'`: `[v x e_z; omega x e_z] q'` of a revolute joint, `[omega x e_z; 0] q'` of a prismatic one; x and y of
+/// both parts, the others vanish.
+#[inline(always)]
+fn velocity_product<L: Lane>(prismatic: bool, twist: Vector6<L>, qd: L) -> [L; 4] {
+    let (v, w) = (twist.linear.0, twist.angular.0);
+    let (x, y) = (w[1] * qd, -(w[0] * qd));
+    if prismatic {
+        cold_path();
+        return [x, y, L::zero(), L::zero()];
+    }
+    [v[1] * qd, -(v[0] * qd), x, y]
+}
+
+/// c as a 6-vector, its vanishing entries included.
+#[inline(always)]
+pub(super) fn with_zeros<L: Lane>([vx, vy, wx, wy]: [L; 4]) -> Vector6<L> {
+    Vector6 { linear: Vector3([vx, vy, L::zero()]), angular: Vector3([wx, wy, L::zero()]) }
+}
+
+/// `V + E q'`
+#[inline(always)]
+pub(super) fn add_joint_rate<L: Lane, P: Copy, B>(
+    joint: &JointTerms<P, B>,
+    mut twist: Vector6<L>,
+    qd: L,
+) -> Vector6<L> {
+    match joint.screw {
+        JointScrew::Revolute { .. } => twist.angular.0[2] += qd,
+        JointScrew::Prismatic { .. } => {
+            cold_path();
+            twist.linear.0[2] += qd;
+        }
+    }
+    twist
+}
+
+/// Sets `screw` of each link from the joint coordinates. Within a step, sine and cosine are computed from those at its start,
+/// which are near.
+#[inline(always)]
+pub(super) fn joint_screws<L: Lane, P: Param<L>, B>(
+    joints: &[JointTerms<P, B>],
+    is_start: bool,
+    q: &[L; JOINTS],
+    links: &mut [Link<L>],
+) {
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        let coordinate = joint.offset.get() + q[i];
+        link.screw = match joint.screw {
+            JointScrew::Revolute { .. } if is_start => {
+                let (sin, cos) = sin_cos(coordinate);
+                link.start = [coordinate, sin, cos];
+                [sin, cos]
+            }
+            JointScrew::Revolute { .. } => sin_cos_near(coordinate, link.start).into(),
+            JointScrew::Prismatic { .. } => {
+                cold_path();
+                [coordinate; 2]
+            }
+        };
+    }
+}
+
+/// Evaluates `$work` with the joint's screw about its axis.
 macro_rules! with_screw {
     ($link:expr, $joint:expr, |$screw:ident| $work:expr) => {
         match $joint.screw {
@@ -80,7 +143,7 @@ macro_rules! with_screw {
 }
 
 impl<L: Lane> Link<L> {
-    /// Gravity and twist in this link's frame from those in its parent's; leaves c.
+    /// Gravity and twist in this link's frame from those in its parent's; sets c.
     #[inline(always)]
     pub fn outward<P: Param<L>, B>(
         &mut self,
@@ -90,12 +153,12 @@ impl<L: Lane> Link<L> {
         qd: L,
     ) -> (Vector3<L>, Vector6<L>) {
         let (gravity, twist) = self.both_from_parent(joint, gravity, twist);
-        let twist = along(joint, twist, qd);
-        self.across = velocity_product(joint.is_prismatic(), twist, qd);
+        let twist = add_joint_rate(joint, twist, qd);
+        self.c = velocity_product(joint.is_prismatic(), twist, qd);
         (gravity, twist)
     }
 
-    /// A vector of the parent, in this link's axes, and a twist of the parent, in this link's frame.
+    /// Vector in this link's axes and twist at this link's frame, from those of the parent.
     #[inline(always)]
     fn both_from_parent<P: Param<L>, B>(
         &self,
@@ -107,14 +170,14 @@ impl<L: Lane> Link<L> {
         with_screw!(self, joint, |screw| screw.both_from_parent(v, twist))
     }
 
-    /// A twist of the parent, in this link's frame.
+    /// Twist at this link's frame from the parent's.
     #[inline(always)]
     pub fn twist_from_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, twist: Vector6<L>) -> Vector6<L> {
         let twist = joint.placement.twist_from_parent(twist);
         with_screw!(self, joint, |screw| screw.adjoint_apply_inverse(twist))
     }
 
-    /// An inertia of this link, in the parent's frame.
+    /// Inertia in the parent's frame from that of this link.
     #[inline(always)]
     pub fn inertia_to_parent<P: Param<L>, B>(
         &self,
@@ -124,7 +187,7 @@ impl<L: Lane> Link<L> {
         joint.placement.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
     }
 
-    /// A wrench on this link, in the parent's frame.
+    /// Wrench at the parent's frame from that on this link.
     #[inline(always)]
     pub fn wrench_to_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, wrench: Vector6<L>) -> Vector6<L> {
         joint.placement.wrench_to_parent(with_screw!(self, joint, |screw| screw.co_adjoint_apply_inverse(wrench)))

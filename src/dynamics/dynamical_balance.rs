@@ -21,9 +21,7 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, Vector3, Vector6};
 
-use super::body::DenseBody;
-use super::dense::{Pose, ad};
-use super::joint::{joint_axis, joint_pose};
+use super::dense::{DenseBody, Pose, ad, joint_axis, joint_pose};
 use crate::description::Joint;
 
 /// A rigid body, or two systems loaded onto one another. Bodies and joints are numbered parent first.

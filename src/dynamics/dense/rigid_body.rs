@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
-use super::dense::{Pose, ad, angular, blocks, cross, force_at, linear, stack};
+use super::se3::{Pose, ad, angular, blocks, cross, force_at, linear, stack};
 use crate::description::{Body, Water};
 
 /// A body's constants in its own frame.
@@ -17,9 +17,9 @@ pub struct DenseBody {
     /// Mass of the displaced water, kg.
     displaced: f64,
     center_of_buoyancy: Vector3<f64>,
-    pub(super) hydrodynamic: Pose,
-    pub(super) linear_damping: Matrix6<f64>,
-    pub(super) quadratic_damping: Matrix6<f64>,
+    pub(crate) hydrodynamic: Pose,
+    pub(crate) linear_damping: Matrix6<f64>,
+    pub(crate) quadratic_damping: Matrix6<f64>,
 }
 
 impl DenseBody {
@@ -75,11 +75,11 @@ impl DenseBody {
     /// Drag `-(D_L V_r + D_Q (V_r * |V_r|))` of the twist through the water, a wrench at the body frame. `[HC eq. 22]`
     ///
     /// The law holds in the frame that its coefficients were given for, so the twist goes there and the wrench back.
-    pub fn drag(&self, relative: &Vector6<f64>) -> Vector6<f64> {
+    pub fn damping(&self, relative: &Vector6<f64>) -> Vector6<f64> {
         let there = self.hydrodynamic.adjoint_inverse() * relative;
         let squared = there.component_mul(&there.abs());
-        let drag = self.linear_damping * there + self.quadratic_damping * squared;
-        self.hydrodynamic.wrench_to_parent(&-drag)
+        let resistance = self.linear_damping * there + self.quadratic_damping * squared;
+        self.hydrodynamic.wrench_to_parent(&-resistance)
     }
 
     /// Weight at the centre of mass and buoyancy at the centre of buoyancy; `gravity` in body axes. `[HC eq. 24]`

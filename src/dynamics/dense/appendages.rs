@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3, Vector6};
 
-use super::dense::{angular, force_at, linear};
+use super::se3::{angular, force_at, linear};
 use crate::description::{Fin, Tether, Vehicle, Water};
 
 /// Fins and tether of a vehicle.

@@ -1,0 +1,276 @@
+//! Articulated-body algorithm: forward dynamics in O(n), evaluated at every stage of every step. `[RF08 ch. 7]`, `[McM95]`
+//!
+//! It solves the equations of motion of the closed form in the frame that moves with the water. There rigid and added
+//! inertia obey one law with the twist V relative to the water; a uniform steady current changes nothing but the
+//! observer. If the current accelerates by a_c, that frame accelerates with it, so `g - a_c` replaces g in weight and in
+//! buoyancy.
+//!
+//! ```text
+//! outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
+//! inward    U = I_A E,   D = E^T U,   I_a = I_A - U U^T / D,   I_A,p += Ad^-T I_a Ad^-1
+//!           u = tau - E^T p_A,   p_a = p_A + I_a c + U u / D,   p_A,p += Ad^-T p_a
+//! base      I_A,0 V_0' = -p_A,0
+//! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
+//! ```
+//!
+//! I_a c has no component along the joint, so u does not depend on when it is added. Inertias and wrenches go inward in
+//! the same loop: the results of one joint are still in registers for the next, and both dependency chains overlap.
+
+#![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
+
+use std::hint::cold_path;
+
+use super::joint_torque::joint_torque;
+pub use super::link::Scratch;
+use super::link::{Link, add_joint_rate, joint_screws, with_zeros};
+use crate::lane::{Lane, Param};
+use crate::lie::{Vector3, Vector6};
+use crate::spatial::{SpatialInertia, screw_z};
+use crate::system::{BodyTerms, JOINTS, JointScrew, System};
+
+/// Joint torques, servo targets and external link wrenches, held over a control period.
+#[derive(Debug, Clone, Copy)]
+pub struct Loads<L> {
+    /// Actuator torques, N m or N.
+    pub torque: [L; JOINTS],
+    /// Number of coefficients of the servo targets; 0 where the joint servos are off.
+    pub terms: usize,
+    /// Servo targets, rad or m: cubic polynomials in time, constant term first. The first two coefficients are always read.
+    pub target: [[L; 4]; JOINTS],
+    /// True if `links` holds wrenches.
+    pub on_links: bool,
+    /// External wrenches on the links, each in its joint's frame, N and N m.
+    pub links: [Vector6<L>; JOINTS],
+}
+
+impl<L: Lane> Loads<L> {
+    /// No loads.
+    #[inline(always)]
+    pub fn none() -> Self {
+        Self {
+            torque: [L::zero(); JOINTS],
+            terms: 0,
+            target: [[L::zero(); 4]; JOINTS],
+            on_links: false,
+            links: [Vector6::zero(); JOINTS],
+        }
+    }
+
+    /// Servo target of joint `i` and its rate at `time`.
+    #[inline(always)]
+    pub(super) fn target(&self, i: usize, time: L) -> Option<(L, L)> {
+        if self.terms == 0 {
+            return None;
+        }
+        let [a, b, c, d] = self.target[i];
+        if self.terms <= 2 {
+            return Some((b.mul_add(time, a), b));
+        }
+        // Horner's rule; the rate reuses the partial sums of the value.
+        let two = d.mul_add(time, c);
+        let one = two.mul_add(time, b);
+        Some((one.mul_add(time, a), d.mul_add(time, two).mul_add(time, one)))
+    }
+}
+
+/// State and vehicle wrench of one instance per lane at one instant.
+#[derive(Debug, Clone, Copy)]
+pub struct Instant<'a, L> {
+    /// True at the start of a step; later instants up to the next start belong to the same step.
+    pub is_start: bool,
+    /// Gravity less the acceleration of the water, vehicle axes, m/s2.
+    pub gravity: Vector3<L>,
+    /// Vehicle twist relative to the water, m/s and rad/s.
+    pub twist: Vector6<L>,
+    /// Joint coordinates.
+    pub q: &'a [L; JOINTS],
+    /// Joint rates.
+    pub qd: &'a [L; JOINTS],
+    /// Wrench on the vehicle, body axes at its origin, N and N m.
+    pub wrench: Vector6<L>,
+    /// Linear rate of `twist` of a fixed vehicle: minus the acceleration of the water. Unused otherwise.
+    pub held_rate: Vector3<L>,
+    /// Time of the servo targets, s.
+    pub time: L,
+}
+
+/// Bias wrench `B V - restoring - damping` of one body, written to `bias`: a value that merges after a branch would go
+/// through memory in addition.
+#[inline(always)]
+pub(super) fn body_bias<L: Lane, B: Param<L>, const SPARSE: bool>(
+    body: &BodyTerms<B>,
+    twist: Vector6<L>,
+    gravity: Vector3<L>,
+    bias: &mut Vector6<L>,
+) {
+    let mut damping = &body.damping[..];
+    if let Some(central) = &body.central {
+        central.bias(twist, gravity, bias);
+        // Bodies shared by all instances carry no payload of single instances.
+        if let (Some(payload), false) = (&body.payload, B::SHARED) {
+            payload.add_bias(twist, gravity, bias);
+        }
+        damping = damping.get(1..).unwrap_or_default();
+    } else {
+        *bias =
+            if SPARSE { body.inertia.get().sparse_bias_wrench(twist) } else { body.inertia.get().bias_wrench(twist) };
+        if let Some(restoring) = &body.restoring {
+            *bias = restoring.subtract(gravity, *bias);
+        }
+    }
+    for damping in damping {
+        *bias = *bias - damping.wrench(twist);
+    }
+}
+
+/// Forward dynamics: `V'` with V relative to the water, and `q''`. Entries of `qdd` past the joint count are untouched.
+#[inline(always)]
+pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
+    system: &System<P, B>,
+    at: &Instant<L>,
+    loads: &Loads<L>,
+    scratch: &mut Scratch<L>,
+    twist_rate: &mut Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
+    let Instant { is_start, gravity, twist, q, qd, .. } = *at;
+    let joints = system.chain();
+    let links = &mut scratch.links[..joints.len()];
+
+    joint_screws(joints, is_start, q, links);
+    let (mut g, mut V) = (gravity, twist);
+    // Two loops: the common kind of links needs no branch, and so no pass through memory.
+    if system.z_aligned {
+        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+            (g, V) = link.outward(joint, g, V, qd[i]);
+            if let Some(central) = &joint.body.central {
+                central.bias_z_aligned(V, g, &mut link.p);
+            }
+        }
+        // Only the last link can carry a payload.
+        if let (Some(joint), Some(link)) = (joints.last(), links.last_mut())
+            && let (Some(payload), false) = (&joint.body.payload, B::SHARED)
+        {
+            payload.add_bias(V, g, &mut link.p);
+        }
+    } else {
+        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+            (g, V) = link.outward(joint, g, V, qd[i]);
+            body_bias::<_, _, false>(&joint.body, V, g, &mut link.p);
+        }
+    }
+    if loads.on_links {
+        for (link, load) in links.iter_mut().zip(&loads.links) {
+            link.p = link.p - *load;
+        }
+    }
+
+    if system.sparse {
+        inward::<_, _, _, true>(system, at, loads, links, twist_rate);
+    } else {
+        inward::<_, _, _, false>(system, at, loads, links, twist_rate);
+    }
+
+    let mut V_dot = *twist_rate;
+    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
+        V_dot = link.twist_from_parent(joint, V_dot);
+        let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (V_dot.linear.0, V_dot.angular.0);
+        (vx, vy) = (vx + link.c[0], vy + link.c[1]);
+        (wx, wy) = (wx + link.c[2], wy + link.c[3]);
+        let ([sx, sy, sz], [tx, ty, tz]) = (link.U_over_D.linear.0, link.U_over_D.angular.0);
+        // The link's acceleration along its joint is `(u - U^T ...) / D`, independent of the parent's there. Two partial sums,
+        // starting with the component that the joint's rotation leaves unchanged: this is the latency chain of the pass.
+        let first = if joint.is_prismatic() {
+            cold_path();
+            tz.neg_mul_add(wz, link.u_over_D)
+        } else {
+            sz.neg_mul_add(vz, link.u_over_D)
+        };
+        let along = tx.neg_mul_add(wx, sx.neg_mul_add(vx, first)) - ty.mul_add(wy, sy * vy);
+        // Both entries are bound anew: a reference to one of them would send both through memory.
+        let (vz, wz, qdd_i) = if joint.is_prismatic() {
+            cold_path();
+            (along, wz, along - vz)
+        } else {
+            (vz, along, along - wz)
+        };
+        *qdd = qdd_i;
+        V_dot = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
+    }
+}
+
+/// Inward pass and base: `V'` of the vehicle, and U, u and D of each joint for the outward pass.
+#[inline(always)]
+fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
+    system: &System<P, B>,
+    at: &Instant<L>,
+    loads: &Loads<L>,
+    links: &mut [Link<L>],
+    twist_rate: &mut Vector6<L>,
+) {
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time, .. } = *at;
+    let joints = system.chain();
+    // Contribution of the outer links to this body's I_A and p_A.
+    let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
+    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
+        let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
+        let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
+        let mut p = link.p + p_children;
+        // Along its axis a joint transmits its torque only.
+        let (I_a, p_a) = match joint.screw {
+            JointScrew::Revolute { d } => {
+                let screw = screw_z(link.screw[0], link.screw[1], d);
+                let (I_a, U_over_D, one_over_D) = I_A.eliminate_revolute();
+                link.U_over_D.linear = U_over_D.linear;
+                (link.U_over_D.angular.0[0], link.U_over_D.angular.0[1]) =
+                    (U_over_D.angular.0[0], U_over_D.angular.0[1]);
+                let u = tau - p.angular.0[2];
+                link.u_over_D = u * one_over_D;
+                I_a.apply_across(link.c, &mut p);
+                p = U_over_D.scale_add(u, p);
+                p.angular.0[2] = tau;
+                (screw.turning_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
+            }
+            JointScrew::Prismatic { sin, cos } => {
+                cold_path();
+                let screw = screw_z(sin, cos, Some(link.screw[0]));
+                let (I_a, U_over_D, one_over_D) = I_A.eliminate_prismatic();
+                link.U_over_D = U_over_D;
+                let u = tau - p.linear.0[2];
+                link.u_over_D = u * one_over_D;
+                p = U_over_D.scale_add(u, I_a.apply(with_zeros(link.c)) + p);
+                p.linear.0[2] = tau;
+                (screw.inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
+            }
+        };
+        (I_children, p_children) = (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a));
+    }
+
+    *twist_rate = if system.fixed {
+        Vector6 { linear: held_rate, angular: Vector3::zero() }
+    } else {
+        let mut p = Vector6::zero();
+        body_bias::<_, _, SPARSE>(&system.vehicle, twist, gravity, &mut p);
+        I_children.plus_own::<_, SPARSE>(&system.vehicle.inertia).solve(wrench - (p + p_children))
+    };
+}
+
+/// Twist of each link in its joint's frame, m/s and rad/s, relative to the same medium as `twist` of the vehicle.
+#[inline(always)]
+pub fn link_twists<L: Lane, P: Param<L>, B>(
+    system: &System<P, B>,
+    twist: Vector6<L>,
+    q: &[L; JOINTS],
+    qd: &[L; JOINTS],
+    scratch: &mut Scratch<L>,
+    twists: &mut [Vector6<L>],
+) {
+    let joints = system.chain();
+    let links = &mut scratch.links[..joints.len()];
+    joint_screws(joints, true, q, links);
+    let mut twist = twist;
+    for (((joint, link), qd), to) in joints.iter().zip(links.iter()).zip(qd).zip(twists) {
+        twist = add_joint_rate(joint, link.twist_from_parent(joint, twist), *qd);
+        *to = twist;
+    }
+}

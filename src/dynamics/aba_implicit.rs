@@ -1,0 +1,131 @@
+//! Articulated-body algorithm for linearly implicit Euler: `(I - h J) k = f` in O(n).
+//!
+//! With `y = (Theta, q; V, q')` a step of linearly implicit Euler is `y + h k`. The order of the method does not depend on
+//! J. Here J is `[[0, I], [-M^-1 K, -M^-1 D]]` with symmetric D, K >= 0: secants of damping, restoring forces, friction,
+//! servos, station keeping and end stops, or bounds of them. The accelerations follow from
+//!
+//! ```text
+//! (M + h D + h^2 K) [V'; q''] = forces at the present rates and at the pose after a time h at these rates
+//! ```
+//!
+//! D and K belong to bodies or to joints, and displacements compose along the chain as twists do. The recursion of
+//! [`super::aba`] therefore solves this with `A_i + h D_i + h^2 K_i` as the inertia of each body and `h (d + h k)` added to D
+//! of each joint. h D_i multiplies all of `V_i'`, velocity products included: that is the change of the body's twist. No
+//! pivot is smaller than that of the explicit form.
+
+#![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
+
+use super::aba::{Instant, Loads, Scratch, body_bias};
+use super::joint_torque::implicit_joint_torque;
+use super::link::{add_joint_rate, joint_screws, with_zeros};
+use crate::lane::{Lane, Param};
+use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::spatial::SpatialInertia;
+use crate::system::{BodyTerms, JOINTS, JointScrew, System};
+
+/// Time ahead at which forces are evaluated.
+#[derive(Debug, Clone, Copy)]
+pub struct Ahead<L> {
+    /// Step size, s. [`Instant::time`] is that of the end of the step.
+    pub h: L,
+    /// True if [`Instant::wrench`] includes that of the vehicle's servo.
+    pub station: bool,
+}
+
+/// `A + h D + h^2 K` of a body, and its bias wrench at the pose after a time h at the present twist.
+#[inline(always)]
+fn effective<L: Lane, B: Param<L>>(
+    body: &BodyTerms<B>,
+    h: L,
+    twist: Vector6<L>,
+    gravity: Vector3<L>,
+) -> (SpatialInertia<L>, Vector6<L>) {
+    let mut inertia: SpatialInertia<L> = body.inertia.get();
+    let mut bias = Vector6::zero();
+    body_bias::<_, _, false>(body, twist, gravity, &mut bias);
+    for damping in &body.damping {
+        inertia = damping.damping_matrix(twist).scale_add(h, &inertia);
+    }
+    if let Some(restoring) = &body.restoring {
+        let stiffness = Matrix3::symmetric(&restoring.stiffness(gravity));
+        bias.angular = stiffness.apply(twist.angular).scale_add(h, bias.angular);
+        inertia.add_angular(h * h, &stiffness);
+    }
+    (inertia, bias)
+}
+
+/// `V'` with V relative to the water, and `q''`, of linearly implicit Euler. Entries of `qdd` past the joint count are
+/// untouched.
+#[inline(always)]
+pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
+    system: &System<P, B>,
+    at: &Instant<L>,
+    ahead: Ahead<L>,
+    loads: &Loads<L>,
+    scratch: &mut Scratch<L>,
+    twist_rate: &mut Vector6<L>,
+    qdd: &mut [L; JOINTS],
+) {
+    let Instant { gravity, twist, q, qd, wrench, held_rate, time, .. } = *at;
+    let Ahead { h, station } = ahead;
+    let joints = system.chain();
+    let links = &mut scratch.links[..joints.len()];
+    joint_screws(joints, true, q, links);
+    let (mut g, mut V) = (gravity, twist);
+    for i in 0..joints.len() {
+        let (joint, link) = (&joints[i], &mut links[i]);
+        (g, V) = link.outward(joint, g, V, qd[i]);
+        (link.g, link.V) = (g, V);
+    }
+
+    // Contribution of the outer links to this body's I_A and p_A.
+    let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
+    for i in (0..joints.len()).rev() {
+        let (joint, link) = (&joints[i], &mut links[i]);
+        let (I, mut p) = effective(&joint.body, h, link.V, link.g);
+        if loads.on_links {
+            p = p - loads.links[i];
+        }
+        let I_A = I.plus(&I_children);
+        p = p + p_children;
+        let (U, p_along) = match joint.screw {
+            JointScrew::Revolute { .. } => (I_A.column::<5>(), p.angular.0[2]),
+            JointScrew::Prismatic { .. } => (I_A.column::<2>(), p.linear.0[2]),
+        };
+        let D = match joint.screw {
+            JointScrew::Revolute { .. } => U.angular.0[2],
+            JointScrew::Prismatic { .. } => U.linear.0[2],
+        };
+        let (tau, damping) = implicit_joint_torque(joint, h, q[i], qd[i], loads.torque[i], loads.target(i, time));
+        let one_over_D = L::c(1.0) / (D + damping);
+        (link.U_over_D, link.u_over_D) = (U.scale(one_over_D), (tau - p_along) * one_over_D);
+
+        let I_a = I_A.eliminated(U, one_over_D);
+        let p_a = I_a.apply(with_zeros(link.c)) + U.scale_add(link.u_over_D, p);
+        (I_children, p_children) = (link.inertia_to_parent(joint, &I_a), link.wrench_to_parent(joint, p_a));
+    }
+
+    if system.fixed {
+        *twist_rate = Vector6 { linear: held_rate, angular: Vector3::zero() };
+    } else {
+        let (I, p) = effective(&system.vehicle, h, twist, gravity);
+        let mut I_A = I.plus(&I_children);
+        let mut force = (wrench - (p + p_children)).to_array();
+        if let (true, Some(gains)) = (station, &system.vehicle_servo) {
+            let rate = twist.to_array();
+            for i in 0..6 {
+                let spring = gains.kp[i].get() * h;
+                force[i] = spring.neg_mul_add(rate[i], force[i]);
+                I_A.add_diagonal(i, (gains.kd[i].get() + spring) * h);
+            }
+        }
+        *twist_rate = I_A.solve(Vector6::from_array(force));
+    }
+
+    let mut V_dot = *twist_rate;
+    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+        V_dot = link.twist_from_parent(joint, V_dot) + with_zeros(link.c);
+        qdd[i] = link.u_over_D - link.U_over_D.dot(V_dot);
+        V_dot = add_joint_rate(joint, V_dot, qdd[i]);
+    }
+}
