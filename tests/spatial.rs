@@ -182,7 +182,7 @@ proptest! {
         let (sin, cos) = angle.sin_cos();
         let quarter = constant_screw_z(LinkTwist::Deg90, Some(shift));
         for screw in [screw_z(sin, cos, Some(shift)), screw_z(sin, cos, None), quarter] {
-            let (short, general) = (screw.turning_inertia_to_parent(&rest), screw.inertia_to_parent(&rest));
+            let (short, general) = (screw.revolute_inertia_to_parent(&rest), screw.inertia_to_parent(&rest));
             prop_assert!((dense(&short) - dense(&general)).amax() < 1e-14 * scale);
         }
         let (mut c, p) = (vector6(random), vector6(random));

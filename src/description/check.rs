@@ -126,7 +126,7 @@ fn tether(tether: &Tether) -> Result<(), Fault> {
 
 fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), Fault> {
     if joint.kind != JointKind::Revolute || joint.effort.is_some() {
-        let reason = "turns revolute joints alone, and its force takes the place of effort";
+        let reason = "needs a revolute joint without effort: its force takes the place of effort";
         return Err(Fault::new(key, Problem::Invalid { reason }));
     }
     for (name, value) in [("base", actuator.base), ("lever", actuator.lever)] {

@@ -5,6 +5,7 @@
 
 mod actuator;
 mod arm;
+mod axes;
 mod body;
 mod check;
 mod check_body;

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 use toml::Value;
 
+use super::axes::NedTables;
 use super::{Fault, Scene, check, path};
 use crate::error::{DescriptionError, Problem};
 
@@ -69,8 +70,8 @@ impl Scene {
 
     /// Reads and checks a tree of values, whose integers may stand for floats; `source_name` appears in errors.
     ///
-    /// The scene comes out canonical: axes of unit length, inertia and added mass exactly symmetric. Warnings are
-    /// left to [`Scene::check`].
+    /// The scene is canonical: tables that state `axes = "ned"` are converted to x forward, y left, z up, directions have unit
+    /// length, inertia and added mass are exactly symmetric. Warnings are left to [`Scene::check`].
     ///
     /// # Errors
     /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.
@@ -83,8 +84,12 @@ impl Scene {
     }
 
     fn from_tree(value: &Value) -> Result<Self, Fault> {
-        let mut scene: Self = deserialize(value)?;
+        let mut tree = value.clone();
+        let ned = NedTables::take(&mut tree)?;
+        let mut scene: Self = deserialize(&tree)?;
+        // Validity does not depend on the axes, and messages show the values as they are stated.
         scene.validate()?;
+        ned.convert(&mut scene);
         scene.make_canonical();
         Ok(scene)
     }

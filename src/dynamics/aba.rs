@@ -229,7 +229,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
                 I_a.apply_across(link.c, &mut p);
                 p = U_over_D.scale_add(u, p);
                 p.angular.0[2] = tau;
-                (screw.turning_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
+                (screw.revolute_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
             }
             JointScrew::Prismatic { sin, cos } => {
                 cold_path();

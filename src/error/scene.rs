@@ -75,6 +75,12 @@ pub enum Problem {
         /// Value found.
         value: String,
     },
+    /// Unknown body axes of a table.
+    #[error("is {value}, but must be \"flu\" or \"ned\"")]
+    Axes {
+        /// Value found.
+        value: String,
+    },
     /// NaN, infinite, or too large to compute with.
     #[error("{value:?} is not a finite number of magnitude up to {max:e}")]
     NotFinite {
@@ -185,7 +191,7 @@ pub enum Problem {
         percent: f64,
     },
     /// Buoyancy and volume both stated.
-    #[error("is {buoyancy:?} N, but volume is {volume:?} m3 as well: give only one of them")]
+    #[error("is {buoyancy:?} N, but volume is {volume:?} m3 as well: give one of them")]
     TwoBuoyancies {
         /// Buoyancy, N.
         buoyancy: f64,

@@ -1,42 +1,42 @@
-//! A body in the frame of its centre.
+//! Bias wrench of a body in its central frame.
 
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::{BodyPoint, LinkTwist, constant_screw_z};
 
-/// Inertia (rigid and added), drag and net weight in a frame whose origin is the centre of all of them and whose axes are those
-/// of drag and masses, as most links have one: there they take half the arithmetic.
+/// Inertia (rigid and added), damping and net weight in the central frame: its origin is the centre of all of them, and damping
+/// and linear inertia are diagonal in its axes. Most links have such a frame, in which they take half the arithmetic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CentralFrameTerms<P> {
-    /// Where the frame lies in the body's.
+    /// Origin in the body frame.
     pub origin: BodyPoint<P>,
-    /// How it is turned against the body's.
+    /// Rotation relative to the body frame.
     pub rotation: FrameRotation<P>,
     /// Diagonal of the linear inertia.
     pub masses: [P; 3],
-    /// What turning makes of the diagonal of the angular one: `[J_z - J_y, J_x - J_z, J_y - J_x]`.
+    /// Gyroscopic differences of the diagonal of the angular inertia: `[J_z - J_y, J_x - J_z, J_y - J_x]`.
     pub gyration: [P; 3],
-    /// What the angular one has off its diagonal, if anything: `[J_yz, J_xz, J_xy]`.
+    /// Products of inertia, unless all are 0: `[J_yz, J_xz, J_xy]`.
     pub products: Option<[P; 3]>,
-    /// Diagonals of D_L and D_Q, if there is any drag.
+    /// Diagonals of D_L and D_Q, unless all are 0.
     pub damping: Option<[[P; 6]; 2]>,
-    /// Mass less displaced mass: both have their centres here.
+    /// Mass minus displaced mass, kg; both are centred here.
     pub net_mass: P,
 }
 
-/// How the axes of a frame lie in the body's.
+/// Rotation of a frame relative to the body frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FrameRotation<P> {
-    /// Along them.
+    /// Parallel axes.
     Aligned,
-    /// Turned about z: sine and cosine.
+    /// About z, by sine and cosine.
     AboutZ(P, P),
-    /// Anyhow: rotation by rows.
+    /// General rotation, by rows.
     General([[P; 3]; 3]),
 }
 
 impl<P: Copy> FrameRotation<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> FrameRotation<Q> {
         match *self {
             FrameRotation::Aligned => FrameRotation::Aligned,
@@ -47,7 +47,7 @@ impl<P: Copy> FrameRotation<P> {
 }
 
 impl<P: Copy> CentralFrameTerms<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CentralFrameTerms<Q> {
         CentralFrameTerms {
             origin: self.origin.map(&change),
@@ -60,38 +60,38 @@ impl<P: Copy> CentralFrameTerms<P> {
         }
     }
 
-    /// `B V - drag - restoring` of a body of relative twist V under gravity g, all in body frame: see
-    /// [`crate::spatial::SpatialInertia::bias_wrench`], [`super::Drag`] and [`super::Restoring`].
+    /// `B V - damping - restoring` at the relative twist V under gravity g, all in the body frame: see
+    /// [`crate::spatial::SpatialInertia::bias_wrench`], [`super::Damping`] and [`super::Restoring`].
     #[inline(always)]
     pub fn bias<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
     where
         P: Param<L>,
     {
         let FrameRotation::General(rows) = &self.rotation else { return self.bias_z_aligned(twist, gravity, bias) };
-        let turn = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
+        let rotation = Matrix3([get_all(&rows[0]), get_all(&rows[1]), get_all(&rows[2])]);
         let r = self.origin.coordinates();
-        let v = turn.apply_transposed(twist.angular.cross_add(r, twist.linear));
-        let w = turn.apply_transposed(twist.angular);
-        let mut there = self.in_place(v, w);
+        let v = rotation.apply_transposed(twist.angular.cross_add(r, twist.linear));
+        let w = rotation.apply_transposed(twist.angular);
+        let mut there = self.in_central_frame(v, w);
         self.add_products(w, &mut there.angular);
-        bias.linear = self.less_weight(gravity, turn.apply(there.linear));
-        bias.angular = r.cross_add(bias.linear, turn.apply(there.angular));
+        bias.linear = self.less_weight(gravity, rotation.apply(there.linear));
+        bias.angular = r.cross_add(bias.linear, rotation.apply(there.angular));
     }
 
-    /// [`Self::bias`] where the frame's z axis lies along the body's.
+    /// [`Self::bias`] for a frame whose z axis is parallel to the body's.
     #[inline(always)]
     pub fn bias_z_aligned<L: Lane>(&self, twist: Vector6<L>, gravity: Vector3<L>, bias: &mut Vector6<L>)
     where
         P: Param<L>,
     {
         if let FrameRotation::AboutZ(sin, cos) = self.rotation {
-            let turn = constant_screw_z(LinkTwist::General(sin, cos), None);
+            let rotation = constant_screw_z(LinkTwist::General(sin, cos), None);
             let r = self.origin.coordinates();
             let linear = twist.angular.cross_add(r, twist.linear);
-            let here = turn.adjoint_apply_inverse(Vector6 { linear, ..twist });
-            let mut there = self.in_place(here.linear, here.angular);
-            self.add_products(here.angular, &mut there.angular);
-            let Vector6 { linear, angular } = turn.co_adjoint_apply_inverse(there);
+            let local = rotation.adjoint_apply_inverse(Vector6 { linear, ..twist });
+            let mut there = self.in_central_frame(local.linear, local.angular);
+            self.add_products(local.angular, &mut there.angular);
+            let Vector6 { linear, angular } = rotation.co_adjoint_apply_inverse(there);
             bias.linear = self.less_weight(gravity, linear);
             bias.angular = r.cross_add(bias.linear, angular);
             return;
@@ -102,7 +102,7 @@ impl<P: Copy> CentralFrameTerms<P> {
             BodyPoint::Z(z) => *bias = self.bias_on_axis::<L, 2>(z.get(), twist, gravity),
             BodyPoint::General(point) => {
                 let r = Vector3(get_all(&point));
-                let there = self.in_place(twist.angular.cross_add(r, twist.linear), twist.angular);
+                let there = self.in_central_frame(twist.angular.cross_add(r, twist.linear), twist.angular);
                 bias.linear = self.less_weight(gravity, there.linear);
                 bias.angular = r.cross_add(bias.linear, there.angular);
             }
@@ -110,7 +110,7 @@ impl<P: Copy> CentralFrameTerms<P> {
         self.add_products(twist.angular, &mut bias.angular);
     }
 
-    /// The same at a point of axis N.
+    /// [`Self::bias`] for a frame with parallel axes and its origin on axis N.
     #[inline(always)]
     fn bias_on_axis<L: Lane, const N: usize>(&self, d: L, twist: Vector6<L>, gravity: Vector3<L>) -> Vector6<L>
     where
@@ -120,14 +120,14 @@ impl<P: Copy> CentralFrameTerms<P> {
         let (mut v, w) = (twist.linear, twist.angular);
         v.0[i] = w.0[k].mul_add(d, v.0[i]);
         v.0[k] = w.0[i].neg_mul_add(d, v.0[k]);
-        let there = self.in_place(v, w);
+        let there = self.in_central_frame(v, w);
         let (linear, mut angular) = (self.less_weight(gravity, there.linear), there.angular);
         angular.0[i] = linear.0[k].neg_mul_add(d, angular.0[i]);
         angular.0[k] = linear.0[i].mul_add(d, angular.0[k]);
         Vector6 { linear, angular }
     }
 
-    /// `force` less what pulls at the body.
+    /// `force` minus the net weight.
     #[inline(always)]
     fn less_weight<L: Lane>(&self, gravity: Vector3<L>, force: Vector3<L>) -> Vector3<L>
     where
@@ -136,9 +136,9 @@ impl<P: Copy> CentralFrameTerms<P> {
         gravity.scale_add(-self.net_mass.get(), force)
     }
 
-    /// `B V - drag` in the central frame, without what the products of inertia give.
+    /// `B V - damping` in the central frame, without the products of inertia.
     #[inline(always)]
-    fn in_place<L: Lane>(&self, v: Vector3<L>, w: Vector3<L>) -> Vector6<L>
+    fn in_central_frame<L: Lane>(&self, v: Vector3<L>, w: Vector3<L>) -> Vector6<L>
     where
         P: Param<L>,
     {
@@ -146,14 +146,17 @@ impl<P: Copy> CentralFrameTerms<P> {
         let [gx, gy, gz]: [L; 3] = get_all(&self.gyration);
         let momentum = Vector3([mx * v.0[0], my * v.0[1], mz * v.0[2]]);
         // omega x J omega
-        let mut moment = self.along(3, w).0;
+        let mut moment = self.damping_force(3, w).0;
         moment[0] = (w.0[1] * w.0[2]).mul_add(gx, moment[0]);
         moment[1] = (w.0[2] * w.0[0]).mul_add(gy, moment[1]);
         moment[2] = (w.0[0] * w.0[1]).mul_add(gz, moment[2]);
-        Vector6 { linear: w.cross_add(momentum, self.along(0, v)), angular: v.cross_add(momentum, Vector3(moment)) }
+        Vector6 {
+            linear: w.cross_add(momentum, self.damping_force(0, v)),
+            angular: v.cross_add(momentum, Vector3(moment)),
+        }
     }
 
-    /// Adds what turning makes of the products of inertia.
+    /// Adds the gyroscopic moment of the products of inertia.
     #[inline(always)]
     fn add_products<L: Lane>(&self, w: Vector3<L>, moment: &mut Vector3<L>)
     where
@@ -167,9 +170,9 @@ impl<P: Copy> CentralFrameTerms<P> {
         }
     }
 
-    /// `(D_L + D_Q |v|) v` of the three entries from `first` on.
+    /// `(D_L + D_Q |v|) v` for three entries, starting at `first`.
     #[inline(always)]
-    fn along<L: Lane>(&self, first: usize, v: Vector3<L>) -> Vector3<L>
+    fn damping_force<L: Lane>(&self, first: usize, v: Vector3<L>) -> Vector3<L>
     where
         P: Param<L>,
     {
@@ -191,7 +194,7 @@ mod tests {
     use crate::lie::{Pose, exp_se3};
     use crate::spatial::SpatialInertia;
 
-    /// The same body by its full matrices.
+    /// Bias wrench of the same body by its full matrices.
     fn general(body: &CentralFrameTerms<f64>, j: [f64; 3], twist: Vector6<f64>, gravity: Vector3<f64>) -> Vector6<f64> {
         let rotation = match body.rotation {
             FrameRotation::Aligned => Matrix3::identity(),

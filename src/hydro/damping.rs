@@ -1,22 +1,22 @@
-//! Linear and quadratic drag.
+//! Linear and quadratic damping.
 
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 
-/// A 6x6 coefficient matrix, as sparse as the scene has it.
+/// A 6x6 matrix of damping coefficients.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CoefficientMatrix<P> {
     /// All zero.
     None,
-    /// A diagonal.
+    /// Diagonal.
     Diagonal([P; 6]),
-    /// All 36, by rows.
+    /// Full, by rows.
     Full(Box<[[P; 6]; 6]>),
 }
 
 impl<P: Copy> CoefficientMatrix<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CoefficientMatrix<Q> {
         match self {
             CoefficientMatrix::None => CoefficientMatrix::None,
@@ -49,19 +49,19 @@ impl<P: Copy> CoefficientMatrix<P> {
     }
 }
 
-/// Where the coefficients' frame lies on the body.
+/// Frame of the coefficients, relative to the body frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum CoefficientFrame<P> {
-    /// The coefficients' frame is the body's.
+    /// The body frame.
     Body,
-    /// Parallel to the body frame, at this point.
+    /// Parallel axes, with the origin at this point, m.
     Shifted([P; 3]),
-    /// At a pose in the body frame: rotation by rows, position.
+    /// General pose: rotation by rows, position, m.
     General([[P; 3]; 3], [P; 3]),
 }
 
 impl<P: Copy> CoefficientFrame<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> CoefficientFrame<Q> {
         match self {
             CoefficientFrame::Body => CoefficientFrame::Body,
@@ -71,23 +71,23 @@ impl<P: Copy> CoefficientFrame<P> {
     }
 }
 
-/// Drag `F = -(D_L V + D_Q (V * |V|))` of the twist V relative to the water, in the frame of the coefficients: the
-/// quadratic part is not covariant, so it is never moved to another frame. `[HC eq. 22]`
+/// Damping `F = -(D_L V + D_Q (V * |V|))` of the twist V relative to the water, evaluated in the frame of the coefficients: the
+/// quadratic part is not covariant, so it is never transformed to another frame. `[HC eq. 22]`
 #[derive(Debug, Clone, PartialEq)]
 pub struct Damping<P> {
-    /// The frame of the coefficients.
+    /// Frame of the coefficients.
     pub frame: CoefficientFrame<P>,
     /// D_L.
     pub linear: CoefficientMatrix<P>,
     /// D_Q.
     pub quadratic: CoefficientMatrix<P>,
-    /// Symmetric bound of a full D_L, with its symmetric part S and its skew part N (lift): `S + N^T S^-1 N`. For
-    /// linearly implicit methods, to which lift itself would be an unsymmetric matrix.
+    /// Symmetric bound `S + N^T S^-1 N` of a full D_L with symmetric part S and skew part N (lift), for the linearly implicit
+    /// method, in which lift itself would be an unsymmetric matrix.
     pub linear_bound: Option<SpatialInertia<P>>,
 }
 
 impl<P: Copy> Damping<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Damping<Q> {
         Damping {
             frame: self.frame.map(&change),
@@ -97,29 +97,29 @@ impl<P: Copy> Damping<P> {
         }
     }
 
-    /// Drag on a body of relative twist `twist`, both in body frame.
+    /// Damping wrench at the relative twist `twist`, both in the body frame.
     #[inline(always)]
     pub fn wrench<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
     where
         P: Param<L>,
     {
         match &self.frame {
-            CoefficientFrame::Body => self.in_place(twist),
+            CoefficientFrame::Body => self.in_frame(twist),
             CoefficientFrame::Shifted(p) => {
                 let r = Vector3(get_all(p));
                 let there = Vector6 { linear: twist.angular.cross_add(r, twist.linear), ..twist };
-                let wrench = self.in_place(there);
+                let wrench = self.in_frame(there);
                 Vector6 { angular: r.cross_add(wrench.linear, wrench.angular), ..wrench }
             }
             CoefficientFrame::General(r, p) => {
                 let pose = Pose::of(r, p);
-                pose.co_adjoint_apply_inverse(self.in_place(pose.adjoint_apply_inverse(twist)))
+                pose.co_adjoint_apply_inverse(self.in_frame(pose.adjoint_apply_inverse(twist)))
             }
         }
     }
 
     #[inline(always)]
-    fn in_place<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
+    fn in_frame<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
     where
         P: Param<L>,
     {

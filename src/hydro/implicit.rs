@@ -1,8 +1,8 @@
-//! How steeply drag and restoring oppose motion: matrices for the linearly implicit method, bounds from above where the
-//! force itself has no simple one. None of them is ever negative, so that what they are added to stays invertible.
+//! Damping and stiffness matrices of damping and restoring forces for the linearly implicit method; upper bounds where the force
+//! has no simple matrix. All are positive semi-definite, so that the sum with an inertia stays invertible.
 //!
-//! They are secants rather than tangents: quadratic drag `-D_Q |v| v` has the slope `D_Q |v|`, with which one implicit
-//! Euler step is exact for a single velocity, and never turns its sign.
+//! They are secants rather than tangents: quadratic damping `-D_Q |v| v` has the secant `D_Q |v|`, with which one implicit
+//! Euler step is exact for a single velocity and never changes its sign.
 
 use super::damping::{CoefficientFrame, CoefficientMatrix, Damping};
 use super::restoring::Restoring;
@@ -11,8 +11,8 @@ use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 
 impl<P: Copy> Damping<P> {
-    /// Symmetric D of `drag = -D V` at the relative twist `twist`, both in body frame; full coefficients enter by a bound:
-    /// [`Self::linear_bound`], and for the quadratic ones the sum of each row.
+    /// Symmetric D of `damping = -D V` at the relative twist `twist`, both in the body frame. Full coefficients enter by bounds:
+    /// [`Self::linear_bound`], and half the sums of rows and columns of the quadratic ones.
     #[inline(always)]
     pub fn damping_matrix<L: Lane>(&self, twist: Vector6<L>) -> SpatialInertia<L>
     where
@@ -70,9 +70,8 @@ impl<P: Copy> Damping<P> {
 }
 
 impl<P: Copy> Restoring<P> {
-    /// Symmetric K that opposes turning by delta with the moment `-K delta`, `K = k (I - e e^T)` with e along the
-    /// gravity `g` (body axes) and `k = (|s| |g| + s . g) / 2`: exact where the body hangs in its equilibrium, nothing
-    /// where it stands on its head.
+    /// Symmetric K of the moment `-K delta` that opposes a rotation by delta: `K = k (I - e e^T)` with e along gravity `g` (body
+    /// axes) and `k = (|s| |g| + s . g) / 2`. Exact at the stable equilibrium, 0 at the unstable one.
     #[inline(always)]
     pub fn stiffness<L: Lane>(&self, g: Vector3<L>) -> [L; 6]
     where

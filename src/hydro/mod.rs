@@ -1,4 +1,4 @@
-//! What the water does to a body, besides added mass, which is inertia.
+//! Hydrodynamic and hydrostatic wrenches: damping, restoring, thrusters, fins, tether. (Added mass is part of the inertia.)
 
 mod central_frame;
 mod damping;

@@ -3,17 +3,17 @@
 use crate::lane::{Lane, Param, get_all};
 use crate::lie::{Vector3, Vector6};
 
-/// Weight and buoyancy of a body in a uniform field: `f = n g`, `m = s x g`, with g in body axes. `[HC eq. 24]`
+/// Weight and buoyancy of a body under uniform gravity: `f = n g`, `m = s x g`, with g in body axes. `[HC eq. 24]`
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Restoring<P> {
-    /// n = mass less displaced mass, kg.
+    /// n, mass minus displaced mass, kg.
     pub net_mass: P,
     /// s = m r_CoG - rho vol r_CoB, kg m.
     pub moment: [P; 3],
 }
 
 impl<P: Copy> Restoring<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> Restoring<Q> {
         Restoring { net_mass: change(self.net_mass), moment: self.moment.map(change) }
     }
@@ -27,7 +27,7 @@ impl<P: Copy> Restoring<P> {
         Vector6 { linear: g.scale(self.net_mass.get()), angular: Vector3(get_all(&self.moment)).cross(g) }
     }
 
-    /// `sum` less the wrench under gravity `g` (body axes).
+    /// `sum` minus the wrench under gravity `g` (body axes).
     #[inline(always)]
     pub fn subtract<L: Lane>(&self, g: Vector3<L>, sum: Vector6<L>) -> Vector6<L>
     where

@@ -5,7 +5,7 @@ use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 
 /// `[[M, H], [H^T, J]]`, M and J symmetric and stored as `xx, xy, xz, yy, yz, zz`: 21 numbers. `[HC eq. 5]`
 ///
-/// A rigid body has `M = m I` and `H = -m [c]`; added mass fills it; an articulated inertia is of the same form.
+/// A rigid body has `M = m I` and `H = -m [c]`; added mass and articulated inertias are full matrices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialInertia<P> {
     /// Linear block.
@@ -16,22 +16,22 @@ pub struct SpatialInertia<P> {
     pub j: [P; 6],
 }
 
-/// Places of a symmetric 3x3 matrix in its six numbers.
+/// Index of each entry of a symmetric 3x3 matrix among its six numbers.
 pub(crate) const PACKED: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
 
-/// A symmetric 3x3 matrix in full.
+/// Full form of a symmetric 3x3 matrix.
 #[inline(always)]
 pub(crate) fn unpacked<L: Copy>(s: &[L; 6]) -> Matrix3<L> {
     Matrix3([[s[0], s[1], s[2]], [s[1], s[3], s[4]], [s[2], s[4], s[5]]])
 }
 
-/// The symmetric 3x3 matrix that has this one's upper half.
+/// Packed form of a symmetric 3x3 matrix, from its upper half.
 #[inline(always)]
 fn packed<L: Copy>(m: &Matrix3<L>) -> [L; 6] {
     [m.0[0][0], m.0[0][1], m.0[0][2], m.0[1][1], m.0[1][2], m.0[2][2]]
 }
 
-/// The adjugate of a symmetric 3x3 matrix: its inverse times its determinant.
+/// Adjugate of a symmetric 3x3 matrix: inverse times determinant.
 #[inline(always)]
 fn adjugate<L: Lane>([xx, xy, xz, yy, yz, zz]: &[L; 6]) -> [L; 6] {
     let (xx, xy, xz, yy, yz, zz) = (*xx, *xy, *xz, *yy, *yz, *zz);
@@ -45,7 +45,7 @@ fn adjugate<L: Lane>([xx, xy, xz, yy, yz, zz]: &[L; 6]) -> [L; 6] {
     ]
 }
 
-/// The determinant of a symmetric 3x3 matrix that has this adjugate.
+/// Determinant of a symmetric 3x3 matrix, by its adjugate.
 #[inline(always)]
 fn determinant<L: Lane>(s: &[L; 6], adjugate: &[L; 6]) -> L {
     Vector3([s[0], s[1], s[2]]).dot(Vector3([adjugate[0], adjugate[1], adjugate[2]]))
@@ -88,7 +88,7 @@ impl<P: Copy> SpatialInertia<P> {
         Self { m: block(0), h: [0, 1, 2].map(|i| [3, 4, 5].map(|k| entry(i, k))), j: block(3) }
     }
 
-    /// The same matrix with each number changed.
+    /// The same with `change` applied to each number.
     #[inline(always)]
     pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> SpatialInertia<Q> {
         SpatialInertia {
@@ -98,8 +98,8 @@ impl<P: Copy> SpatialInertia<P> {
         }
     }
 
-    /// Whether 13 numbers are left: M diagonal, none on the diagonal of H, and xz alone off that of J. So it is with links along
-    /// an axis, and with most hulls that are the same to both sides.
+    /// True if only 13 numbers are not 0: M is diagonal, H has no diagonal, and J no products of inertia but xz. Links along an
+    /// axis and most hulls with port-starboard symmetry are of this form.
     pub fn is_sparse(&self) -> bool
     where
         P: PartialEq + Default,
@@ -108,7 +108,7 @@ impl<P: Copy> SpatialInertia<P> {
         [m[1], m[2], m[4], h[0][0], h[1][1], h[2][2], j[1], j[4]].iter().all(|x| *x == P::default())
     }
 
-    /// The numbers in lanes.
+    /// The inertia in lanes.
     #[inline(always)]
     pub fn get<L: Lane>(&self) -> SpatialInertia<L>
     where
@@ -123,7 +123,7 @@ impl<P: Copy> SpatialInertia<P> {
 }
 
 impl<L: Lane> SpatialInertia<L> {
-    /// No inertia.
+    /// Zero.
     #[inline(always)]
     pub fn zero() -> Self {
         let zero = L::zero();

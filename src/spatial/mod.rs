@@ -1,4 +1,4 @@
-//! Spatial inertia in 21 numbers, and how it moves between frames.
+//! Spatial inertia in 21 numbers, and its transformation between frames.
 
 mod inertia;
 mod point;

@@ -1,5 +1,5 @@
-//! The moves of a modified Denavit-Hartenberg link, `T = Rx(alpha) Tx(a) Rz(theta) Tz(d)`: a screw about x, then one
-//! about z. Each touches a plane and an axis only, which is what makes it cheaper than a general change of frame.
+//! Screw transforms of a modified Denavit-Hartenberg link, `T = Rx(alpha) Tx(a) Rz(theta) Tz(d)`: one about x, one about z.
+//! Each rotates a plane and translates along an axis, which makes it cheaper than a general change of frame.
 
 use std::hint::cold_path;
 
@@ -8,21 +8,21 @@ use super::inertia::PACKED;
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 
-/// Twist angle alpha of a link, with the two cases that most arms are made of.
+/// Rotation angle of a constant screw (alpha, the link twist, of a screw about x), with the common cases apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LinkTwist<P> {
-    /// Parallel axes: alpha = 0.
+    /// 0: parallel axes.
     Deg0,
-    /// Perpendicular axes: alpha = pi/2.
+    /// pi/2: perpendicular axes.
     Deg90,
-    /// Opposite axes: alpha = pi.
+    /// pi: opposite axes.
     Deg180,
-    /// Any other: sine and cosine.
+    /// Any other angle, by its sine and cosine.
     General(P, P),
 }
 
 impl<P: Copy> LinkTwist<P> {
-    /// The same bend with its numbers changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, mut change: impl FnMut(P) -> Q) -> LinkTwist<Q> {
         match *self {
             LinkTwist::Deg0 => LinkTwist::Deg0,
@@ -33,39 +33,39 @@ impl<P: Copy> LinkTwist<P> {
     }
 }
 
-/// A turn about an axis and a shift along it, if there is one: `ALONG` is 0 for x, 2 for z. (A constant, so that every
-/// index below is one.) Either is a parameter, or a number per lane; parameters are read where they are needed, as then
-/// none has to wait in a register.
+/// Rotation about an axis and translation along it, absent where it is 0. `ALONG` is the axis, 0 for x, 2 for z: a constant, so
+/// that every index below is one. Both are parameters, or numbers per lane. Parameters are read where they are used, so that
+/// they occupy no registers in between.
 #[derive(Debug, Clone, Copy)]
 pub struct Screw<T, S, const ALONG: usize> {
-    turn: LinkTwist<T>,
-    shift: Option<S>,
+    rotation: LinkTwist<T>,
+    translation: Option<S>,
 }
 
 /// `Rx(alpha) Tx(a)`.
 #[inline(always)]
-pub fn screw_x<P>(bend: LinkTwist<P>, a: Option<P>) -> Screw<P, P, 0> {
-    Screw { turn: bend, shift: a }
+pub fn screw_x<P>(twist: LinkTwist<P>, a: Option<P>) -> Screw<P, P, 0> {
+    Screw { rotation: twist, translation: a }
 }
 
 /// `Rz(theta) Tz(d)` with a constant theta.
 #[inline(always)]
-pub fn constant_screw_z<P>(bend: LinkTwist<P>, d: Option<P>) -> Screw<P, P, 2> {
-    Screw { turn: bend, shift: d }
+pub fn constant_screw_z<P>(twist: LinkTwist<P>, d: Option<P>) -> Screw<P, P, 2> {
+    Screw { rotation: twist, translation: d }
 }
 
-/// `Rz(theta) Tz(d)`, theta by its sine and cosine.
+/// `Rz(theta) Tz(d)`, with theta by its sine and cosine.
 #[inline(always)]
 pub fn screw_z<T, S>(sin: T, cos: T, d: Option<S>) -> Screw<T, S, 2> {
-    Screw { turn: LinkTwist::General(sin, cos), shift: d }
+    Screw { rotation: LinkTwist::General(sin, cos), translation: d }
 }
 
 impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
-    /// The two axes of the plane, in turning order.
+    /// Axes of the plane of rotation, in cyclic order.
     const I: usize = (ALONG + 1) % 3;
     const K: usize = (ALONG + 2) % 3;
 
-    /// A vector of the child, in parent axes.
+    /// Rotates a vector from child to parent axes.
     #[inline(always)]
     pub fn rotate<L: Lane>(&self, v: Vector3<L>) -> Vector3<L>
     where
@@ -76,7 +76,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         out
     }
 
-    /// Vectors of the child, in parent axes: one look at the turn for all.
+    /// Rotates vectors from child to parent axes, with one branch for all of them.
     #[inline(always)]
     fn rotate_all<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
     where
@@ -84,7 +84,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         S: Param<L>,
     {
         let (i, k) = (Self::I, Self::K);
-        match self.turn {
+        match self.rotation {
             LinkTwist::Deg0 => {}
             LinkTwist::Deg90 => {
                 for v in &mut vectors {
@@ -107,29 +107,29 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         vectors
     }
 
-    /// A point of the child frame, in the parent frame.
+    /// Transforms a point from the child frame to the parent frame.
     #[inline(always)]
     pub fn transform_point<L: Lane>(&self, mut point: Vector3<L>) -> Vector3<L>
     where
         T: Param<L>,
         S: Param<L>,
     {
-        if let Some(shift) = self.shift {
-            let shift: L = shift.get();
-            point.0[ALONG] += shift;
+        if let Some(d) = self.translation {
+            let d: L = d.get();
+            point.0[ALONG] += d;
         }
         self.rotate(point)
     }
 
-    /// Vectors of the parent, in child axes: one look at the turn for all.
+    /// Rotates vectors from parent to child axes, with one branch for all of them.
     #[inline(always)]
-    fn rotate_all_back<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
+    fn rotate_all_inverse<L: Lane, const N: usize>(&self, mut vectors: [Vector3<L>; N]) -> [Vector3<L>; N]
     where
         T: Param<L>,
         S: Param<L>,
     {
         let (i, k) = (Self::I, Self::K);
-        match self.turn {
+        match self.rotation {
             LinkTwist::Deg0 => {}
             LinkTwist::Deg90 => {
                 for v in &mut vectors {
@@ -152,45 +152,45 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         vectors
     }
 
-    /// `Ad^-1 V`: a twist of the parent frame, in the child frame.
+    /// `Ad^-1 V`: transforms a twist from the parent frame to the child frame.
     #[inline(always)]
     pub fn adjoint_apply_inverse<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
     where
         T: Param<L>,
         S: Param<L>,
     {
-        let [linear, angular] = self.rotate_all_back([twist.linear, twist.angular]);
-        self.shift_twist(Vector6 { linear, angular })
+        let [linear, angular] = self.rotate_all_inverse([twist.linear, twist.angular]);
+        self.translate_twist(Vector6 { linear, angular })
     }
 
-    /// A vector of the parent, in child axes, and a twist of the parent frame, in the child frame.
+    /// Rotates a vector and transforms a twist from the parent frame to the child frame.
     #[inline(always)]
     pub fn both_from_parent<L: Lane>(&self, v: Vector3<L>, twist: Vector6<L>) -> (Vector3<L>, Vector6<L>)
     where
         T: Param<L>,
         S: Param<L>,
     {
-        let [v, linear, angular] = self.rotate_all_back([v, twist.linear, twist.angular]);
-        (v, self.shift_twist(Vector6 { linear, angular }))
+        let [v, linear, angular] = self.rotate_all_inverse([v, twist.linear, twist.angular]);
+        (v, self.translate_twist(Vector6 { linear, angular }))
     }
 
-    /// `v + omega x (shift along the axis)`
+    /// `v + omega x (translation along the axis)`
     #[inline(always)]
-    fn shift_twist<L: Lane>(&self, mut twist: Vector6<L>) -> Vector6<L>
+    fn translate_twist<L: Lane>(&self, mut twist: Vector6<L>) -> Vector6<L>
     where
         S: Param<L>,
     {
         let (i, k) = (Self::I, Self::K);
-        if let Some(shift) = self.shift {
-            let (shift, angular): (L, _) = (shift.get(), twist.angular.0);
+        if let Some(d) = self.translation {
+            let (d, angular): (L, _) = (d.get(), twist.angular.0);
             let linear = &mut twist.linear.0;
-            linear[i] = angular[k].mul_add(shift, linear[i]);
-            linear[k] = angular[i].neg_mul_add(shift, linear[k]);
+            linear[i] = angular[k].mul_add(d, linear[i]);
+            linear[k] = angular[i].neg_mul_add(d, linear[k]);
         }
         twist
     }
 
-    /// `Ad^-T F`: a wrench on the child frame, in the parent frame.
+    /// `Ad^-T F`: transforms a wrench from the child frame to the parent frame.
     #[inline(always)]
     pub fn co_adjoint_apply_inverse<L: Lane>(&self, wrench: Vector6<L>) -> Vector6<L>
     where
@@ -199,53 +199,53 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
     {
         let (i, k) = (Self::I, Self::K);
         let (f, mut m) = (wrench.linear, wrench.angular);
-        if let Some(shift) = self.shift {
-            let shift: L = shift.get();
-            // m + (shift along the axis) x f
-            m.0[i] = f.0[k].neg_mul_add(shift, m.0[i]);
-            m.0[k] = f.0[i].mul_add(shift, m.0[k]);
+        if let Some(d) = self.translation {
+            let d: L = d.get();
+            // m + (translation along the axis) x f
+            m.0[i] = f.0[k].neg_mul_add(d, m.0[i]);
+            m.0[k] = f.0[i].mul_add(d, m.0[k]);
         }
         let [linear, angular] = self.rotate_all([f, m]);
         Vector6 { linear, angular }
     }
 
-    /// `Ad^-T A Ad^-1`: an inertia of the child frame, in the parent frame.
+    /// `Ad^-T A Ad^-1`: transforms an inertia from the child frame to the parent frame.
     #[inline(always)]
     pub fn inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
     where
         T: Param<L>,
         S: Param<L>,
     {
-        self.move_inertia::<L, false>(inertia)
+        self.transform_inertia::<L, false>(inertia)
     }
 
-    /// The same for an inertia whose row and column of the rotation along the axis are zero.
+    /// [`Self::inertia_to_parent`] of an inertia whose row and column of the rotation about the axis are zero.
     #[inline(always)]
-    pub fn turning_inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
+    pub fn revolute_inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
     where
         T: Param<L>,
         S: Param<L>,
     {
-        self.move_inertia::<L, true>(inertia)
+        self.transform_inertia::<L, true>(inertia)
     }
 
-    /// Shift along the axis, then turn about it; `TURNING` where the entries of the rotation along the axis are known to be
-    /// zero. (Both ways to the end: numbers that meet after a branch would go through memory.)
+    /// Translation along the axis, then rotation about it; `REVOLUTE` if the entries of the rotation about the axis are zero.
+    /// (Each branch runs to the end: numbers that join after a branch would go through memory.)
     #[inline(always)]
-    fn move_inertia<L: Lane, const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L>
+    fn transform_inertia<L: Lane, const REVOLUTE: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L>
     where
         T: Param<L>,
         S: Param<L>,
     {
-        match self.shift {
-            Some(d) => self.turn_inertia::<L, TURNING>(&Self::shift_inertia::<L, TURNING>(a, d.get())),
-            None => self.turn_inertia::<L, TURNING>(a),
+        match self.translation {
+            Some(d) => self.rotate_inertia::<L, REVOLUTE>(&Self::translate_inertia::<L, REVOLUTE>(a, d.get())),
+            None => self.rotate_inertia::<L, REVOLUTE>(a),
         }
     }
 
     /// `H' = H - M [r]`, `J' = J - H^T [r] + [r] H'`
     #[inline(always)]
-    fn shift_inertia<L: Lane, const TURNING: bool>(a: &SpatialInertia<L>, d: L) -> SpatialInertia<L> {
+    fn translate_inertia<L: Lane, const REVOLUTE: bool>(a: &SpatialInertia<L>, d: L) -> SpatialInertia<L> {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let (mut h, mut j) = (a.h, a.j);
         let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
@@ -258,7 +258,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         j[ii] = (a.h[k][i] + h[k][i]).neg_mul_add(d, a.j[ii]);
         j[ik] = (a.h[i][i] - h[k][k]).mul_add(d, a.j[ik]);
         j[kk] = (a.h[i][k] + h[i][k]).mul_add(d, a.j[kk]);
-        if !TURNING {
+        if !REVOLUTE {
             j[inn] = h[k][n].neg_mul_add(d, a.j[inn]);
             j[kn] = h[i][n].mul_add(d, a.j[kn]);
         }
@@ -266,21 +266,21 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
     }
 
     #[inline(always)]
-    fn turn_inertia<L: Lane, const TURNING: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L>
+    fn rotate_inertia<L: Lane, const REVOLUTE: bool>(&self, a: &SpatialInertia<L>) -> SpatialInertia<L>
     where
         T: Param<L>,
         S: Param<L>,
     {
         SpatialInertia {
-            m: self.turn_symmetric::<L, false>(&a.m),
-            h: self.turn_full::<L, TURNING>(&a.h),
-            j: self.turn_symmetric::<L, TURNING>(&a.j),
+            m: self.rotate_symmetric::<L, false>(&a.m),
+            h: self.rotate_full::<L, REVOLUTE>(&a.h),
+            j: self.rotate_symmetric::<L, REVOLUTE>(&a.j),
         }
     }
 
-    /// `R S R^T` of a symmetric matrix; `PLANAR` where its entries along the axis are zero.
+    /// `R S R^T` of a symmetric matrix; `PLANAR` if its entries along the axis are zero.
     #[inline(always)]
-    fn turn_symmetric<L: Lane, const PLANAR: bool>(&self, s: &[L; 6]) -> [L; 6]
+    fn rotate_symmetric<L: Lane, const PLANAR: bool>(&self, s: &[L; 6]) -> [L; 6]
     where
         T: Param<L>,
         S: Param<L>,
@@ -288,7 +288,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let (ii, ik, kk, inn, kn) = (PACKED[i][i], PACKED[i][k], PACKED[k][k], PACKED[i][n], PACKED[k][n]);
         let mut out = *s;
-        match self.turn {
+        match self.rotation {
             LinkTwist::Deg0 => {}
             LinkTwist::Deg90 => {
                 out[ii] = s[kk];
@@ -319,16 +319,16 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         out
     }
 
-    /// `R H R^T` of a full matrix; `PLANAR` where its column along the axis is zero.
+    /// `R H R^T` of a full matrix; `PLANAR` if its column along the axis is zero.
     #[inline(always)]
-    fn turn_full<L: Lane, const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3]
+    fn rotate_full<L: Lane, const PLANAR: bool>(&self, h: &[[L; 3]; 3]) -> [[L; 3]; 3]
     where
         T: Param<L>,
         S: Param<L>,
     {
         let (i, k, n) = (Self::I, Self::K, ALONG);
         let mut out = *h;
-        match self.turn {
+        match self.rotation {
             LinkTwist::Deg0 => {}
             LinkTwist::Deg90 => {
                 (out[i][i], out[i][k], out[k][i], out[k][k]) = (h[k][k], -h[k][i], -h[i][k], h[i][i]);
@@ -346,7 +346,7 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
             LinkTwist::General(sin, cos) => {
                 cold_path();
                 let (sin, cos): (L, L) = (sin.get(), cos.get());
-                // As a symmetric matrix; its skew part does not turn.
+                // As for a symmetric matrix; the skew part is invariant.
                 let t = sin.mul_add(h[i][i] - h[k][k], cos * (h[i][k] + h[k][i]));
                 out[i][i] = sin.neg_mul_add(t, h[i][i]);
                 out[k][k] = sin.mul_add(t, h[k][k]);

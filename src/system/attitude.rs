@@ -1,10 +1,10 @@
-//! Attitude in the forms that people use.
+//! Conversions of attitude: rotation matrix, quaternion, roll-pitch-yaw, rotation vector.
 
 use nalgebra::{Matrix3, Vector3};
 
 /// Unit quaternion `[w, x, y, z]`, w >= 0, of a rotation matrix; accurate at every angle (largest component first).
 pub fn quaternion(r: &Matrix3<f64>) -> [f64; 4] {
-    // Four times the outer product of the quaternion with itself, by its diagonal and one row at a time.
+    // Diagonal, and the row of the largest component, of four times the outer product of the quaternion with itself.
     let (a, b, c) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);
     let squares = [1.0 + a + b + c, 1.0 + a - b - c, 1.0 - a + b - c, 1.0 - a - b + c];
     let vector = [r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]];

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 
 use crate::hydro::{THRUSTERS, Thrusts};
 
-/// Greatest number of joints: q0 of joint loading and the eight of an arm.
+/// Greatest number of joints: q0 of joint loading and eight of the arm.
 pub const JOINTS: usize = 9;
 
 /// One number per joint; entries past the scene's joint count are 0.
@@ -39,14 +39,14 @@ pub struct State {
     pub q: Joints,
     /// Joint rates, rad/s or m/s.
     pub qd: Joints,
-    /// Thrust of each thruster in still water, N, where the scene gives its thrusters dynamics; else 0.
+    /// Thrust of each thruster in still water, N; 0 if the thrusters have no dynamics.
     pub thrust: Thrusts,
     /// Time since the start, s.
     pub time: f64,
 }
 
 impl Default for State {
-    /// At the origin, level, at rest, joints at 0.
+    /// At rest at the origin, level, joints at 0.
     fn default() -> Self {
         Self {
             position: Vector3::zeros(),
