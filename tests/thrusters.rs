@@ -403,7 +403,7 @@ fn what_no_thruster_has_is_refused_by_key() {
         ("map = 'T100'", "vehicle.thrusters[0].map (main): expected \"t200\" or pairs [command, thrust]"),
         ("map = 3", "vehicle.thrusters[0].map (main): "),
         ("map = [[0, 0], [1, 2, 3]]", "vehicle.thrusters[0].map (main): expected pairs, found 3 numbers"),
-        ("map = [[1, 1]]", "vehicle.thrusters[0].map (main): must hold the pair [0, 0]"),
+        ("map = [[1, 1]]", "vehicle.thrusters[0].map (main): must contain the pair [0, 0]"),
         ("map = [[0, 0], [0, 1]]", "commands must ascend"),
         ("map = [[0, 0], [1, -1]]", "thrusts must not descend"),
         ("lags = 1", "vehicle.thrusters[0].lags (main): unknown key"),

@@ -1,21 +1,21 @@
-//! Linear actuators that turn joints.
+//! Linear actuators of revolute joints.
 
 use serde::{Deserialize, Serialize};
 
-/// A rod of variable length (stroke) between a point of the parent and one of the link, which turns a revolute joint. With the
-/// distances a and b of these points from the joint's axis the stroke is, by the law of cosines,
+/// Linear actuator of a revolute joint, between a point of the parent and a point of the link. With the distances a and b of
+/// these points from the joint's axis, the stroke s is, by the law of cosines,
 ///
 /// ```text
 /// s(q) = sqrt(a^2 + b^2 - 2 a b cos(q + angle)),    torque = force ds/dq = force a b sin(q + angle) / s
 /// ```
 ///
-/// so that the greatest force is a greatest torque that depends on q.
+/// so the greatest torque depends on q.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LinearActuator {
-    /// a: distance from the axis to the point on the parent, m.
+    /// a, distance from the axis to the point on the parent, m.
     pub base: f64,
-    /// b: distance from the axis to the point on the link, m.
+    /// b, distance from the axis to the point on the link, m.
     pub lever: f64,
     /// Angle between the two at q = 0, rad.
     pub angle: f64,
@@ -30,7 +30,7 @@ impl LinearActuator {
         (a * a + b * b - 2.0 * a * b * (q + self.angle).cos()).sqrt()
     }
 
-    /// Lever arm ds/dq at joint coordinate `q`, m: torque per force.
+    /// Lever arm ds/dq at joint coordinate `q`, m.
     pub fn arm(&self, q: f64) -> f64 {
         self.base * self.lever * (q + self.angle).sin() / self.stroke(q)
     }

@@ -9,12 +9,12 @@ use super::{Body, Frame, LinearActuator, numbers};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
-    /// Name, for people.
+    /// Name.
     pub name: String,
-    /// How the arm's base is loaded onto the vehicle.
+    /// Loading of the arm's base onto the vehicle: fixed or by a joint.
     #[serde(default)]
     pub mount: Mount,
-    /// The arm's base, if it has mass of its own; its frame is the mount frame (moved by `mount.joint`, if any).
+    /// The arm's base, if it has mass; its frame is the mount frame, moved by `mount.joint` if there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<Body>,
     /// Links from the base outward, 0 to 8.
@@ -32,19 +32,18 @@ pub struct Mount {
     /// Mount frame in the vehicle frame.
     #[serde(default)]
     pub frame: Frame,
-    /// Joint q0 between vehicle and arm base; its own `frame` is relative to the mount frame. It needs
-    /// an arm base with mass.
+    /// Joint q0 between vehicle and arm base, with its `frame` relative to the mount frame. Requires an arm base with mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
 }
 
-/// One link and the joint that carries it. The link frame sits at the joint and moves with the link.
+/// A link and its joint. The link frame lies at the joint and moves with the link.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Link {
-    /// Name, for people and for provenance keys.
+    /// Name, also used in keys.
     pub name: String,
-    /// The joint between the parent link and this one.
+    /// Joint between the parent and this link.
     pub joint: Joint,
     /// Rigid body and hydrodynamics in the link frame.
     pub body: Body,
@@ -54,9 +53,9 @@ pub struct Link {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum JointKind {
-    /// Turns about its axis; q in rad, torque in N m.
+    /// Rotation about the axis; q in rad, torque in N m.
     Revolute,
-    /// Slides along its axis; q in m, "torque" in N.
+    /// Translation along the axis; q in m, "torque" in N.
     Prismatic,
 }
 
@@ -81,10 +80,10 @@ pub struct Joint {
     /// Greatest actuator torque, N m or N. Unlimited when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<f64>,
-    /// Linear actuator of a revolute joint, whose greatest force takes the place of `effort`.
+    /// Linear actuator of a revolute joint; its greatest force replaces `effort`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actuator: Option<LinearActuator>,
-    /// Greatest speed that references ask for, rad/s or m/s.
+    /// Greatest speed of references, rad/s or m/s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed: Option<f64>,
     /// Joint servo (the paper's PD on the joints).
@@ -96,7 +95,7 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Greatest torque of the actuator at joint coordinate `q`, N m or N; infinite where nothing bounds it.
+    /// Greatest torque of the actuator at joint coordinate `q`, N m or N; infinite if unlimited.
     pub fn effort_at(&self, q: f64) -> f64 {
         match &self.actuator {
             Some(actuator) => actuator.force * actuator.arm(q).abs(),
@@ -130,7 +129,7 @@ impl Default for Friction {
     }
 }
 
-/// End stops: beyond a limit by `p` the joint feels `-(stiffness p + damping |p| qd)`.
+/// Compliant end stops: torque `-(stiffness p + damping |p| qd)` at the penetration p beyond a limit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointLimits {

@@ -1,4 +1,4 @@
-//! One rigid body in water: its mass, and what the water does to it.
+//! A rigid body and its hydrodynamic coefficients.
 
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
@@ -18,34 +18,34 @@ pub struct Body {
     /// Products are entries of the matrix (`xy` is `-∫ x y dm`).
     #[serde(with = "numbers::inertia")]
     pub inertia: Matrix3<f64>,
-    /// The point that `inertia` is about.
+    /// Reference point of `inertia`.
     #[serde(default)]
     pub inertia_at: InertiaPoint,
-    /// Weight in water-free space, N: optional, and then only a cross-check of `mass` against gravity.
+    /// Weight in a vacuum, N: an optional cross-check of `mass`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weight: Option<f64>,
-    /// Displaced volume, m3. Without it and without `buoyancy` the body displaces nothing.
+    /// Displaced volume, m3; 0 without `volume` and `buoyancy`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume: Option<f64>,
-    /// Buoyancy, N, instead of `volume`: divided by water density and gravity.
+    /// Buoyancy, N, instead of `volume`: divided by water density times gravity.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub buoyancy: Option<f64>,
     /// Centre of buoyancy, m.
     #[serde(default, with = "numbers::vector3")]
     pub center_of_buoyancy: Vector3<f64>,
-    /// Frame, relative to the body frame, that `added_mass` and `damping` are given in and at.
+    /// Frame of `added_mass` and `damping`, relative to the body frame.
     #[serde(default)]
     pub hydrodynamic_frame: Frame,
     /// Added mass A_A, kg, kg m, kg m2: six diagonal numbers or six rows of six; symmetric. `[HC eq. 22]`
     #[serde(default = "numbers::zero6", with = "numbers::matrix6")]
     pub added_mass: Matrix6<f64>,
-    /// Drag.
+    /// Damping.
     #[serde(default)]
     pub damping: Damping,
 }
 
 impl Body {
-    /// A point mass at the origin, out of the water's reach.
+    /// A point mass at the origin, without hydrodynamics.
     pub fn point(mass: f64) -> Self {
         Self {
             mass,
@@ -63,7 +63,7 @@ impl Body {
     }
 }
 
-/// The point an inertia matrix is about.
+/// Reference point of an inertia matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum InertiaPoint {
@@ -74,14 +74,14 @@ pub enum InertiaPoint {
     Origin,
 }
 
-/// Drag `F = -(D_L V_r + D_Q (V_r * |V_r|))` in the hydrodynamic frame. `[HC eq. 22]`, signs as eq. 26 needs them.
+/// Damping `F = -(D_L V_r + D_Q (V_r * |V_r|))` in the hydrodynamic frame. `[HC eq. 22]`, with the signs of eq. 26.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Damping {
     /// D_L: six diagonal numbers or six rows of six. N s/m, N s/rad, N m s/m, N m s/rad.
     #[serde(default = "numbers::zero6", with = "numbers::matrix6")]
     pub linear: Matrix6<f64>,
-    /// D_Q, likewise, per squared speed.
+    /// D_Q: six diagonal numbers or six rows of six. N s2/m2, N s2/rad2, N m s2/m2, N m s2/rad2.
     #[serde(default = "numbers::zero6", with = "numbers::matrix6")]
     pub quadratic: Matrix6<f64>,
 }

@@ -13,13 +13,13 @@ use crate::error::{DescriptionError, Problem};
 /// Greatest magnitude of any number, so that no arithmetic on a scene overflows.
 const MAX_MAGNITUDE: f64 = 1e12;
 
-/// Most pairs of a map from command to thrust: all of them are looked at.
+/// Greatest number of pairs of a map from command to thrust: each evaluation visits all of them.
 const MAX_POINTS: usize = 64;
 
-/// Names that bodies outside of the list of links have.
+/// Names of bodies outside the list of links.
 const RESERVED: [&str; 2] = [super::VEHICLE, super::BASE];
 
-/// A fault for a number that is not finite or out of all bounds.
+/// A fault for a number that is not finite or exceeds [`MAX_MAGNITUDE`].
 pub fn magnitudes(root: &Value) -> Result<(), Fault> {
     match path::numbers(root).into_iter().find(|(_, x)| x.is_nan() || x.abs() > MAX_MAGNITUDE) {
         Some((key, value)) => Err(Fault::new(key, Problem::NotFinite { value, max: MAX_MAGNITUDE })),
@@ -62,7 +62,7 @@ fn thrust_map(points: &[[f64; 2]], key: &str) -> Result<(), Fault> {
         return Err(Fault::new(key, Problem::TooMany { found: points.len(), max: MAX_POINTS }));
     }
     if !points.contains(&[0.0, 0.0]) {
-        return fault("must hold the pair [0, 0]: no command, no thrust");
+        return fault("must contain the pair [0, 0]");
     }
     if points.windows(2).any(|pair| pair[0][0] >= pair[1][0]) {
         return fault("commands must ascend");
@@ -73,9 +73,9 @@ fn thrust_map(points: &[[f64; 2]], key: &str) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Cosine of the angle between chord and axis of a fin that passes for none.
-const ACROSS: f64 = 1e-6;
-/// Most fins of a vehicle.
+/// Greatest cosine of the angle between chord and axis of a fin that counts as 0.
+const PERPENDICULAR: f64 = 1e-6;
+/// Greatest number of fins of a vehicle.
 const MAX_FINS: usize = 8;
 
 fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
@@ -83,7 +83,7 @@ fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
     axis(&fin.chord, || format!("{key}.chord"))?;
     let cosine = fin.chord.normalize().dot(&fin.axis.normalize());
     let rule = "0: the cosine of the angle between chord and axis";
-    range(cosine.abs() <= ACROSS, cosine, rule, || format!("{key}.chord"))?;
+    range(cosine.abs() <= PERPENDICULAR, cosine, rule, || format!("{key}.chord"))?;
     for (name, value) in [
         ("area", fin.area),
         ("lift_slope", fin.lift_slope),
@@ -133,12 +133,12 @@ fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), F
         range(value > 0.0, value, "> 0", || format!("{key}.{name}"))?;
     }
     range(actuator.force >= 0.0, actuator.force, ">= 0", || format!("{key}.force"))?;
-    // Where its points and the axis lie in line it has no lever arm, and beyond that it turns the other way.
+    // The lever arm is 0 where both points and the axis are collinear, and changes its sign there.
     let reach = joint.limits.as_ref().map_or([0.0; 2], |limits| [limits.lower, limits.upper]);
     for q in reach {
         let angle = actuator.angle + q;
         let ok = 0.0 < angle && angle < std::f64::consts::PI;
-        range(ok, actuator.angle, "such that angle + q is between 0 and pi within the limits", || {
+        range(ok, actuator.angle, "a value that keeps angle + q between 0 and pi within the limits", || {
             format!("{key}.angle")
         })?;
     }
@@ -155,8 +155,8 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     if let Some(effort) = joint.effort {
         at_least_zero("effort", effort)?;
     }
-    if let Some(own) = &joint.actuator {
-        actuator(own, joint, &format!("{key}.actuator"))?;
+    if let Some(linear) = &joint.actuator {
+        actuator(linear, joint, &format!("{key}.actuator"))?;
     }
     if let Some(speed) = joint.speed {
         above_zero("speed", speed)?;
@@ -180,15 +180,15 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     Ok(())
 }
 
-/// Names in a list: not empty, without brackets (which paths need), each but once.
+/// Checks names in a list: not empty, without brackets (part of the syntax of keys), unique.
 fn names<'a>(list: impl Iterator<Item = &'a str>, reserved: &[&str], key: &str) -> Result<(), Fault> {
     let mut seen = Vec::new();
     for (i, name) in list.enumerate() {
         let reason = match name {
             "" => Some("empty"),
-            _ if name.contains(['[', ']']) => Some("a name with brackets, which keys cannot address"),
+            _ if name.contains(['[', ']']) => Some("invalid: brackets are part of the syntax of keys"),
             _ if reserved.contains(&name) => Some("reserved"),
-            _ if seen.contains(&name) => Some("taken by an element before"),
+            _ if seen.contains(&name) => Some("taken by an earlier element"),
             _ => None,
         };
         if let Some(reason) = reason {
@@ -201,7 +201,7 @@ fn names<'a>(list: impl Iterator<Item = &'a str>, reserved: &[&str], key: &str) 
 }
 
 impl Scene {
-    /// Checks that the scene can exist; what can but is hardly meant comes back as warnings.
+    /// Checks the physical validity of the scene. Returns warnings about valid but suspicious values.
     ///
     /// # Errors
     /// [`DescriptionError::Value`] with the scene's name as its source.
@@ -245,8 +245,8 @@ impl Scene {
         for (i, f) in fins.iter().enumerate() {
             fin(f, &format!("vehicle.fins[{i}]"))?;
         }
-        if let Some(own) = &self.vehicle.tether {
-            tether(own)?;
+        if let Some(cable) = &self.vehicle.tether {
+            tether(cable)?;
         }
         if let Some(servo) = &self.vehicle.servo {
             for (name, gains) in [("kp", servo.kp), ("kd", servo.kd)] {
@@ -284,7 +284,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Makes axes unit vectors and symmetric matrices exactly symmetric. Doing it twice changes nothing more.
+    /// Normalises axes and makes symmetric matrices exactly symmetric. Idempotent.
     pub(super) fn make_canonical(&mut self) {
         fn normalise(axis: &mut Vector3<f64>) {
             if (axis.norm() - 1.0).abs() > 4.0 * f64::EPSILON {

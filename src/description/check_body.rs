@@ -1,4 +1,4 @@
-//! Physical validity of one body: the checks that catch published errors.
+//! Physical validity of one body.
 
 use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector6};
 
@@ -6,18 +6,18 @@ use super::fault::{Fault, range};
 use super::{Body, SceneWarning, Water};
 use crate::error::{Numbers, Problem};
 
-/// Asymmetry, relative to the largest entry, that counts as rounding.
+/// Greatest asymmetry that counts as rounding, relative to the largest entry.
 const SYMMETRY: f64 = 1e-9;
-/// Excess over the triangle inequality, relative to the largest moment, that rounded tables may have.
+/// Allowed violation of the triangle inequality by rounded tables, relative to the largest moment.
 const TRIANGLE: f64 = 1e-6;
 /// Least eigenvalue of a positive definite matrix, relative to the greatest.
 const DEFINITE: f64 = 1e-12;
-/// Negative eigenvalue, relative to the greatest, that rounded tables of semi-definite matrices may have.
+/// Allowed negative eigenvalue of rounded semi-definite tables, relative to the greatest.
 const SEMI_DEFINITE: f64 = 1e-6;
-/// How far a stated weight may be from mass times gravity, %.
+/// Allowed difference of a stated weight from mass times gravity, %.
 const WEIGHT_PERCENT: f64 = 0.5;
 
-/// Faults and warnings of one body. A fixed vehicle never moves, so its inertia may be anything.
+/// Faults and warnings of one body. A fixed vehicle never moves, so its inertia is not checked.
 pub fn validate(
     body: &Body,
     key: &str,
@@ -141,8 +141,8 @@ fn diagonal_opposes(m: &Matrix6<f64>, key: impl FnOnce() -> String) -> Result<()
 
 fn linear_damping(m: &Matrix6<f64>, key: impl Fn() -> String) -> Result<(), Fault> {
     diagonal_opposes(m, &key)?;
-    // The skew part is lift and takes no power.
-    definite("symmetric part of linear drag", &eigenvalues(&((m + m.transpose()) / 2.0)), true, key)
+    // The skew part is lift, without power.
+    definite("symmetric part of linear damping", &eigenvalues(&((m + m.transpose()) / 2.0)), true, key)
 }
 
 /// Samples the power `-V . D_Q (V * |V|)` over twists; a diagonal matrix without negative entries needs no sampling.

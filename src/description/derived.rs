@@ -1,4 +1,4 @@
-//! What follows from a scene without computing dynamics.
+//! Quantities derived from a scene without dynamics: names, volumes, inertia about the centre of mass.
 
 use nalgebra::{Matrix3, Rotation3};
 
@@ -12,14 +12,14 @@ pub const VEHICLE: &str = "vehicle";
 pub const BASE: &str = "base";
 
 impl Frame {
-    /// Rotation from this frame to its parent: `Rz(yaw) Ry(pitch) Rx(roll)`.
+    /// Rotation from this frame to the parent frame: `Rz(yaw) Ry(pitch) Rx(roll)`.
     pub fn rotation(&self) -> Matrix3<f64> {
         Rotation3::from_euler_angles(self.rpy.x, self.rpy.y, self.rpy.z).into_inner()
     }
 }
 
 impl Body {
-    /// Inertia about the centre of mass, body axes, kg m2: `I_c = I_o + m [c][c]` where it is given at the origin.
+    /// Inertia about the centre of mass, body axes, kg m2: `I_c = I_o + m [c][c]` if it is stated about the origin.
     pub fn inertia_about_com(&self) -> Matrix3<f64> {
         match self.inertia_at {
             InertiaPoint::Com => self.inertia,
@@ -30,7 +30,7 @@ impl Body {
         }
     }
 
-    /// Displaced volume, m3: as given, or from the buoyancy, or none.
+    /// Displaced volume, m3: as stated, from the buoyancy, or 0.
     pub fn displaced_volume(&self, water: &Water) -> f64 {
         match (self.volume, self.buoyancy) {
             (Some(volume), _) => volume,
@@ -46,7 +46,7 @@ impl Scene {
         self.arm.iter().flat_map(|arm| arm.mount.joint.iter().chain(arm.links.iter().map(|link| &link.joint)))
     }
 
-    /// Names of the joints, which are those of the bodies they carry: `base` for q0, else the link's.
+    /// Names of the joints, equal to those of the bodies that they carry: `base` for q0, else the link's.
     pub fn joint_names(&self) -> Vec<String> {
         self.arm
             .iter()
@@ -57,8 +57,8 @@ impl Scene {
             .collect()
     }
 
-    /// Names of the bodies that move by themselves: `vehicle`, then one per joint. A fixed-loaded arm base belongs to
-    /// the vehicle, and the payload to the last body.
+    /// Names of the moving bodies: `vehicle`, then one per joint. A fixed-loaded arm base is part of the vehicle, the payload of
+    /// the last body.
     pub fn body_names(&self) -> Vec<String> {
         std::iter::once(VEHICLE.to_owned()).chain(self.joint_names()).collect()
     }
@@ -80,7 +80,7 @@ impl Scene {
         home
     }
 
-    /// Every body of the scene with its path.
+    /// All bodies of the scene with their paths.
     pub(super) fn bodies(&self) -> impl Iterator<Item = (String, &Body)> {
         let base = self.arm.iter().flat_map(|arm| &arm.base).map(|body| ("arm.base".to_owned(), body));
         let links = self.arm.iter().flat_map(|arm| arm.links.iter().enumerate());
@@ -89,7 +89,7 @@ impl Scene {
         std::iter::once(("vehicle.body".to_owned(), &self.vehicle.body)).chain(base).chain(links).chain(payload)
     }
 
-    /// Every body of the scene.
+    /// All bodies of the scene.
     pub(super) fn bodies_mut(&mut self) -> impl Iterator<Item = &mut Body> {
         let arm = self.arm.iter_mut();
         let arm = arm.flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.body)));

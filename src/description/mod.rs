@@ -1,7 +1,7 @@
-//! Scenes as plain data: what a user writes, in SI units, before anything is computed from it.
+//! Scenes as plain data in SI units, as users state them.
 //!
-//! Axes are REP-103: body x forward, y left, z up; world z up. Every 6-vector and 6x6 matrix is ordered
-//! `[linear; angular]`.
+//! Axes are REP-103: body x forward, y left, z up; world z up. 6-vectors and 6x6 matrices are ordered `[linear; angular]`. Tables in
+//! Fossen's axes are converted on reading (`axes.rs`).
 
 mod actuator;
 mod arm;

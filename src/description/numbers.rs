@@ -1,4 +1,4 @@
-//! Reading vectors and matrices from the short forms that people write.
+//! Serialisation of vectors and matrices in short forms.
 
 use nalgebra::{Matrix6, SMatrix};
 use serde::de::{Error, SeqAccess, Visitor};
@@ -9,7 +9,7 @@ pub fn zero6() -> Matrix6<f64> {
     Matrix6::zeros()
 }
 
-/// One entry of a list that is either a diagonal (numbers) or a matrix (rows).
+/// Entry of a list that is either a diagonal (numbers) or a matrix (rows).
 enum Entry {
     Number(f64),
     Row(Vec<f64>),
@@ -54,7 +54,7 @@ fn all_numbers(entries: &[Entry]) -> Option<Vec<f64>> {
     entries.iter().map(|e| if let Entry::Number(x) = e { Some(*x) } else { None }).collect()
 }
 
-/// N rows of N numbers, if that is what the list holds.
+/// The matrix of a list of N rows of N numbers.
 fn all_rows<const N: usize>(entries: &[Entry]) -> Option<SMatrix<f64, N, N>> {
     let mut m = SMatrix::zeros();
     for (i, entry) in entries.iter().enumerate() {
@@ -67,7 +67,7 @@ fn all_rows<const N: usize>(entries: &[Entry]) -> Option<SMatrix<f64, N, N>> {
     (entries.len() == N).then_some(m)
 }
 
-/// What a list of the wrong shape holds, for its error message.
+/// Description of a list of the wrong shape, for error messages.
 fn shape(entries: &[Entry]) -> String {
     let lengths: Vec<_> = entries
         .iter()
@@ -80,7 +80,7 @@ fn shape(entries: &[Entry]) -> String {
     }
 }
 
-/// Writes a diagonal matrix as its diagonal, any other as rows.
+/// Writes a diagonal matrix as its diagonal, any other by rows.
 fn write_square<S: Serializer, const N: usize>(m: &SMatrix<f64, N, N>, s: S) -> Result<S::Ok, S::Error> {
     let diagonal = SMatrix::<f64, N, N>::from_diagonal(&m.diagonal());
     if *m == diagonal {
@@ -105,7 +105,7 @@ pub mod array {
     }
 }
 
-/// The same, or nothing.
+/// Optional array of exactly N numbers.
 pub mod optional_array {
     use super::*;
 
@@ -179,7 +179,7 @@ pub mod matrix6 {
     }
 }
 
-/// Three numbers as a vector, or nothing.
+/// Optional vector of three numbers.
 pub mod optional_vector3 {
     use nalgebra::Vector3;
 
@@ -212,7 +212,7 @@ pub mod axes {
     }
 }
 
-/// One number per axis, or one for all, or nothing.
+/// Optional numbers per axis, or one for all.
 pub mod optional_axes {
     use super::*;
 

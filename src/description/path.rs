@@ -39,7 +39,7 @@ fn index_of(list: &[Value], element: &str) -> Option<usize> {
     element.parse().ok().filter(|&i| i < list.len()).or_else(|| list.iter().position(|e| name_of(e) == Some(element)))
 }
 
-/// What one step leads to, and the step with its name replaced by an index.
+/// Child of a node by one step, and the step with its name replaced by an index.
 fn child<'a>(node: &'a Value, step: &Step) -> Option<(&'a Value, Step)> {
     match (step, node) {
         (Step::Key(key), Value::Table(table)) => Some((table.get(key)?, step.clone())),
@@ -51,7 +51,7 @@ fn child<'a>(node: &'a Value, step: &Step) -> Option<(&'a Value, Step)> {
     }
 }
 
-/// The path with every name replaced by an index, and the value there, if there is one.
+/// The path with every name replaced by an index, and the value there; None if there is none.
 pub fn resolve<'a>(root: &'a Value, path: &str) -> Option<(Vec<Step>, &'a Value)> {
     let mut node = root;
     let mut steps = Vec::new();
@@ -63,16 +63,17 @@ pub fn resolve<'a>(root: &'a Value, path: &str) -> Option<(Vec<Step>, &'a Value)
     Some((steps, node))
 }
 
-/// Whether a pattern, in which a list without an element stands for all of its elements, describes anything.
-pub fn describes_anything(pattern: &[Step], node: &Value) -> bool {
+/// True if a pattern matches any node. A list without an element in the pattern stands for all of its elements.
+pub fn matches_anything(pattern: &[Step], node: &Value) -> bool {
     match (pattern.split_first(), node) {
         (None, _) => true,
-        (Some((Step::Key(_), _)), Value::Array(list)) => list.iter().any(|e| describes_anything(pattern, e)),
-        (Some((step, rest)), _) => child(node, step).is_some_and(|(next, _)| describes_anything(rest, next)),
+        (Some((Step::Key(_), _)), Value::Array(list)) => list.iter().any(|e| matches_anything(pattern, e)),
+        (Some((step, rest)), _) => child(node, step).is_some_and(|(next, _)| matches_anything(rest, next)),
     }
 }
 
-/// How many steps of the resolved path `pattern` covers as a prefix, and how many elements it names; None if it does not match.
+/// Number of steps of the resolved path that `pattern` covers as a prefix, and number of elements that it names; None if it does
+/// not match.
 pub fn coverage(pattern: &[Step], path: &[Step], root: &Value) -> Option<(usize, usize)> {
     let mut node = root;
     let mut covered = 0;

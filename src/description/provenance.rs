@@ -1,4 +1,4 @@
-//! Where each number of a scene comes from.
+//! Provenance of the numbers of a scene.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ use crate::error::Problem;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
-    /// Measured on the device.
+    /// Measured on the robot.
     Measured,
     /// Taken from a cited source.
     Cited,
@@ -25,8 +25,8 @@ pub enum Origin {
 
 /// Provenance per key of the scene, as `"origin: text"`.
 ///
-/// A key is a path into the scene and holds for all that lies below it; the longest key that matches counts.
-/// `arm.links.body.mass` is the mass of every link, `arm.links[elbow].body.mass` (or `[2]`) that of one.
+/// A key is a path in the scene and holds for everything below it; the longest matching key counts. `arm.links.body.mass` is the
+/// mass of every link, `arm.links[elbow].body.mass` (or `[2]`) that of one.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Provenance(pub BTreeMap<String, String>);
@@ -54,14 +54,14 @@ impl Provenance {
         matching.max_by_key(|(coverage, _)| *coverage).and_then(|(_, text)| split(text))
     }
 
-    /// Refuses texts of unknown origin and keys that describe nothing.
+    /// Refuses texts of unknown origin and keys that match nothing.
     pub(super) fn check(&self, root: &Value) -> Result<(), Fault> {
         for (key, text) in &self.0 {
             let fault = |problem| Err(Fault::new(format!("provenance.\"{key}\""), problem));
             if split(text).is_none() {
                 return fault(Problem::Provenance { text: text.clone() });
             }
-            if !path::describes_anything(&path::parse(key), root) {
+            if !path::matches_anything(&path::parse(key), root) {
                 return fault(Problem::ProvenanceOfNothing { text: text.clone() });
             }
         }
@@ -78,14 +78,14 @@ impl Scene {
         tree
     }
 
-    /// Where the numbers at `path` come from, such as `arm.links[elbow].body.mass`; None if that is not said.
+    /// Provenance of the numbers at `path` (example: `arm.links[elbow].body.mass`); None if it is not stated.
     pub fn provenance_of(&self, path: &str) -> Option<(Origin, &str)> {
         let root = self.to_tree();
         let (steps, _) = path::resolve(&root, path)?;
         self.provenance.lookup(&root, &steps)
     }
 
-    /// Every number of the scene, defaults included: its path, its value and where it comes from.
+    /// All numbers of the scene, including defaults: path, value and provenance.
     pub fn numbers(&self) -> Vec<Number> {
         let root = self.to_tree();
         let numbers = path::numbers(&root).into_iter();

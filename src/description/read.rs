@@ -1,4 +1,4 @@
-//! Scenes from TOML text, files and dicts, and back.
+//! Reading scenes from TOML text, files and dicts, and writing them.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use super::axes::NedTables;
 use super::{Fault, Scene, check, path};
 use crate::error::{DescriptionError, Problem};
 
-/// Scenes that come with the package.
+/// Scenes shipped with the package.
 const SHIPPED: [(&str, &str); 6] = [
     ("petasus-pum", include_str!("../../uvms_gym/scenes/petasus-pum.toml")),
     ("bluerov2-heavy-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5.toml")),
@@ -20,7 +20,7 @@ const SHIPPED: [(&str, &str); 6] = [
 ];
 
 impl Scene {
-    /// TOML text of a scene with every key, its unit and default in comments.
+    /// TOML text of a scene with all keys; units and defaults are in comments.
     pub const TEMPLATE: &str = include_str!("template.toml");
 
     /// Names of the shipped scenes.
@@ -31,7 +31,7 @@ impl Scene {
     /// A shipped scene.
     ///
     /// # Errors
-    /// [`DescriptionError::UnknownScene`] lists the names that there are.
+    /// [`DescriptionError::UnknownScene`] lists the known names.
     pub fn shipped(name: &str) -> Result<Self, DescriptionError> {
         match SHIPPED.iter().find(|(shipped, _)| *shipped == name) {
             Some((_, text)) => Self::from_toml_str(text, &format!("{name}.toml")),
@@ -74,7 +74,7 @@ impl Scene {
     /// length, inertia and added mass are exactly symmetric. Warnings are left to [`Scene::check`].
     ///
     /// # Errors
-    /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.
+    /// [`DescriptionError::Value`] names source, key and value of the first problem.
     pub fn from_value(value: Value, source_name: &str) -> Result<Self, DescriptionError> {
         Self::from_tree(&value).map_err(|fault| DescriptionError::Value {
             source_name: source_name.to_owned(),
@@ -94,7 +94,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The scene as TOML text, from which [`Scene::from_toml_str`] makes an equal scene.
+    /// TOML text of the scene; [`Scene::from_toml_str`] reads an equal scene from it.
     pub fn to_toml_string(&self) -> String {
         toml::to_string(self).expect("a scene is plain data")
     }
@@ -117,7 +117,7 @@ pub fn parse_toml(text: &str, source_name: &str) -> Result<Value, DescriptionErr
     Ok(table.into())
 }
 
-/// Data of any form from a tree of values, whose integers may stand for floats.
+/// Deserialises data from a tree of values, whose integers may stand for floats.
 ///
 /// # Errors
 /// [`DescriptionError::Value`] names the source, the key and the value.
@@ -130,13 +130,13 @@ pub fn read_value<T: DeserializeOwned>(value: Value, source_name: &str) -> Resul
 }
 
 fn deserialize<T: DeserializeOwned>(value: &Value) -> Result<T, Fault> {
-    // Before the forms are lost: a NaN is reported at the very list entry that holds it.
+    // Before deserialising, so that a NaN is reported at its list entry.
     check::magnitudes(value)?;
     serde_path_to_error::deserialize(value.clone())
         .map_err(|error| explain(value, &error.path().to_string(), error.inner().message()))
 }
 
-/// Puts serde's complaint about `at` into our words.
+/// Translates serde's error at the path `at`.
 fn explain(root: &Value, at: &str, message: &str) -> Fault {
     let at = if at == "." { "" } else { at };
     let quoted = |prefix| message.strip_prefix(prefix).and_then(|rest: &str| rest.split_once('`'));

@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 use super::body::InertiaPoint;
 use super::{Arm, Body, Frame, Provenance, Vehicle, numbers};
 
-/// Everything that is simulated together.
+/// A scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
-    /// Name: of a shipped scene, or the user's own.
+    /// Name of a shipped scene, or chosen by the user.
     pub name: String,
-    /// One paragraph for people: what it is and how far its numbers can be trusted.
+    /// One paragraph: the robot, and the reliability of its numbers.
     #[serde(default)]
     pub summary: String,
     /// The water.
@@ -22,15 +22,15 @@ pub struct Scene {
     /// The arm, if any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arm: Option<Arm>,
-    /// A body held by the end effector (by the vehicle if there is no arm), by fixed loading.
+    /// Payload fixed to the end effector (to the vehicle if there is no arm).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub payload: Option<Payload>,
-    /// Where each number comes from.
+    /// Provenance of the numbers.
     #[serde(default)]
     pub provenance: Provenance,
 }
 
-/// The water, which fills the world.
+/// The water.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Water {
@@ -44,7 +44,7 @@ pub struct Water {
     pub current: Vector3<f64>,
 }
 
-/// A body carried at the end effector.
+/// Payload at the end effector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Payload {
@@ -56,8 +56,8 @@ pub struct Payload {
 }
 
 impl Scene {
-    /// The scene with factors on mass (and inertia), added mass, linear drag, quadratic drag and displaced volume of
-    /// every body, and then a point mass at the end effector, kg.
+    /// The scene with factors on mass (and inertia), added mass, linear damping, quadratic damping and displaced volume of all
+    /// bodies, and an additional point mass at the end effector, kg.
     pub fn varied(&self, [mass, added_mass, linear, quadratic, volume, payload]: [f64; 6]) -> Self {
         let mut scene = self.clone();
         let arm =

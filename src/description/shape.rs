@@ -1,11 +1,11 @@
-//! What the vehicle looks like.
+//! Shape of the vehicle in pictures.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::numbers;
 
-/// How pictures show the vehicle; no physics comes from it. Without it they show the even box of its mass and inertia.
+/// Shape of the vehicle in pictures, without influence on the physics. Default: the homogeneous box of its mass and inertia.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
@@ -14,10 +14,10 @@ pub struct Shape {
     /// Length, width and height, m.
     #[serde(with = "numbers::vector3")]
     pub size: Vector3<f64>,
-    /// Its middle in the vehicle frame, m.
+    /// Centre in the vehicle frame, m.
     #[serde(default, with = "numbers::vector3")]
     pub position: Vector3<f64>,
-    /// Red, green and blue of its coat, 0 to 1.
+    /// Red, green and blue, 0 to 1.
     #[serde(default = "yellow", with = "numbers::array")]
     pub colour: [f64; 3],
 }

@@ -5,15 +5,14 @@ use std::fmt;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Thrust in still water that a command settles at, before the thruster's limits.
+/// Steady thrust of a command in still water, before the thruster's limits.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ThrustMap {
-    /// `"t200"`: Blue Robotics' T200 whose driver turns a command linearly into the pulse width, as common autopilots do: 1500 us
-    /// at rest, 1887 us (60 N) where the command is the upper limit, 1134 us (-40 N) where it is the lower. Pulses of 1470
-    /// to 1530 us are its dead band.
+    /// `"t200"`: Blue Robotics' T200 with a pulse width linear in the command, as in common autopilots: 1500 us at command 0, 1887
+    /// us (60 N) at the upper limit, 1134 us (-40 N) at the lower one. Pulses of 1470 to 1530 us are the dead band.
     T200,
-    /// Pairs `[command, thrust]`, N, with straight lines between them: commands ascend, thrusts never descend, and `[0, 0]` is
-    /// one of them. Beyond the ends thrust stays as it is there.
+    /// Pairs `[command, thrust]`, N, interpolated linearly and constant beyond the ends: commands ascend, thrusts never descend,
+    /// and `[0, 0]` is one of the pairs.
     Points(Vec<[f64; 2]>),
 }
 

@@ -9,9 +9,9 @@ use super::{Body, Fin, Shape, Tether, ThrustMap, numbers};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vehicle {
-    /// Name, for people.
+    /// Name.
     pub name: String,
-    /// Held at its initial pose in the world: the arm then has a fixed base. `[HC eq. 27]`
+    /// Fixed at its initial pose in the world, so that the arm has a fixed base. `[HC eq. 27]`
     #[serde(default)]
     pub fixed: bool,
     /// Rigid body and hydrodynamics.
@@ -19,62 +19,62 @@ pub struct Vehicle {
     /// Thrusters, in the order of every thrust array.
     #[serde(default)]
     pub thrusters: Vec<Thruster>,
-    /// Time constant of every thruster that states none of its own, s.
+    /// Time constant of every thruster without its own, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thruster_lag: Option<f64>,
     /// Fins and other lifting surfaces, in the order of every fin array; at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fins: Vec<Fin>,
-    /// A cable.
+    /// Tether.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tether: Option<Tether>,
-    /// Gains of the vehicle's PD station keeping.
+    /// Gains of the vehicle's station-keeping PD.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub servo: Option<VehicleServo>,
-    /// How pictures show it.
+    /// Shape in pictures.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,
 }
 
-/// One thruster: a force along an axis at a point. `[HC eq. 25]`
+/// A thruster: a force along an axis at a point. `[HC eq. 25]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thruster {
-    /// Name, for people.
+    /// Name.
     pub name: String,
     /// Position in the vehicle frame, m.
     #[serde(with = "numbers::vector3")]
     pub position: Vector3<f64>,
-    /// Direction of the force that positive thrust puts on the vehicle; normalised on reading.
+    /// Direction of the force on the vehicle at positive thrust; normalised on reading.
     #[serde(with = "numbers::vector3")]
     pub axis: Vector3<f64>,
-    /// Least and greatest thrust, N; commands and thrusts saturate there.
+    /// Least and greatest thrust, N, at which commands and thrusts saturate.
     #[serde(with = "numbers::array")]
     pub limits: [f64; 2],
-    /// Time constant tau of its first-order lag, `tau T' = T(command) - T`, s. Without one (and without
-    /// [`Vehicle::thruster_lag`]) thrust follows at once.
+    /// Time constant tau of its first-order lag, `tau T' = T(command) - T`, s. Without it and
+    /// [`Vehicle::thruster_lag`] thrust follows at once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lag: Option<f64>,
-    /// Commands of at most this magnitude give exactly 0 N; N.
+    /// Greatest magnitude of commands that give exactly 0 N, N.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_band: Option<f64>,
-    /// Static map from command to thrust in still water. Without one a command is the thrust.
+    /// Static map from command to thrust in still water. Without it thrust equals the command.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<ThrustMap>,
-    /// Loss k by water that flows in along the thrust at a speed s: `|T| - k sqrt(|T|) s`, at least 0; N^(1/2) s/m. `[KC06]`
+    /// Loss coefficient k of inflow along the thrust at the speed s: `|T| - k sqrt(|T|) s`, at least 0; N^(1/2) s/m. `[KC06]`
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambient_flow: Option<f64>,
-    /// Thrust deduction t: share of the thrust that the hull takes off it, in the inflow or in the stream. `[F21 ch. 9]`
+    /// Thrust deduction fraction t of the hull. `[F21 ch. 9]`
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deduction: Option<f64>,
-    /// Further wrench on the hull per newton of thrust, vehicle frame at its origin: 1, and m. (Propeller torque, streams that
-    /// meet the hull.)
+    /// Additional wrench on the hull per newton of thrust, vehicle frame at its origin, 1 and m: propeller torque, jets on the
+    /// hull.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "numbers::optional_array")]
     pub induced: Option<[f64; 6]>,
 }
 
 impl Thruster {
-    /// A thruster that gives what it is asked for, within its limits.
+    /// An ideal thruster, whose thrust is the command within its limits.
     pub fn new(name: impl Into<String>, position: Vector3<f64>, axis: Vector3<f64>, limits: [f64; 2]) -> Self {
         Self {
             name: name.into(),
@@ -90,28 +90,28 @@ impl Thruster {
         }
     }
 
-    /// Its column of T_TCM: wrench on the vehicle per newton of thrust. `[HC eq. 25]`
+    /// Column of T_TCM: wrench on the vehicle per newton of thrust. `[HC eq. 25]`
     pub fn wrench(&self) -> Vector6<f64> {
         let moment = self.position.cross(&self.axis);
         let [axis, moment] = [self.axis, moment].map(|part| part * (1.0 - self.deduction.unwrap_or(0.0)));
-        let open = Vector6::new(axis.x, axis.y, axis.z, moment.x, moment.y, moment.z);
-        self.induced.map_or(open, |induced| open + Vector6::from(induced))
+        let direct = Vector6::new(axis.x, axis.y, axis.z, moment.x, moment.y, moment.z);
+        self.induced.map_or(direct, |induced| direct + Vector6::from(induced))
     }
 }
 
 impl Vehicle {
-    /// Time constant of thruster `i`, s; 0 where thrust follows at once.
+    /// Time constant of thruster `i`, s; 0 without lag.
     pub fn lag(&self, i: usize) -> f64 {
         self.thrusters[i].lag.or(self.thruster_lag).unwrap_or(0.0)
     }
 
-    /// Gives all thrusters this time constant, s.
+    /// Sets the time constant of all thrusters, s.
     pub fn set_thruster_lag(&mut self, lag: f64) {
         self.thruster_lag = Some(lag);
         self.thrusters.iter_mut().for_each(|thruster| thruster.lag = None);
     }
 
-    /// Whether any thruster gives anything but its command, clipped to its limits, at once.
+    /// True if any thruster is not ideal.
     pub fn has_thruster_dynamics(&self) -> bool {
         let stated = |x: Option<f64>| x.is_some_and(|x| x != 0.0);
         let dynamic = |(i, t): (usize, &Thruster)| {

@@ -1,16 +1,16 @@
-//! Thrusters that do not give what they are asked for at once: static map, lag, inflow.
+//! Thruster dynamics: static map, first-order lag, loss by inflow.
 //!
-//! A command goes through limits, dead band and map to the thrust T that it settles at in still water; a first-order lag
-//! leads there; and water that flows in along the thrust takes some of it away `[KC06]`:
+//! Limits, dead band and map give the steady thrust of a command in still water; the thrust T follows with a first-order lag;
+//! inflow along the thrust reduces it `[KC06]`:
 //!
 //! ```text
 //! tau T' = map(command) - T        T_acting = sign(T) max(0, |T| - k sqrt(|T|) s),    s = max(0, sign(T) e . v_r)
 //! ```
 //!
 //! with the velocity v_r of the thruster through the water and its axis e. Kim and Chung write `T = rho D^4 K_T n |n|` with K_T a
-//! parabola in the advance ratio `J = s / (n D)`; its linear term is kept, n taken from the thrust at rest
-//! (`|T| = rho D^4 K_T(0) n^2`), and the thrust ends where it would turn. Against the thrust (their anti- and
-//! vague-directional states) it is as in still water.
+//! parabola in the advance ratio `J = s / (n D)`. The linear term is kept, with n from the thrust in still water
+//! (`|T| = rho D^4 K_T(0) n^2`), and the thrust is bounded by 0. For flow against the thrust (their anti- and
+//! vague-directional states) it is that of still water.
 
 use crate::lane::{Lane, Param, get_all, horner};
 use crate::lie::Vector6;
@@ -24,28 +24,28 @@ pub type Thrusts = [f64; THRUSTERS];
 /// A thruster with dynamics.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Thruster<P> {
-    /// Wrench on the vehicle per thrust: column of T_tcm.
+    /// Wrench on the vehicle per newton of thrust: column of T_tcm.
     pub wrench: [P; 6],
-    /// Speed along the axis per twist of the vehicle.
+    /// Row that maps the vehicle's twist to the speed along the axis.
     pub along: [P; 6],
-    /// Least and greatest command, and thrust, N.
+    /// Least and greatest command and thrust, N.
     pub limits: [P; 2],
     /// Time constant, s.
     pub lag: Option<P>,
-    /// Commands within give no thrust.
+    /// Commands within this range give no thrust, N.
     pub dead_band: Option<[P; 2]>,
-    /// Thrust of commands beyond it: upward and downward.
+    /// Map of commands outside the dead band: positive and negative branch.
     pub map: Option<[Branch<P>; 2]>,
-    /// k of the inflow.
+    /// Loss coefficient k of the inflow, N^(1/2) s/m.
     pub ambient_flow: Option<P>,
 }
 
-/// Half of a piecewise linear map: commands and thrusts of one sign.
+/// Branch of a piecewise linear map: commands and thrusts of one sign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Branch<P> {
-    /// Thrust where it begins.
+    /// Thrust at its beginning, N.
     pub base: P,
-    /// Pieces from there outward: magnitude of the command where it begins, length, thrust per command.
+    /// Pieces, outward: magnitude of the command at the beginning, length, slope.
     pub pieces: Vec<[P; 3]>,
 }
 
@@ -54,7 +54,7 @@ impl<P: Copy> Branch<P> {
         Branch { base: change(self.base), pieces: self.pieces.iter().map(|piece| piece.map(change)).collect() }
     }
 
-    /// Thrust of a command of this magnitude.
+    /// Thrust for a command of this magnitude, N.
     #[inline(always)]
     fn at<L: Lane>(&self, size: L) -> L
     where
@@ -70,7 +70,7 @@ impl<P: Copy> Branch<P> {
 }
 
 impl<P: Copy> Thruster<P> {
-    /// The same with each number changed.
+    /// The same with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> Thruster<Q> {
         let c = &change;
         Thruster {
@@ -84,7 +84,7 @@ impl<P: Copy> Thruster<P> {
         }
     }
 
-    /// Thrust that a command settles at in still water, N.
+    /// Steady thrust of a command in still water, N.
     #[inline(always)]
     pub fn steady<L: Lane>(&self, command: L) -> L
     where
@@ -104,7 +104,7 @@ impl<P: Copy> Thruster<P> {
         thrust
     }
 
-    /// What is left of a thrust at a twist of the vehicle through the water, N. `[KC06]`
+    /// Thrust reduced by the inflow at the vehicle's relative twist, N. `[KC06]`
     #[inline(always)]
     pub fn acting<L: Lane>(&self, thrust: L, twist: Vector6<L>) -> L
     where
@@ -114,50 +114,50 @@ impl<P: Copy> Thruster<P> {
         let speed = Vector6::from_array(get_all(&self.along)).dot(twist);
         let forward = L::zero().lt(thrust);
         let (size, inflow) = (thrust.abs(), L::select(forward, speed, -speed).max(L::zero()));
-        let left = (k.get() * size.sqrt()).neg_mul_add(inflow, size).max(L::zero());
-        L::select(forward, left, -left)
+        let reduced = (k.get() * size.sqrt()).neg_mul_add(inflow, size).max(L::zero());
+        L::select(forward, reduced, -reduced)
     }
 
-    /// What a step of size h does to the lag, whose time constant has a factor.
+    /// Decay of the lag over a step of size h, with a factor on the time constant.
     #[inline(always)]
     pub fn lag_decay<L: Lane>(&self, h: L, factor: L) -> LagDecay<L>
     where
         P: Param<L>,
     {
-        let Some(lag) = self.lag else { return LagDecay { kept: L::zero(), mean: L::zero() } };
+        let Some(lag) = self.lag else { return LagDecay { remainder: L::zero(), mean: L::zero() } };
         let x = h / (lag.get() * factor);
-        let gone = one_less_exp(x);
-        LagDecay { kept: L::c(1.0) - gone, mean: gone / x }
+        let decayed = one_minus_exp(x);
+        LagDecay { remainder: L::c(1.0) - decayed, mean: decayed / x }
     }
 }
 
-/// Of the distance of a lagging thrust from where it settles: what is left after a step, and its mean over the step.
+/// Decay of the difference between a lagging thrust and its steady value: remainder after a step, and mean over the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LagDecay<L> {
     /// `exp(-h / tau)`
-    pub kept: L,
+    pub remainder: L,
     /// `(1 - exp(-h / tau)) tau / h`
     pub mean: L,
 }
 
-/// Distance from where it settles at which a thrust counts as there, N: it would never get there, only ever closer.
-const THERE: f64 = 1e-20;
+/// Difference from the steady thrust that counts as 0, N: the exponential never reaches it.
+const SETTLED: f64 = 1e-20;
 
 impl<L: Lane> LagDecay<L> {
-    /// Takes a thrust over a step towards where it settles: its mean over the step, and what it is afterwards. Exact.
+    /// Exact solution over a step from `thrust` towards the steady thrust: mean over the step, and thrust at its end.
     #[inline(always)]
-    pub fn step(&self, thrust: L, settles: L) -> (L, L) {
-        let far = thrust - settles;
-        let far = L::select(far.abs().lt(L::c(THERE)), L::zero(), far);
-        (far.mul_add(self.mean, settles), far.mul_add(self.kept, settles))
+    pub fn step(&self, thrust: L, steady: L) -> (L, L) {
+        let difference = thrust - steady;
+        let difference = L::select(difference.abs().lt(L::c(SETTLED)), L::zero(), difference);
+        (difference.mul_add(self.mean, steady), difference.mul_add(self.remainder, steady))
     }
 }
 
-/// Exponents from which on nothing is left.
-const GONE: f64 = 40.0;
-/// Halvings that bring these below 0.65, and back.
+/// Exponent beyond which the exponential is 0 to rounding.
+const MAX_EXPONENT: f64 = 40.0;
+/// Halvings that reduce exponents below 0.65.
 const HALVINGS: i32 = 6;
-/// `(exp(y) - 1) / y` on that range: its Taylor polynomial.
+/// Taylor coefficients of `(exp(y) - 1) / y` on that range.
 const EXP: [f64; 14] = {
     let mut terms = [1.0; 14];
     let mut k = 1;
@@ -168,40 +168,40 @@ const EXP: [f64; 14] = {
     terms
 };
 
-/// `1 - exp(-x)` for x > 0, without loss where x is small.
+/// `1 - exp(-x)` for x > 0, accurate for small x.
 #[inline(always)]
-fn one_less_exp<L: Lane>(x: L) -> L {
-    let y = x.min(L::c(GONE)) * L::c(-0.5_f64.powi(HALVINGS));
+fn one_minus_exp<L: Lane>(x: L) -> L {
+    let y = x.min(L::c(MAX_EXPONENT)) * L::c(-0.5_f64.powi(HALVINGS));
     let mut e = y * horner(y, &EXP);
     for _ in 0..HALVINGS {
         // exp(2 y) - 1 = (exp y - 1) (exp y + 1)
         e = e * (e + L::c(2.0));
     }
-    L::select(x.lt(L::c(GONE)), -e, L::c(1.0))
+    L::select(x.lt(L::c(MAX_EXPONENT)), -e, L::c(1.0))
 }
 
-/// Thrusters of a group of instances over the steps of a call.
+/// State of the thrusters of a lane of instances during the steps of a call.
 #[derive(Debug, Clone, Copy)]
 pub struct ThrusterDynamics<L> {
-    /// Thrust in still water, N: the state.
+    /// Thrust in still water, N: the state variable.
     pub thrust: [L; THRUSTERS],
-    settles: [L; THRUSTERS],
+    steady: [L; THRUSTERS],
     decay: [LagDecay<L>; THRUSTERS],
 }
 
 impl<L: Lane> ThrusterDynamics<L> {
-    /// Memory to load into.
+    /// Zeros, to be overwritten.
     #[inline(always)]
     pub fn blank() -> Self {
         let zero = L::zero();
         Self {
             thrust: [zero; THRUSTERS],
-            settles: [zero; THRUSTERS],
-            decay: [LagDecay { kept: zero, mean: zero }; THRUSTERS],
+            steady: [zero; THRUSTERS],
+            decay: [LagDecay { remainder: zero, mean: zero }; THRUSTERS],
         }
     }
 
-    /// Takes commands for steps of size `h`, with gains on the thrusts and a factor on the time constants.
+    /// Sets commands for steps of size `h`, with gains on the thrusts and the factor `lag` on the time constants.
     #[inline(always)]
     pub fn command<P: Param<L>>(
         &mut self,
@@ -211,18 +211,18 @@ impl<L: Lane> ThrusterDynamics<L> {
         (h, lag): (L, L),
     ) {
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
-            self.settles[i] = thruster.steady(commands[i]) * gains[i];
+            self.steady[i] = thruster.steady(commands[i]) * gains[i];
             self.decay[i] = thruster.lag_decay(h, lag);
         }
     }
 
-    /// Wrench of a step that begins with the vehicle's twist through the water, by the thrusts' means over the step; the
-    /// thrusts then are those of its end.
+    /// Advances the thrusts by one step. Returns the wrench of their means over the step, with the inflow at the relative twist of
+    /// its start.
     #[inline(always)]
     pub fn step<P: Param<L>>(&mut self, thrusters: &[Thruster<P>], twist: Vector6<L>) -> Vector6<L> {
         let mut wrench = [L::zero(); 6];
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
-            let (mean, after) = self.decay[i].step(self.thrust[i], self.settles[i]);
+            let (mean, after) = self.decay[i].step(self.thrust[i], self.steady[i]);
             self.thrust[i] = after;
             let acting = thruster.acting(mean, twist);
             for k in 0..6 {
@@ -232,26 +232,26 @@ impl<L: Lane> ThrusterDynamics<L> {
         Vector6::from_array(wrench)
     }
 
-    /// Thrusts that act at this instant: those without lag have settled.
+    /// Acting thrusts at this instant, N; thrusters without lag are steady.
     #[inline(always)]
     pub fn acting<P: Param<L>>(&self, thrusters: &[Thruster<P>], twist: Vector6<L>) -> [L; THRUSTERS] {
         let mut acting = [L::zero(); THRUSTERS];
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
-            let now = if thruster.lag.is_some() { self.thrust[i] } else { self.settles[i] };
+            let now = if thruster.lag.is_some() { self.thrust[i] } else { self.steady[i] };
             acting[i] = thruster.acting(now, twist);
         }
         acting
     }
 
-    /// Thrusts that would act if all had settled.
+    /// Acting thrusts in the steady state, N.
     #[inline(always)]
     pub fn settled<P: Param<L>>(&self, thrusters: &[Thruster<P>], twist: Vector6<L>) -> [L; THRUSTERS] {
-        let settled = Self { thrust: self.settles, ..*self };
+        let settled = Self { thrust: self.steady, ..*self };
         settled.acting(thrusters, twist)
     }
 }
 
-/// Wrench of thrusts.
+/// Wrench of acting thrusts, vehicle frame.
 #[inline(always)]
 pub fn thrust_wrench<L: Lane, P: Param<L>>(thrusters: &[Thruster<P>], thrusts: &[L; THRUSTERS]) -> Vector6<L> {
     let mut wrench = [L::zero(); 6];
