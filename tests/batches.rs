@@ -61,7 +61,7 @@ fn run(scene: &Scene, options: SimulatorOptions, ids: &[u64], split: &[usize]) -
             // A target moves with the time since the call: constant ones only, where the run is split.
             joint_target: (split.len() == 1).then_some(&all.target[..]),
             external: Some(&all.external),
-            station: Some(&all.station),
+            pose_target: Some(&all.station),
             ..Inputs::default()
         };
         simulator.step(&inputs, substeps).unwrap();
@@ -182,7 +182,7 @@ fn result_is_the_same_on_every_fused_width() {
     let digest_on = |isa: Isa| {
         let output = std::process::Command::new(std::env::current_exe().unwrap())
             .args(["--exact", "digest_of_a_run", "--nocapture"])
-            .env("UVMS_LANES", isa.name())
+            .env("UVMS_INSTRUCTION_SET", isa.name())
             .output()
             .unwrap();
         let text = String::from_utf8(output.stdout).unwrap();

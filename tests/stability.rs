@@ -12,9 +12,9 @@ use uvms_gym::system::State;
 
 use random_scene::Random;
 
-const OFF: Servos = Servos { joints: false, station: false };
-const JOINTS: Servos = Servos { joints: true, station: false };
-const BOTH: Servos = Servos { joints: true, station: true };
+const OFF: Servos = Servos { joints: false, vehicle: false };
+const JOINTS: Servos = Servos { joints: true, vehicle: false };
+const BOTH: Servos = Servos { joints: true, vehicle: true };
 
 fn simulator(scene: &Scene, integrator: &str, dt: f64) -> Simulator {
     let options = SimulatorOptions { integrator: integrator.into(), dt, ..SimulatorOptions::default() };
@@ -274,7 +274,7 @@ fn growth(scene: &Scene, integrator: &str, dt: f64, wrench: &[f64], torque: &[f6
         wrench: Some(wrench),
         joint_torque: Some(torque),
         joint_target: (n > 0).then_some(&target[..n]),
-        station: Some(&station),
+        pose_target: Some(&station),
         ..Inputs::default()
     };
     let size = |state: &State| state.twist.amax().max(state.qd.iter().fold(0.0, |a: f64, x| a.max(x.abs())));

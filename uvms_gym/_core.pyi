@@ -158,8 +158,8 @@ class Simulator:
     def threads(self) -> int:
         """Most threads that a step uses."""
     @property
-    def lanes(self) -> str:
-        """Instruction set of the kernel: "avx512", "avx2", "fma" or "plain" (environment variable UVMS_LANES)."""
+    def instruction_set(self) -> str:
+        """Instruction set of the kernel: "avx512", "avx2", "fma" or "plain" (see UVMS_INSTRUCTION_SET)."""
     @property
     def scene(self) -> dict[str, Any]:
         """The complete scene, as `load_scene` gives it."""
@@ -262,14 +262,14 @@ class Simulator:
         joint_torque: ArrayLike | None = None,
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
-        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
         fin: ArrayLike | None = None,
         substeps: int = 1,
     ) -> None:
         """Step all instances under held inputs, one row for all or one per instance (leading N).
 
         thrust (m,), wrench (6,), joint_torque (n,), joint_target (n,) or polynomials (N, n, k <= 4), external
-        (n + 1, 6), station (position (3,), rotation (3, 3)) or pose (4, 4), fin (k,).
+        (n + 1, 6), pose_target (position (3,), rotation (3, 3)) or pose (4, 4), fin (k,).
         """
     def forward_dynamics(
         self,
@@ -279,7 +279,7 @@ class Simulator:
         joint_torque: ArrayLike | None = None,
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
-        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
         fin: ArrayLike | None = None,
     ) -> NDArray[np.float64]:
         """(N, 6 + n) accelerations [V'; q''] under the inputs of `step`."""
@@ -297,7 +297,7 @@ class Simulator:
         thrust: ArrayLike | None = None,
         wrench: ArrayLike | None = None,
         external: ArrayLike | None = None,
-        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
         fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
         """(N, n + 1, 6) each: drag, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
@@ -315,7 +315,7 @@ class Simulator:
         joint_torque: ArrayLike | None = None,
         joint_target: ArrayLike | None = None,
         external: ArrayLike | None = None,
-        station: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
+        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
         fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
         """(N,) each: drag, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
@@ -345,8 +345,8 @@ class Simulator:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
     @property
     def parameters(self) -> dict[str, NDArray[np.float64]]:
-        """(N,) factors on mass, added_mass, linear_damping, quadratic_damping, volume, thrust, thruster_lag; payload, kg."""
-    def set_parameters(
+        """(N,) factors on mass, added mass, linear and quadratic damping, volume, thrust, thruster lag; payload, kg."""
+    def scale_parameters(
         self,
         *,
         mass: ArrayLike | None = None,
@@ -361,14 +361,16 @@ class Simulator:
         """Set factors, () or (N,), on each instance's parameters, and its payload, kg; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
         """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
-    def modes(self, speed: ArrayLike | None = None, *, joint_servos: bool = True, station: bool = True) -> list[_Mode]:
+    def modes(
+        self, speed: ArrayLike | None = None, *, joint_servos: bool = True, vehicle_servo: bool = True
+    ) -> list[_Mode]:
         """Rates at which deviations decay, swing or grow, fastest first; at expected vehicle `speed` () or (6,)."""
     def stable_steps(
         self,
         speed: ArrayLike | None = None,
         *,
         joint_servos: bool = True,
-        station: bool = True,
+        vehicle_servo: bool = True,
         end_stops: bool = True,
     ) -> dict[str, float]:
         """Greatest step, s, at which each integrator is stable for all modes, by its name; infinite where any is."""

@@ -20,7 +20,9 @@ pub struct Station<L> {
 }
 
 impl<L: Lane> Station<L> {
-    /// The paper's PD on the vehicle: `F = -kp e - kd V` with `e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2]`, V absolute.
+    /// PD on the vehicle `[HC sec. 5.2]`: `F = -kp e - kd V` with `e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2]` and the
+    /// absolute twist V. This attitude error, "vee", is the sine of the angle about its axis; the controller
+    /// [`crate::control::Pd`] uses "log", the angle.
     #[inline(always)]
     pub fn wrench<P: Param<L>>(
         &self,

@@ -143,7 +143,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
                     clear(rows, layout.target + 4 * k + terms, 4 - terms);
                 }
             }
-            if let Some(station) = given.inputs.station {
+            if let Some(station) = given.inputs.pose_target {
                 let page = &mut page[..STATION];
                 gather(station, STATION, 0, first, count, page);
                 // Given by position and rotation.
@@ -232,7 +232,7 @@ mod tests {
                     joint_torque: pick(2).then_some(&torque[..]),
                     joint_target: pick(3).then_some(&target[..]),
                     external: pick(4).then_some(&external[..]),
-                    station: pick(5).then_some(&stations[..]),
+                    pose_target: pick(5).then_some(&stations[..]),
                     fin: None,
                 };
                 let applied = Applied::new(&inputs, &scene, &allocation, &options).unwrap();

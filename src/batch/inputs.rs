@@ -28,8 +28,8 @@ pub struct Inputs<'a> {
     pub joint_target: Option<&'a [f64]>,
     /// External wrenches, (N, n + 1, 6), vehicle first, each in its body's frame at its origin, N and N m.
     pub external: Option<&'a [f64]>,
-    /// Station for the vehicle's servo, (N, 12): position, then rotation by rows. The servo is on where it is given.
-    pub station: Option<&'a [f64]>,
+    /// Target pose of the vehicle servo, (N, 12): position, then rotation by rows. The servo is on where it is given.
+    pub pose_target: Option<&'a [f64]>,
 }
 
 /// `width` numbers per instance, all of them finite.
@@ -88,7 +88,7 @@ impl<'a> Applied<'a> {
         allocation: &'a Allocation,
         options: &SimulatorOptions,
     ) -> Result<Self, SimulatorError> {
-        if inputs.station.is_some() && scene.vehicle.servo.is_none() {
+        if inputs.pose_target.is_some() && scene.vehicle.servo.is_none() {
             return Err(SimulatorError::NoVehicleServo { scene: scene.name.clone() });
         }
         if inputs.joint_target.is_some_and(|t| !t.is_empty()) && scene.joints().all(|joint| joint.servo.is_none()) {
@@ -103,13 +103,13 @@ impl<'a> Applied<'a> {
             ("joint_torque", inputs.joint_torque, joints),
             ("joint_target", inputs.joint_target, joints * terms.clamp(1, 4)),
             ("external", inputs.external, 6 * (joints + 1)),
-            ("station", inputs.station, 12),
+            ("pose_target", inputs.pose_target, 12),
         ];
         for (name, values, width) in expected {
             check(name, values, width, options)?;
         }
-        for (i, station) in inputs.station.iter().flat_map(|s| s.chunks_exact(12)).enumerate() {
-            check_rotation("station", i, &na::Matrix3::from_row_slice(&station[3..]))?;
+        for (i, station) in inputs.pose_target.iter().flat_map(|s| s.chunks_exact(12)).enumerate() {
+            check_rotation("pose_target", i, &na::Matrix3::from_row_slice(&station[3..]))?;
         }
         Ok(Self {
             inputs: *inputs,
@@ -123,7 +123,11 @@ impl<'a> Applied<'a> {
 
     /// Which loads are on.
     pub fn switches(&self) -> Switches {
-        Switches { terms: self.terms, on_links: self.inputs.external.is_some(), station: self.inputs.station.is_some() }
+        Switches {
+            terms: self.terms,
+            on_links: self.inputs.external.is_some(),
+            station: self.inputs.pose_target.is_some(),
+        }
     }
 
     /// Thrust of instance `i` within limits, times a factor.
@@ -183,7 +187,7 @@ impl<'a> Applied<'a> {
                 loads.target[k][..self.terms].copy_from_slice(&target[k * self.terms..(k + 1) * self.terms]);
             }
         }
-        if let Some(station) = self.row(inputs.station, 12, i) {
+        if let Some(station) = self.row(inputs.pose_target, 12, i) {
             loads.station.1 = na::Vector3::from_column_slice(&station[..3]);
             loads.station.0 = na::Matrix3::from_row_slice(&station[3..]);
         }

@@ -21,8 +21,9 @@ pub struct ObservationIndices {
     pub twist: [(usize, f64); 6],
 }
 
-/// PD on the vehicle, `F = -kp e - kd V`, as the paper controls its vehicle `[HC sec. 5.2]`. The joints are held by
-/// their own PD servos, which belong to the scene.
+/// PD on the vehicle, `F = -kp e - kd V` `[HC sec. 5.2]`, with the attitude error "log" of the observations: the rotation
+/// vector `log(R_d^T R)`. The vehicle's servo within the stages, which a pose target turns on, uses "vee":
+/// `vee(R_d^T R - R^T R_d) / 2`. Joints are held by their own PD servos, which belong to the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pd {
     reading: ObservationIndices,

@@ -12,13 +12,13 @@ pub struct Servos {
     /// Those of the joints.
     pub joints: bool,
     /// The vehicle's station keeping.
-    pub station: bool,
+    pub vehicle: bool,
 }
 
 impl Servos {
     /// Number of the choice, 0 to 3.
     pub fn index(self) -> usize {
-        usize::from(self.joints) + 2 * usize::from(self.station)
+        usize::from(self.joints) + 2 * usize::from(self.vehicle)
     }
 }
 
@@ -31,7 +31,7 @@ impl Linearization {
                 self.a.column_mut(column).axpy(-gain, &self.b.column(k), 1.0);
             }
         };
-        if let (true, Some(servo)) = (servos.station, &system.vehicle_servo) {
+        if let (true, Some(servo)) = (servos.vehicle, &system.vehicle_servo) {
             for k in 0..6 {
                 close(k, servo.kp[k].0, servo.kd[k].0);
             }

@@ -11,7 +11,7 @@ use super::scalar::Unfused;
 use super::x86::{F32x8, F32x16, F64x4, F64x8};
 
 /// Names the instruction set to use: `avx512`, `avx2`, `neon`, `fma` or `plain`.
-const FORCE: &str = "UVMS_LANES";
+const FORCE: &str = "UVMS_INSTRUCTION_SET";
 
 /// Instruction sets that the kernel is compiled for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +39,7 @@ impl Isa {
         [Isa::Avx512, Isa::Avx2, Isa::Neon, Isa::Fma, Isa::Plain].into_iter().filter(|isa| isa.detected())
     }
 
-    /// The widest available, or the one that the environment variable `UVMS_LANES` names.
+    /// The widest available, or the one that the environment variable `UVMS_INSTRUCTION_SET` names.
     pub fn best() -> Result<Isa, UnknownIsa> {
         Ok(Isa::chosen()?.0)
     }
@@ -69,7 +69,7 @@ impl Isa {
         !matches!(self, Isa::Fma | Isa::Plain)
     }
 
-    /// Name as in `UVMS_LANES`.
+    /// Name as in `UVMS_INSTRUCTION_SET`.
     pub fn name(self) -> &'static str {
         match self {
             Isa::Avx512 => "avx512",

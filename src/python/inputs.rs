@@ -19,7 +19,7 @@ pub struct InputArguments<'a, 'py> {
     pub joint_torque: Given<'a, 'py>,
     pub joint_target: Given<'a, 'py>,
     pub external: Given<'a, 'py>,
-    pub station: Given<'a, 'py>,
+    pub pose_target: Given<'a, 'py>,
 }
 
 /// The same as numbers, one row per instance.
@@ -30,7 +30,7 @@ pub struct InputArrays {
     joint_torque: Option<Vec<f64>>,
     joint_target: Option<Vec<f64>>,
     external: Option<Vec<f64>>,
-    station: Option<Vec<f64>>,
+    pose_target: Option<Vec<f64>>,
 }
 
 impl InputArguments<'_, '_> {
@@ -45,7 +45,7 @@ impl InputArguments<'_, '_> {
             joint_torque: rows("joint_torque", self.joint_torque, &[n])?,
             joint_target: self.joint_target.map(|given| target(given, instances, n)).transpose()?,
             external: rows("external", self.external, &[n + 1, 6])?,
-            station: self.station.map(|given| poses("station", given, instances)).transpose()?,
+            pose_target: self.pose_target.map(|given| poses("pose_target", given, instances)).transpose()?,
         })
     }
 }
@@ -60,7 +60,7 @@ impl InputArrays {
             joint_torque: self.joint_torque.as_deref(),
             joint_target: self.joint_target.as_deref(),
             external: self.external.as_deref(),
-            station: self.station.as_deref(),
+            pose_target: self.pose_target.as_deref(),
         }
     }
 }

@@ -155,17 +155,17 @@ impl Simulator {
     /// dict of numpy.ndarray (N, n + 1, 6)
     ///     damping, restoring (weight and buoyancy), flow (the water's acceleration: Froude-Krylov and added mass), thrust
     ///     (what acts at this instant), fins, tether, external, and their sum F.
-    #[pyo3(signature = (*, thrust=None, wrench=None, external=None, station=None, fin=None))]
+    #[pyo3(signature = (*, thrust=None, wrench=None, external=None, pose_target=None, fin=None))]
     fn body_wrenches<'py>(
         &self,
         py: Python<'py>,
         thrust: Given,
         wrench: Given,
         external: Given,
-        station: Given,
+        pose_target: Given,
         fin: Given,
     ) -> Arrays<'py> {
-        let loads = self.loads(&InputArguments { thrust, wrench, external, station, fin, ..Default::default() })?;
+        let loads = self.loads(&InputArguments { thrust, wrench, external, pose_target, fin, ..Default::default() })?;
         let bodies = self.inner.joints() + 1;
         let names = ["damping", "restoring", "flow", "thrust", "fins", "tether", "external", "sum"];
         self.named(py, names, &[bodies, 6], |i, form| {
@@ -223,7 +223,7 @@ impl Simulator {
     ///     damping (of the bodies), friction, end_stop (damping), flow (the water's acceleration), thrust, fins, tether (its weight included),
     ///     external, joint_command, total.
     #[pyo3(signature = (
-        *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None
+        *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn power<'py>(
@@ -234,10 +234,10 @@ impl Simulator {
         joint_torque: Given,
         joint_target: Given,
         external: Given,
-        station: Given,
+        pose_target: Given,
         fin: Given,
     ) -> Arrays<'py> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
         let loads = self.loads(&arguments)?;
         let names = [
             "damping",

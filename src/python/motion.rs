@@ -30,9 +30,13 @@ impl Simulator {
     ///     c0 + c1 t + c2 t^2 + c3 t^3 in the time t since this call, whose derivative is the target of the joint rate.
     /// external : array_like (n + 1, 6) or (N, n + 1, 6)
     ///     Wrench on each moving body, vehicle first, in body axes at its frame origin, N and N m.
-    /// station : (array_like (3,) or (N, 3), array_like (3, 3) or (N, 3, 3)) or array_like (4, 4) or (N, 4, 4)
-    ///     Turns on the vehicle's servo (the paper's PD), evaluated at every stage: the tuple (position, rotation) of
-    ///     the target in the world, or its pose.
+    /// pose_target : (array_like (3,) or (N, 3), array_like (3, 3) or (N, 3, 3)) or array_like (4, 4) or (N, 4, 4)
+    ///     Target of the vehicle's servo, the PD of [HC sec. 5.2], which is on where it is given: the tuple (position,
+    ///     rotation) in the world, m, or the pose. Evaluated at every stage: F = -kp e - kd V with the absolute body twist
+    ///     V and the pose error e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2], m and rad (attitude error "vee": the sine
+    ///     of the angle, about its axis; 0 again at half a turn). The controller `PD` acts once per control period on
+    ///     observations, whose attitude error is log(R_d^T R) (attitude error "log": the angle, about its axis). Both
+    ///     agree to second order in the angle.
     /// fin : array_like (k,) or (N, k)
     ///     Deflection per fin, rad; saturates at its limits. Without it the fins stand as the scene has them.
     /// substeps : int
@@ -41,7 +45,7 @@ impl Simulator {
     /// Raises
     /// ------
     /// ValueError
-    ///     A shape, a number that is not finite, a station for a scene without vehicle servo.
+    ///     A shape, a number that is not finite, a pose_target for a scene without vehicle servo.
     /// TypeError
     ///     Something that is no array of real numbers.
     ///
@@ -52,8 +56,8 @@ impl Simulator {
     ///     `modes`). And once after the first call in which the motion of an instance left what the integrator follows
     ///     (`stiffness` beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05), or its state became infinite or NaN.
     #[pyo3(
-        signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None, substeps=None),
-        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None, substeps=1)"
+        signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=None),
+        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step(
@@ -64,14 +68,14 @@ impl Simulator {
         joint_torque: Given,
         joint_target: Given,
         external: Given,
-        station: Given,
+        pose_target: Given,
         fin: Given,
         substeps: Given,
     ) -> PyResult<()> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
         let arrays = arguments.read(&self.inner)?;
         let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
-        let servos = Servos { joints: joint_target.is_some(), station: station.is_some() };
+        let servos = Servos { joints: joint_target.is_some(), vehicle: pose_target.is_some() };
         if let Some(unstable) = self.inner.warn_of_step(servos) {
             warn(py, &unstable.to_string())?;
         }
@@ -94,7 +98,7 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6 + n)
     ///     Rate of the absolute body twist and of the joint rates, m/s2 and rad/s2. V' = 0 where the vehicle is held.
-    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, station=None, fin=None))]
+    #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn forward_dynamics<'py>(
         &mut self,
@@ -104,10 +108,10 @@ impl Simulator {
         joint_torque: Given,
         joint_target: Given,
         external: Given,
-        station: Given,
+        pose_target: Given,
         fin: Given,
     ) -> PyResult<Array<'py>> {
-        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, station, fin };
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
         let arrays = arguments.read(&self.inner)?;
         let accelerations = py.detach(|| self.inner.forward_dynamics(&arrays.inputs())).or_raise()?;
         array(py, &[self.inner.instances(), 6 + self.inner.joints()], accelerations)

@@ -16,7 +16,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag: see `set_parameters`.
+    ///     mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag: see `scale_parameters`.
     #[getter]
     fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let instances = self.inner.instances();
@@ -58,7 +58,7 @@ impl Simulator {
         thruster_lag=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
-    fn set_parameters(
+    fn scale_parameters(
         &mut self,
         mass: Given,
         added_mass: Given,

@@ -155,10 +155,10 @@ impl Simulator {
     }
 
     /// str: instruction set of the kernel: "avx512", "avx2", "fma" or "plain"; the widest, but for one instance alone, for
-    /// which "fma" takes less time. The environment variable UVMS_LANES chooses another. All but "plain" give the same
+    /// which "fma" takes less time. The environment variable UVMS_INSTRUCTION_SET chooses another. All but "plain" give the same
     /// results bit for bit.
     #[getter]
-    fn lanes(&self) -> &'static str {
+    fn instruction_set(&self) -> &'static str {
         self.inner.isa().name()
     }
 

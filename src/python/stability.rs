@@ -61,14 +61,14 @@ impl Simulator {
     /// speed through the water along each axis in turn, and with all joints at their speed limits (1 rad/s or
     /// 0.25 m/s without). Besides, with each joint against each of its end stops, whose stiffness acts only there. Of the
     /// modes that a coordinate has most of the kinetic energy of, the fastest is listed: the fastest decaying one,
-    /// growing one, and one at an end stop. All with the scene's own parameters, whatever `set_parameters`.
+    /// growing one, and one at an end stop. All with the scene's own parameters, whatever `scale_parameters`.
     ///
     /// Parameters
     /// ----------
     /// speed : float or array_like (6,)
     ///     Expected speed, m/s and rad/s, along all axes or along each. Without: where full thrust along the axis balances
     ///     the vehicle's drag, at most 5; 0 without thrust.
-    /// joint_servos, station : bool
+    /// joint_servos, vehicle_servo : bool
     ///     Whether the servos of the joints and of the vehicle are on, where the scene has them.
     ///
     /// Returns
@@ -83,18 +83,18 @@ impl Simulator {
     /// ValueError, TypeError
     ///     A speed that is negative, not finite or no number.
     #[pyo3(
-        signature = (speed=None, *, joint_servos=true, station=true),
-        text_signature = "($self, speed=None, *, joint_servos=True, station=True)"
+        signature = (speed=None, *, joint_servos=true, vehicle_servo=true),
+        text_signature = "($self, speed=None, *, joint_servos=True, vehicle_servo=True)"
     )]
     fn modes<'py>(
         &self,
         py: Python<'py>,
         speed: Given,
         joint_servos: bool,
-        station: bool,
+        vehicle_servo: bool,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let (simulator, speed) = (&self.inner, speeds(speed)?);
-        let servos = Servos { joints: joint_servos, station };
+        let servos = Servos { joints: joint_servos, vehicle: vehicle_servo };
         let modes = py.detach(|| Ok::<_, PyErr>(simulator.survey(speed.as_ref()).or_raise()?.modes(servos)))?;
         let mut list = Vec::new();
         for mode in modes {
@@ -121,7 +121,7 @@ impl Simulator {
     ///
     /// Parameters
     /// ----------
-    /// speed, joint_servos, station
+    /// speed, joint_servos, vehicle_servo
     ///     As for `modes`.
     /// end_stops : bool
     ///     Whether joints run into their end stops.
@@ -136,19 +136,19 @@ impl Simulator {
     /// ValueError, TypeError
     ///     A speed that is negative, not finite or no number.
     #[pyo3(
-        signature = (speed=None, *, joint_servos=true, station=true, end_stops=true),
-        text_signature = "($self, speed=None, *, joint_servos=True, station=True, end_stops=True)"
+        signature = (speed=None, *, joint_servos=true, vehicle_servo=true, end_stops=true),
+        text_signature = "($self, speed=None, *, joint_servos=True, vehicle_servo=True, end_stops=True)"
     )]
     fn stable_steps<'py>(
         &self,
         py: Python<'py>,
         speed: Given,
         joint_servos: bool,
-        station: bool,
+        vehicle_servo: bool,
         end_stops: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
         let (simulator, speed) = (&self.inner, speeds(speed)?);
-        let servos = Servos { joints: joint_servos, station };
+        let servos = Servos { joints: joint_servos, vehicle: vehicle_servo };
         let steps: Vec<_> = py.detach(|| {
             let survey = simulator.survey(speed.as_ref()).or_raise()?;
             let step = |stability| survey.stable_step(stability, servos, end_stops).0;

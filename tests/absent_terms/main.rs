@@ -61,7 +61,7 @@ fn motion(scene: &Scene, integrator: &str, precision: Precision, factors: Option
         joint_torque: Some(&torque),
         external: Some(&external),
         joint_target: servo.then_some(&target),
-        station: scene.vehicle.servo.is_some().then_some(&station),
+        pose_target: scene.vehicle.servo.is_some().then_some(&station),
         ..Inputs::default()
     };
     simulator.step(&inputs, STEPS).unwrap();

@@ -34,7 +34,7 @@ fn count(isa: Isa, what: &str) -> Result<f64, String> {
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
         .arg(env::current_exe().expect("a path"))
         .env(RUN, what)
-        .env("UVMS_LANES", isa.name())
+        .env("UVMS_INSTRUCTION_SET", isa.name())
         .output()
         .map_err(|error| format!("valgrind cannot be run, so nothing is counted: {error}"))?;
     let text = String::from_utf8_lossy(&output.stderr);

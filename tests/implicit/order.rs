@@ -53,7 +53,7 @@ fn the_order_is_two_under_servos_whose_targets_move() {
     // Cubic targets, and a station, from where both begin.
     let target: Vec<f64> = (0..5).flat_map(|k| [start.q[k], start.qd[k], 0.2, -0.3]).collect();
     let station = [0.1, 0.1, -0.1, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    let inputs = Inputs { joint_target: Some(&target), station: Some(&station), ..Inputs::default() };
+    let inputs = Inputs { joint_target: Some(&target), pose_target: Some(&station), ..Inputs::default() };
     let observed = order(&scene, &start, &inputs);
     assert!((observed - 2.0).abs() < 0.1, "{observed}");
 }

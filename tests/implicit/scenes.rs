@@ -30,7 +30,7 @@ fn driven(scene: &Scene, integrator: &str, dt: f64, precision: Precision) -> Vec
         let inputs = Inputs {
             thrust: Some(&thrust),
             joint_target: servoed.then_some(&target),
-            station: scene.vehicle.servo.is_some().then_some(&station),
+            pose_target: scene.vehicle.servo.is_some().then_some(&station),
             ..Inputs::default()
         };
         simulator.step(&inputs, steps).unwrap();

@@ -142,7 +142,7 @@ fn held(scene: &Scene, integrator: &str, steps: usize) -> f64 {
     let n = scene.joints().count();
     let target: Vec<f64> = (0..n).map(|k| start.q[k] + if k % 2 == 0 { 0.3 } else { -0.2 }).collect();
     let station = [0.2, -0.1, 0.1, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-    let inputs = Inputs { joint_target: Some(&target), station: Some(&station), ..Inputs::default() };
+    let inputs = Inputs { joint_target: Some(&target), pose_target: Some(&station), ..Inputs::default() };
     let end = run(scene, integrator, STEP, &start, &inputs, steps);
     let joints = (0..n).map(|k| (end.q[k] - target[k]).abs().max(end.qd[k].abs()));
     let vehicle = [(end.position - Vector3::new(0.2, -0.1, 0.1)).amax(), end.twist.amax()];

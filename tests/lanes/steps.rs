@@ -47,7 +47,7 @@ fn run(scene: &Scene, precision: Precision, integrator: &str, varied: bool) -> V
         joint_torque: Some(&torque),
         joint_target: (joints > 0).then_some(&target[..]),
         external: Some(&external),
-        station: scene.vehicle.servo.is_some().then_some(&station[..]),
+        pose_target: scene.vehicle.servo.is_some().then_some(&station[..]),
         ..Inputs::default()
     };
     simulator.step(&inputs, STEPS).unwrap();
@@ -92,7 +92,9 @@ fn digests_of_whole_steps() {
 fn whole_steps_have_the_same_bits_on_all_fused_widths() {
     let command = |isa: Isa| {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "steps::digests_of_whole_steps", "--nocapture"]).env("UVMS_LANES", isa.name());
+        command
+            .args(["--exact", "steps::digests_of_whole_steps", "--nocapture"])
+            .env("UVMS_INSTRUCTION_SET", isa.name());
         std::thread::spawn(move || command.output().unwrap())
     };
     let running: Vec<_> = Isa::available().map(|isa| (isa, command(isa))).collect();

@@ -74,7 +74,7 @@ def random_inputs(simulator: Simulator, seed: int = 0) -> dict[str, Any]:
             pose[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
             pose[:3, 0] *= np.linalg.det(pose[:3, :3])
             pose[:3, 3] = rng.normal(size=3)
-            row["station"] = pose
+            row["pose_target"] = pose
         rows.append(row)
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 

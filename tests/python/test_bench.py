@@ -73,7 +73,7 @@ def test_every_case_is_there_with_what_ran(tmp_path: Path, capsys: pytest.Captur
 def test_lanes_run_in_processes_of_their_own(tmp_path: Path) -> None:
     rows = bench(tmp_path, "--lanes", "plain", "--dtype", "float64")["results"]["physics"]
     assert [(row["lanes"], row["varied"]) for row in rows] == [("plain", False), ("plain", True)]
-    assert "UVMS_LANES" not in os.environ
+    assert "UVMS_INSTRUCTION_SET" not in os.environ
 
 
 def test_environments_are_set_against_the_physics_of_the_same_substeps(
@@ -346,7 +346,7 @@ def test_missing_peers_are_one_line_that_says_what_to_install(
         (["--threads", "1.5"], "--threads has '1.5', but must have whole numbers"),
         (["--substeps", "0"], "--substeps is 0, but must be"),
         (["--dtype", "float16"], "--dtype has 'float16', but knows only float64, float32"),
-        (["--lanes", "sails"], 'UVMS_LANES="sails"'),
+        (["--lanes", "sails"], 'UVMS_INSTRUCTION_SET="sails"'),
         (["--integrator", "magic"], "unknown integrator 'magic'; known: mk4,"),
         (["--repeats", "0"], "--repeats is 0, but must be"),
         (["--seed", "-1"], "--seed is -1, but must be"),

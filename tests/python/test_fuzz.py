@@ -305,7 +305,7 @@ def test_random_calls_do_a_simulator_no_harm(name: str) -> None:
         random_calls(simulator, lambda s=simulator: pickle.dumps(s), rng, methods, each)
         # Whatever became of it, it can be set back and stepped.
         simulator.reset()
-        simulator.set_parameters(**{name: 0.0 if name == "payload" else 1.0 for name in simulator.parameters})
+        simulator.scale_parameters(**{name: 0.0 if name == "payload" else 1.0 for name in simulator.parameters})
         simulator.step(substeps=1)
         assert np.all(np.isfinite(simulator.position))
 

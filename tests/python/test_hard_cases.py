@@ -206,7 +206,7 @@ def test_other_water_would_show(case: Case, factor: str, monkeypatch: pytest.Mon
     class Other(Lab):
         def simulator(self, scene: str | dict[str, Any], num_envs: int = 1) -> uvms_gym.Simulator:
             made = super().simulator(scene, num_envs)
-            made.set_parameters(**{factor: 1.01})
+            made.scale_parameters(**{factor: 1.01})
             return made
 
     case.truth()

@@ -9,7 +9,7 @@ from helpers import dry, fixed_base, is_fixed, moving, random_inputs
 from uvms_gym import Simulator, load_scene, scenes
 
 SCENES: list[Any] = [*scenes(), pytest.param(fixed_base(), id="fixed-base")]
-WRENCHES = ("thrust", "wrench", "external", "station")
+WRENCHES = ("thrust", "wrench", "external", "pose_target")
 TORQUES = ("joint_torque", "joint_target")
 
 
@@ -99,15 +99,15 @@ def test_actuators_saturate_with_their_servos() -> None:
     assert np.array_equal(torques["command"][0], -np.array(effort))
 
 
-def test_a_station_is_a_pair_or_a_pose() -> None:
+def test_a_pose_target_is_a_pair_or_a_pose() -> None:
     s = moving("petasus-pum")
-    pose = random_inputs(s)["station"]
+    pose = random_inputs(s)["pose_target"]
     pair = (pose[:, :3, 3], pose[:, :3, :3])
-    assert np.array_equal(s.forward_dynamics(station=pose), s.forward_dynamics(station=pair))
+    assert np.array_equal(s.forward_dynamics(pose_target=pose), s.forward_dynamics(pose_target=pair))
     at_home = Simulator("petasus-pum")
-    assert not at_home.body_wrenches(station=np.eye(4))["external"].any()
+    assert not at_home.body_wrenches(pose_target=np.eye(4))["external"].any()
     kp = at_home.scene["vehicle"]["servo"]["kp"]
-    push = at_home.body_wrenches(station=(np.array([0.5, 0.0, 0.0]), np.eye(3)))["external"][0, 0]
+    push = at_home.body_wrenches(pose_target=(np.array([0.5, 0.0, 0.0]), np.eye(3)))["external"][0, 0]
     assert np.allclose(push, [0.5 * kp[0], 0, 0, 0, 0, 0])
 
 

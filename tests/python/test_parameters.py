@@ -1,4 +1,4 @@
-"""`Simulator.set_parameters`: instances that differ in mass, added mass, drag and volume."""
+"""`Simulator.scale_parameters`: instances that differ in mass, added mass, drag and volume."""
 
 import copy
 import pickle
@@ -17,18 +17,18 @@ def test_parameters_start_at_one_and_stay_through_reset() -> None:
     s = Simulator("petasus-pum", 3)
     assert list(s.parameters) == NAMES
     assert all((factor == NEUTRAL[name]).all() for name, factor in s.parameters.items())
-    s.set_parameters(mass=[0.9, 1.0, 1.1], volume=1.05)
+    s.scale_parameters(mass=[0.9, 1.0, 1.1], volume=1.05)
     s.reset()
     assert np.array_equal(s.parameters["mass"], [0.9, 1.0, 1.1])
     assert np.array_equal(s.parameters["volume"], [1.05] * 3)
-    s.set_parameters(mass=1.0, volume=1.0)
+    s.scale_parameters(mass=1.0, volume=1.0)
     assert all((factor == NEUTRAL[name]).all() for name, factor in s.parameters.items())
 
 
 @pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy"])
 def test_a_payload_weighs_at_the_end_effector(scene: str) -> None:
     plain, laden = Simulator(scene, 2), Simulator(scene, 2)
-    laden.set_parameters(payload=[0.0, 2.5])
+    laden.scale_parameters(payload=[0.0, 2.5])
     jacobian = laden.jacobian()[1]
     extra = laden.mass_matrix()[1] - plain.mass_matrix()[1]
     assert np.allclose(extra, 2.5 * jacobian[:3].T @ jacobian[:3], atol=1e-12)
@@ -42,7 +42,7 @@ def test_a_payload_weighs_at_the_end_effector(scene: str) -> None:
 
 def test_weak_thrusters_give_less() -> None:
     full, weak = Simulator("bluerov2-heavy", 2), Simulator("bluerov2-heavy", 2)
-    weak.set_parameters(thrust=[1.0, 0.5])
+    weak.scale_parameters(thrust=[1.0, 0.5])
     thrust = np.tile(np.linspace(4.0, 11.0, 8), (2, 1))
     weak.step(thrust=thrust, substeps=20)
     thrust[1] *= 0.5
@@ -61,7 +61,7 @@ def test_factors_are_those_of_a_scene_with_other_numbers(name: str) -> None:
         body["damping"]["quadratic"] = (1.5 * np.array(body["damping"]["quadratic"])).tolist()
     scene["provenance"] = {}
     twin, varied = moving(scene), moving(name)
-    varied.set_parameters(mass=1.2, added_mass=0.8, linear_damping=0.7, quadratic_damping=1.5)
+    varied.scale_parameters(mass=1.2, added_mass=0.8, linear_damping=0.7, quadratic_damping=1.5)
     assert np.allclose(varied.mass_matrix(), twin.mass_matrix(), rtol=1e-13, atol=1e-15)
     for s in (twin, varied):
         s.step(thrust=10.0 * np.ones(s.num_thrusters), substeps=50)
@@ -75,7 +75,7 @@ def test_neighbours_with_other_parameters_do_not_matter(scene: str, dtype: str) 
     alone, among = moving(scene, 9, dtype=dtype), moving(scene, 9, dtype=dtype)
     factors = np.linspace(0.8, 1.4, 9)
     factors[4] = 1.0
-    among.set_parameters(mass=factors, volume=factors[::-1])
+    among.scale_parameters(mass=factors, volume=factors[::-1])
     for s in (alone, among):
         s.step(substeps=20)
     untouched, neighbour = ({k: v[4:5] for k, v in state_of(s).items()} for s in (alone, among))
@@ -85,7 +85,7 @@ def test_neighbours_with_other_parameters_do_not_matter(scene: str, dtype: str) 
 
 def test_copies_keep_parameters() -> None:
     s = moving("petasus-pum", 2)
-    s.set_parameters(added_mass=[0.7, 1.3])
+    s.scale_parameters(added_mass=[0.7, 1.3])
     copies = [copy.deepcopy(s), pickle.loads(pickle.dumps(s))]
     for other in (s, *copies):
         other.step(substeps=5)
@@ -105,14 +105,14 @@ def test_copies_keep_parameters() -> None:
 )
 def test_bad_factors_change_nothing(factors: dict[str, object], words: str) -> None:
     s = Simulator("petasus-pum", 2)
-    s.set_parameters(added_mass=1.1)
+    s.scale_parameters(added_mass=1.1)
     with pytest.raises(ValueError, match=words):
-        s.set_parameters(quadratic_damping=2.0, **factors)
+        s.scale_parameters(quadratic_damping=2.0, **factors)
     assert (s.parameters["added_mass"] == 1.1).all()
     assert (s.parameters["quadratic_damping"] == 1.0).all()
 
 
 def test_memory_with_parameters() -> None:
     s = Simulator("petasus-pum", 1024)
-    s.set_parameters(mass=np.linspace(0.9, 1.1, 1024))
+    s.scale_parameters(mass=np.linspace(0.9, 1.1, 1024))
     assert s.bytes_per_env < 3000

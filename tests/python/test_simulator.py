@@ -26,7 +26,7 @@ def test_shapes(name: str) -> None:
     n, m = s.num_joints, s.num_thrusters
     assert (s.num_envs, s.dt, s.integrator, s.dtype, s.gamma) == (3, 0.01, "mk4", "float64", 1.0)
     assert s.threads >= 1
-    assert s.lanes in {"avx512", "avx2", "fma", "plain"}
+    assert s.instruction_set in {"avx512", "avx2", "fma", "plain"}
     assert s.scene_name == name
     assert s.num_bodies == n + 1
     assert len(s.joint_names) == n
@@ -177,8 +177,8 @@ def test_the_place_of_numbers_in_memory_makes_no_difference(dtype: str) -> None:
 
 
 def test_one_instance_alone_needs_no_lanes() -> None:
-    code = "from uvms_gym import Simulator as S; print(S('free-body').lanes, S('free-body', 2).lanes)"
-    environment = {name: value for name, value in os.environ.items() if name != "UVMS_LANES"}
+    code = "from uvms_gym import Simulator as S; print(*(S('free-body', n).instruction_set for n in (1, 2)))"
+    environment = {name: value for name, value in os.environ.items() if name != "UVMS_INSTRUCTION_SET"}
     command = [sys.executable, "-c", code]
     alone = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     one, two = alone.stdout.split()
@@ -253,13 +253,13 @@ BAD_INPUTS: list[dict[str, Any]] = [
     {"external": np.zeros((5, 6))},
     {"external": np.zeros(36)},
     {"external": np.full((6, 6), np.inf)},
-    {"station": np.zeros((4, 4))},
-    {"station": np.eye(3)},
-    {"station": np.eye(4) * 2},
-    {"station": (np.zeros(3),)},
-    {"station": (np.zeros(3), np.eye(4))},
-    {"station": (np.zeros(3), np.diag([1.0, -1.0, 1.0]))},
-    {"station": (np.full(3, NAN), np.eye(3))},
+    {"pose_target": np.zeros((4, 4))},
+    {"pose_target": np.eye(3)},
+    {"pose_target": np.eye(4) * 2},
+    {"pose_target": (np.zeros(3),)},
+    {"pose_target": (np.zeros(3), np.eye(4))},
+    {"pose_target": (np.zeros(3), np.diag([1.0, -1.0, 1.0]))},
+    {"pose_target": (np.full(3, NAN), np.eye(3))},
 ]
 
 
@@ -294,7 +294,7 @@ def test_errors_name_the_input_and_the_number() -> None:
 
 def test_what_a_scene_lacks_cannot_be_used() -> None:
     with pytest.raises(ValueError, match=r"vehicle\.servo"):
-        Simulator("free-body").step(station=np.eye(4))
+        Simulator("free-body").step(pose_target=np.eye(4))
     scene = Simulator("petasus-pum").scene
     for link in scene["arm"]["links"]:
         del link["joint"]["servo"]
@@ -416,7 +416,7 @@ def test_any_arguments_are_taken_or_refused(data: st.DataObject) -> None:
     s = Simulator("petasus-pum", 2)
     before = state_of(s)
     states = ["position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration"]
-    inputs = ["thrust", "wrench", "joint_torque", "joint_target", "external", "station"]
+    inputs = ["thrust", "wrench", "joint_torque", "joint_target", "external", "pose_target"]
     method, names = data.draw(st.sampled_from([(s.set_state, states), (s.step, inputs), (s.forward_dynamics, inputs)]))
     arguments = {
         name: data.draw(ARRAYS) for name in data.draw(st.lists(st.sampled_from(names), unique=True, max_size=3))

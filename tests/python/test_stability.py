@@ -52,7 +52,7 @@ def test_modes_are_the_eigenvalues_of_the_linearization() -> None:
     s = Simulator("rexrov")
     a, _ = s.linearize()
     largest = max(np.linalg.eigvals(a[0]), key=abs)
-    modes = s.modes(0.0, joint_servos=False, station=False)
+    modes = s.modes(0.0, joint_servos=False, vehicle_servo=False)
     assert abs(modes[0]["rate"]) == pytest.approx(abs(largest), rel=1e-9)
     assert all(mode["where"] == "at home, at rest" and not mode["end_stop"] for mode in modes)
 
@@ -86,7 +86,7 @@ def test_stable_steps_name_every_integrator_and_order_them() -> None:
         assert Simulator("free-body", integrator=name).stable_steps() == dict.fromkeys(steps, math.inf)
     assert steps["mk4"] > steps["mk3"] > steps["mk2"] >= 0.999 * steps["mk1"] > 0.01
     # Servos and end stops ask for smaller steps.
-    assert s.stable_steps(joint_servos=False, station=False)["mk4"] > s.stable_steps(end_stops=False)["mk4"]
+    assert s.stable_steps(joint_servos=False, vehicle_servo=False)["mk4"] > s.stable_steps(end_stops=False)["mk4"]
     assert s.stable_steps(end_stops=False)["mk4"] >= steps["mk4"]
 
 
@@ -118,13 +118,13 @@ def test_nobody_is_warned_of_a_shipped_scene_at_its_step(name: str, integrator: 
         if s.num_joints:
             servoed(s, 10)
         if s.scene["vehicle"].get("servo"):
-            s.step(station=(np.zeros(3), np.eye(3)), substeps=10)
+            s.step(pose_target=(np.zeros(3), np.eye(3)), substeps=10)
     assert not record
 
 
 def test_an_unstable_step_is_warned_of_once_and_by_its_numbers() -> None:
     s = Simulator(stiff(), 3, dt=UNSTABLE)
-    stable = s.stable_steps(station=False, end_stops=False)["mk4"]
+    stable = s.stable_steps(vehicle_servo=False, end_stops=False)["mk4"]
     with caught() as record:
         s.step(substeps=2)
         assert not record, "the servos are off"
@@ -141,7 +141,7 @@ def test_an_unstable_step_is_warned_of_once_and_by_its_numbers() -> None:
 
 def test_a_step_at_the_stable_one_is_not_warned_of() -> None:
     scene = stiff()
-    stable = Simulator(scene).stable_steps(station=False, end_stops=False)["mk4"]
+    stable = Simulator(scene).stable_steps(vehicle_servo=False, end_stops=False)["mk4"]
     for factor, count in ((0.99, 0), (1.01, 1)):
         with caught() as record:
             servoed(Simulator(scene, dt=factor * stable))

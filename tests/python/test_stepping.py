@@ -68,19 +68,19 @@ production = [entry["name"] for entry in integrators() if entry["kind"] == "prod
 for name, integrator, dtype, own in itertools.product(scenes(), production, ("float64", "float32"), (False, True)):
     s = moving(name, 9, dt=0.002, dtype=dtype, integrator=integrator)
     if own:
-        s.set_parameters(mass=np.linspace(1.0, 1.2, 9), added_mass=np.linspace(0.8, 1.2, 9))
+        s.scale_parameters(mass=np.linspace(1.0, 1.2, 9), added_mass=np.linspace(0.8, 1.2, 9))
     inputs = random_inputs(s)
     digest.update(s.forward_dynamics(**inputs).tobytes())
     s.step(**inputs, substeps=3)
     for value in state_of(s).values():
         assert np.isfinite(value).all()
         digest.update(value.tobytes())
-print(s.lanes, digest.hexdigest())
+print(s.instruction_set, digest.hexdigest())
 """
 
 
 def run_with_lanes(lanes: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"UVMS_LANES": lanes}
+    environment = os.environ | {"UVMS_INSTRUCTION_SET": lanes}
     environment["PYTHONPATH"] = os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")])
     return subprocess.run([sys.executable, "-c", DIGEST], env=environment, capture_output=True, text=True)
 
@@ -101,7 +101,7 @@ def test_the_width_of_lanes_makes_no_difference() -> None:
 def test_unknown_lanes_are_refused() -> None:
     result = run_with_lanes("mmx")
     assert result.returncode == 1
-    assert 'ValueError: UVMS_LANES="mmx": this machine offers' in result.stderr
+    assert 'ValueError: UVMS_INSTRUCTION_SET="mmx": this machine offers' in result.stderr
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

@@ -43,7 +43,7 @@ def test_copies_and_pickles_keep_thrust() -> None:
 
 def test_a_factor_stretches_the_lag() -> None:
     s = Simulator(lagging(), 3)
-    s.set_parameters(thruster_lag=[1.0, 2.0, 0.5])
+    s.scale_parameters(thruster_lag=[1.0, 2.0, 0.5])
     np.testing.assert_array_equal(s.parameters["thruster_lag"], [1.0, 2.0, 0.5])
     s.step(thrust=np.full(8, 30.0), substeps=10)
     np.testing.assert_allclose(s.thrust[:, 0], 30.0 * (1.0 - np.exp([-1.0, -0.5, -2.0])), rtol=1e-12)

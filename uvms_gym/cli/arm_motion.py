@@ -48,7 +48,7 @@ def follow(case: str, tick: Callable[[], None] = lambda: None) -> dict[str, Any]
     """
     simulator = Simulator(case_scene(case), dt=STEP)
     home = simulator.q[0]
-    loop: dict[str, Any] = {"station": (np.zeros(3), np.eye(3))} if case == "PD-controlled" else {}
+    loop: dict[str, Any] = {"pose_target": (np.zeros(3), np.eye(3))} if case == "PD-controlled" else {}
     simulator.step(joint_target=home, substeps=round(SETTLING / STEP), **loop)
     simulator.set_state(twist=np.zeros(6), qd=np.zeros_like(home), time=0.0)
     if case == "uncontrolled":

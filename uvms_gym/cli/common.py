@@ -124,7 +124,7 @@ def circumstances(command: str, arguments: dict[str, Any]) -> dict[str, Any]:
             "architecture": platform.machine(),
             "processor": _processor(),
             "cores": os.cpu_count(),
-            "lanes": uvms_gym.Simulator("free-body", 2).lanes,
+            "lanes": uvms_gym.Simulator("free-body", 2).instruction_set,
         },
     }
 

@@ -172,7 +172,7 @@ def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[lis
     modes = simulator.modes(speed)
     choices = {"servos off": (False, False), "servos on": (True, False), "servos on, at end stops": (True, True)}
     steps = {
-        name: simulator.stable_steps(speed, joint_servos=on, station=on, end_stops=stops)
+        name: simulator.stable_steps(speed, joint_servos=on, vehicle_servo=on, end_stops=stops)
         for name, (on, stops) in choices.items()
     }
     if modes:

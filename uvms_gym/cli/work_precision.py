@@ -132,7 +132,7 @@ def study(
         for row, cost in zip(rows, _costs(motion, chosen, repeats, tick), strict=True):
             row["cost"] = cost
     # The joints' servos are on, and no end stop is run into.
-    stable = Simulator(scene).stable_steps(station=False, end_stops=False)
+    stable = Simulator(scene).stable_steps(vehicle_servo=False, end_stops=False)
     return {
         "character": character(motion, truth),
         "reference": {"method": REFERENCE.title, "checks": [check.title for check in CHECKS], "doubt": doubt},

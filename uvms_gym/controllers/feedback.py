@@ -32,8 +32,9 @@ class NoControl(Controller):
 class PD(Controller):
     """The paper's PD on the vehicle, `F = -kp e - kd V`, from observations alone.
 
-    [HC sec. 5.2] It reads the pose error e (body axes, attitude as rotation vector) and the body twist V; the arm is
-    held by its own servos. The wrench is turned into an action of the environment's kind, clipped to [-1, 1].
+    [HC sec. 5.2] It reads the pose error e (body axes; attitude error "log": the rotation vector) and the body twist V;
+    the arm is held by its own servos. `Simulator.step(pose_target=...)` evaluates the same law at every stage, with the
+    attitude error "vee": `vee(R_d^T R - R^T R_d) / 2`, the sine of the angle. The wrench is turned into an action of the environment's kind, clipped to [-1, 1].
 
     Parameters
     ----------

@@ -128,8 +128,8 @@ class StationKeepEnv(TaskEnv):
     - `arm_amplitude` (0.4): greatest swing of the arm's reference about home, rad (0.25 m per rad if prismatic).
     - `disturbance` (None): see above.
     - `randomize` (None): parameters that differ from the scene's in every episode, for all bodies alike: `True` for
-      factors of 0.7 to 1.3 on `mass`, `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`, a
-      number for another share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass,
+      factors of 0.7 to 1.3 on `mass`, `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`,
+      a number for another share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass,
       which it goes with, so that what floats still does) and `payload` (kg). `False` takes away what the disturbance
       has of it.
     - `thruster_lag` (None): time constant of all thrusters, s, in place of the scene's.

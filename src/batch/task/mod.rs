@@ -142,7 +142,7 @@ impl TaskBatch {
 
     /// What to warn of before a step, once: as [`Simulator::warn_of_step`] with the servos of the joints on.
     pub fn warn_of_step(&mut self) -> Option<Unstable> {
-        self.simulator.warn_of_step(Servos { joints: self.task.options().task == Goal::StationKeep, station: false })
+        self.simulator.warn_of_step(Servos { joints: self.task.options().task == Goal::StationKeep, vehicle: false })
     }
 
     /// What to warn of after a step, once: as [`Simulator::warn_of_motion`].

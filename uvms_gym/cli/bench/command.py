@@ -44,7 +44,9 @@ def bench(
     dtype: Annotated[str | None, typer.Option(help=f"Precisions. Without it: {','.join(DTYPES)}.")] = None,
     lanes: Annotated[
         str | None,
-        typer.Option(help="Instruction sets of the first table, as UVMS_LANES takes them. Without it: the widest."),
+        typer.Option(
+            help="Instruction sets of the first table, named as in UVMS_INSTRUCTION_SET; by default the widest."
+        ),
     ] = None,
     substeps: Annotated[
         str | None, typer.Option(help=f"Steps per call. Without it: {','.join(map(str, SUBSTEPS))}.")

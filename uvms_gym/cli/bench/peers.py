@@ -138,7 +138,7 @@ def step_study(scene: dict[str, Any], n: int, substeps: int, repeats: int, seed:
     return {
         "n": n,
         "substeps": substeps,
-        "lanes": cases[OURS["float64"]].simulator.lanes,
+        "lanes": cases[OURS["float64"]].simulator.instruction_set,
         "seconds": {name: summary(times.cpu) for name, times in samples.items()},
         "ratios": {
             dtype: {

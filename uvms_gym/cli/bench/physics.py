@@ -68,7 +68,7 @@ class Stepping:
 
     def facts(self) -> dict[str, Any]:
         """What ran."""
-        return {"ran": self.simulator.lanes, "bytes": self.simulator.bytes_per_env}
+        return {"ran": self.simulator.instruction_set, "bytes": self.simulator.bytes_per_env}
 
 
 def start(simulator: Simulator, rng: np.random.Generator) -> dict[str, Floats]:
@@ -90,7 +90,7 @@ def vary(simulator: Simulator, rng: np.random.Generator) -> None:
     n = simulator.num_envs
     own = {name: given * rng.uniform(1.0 - VARIED, 1.0 + VARIED, n) for name, given in simulator.parameters.items()}
     own["payload"] = rng.uniform(0.0, PAYLOAD, n)
-    simulator.set_parameters(**own)
+    simulator.scale_parameters(**own)
 
 
 def assert_finite(name: str, simulator: Simulator) -> None:
@@ -175,15 +175,15 @@ def worker(lanes: str, settings: Sequence[Setting]) -> Iterator[Connection]:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=_serve, args=(there, list(settings)), daemon=True)
-    before = os.environ.get("UVMS_LANES")
-    os.environ["UVMS_LANES"] = lanes
+    before = os.environ.get("UVMS_INSTRUCTION_SET")
+    os.environ["UVMS_INSTRUCTION_SET"] = lanes
     try:
         process.start()
     finally:
         if before is None:
-            del os.environ["UVMS_LANES"]
+            del os.environ["UVMS_INSTRUCTION_SET"]
         else:
-            os.environ["UVMS_LANES"] = before
+            os.environ["UVMS_INSTRUCTION_SET"] = before
     there.close()
     try:
         _answer(here)

@@ -29,7 +29,7 @@ def _ratio_scene(drag: float) -> Scene:
 def _run_ratio(lab: Lab) -> Quantities:
     pushed, loose = (lab.simulator(_ratio_scene(drag), len(RATIOS)) for drag in (PUSH["drag"], 0.0))
     for s in (pushed, loose):
-        s.set_parameters(added_mass=RATIOS)
+        s.scale_parameters(added_mass=RATIOS)
     loose.set_state(twist=LOOSE)
 
     def look_pushed() -> Quantities:
