@@ -1,3 +1,0 @@
-//! Shared by the tests.
-
-pub mod random_scene;

@@ -1,0 +1,116 @@
+//! Observed orders of convergence on the tumbling 11-DoF system, every pair printed.
+
+use nalgebra::{Matrix6, Vector6};
+use uvms_gym::description::{Friction, Scene};
+use uvms_gym::system::State;
+
+use super::{distance, drift};
+use crate::cases::for_bodies;
+use crate::random_scene::Random;
+
+/// Simulated time, s.
+const TIME: f64 = 2.0;
+
+/// The scene with added mass, restoring forces and drag, arm swinging free of friction and end stops, which have kinks.
+pub fn tumbling(quadratic: bool) -> (Scene, State) {
+    let mut scene = Scene::shipped("petasus-pum").unwrap();
+    if !quadratic {
+        for_bodies(&mut scene, |body| body.damping.quadratic = Matrix6::zeros());
+    }
+    for link in &mut scene.arm.as_mut().unwrap().links {
+        link.joint.limits = None;
+        link.joint.friction = Friction::default();
+    }
+    let mut state = State { rotation: Random::new(1).rotation(), q: scene.home(), ..State::default() };
+    state.twist = Vector6::new(0.4, -0.3, 0.2, 0.9, -0.7, 0.8);
+    state.qd[..5].copy_from_slice(&[0.5, -0.4, 0.6, -0.5, 0.4]);
+    (scene, state)
+}
+
+/// A motion and where it ends, from a much smaller step.
+struct Study {
+    scene: Scene,
+    start: State,
+    end: State,
+    /// What the reference is uncertain by: its difference from another method's.
+    uncertainty: f64,
+}
+
+impl Study {
+    fn new(quadratic: bool, steps: usize) -> Self {
+        let (scene, start) = tumbling(quadratic);
+        let end = drift(&scene, "mk4", TIME / steps as f64, &start, steps);
+        let other = drift(&scene, "rk4-normalise", TIME / steps as f64, &start, steps);
+        let uncertainty = distance(&end, &other);
+        println!("reference: {steps} steps of mk4; rk4-normalise ends within {uncertainty:e}");
+        Self { scene, start, end, uncertainty }
+    }
+
+    /// Least-squares slope of log error by log step over 2^first..=2^last steps.
+    fn order(&self, integrator: &str, first: u32, last: u32) -> f64 {
+        let mut points: Vec<[f64; 2]> = Vec::new();
+        for exponent in first..=last {
+            let steps = 1 << exponent;
+            let h = TIME / f64::from(steps);
+            let error = distance(&self.end, &drift(&self.scene, integrator, h, &self.start, steps as usize));
+            assert!(error > 100.0 * self.uncertainty, "{integrator}, {steps} steps: {error:e} is next to rounding");
+            let point = [h.log2(), error.log2()];
+            let pair = points.last().map_or(f64::NAN, |before| before[1] - point[1]);
+            println!("{integrator:17} h = {h:.6} error = {error:.3e} order of the pair = {pair:.3}");
+            points.push(point);
+        }
+        assert!(points.len() >= 5, "at least four halvings");
+        let n = points.len() as f64;
+        let [x, y] = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);
+        let slope = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum::<f64>()
+            / points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum::<f64>();
+        println!("{integrator:17} least squares: {slope:.4}");
+        slope
+    }
+}
+
+#[test]
+fn every_integrator_converges_at_its_order() {
+    let study = Study::new(false, 4096);
+    assert!(study.uncertainty < 1e-11);
+    let cases = [
+        ("mk4", 4.0, 0.1, 6),
+        ("mk4-truncated", 4.0, 0.1, 6),
+        ("mk4-reduced", 4.0, 0.1, 6),
+        ("rk4-normalise", 4.0, 0.1, 6),
+        ("euler-angles-rk4", 4.0, 0.1, 6),
+        ("quaternion-rk4", 4.0, 0.1, 6),
+        ("mk3", 3.0, 0.1, 6),
+        ("mk2", 2.0, 0.1, 6),
+        ("mk1", 1.0, 0.1, 7),
+        ("semi-implicit-euler", 1.0, 0.1, 9),
+        ("quaternion-euler", 1.0, 0.1, 7),
+    ];
+    for (integrator, order, tolerance, first) in cases {
+        let observed = study.order(integrator, first, first + 4);
+        assert!((observed - order).abs() < tolerance, "{integrator}: {observed}");
+    }
+}
+
+/// Quadratic drag v|v| has a kink at zero, where a step that straddles it is of order 2 to 3 only: the pairs jump.
+#[test]
+fn quadratic_drag_disturbs_the_order_of_every_method() {
+    let study = Study::new(true, 16384);
+    let order = study.order("mk4", 8, 12);
+    assert!((3.0..4.6).contains(&order), "{order}");
+}
+
+/// What `mk4-truncated` leaves out of dexp's inverse changes the result by an error of order 5, one above its own.
+#[test]
+fn truncating_dexp_adds_an_error_of_order_five() {
+    let (scene, mut start) = tumbling(false);
+    start.twist *= 2.0;
+    let difference = |steps: usize| {
+        let end = |integrator| drift(&scene, integrator, TIME / steps as f64, &start, steps);
+        distance(&end("mk4"), &end("mk4-truncated"))
+    };
+    let differences = [64, 128, 256].map(difference);
+    let orders = [0, 1].map(|k| (differences[k] / differences[k + 1]).log2());
+    println!("mk4 against mk4-truncated: {differences:?}, orders {orders:?}");
+    assert!(orders.iter().all(|order| (4.6..5.4).contains(order)), "{orders:?}");
+}

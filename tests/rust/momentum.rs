@@ -1,0 +1,131 @@
+//! Momentum and outer forces in lanes, and predictions by them, against the closed form.
+
+use crate::random_scene::{Options, Random, random_scene, random_state};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
+use uvms_gym::control::{Arm, Motion, Plant, Push};
+use uvms_gym::description::Scene;
+use uvms_gym::dynamics::aba::Scratch;
+use uvms_gym::dynamics::{ClosedFormModel, CompositeBody, Loads};
+use uvms_gym::lie;
+use uvms_gym::system::{State, compile, rotation_vector};
+
+fn scenes() -> impl Iterator<Item = Scene> {
+    let free = Options { fixed: Some(false), ..Options::default() };
+    let random = (0..40).map(move |seed| random_scene(seed, free));
+    Scene::shipped_names()
+        .into_iter()
+        .map(|name| Scene::shipped(name).unwrap())
+        .filter(|s| !s.vehicle.fixed)
+        .chain(random)
+}
+
+fn gap(a: &lie::Vector6<f64>, b: &Vector6<f64>) -> f64 {
+    (Vector6::from(a.to_array()) - b).amax() / b.amax().max(1.0)
+}
+
+#[test]
+fn a_system_as_one_body_is_the_closed_form_summed_up() {
+    for (seed, scene) in scenes().enumerate() {
+        let state = random_state(seed as u64, &scene);
+        let system = compile(&scene).system;
+        let gravity = lie::Vector3(state.rotation.tr_mul(&scene.water.gravity).into());
+        let twist = lie::Vector6::from_array(state.twist.into());
+        let whole = CompositeBody::of(&system, gravity, twist, (&state.q, &state.qd), &mut Scratch::<f64>::new());
+
+        let balance = ClosedFormModel::new(&scene).unwrap();
+        let form = balance.at(&state, Vector3::zeros());
+        let n = form.joints();
+        let mut velocities = DVector::zeros(6 + n);
+        velocities.rows_mut(0, 6).copy_from(&state.twist);
+        velocities.rows_mut(6, n).copy_from_slice(&state.qd[..n]);
+        let mass = form.mass_matrix();
+        let momentum = (mass * &velocities).fixed_rows::<6>(0).into_owned();
+        assert!(gap(&whole.momentum, &momentum) < 1e-12, "{}: {}", scene.name, gap(&whole.momentum, &momentum));
+        for i in 0..6 {
+            for k in 0..6 {
+                let miss = (whole.inertia.entry(i, k) - mass[(i, k)]).abs();
+                assert!(miss < 1e-12 * mass.amax(), "{}: M[{i}][{k}] is off by {miss}", scene.name);
+            }
+        }
+        let wrenches: Vec<f64> =
+            form.damping().iter().zip(form.restoring()).flat_map(|(a, b)| (a + b).data.0[0]).collect();
+        let force = form.wrench_influence() * DVector::from_vec(wrenches);
+        let force = force.fixed_rows::<6>(0).into_owned();
+        assert!(gap(&whole.force, &force) < 1e-12, "{}: {}", scene.name, gap(&whole.force, &force));
+    }
+}
+
+/// A level scene's vehicle somewhere, and its arm.
+fn somewhere(seed: u64, scene: &Scene) -> (State, Motion<f64>, Arm<f64>) {
+    let state = random_state(seed, scene);
+    let error = Vector6::from_iterator(
+        (state.rotation.tr_mul(&state.position)).iter().chain(rotation_vector(&state.rotation).iter()).copied(),
+    );
+    let motion =
+        Motion { error: lie::Vector6::from_array(error.into()), twist: lie::Vector6::from_array(state.twist.into()) };
+    let arm = Arm { q: state.q, qd: state.qd };
+    (state, motion, arm)
+}
+
+fn push(seed: u64) -> Push<f64> {
+    let mut random = Random::new(seed);
+    let mut six = || lie::Vector6::from_array(std::array::from_fn(|_| random.between(-20.0, 20.0)));
+    Push { command: six(), thrust: six(), disturbance: six() }
+}
+
+/// The arm a little later, at steady rates.
+fn later(arm: &Arm<f64>, time: f64) -> Arm<f64> {
+    let mut then = *arm;
+    then.q.iter_mut().zip(&arm.qd).for_each(|(q, qd)| *q += time * qd);
+    then
+}
+
+#[test]
+fn predictions_start_as_the_closed_form_says() {
+    // Without thrusters nothing lags.
+    for (seed, mut scene) in scenes().filter(|scene| !scene.vehicle.thrusters.is_empty()).enumerate() {
+        (scene.vehicle.fins, scene.vehicle.tether) = (Vec::new(), None);
+        scene.vehicle.set_thruster_lag(0.1);
+        let (state, motion, arm) = somewhere(seed as u64, &scene);
+        let push = push(seed as u64);
+        let time = 1e-6;
+        let then = Plant::new(&scene).advance(&motion, [&arm, &later(&arm, time)], &push, time, &mut Scratch::new());
+        let rate = (then.motion.twist - motion.twist).to_array();
+        let balance = ClosedFormModel::new(&scene).unwrap();
+        let form = balance.at(&state, Vector3::zeros());
+        let mut accelerations = DVector::zeros(6 + form.joints());
+        accelerations.rows_mut(0, 6).copy_from_slice(&rate.map(|x| x / time));
+        let needed = form.inverse_dynamics(&accelerations, &Loads::default()).unwrap().wrench;
+        let given = push.thrust + push.disturbance;
+        let scale = (form.mass_matrix() * DMatrix::from_element(6 + form.joints(), 1, 1.0)).amax();
+        let miss = (Vector6::from(given.to_array()) - needed).amax() / scale;
+        assert!(miss < 3e-4, "{}: {miss}", scene.name);
+    }
+}
+
+#[test]
+fn predictions_are_of_second_order() {
+    let mut scene = Scene::shipped("petasus-pum").unwrap();
+    scene.vehicle.set_thruster_lag(0.1);
+    let plant = Plant::new(&scene);
+    let (_, motion, arm) = somewhere(3, &scene);
+    let push = push(3);
+    let over = |time: f64, pieces: usize| {
+        let (mut motion, mut arm, mut push) = (motion, arm, push);
+        for _ in 0..pieces {
+            let then = later(&arm, time / pieces as f64);
+            let reached = plant.advance(&motion, [&arm, &then], &push, time / pieces as f64, &mut Scratch::new());
+            (motion, push.thrust) = (reached.motion, reached.thrust);
+            arm = then;
+        }
+        motion
+    };
+    let error = |time: f64| {
+        let (one, many) = (over(time, 1), over(time, 64));
+        let far = |a: lie::Vector6<f64>, b: lie::Vector6<f64>| (a - b).dot(a - b);
+        (far(one.error, many.error) + far(one.twist, many.twist)).sqrt()
+    };
+    let (long, short) = (error(0.08), error(0.04));
+    assert!(long < 0.01, "{long}");
+    assert!(long / short > 6.5, "a step of half the length errs by {} of the whole", short / long);
+}

@@ -1,0 +1,447 @@
+//! Laws of thrusters with dynamics: map, dead band, saturation, lag, inflow, hull.
+
+use nalgebra::{Vector3, Vector6};
+use uvms_gym::batch::{Autoreset, Inputs, Precision, Simulator, SimulatorOptions, TaskBatch};
+use uvms_gym::description::{Scene, ThrustMap};
+use uvms_gym::error::SimulatorError;
+use uvms_gym::integrate::Integrator;
+use uvms_gym::system::{Factors, State, compile};
+use uvms_gym::task::TaskOptions;
+
+use crate::random_scene::{Random, random_state};
+
+/// One body without water, one thruster forward through its centre of mass.
+fn puck(change: &str) -> Scene {
+    let text = format!(
+        "name = 'puck'\nwater = {{ density = 0.0, gravity = [0.0, 0.0, 0.0] }}\n[vehicle]\nname = 'puck'\n\
+         body = {{ mass = 10.0, inertia = [1.0, 1.0, 1.0] }}\n[[vehicle.thrusters]]\nname = 'main'\n\
+         position = [0.0, 0.0, 0.0]\naxis = [1.0, 0.0, 0.0]\nlimits = [-40.0, 60.0]\n{change}\n"
+    );
+    Scene::from_toml_str(&text, "puck").unwrap()
+}
+
+fn simulator(scene: &Scene, options: SimulatorOptions) -> Simulator {
+    Simulator::new(scene.clone(), options).unwrap()
+}
+
+fn alone(scene: &Scene, dt: f64) -> Simulator {
+    simulator(scene, SimulatorOptions { dt, ..SimulatorOptions::default() })
+}
+
+fn thrust(thrust: &[f64]) -> Inputs<'_> {
+    Inputs { thrust: Some(thrust), ..Inputs::default() }
+}
+
+/// What a command settles at.
+fn settled(scene: &Scene, command: f64) -> f64 {
+    let mut simulator = alone(scene, 0.01);
+    simulator.step(&thrust(&[command]), 1).unwrap();
+    simulator.state(0).thrust[0]
+}
+
+#[test]
+fn a_step_response_is_an_exponential() {
+    let scene = puck("lag = 0.15");
+    for dt in [1e-4, 0.01, 0.3] {
+        let mut simulator = alone(&scene, dt);
+        for k in 1..=200 {
+            simulator.step(&thrust(&[30.0]), 1).unwrap();
+            let t = dt * f64::from(k);
+            let expected = -30.0 * (-t / 0.15).exp_m1();
+            let got = simulator.state(0).thrust[0];
+            assert!((got - expected).abs() <= 1e-12 * 30.0, "dt {dt}, t {t}: {got} {expected}");
+        }
+    }
+}
+
+/// m v = F (t - tau (1 - exp(-t / tau))), exactly, because the mean thrust acts.
+#[test]
+fn impulse_is_exact_at_any_step() {
+    let (tau, mass) = (0.2, 10.0);
+    for (dt, steps) in [(0.001, 700), (0.05, 14), (0.35, 2)] {
+        let mut simulator = alone(&puck("lag = 0.2"), dt);
+        simulator.step(&thrust(&[50.0]), steps).unwrap();
+        let t = dt * steps as f64;
+        let expected = 50.0 * (t + tau * (-t / tau).exp_m1()) / mass;
+        let got = simulator.state(0).twist[0];
+        assert!((got - expected).abs() < 1e-13, "{dt}: {got} {expected}");
+    }
+}
+
+/// The mean thrust of each step makes the way of order 2 while thrust changes.
+#[test]
+fn way_under_a_lag_converges_with_order_two() {
+    let (tau, mass, t) = (0.2, 10.0, 0.64_f64);
+    // x = F / m (t^2 / 2 - tau (t - tau (1 - exp(-t / tau))))
+    let expected = 50.0 / mass * (0.5 * t * t - tau * (t + tau * (-t / tau).exp_m1()));
+    let error = |steps: usize| {
+        let mut simulator = alone(&puck("lag = 0.2"), t / steps as f64);
+        simulator.step(&thrust(&[50.0]), steps).unwrap();
+        (simulator.state(0).position[0] - expected).abs()
+    };
+    let errors = [8, 16, 32].map(error);
+    for pair in errors.windows(2) {
+        let order = (pair[0] / pair[1]).log2();
+        assert!((order - 2.0).abs() < 0.1, "{errors:?}");
+    }
+}
+
+#[test]
+fn commands_in_the_dead_band_give_exactly_nothing() {
+    let scene = puck("dead_band = 3.0");
+    for command in [0.0, 1.0, 3.0, -3.0, -2.9] {
+        let mut simulator = alone(&scene, 0.01);
+        simulator.step(&thrust(&[command]), 20).unwrap();
+        assert_eq!(simulator.state(0).thrust[0], 0.0);
+        assert_eq!(simulator.state(0).twist, Vector6::zeros());
+    }
+    assert_eq!(settled(&scene, 3.5), 3.5);
+    assert_eq!(settled(&scene, -3.5), -3.5);
+    // A thruster that runs down stops for good, and the zero command is within any dead band.
+    let mut lagging = alone(&puck("lag = 0.1"), 0.01);
+    lagging.step(&thrust(&[20.0]), 5).unwrap();
+    lagging.step(&thrust(&[0.0]), 600).unwrap();
+    assert_eq!(lagging.state(0).thrust[0], 0.0);
+}
+
+#[test]
+fn thrust_saturates_at_the_limits() {
+    for change in ["dead_band = 1.0", "map = [[-1e3, -1e3], [0, 0], [1e3, 1e3]]", "lag = 1e-9", "map = 't200'"] {
+        assert!((settled(&puck(change), 1e6) - 60.0).abs() < 0.1, "{change}");
+        assert!((settled(&puck(change), -1e6) + 40.0).abs() < 1.5, "{change}");
+    }
+    assert_eq!(settled(&puck("map = [[-1, -99], [0, 0], [1, 99]]"), 1.0), 60.0);
+}
+
+#[test]
+fn a_map_goes_straight_through_its_points() {
+    let scene = puck("map = [[-40, -20], [-10, 0], [0, 0], [10, 2], [20, 10], [60, 50]]");
+    for (command, expected) in [
+        (0.0, 0.0),
+        (5.0, 1.0),
+        (10.0, 2.0),
+        (15.0, 6.0),
+        (40.0, 30.0),
+        (60.0, 50.0),
+        (-5.0, 0.0),
+        (-25.0, -10.0),
+        (-40.0, -20.0),
+    ] {
+        assert!((settled(&scene, command) - expected).abs() < 1e-12, "{command}: {}", settled(&scene, command));
+    }
+}
+
+/// Of the published `PWM = 1498 + 12.01 T - 0.04731 T^2 - 0.002098 T^3 + 2.251e-5 T^4`.
+#[test]
+fn val_the_t200_gives_what_its_pulse_width_says() {
+    let scene = puck("map = 't200'");
+    let pulse = |t: f64| 1498.0 + t * (12.01 + t * (-0.04731 + t * (-0.002098 + t * 2.251e-5)));
+    for share in [-1.0_f64, -0.7, -0.4, -0.1, 0.1, 0.3, 0.5, 0.8, 1.0] {
+        let command = if share < 0.0 { share * 40.0 } else { share * 60.0 };
+        let sent = 1500.0 + share.abs() * if share < 0.0 { -366.0 } else { 387.0 };
+        let given = settled(&scene, command);
+        assert!((pulse(given) - sent).abs() < 1.0, "{share}: {given} N, {} us instead of {sent}", pulse(given));
+    }
+    // 1470 to 1530 us.
+    for (command, within) in [(4.65, true), (4.66, false), (-3.27, true), (-3.29, false), (0.0, true)] {
+        assert_eq!(settled(&scene, command) == 0.0, within, "{command}");
+    }
+    // Never less for a greater command.
+    let all: Vec<f64> = (-400..=600).map(|k| settled(&scene, 0.1 * f64::from(k))).collect();
+    assert!(all.windows(2).all(|pair| pair[0] <= pair[1]));
+}
+
+/// Thrust that acts at a speed.
+fn acting(scene: &Scene, command: f64, speed: f64) -> f64 {
+    let mut simulator = alone(scene, 0.01);
+    simulator.set_state(0, &State { twist: Vector6::ith(0, speed), ..State::default() });
+    simulator.applied_loads(&thrust(&[command])).unwrap()[0].thrust[0]
+}
+
+/// KC06: thrust falls as water flows in along it.
+#[test]
+fn inflow_takes_thrust_away() {
+    let scene = puck("ambient_flow = 1.8");
+    for sign in [1.0, -1.0] {
+        let at: Vec<f64> = (0..60).map(|k| sign * acting(&scene, sign * 30.0, sign * 0.1 * f64::from(k))).collect();
+        assert!(at.windows(2).all(|pair| pair[1] <= pair[0]), "{at:?}");
+        assert!((at[10] - (30.0 - 1.8 * 30f64.sqrt())).abs() < 1e-12);
+        // Beyond sqrt(T) / k = 3.04 m/s nothing is left, and never less than that.
+        assert!(at[30] > 0.0 && at[31] == 0.0 && at[59] == 0.0);
+        // Against the thrust as in still water.
+        assert_eq!(acting(&scene, sign * 30.0, -sign), sign * 30.0);
+    }
+    assert_eq!(acting(&scene, 0.0, 1.0), 0.0);
+}
+
+/// Inflow is that of the thruster through the water, not of the origin over ground.
+#[test]
+fn inflow_is_relative_and_at_the_thruster() {
+    let mut scene = puck("ambient_flow = 1.0");
+    let mut drifting = alone(&scene, 0.01);
+    drifting.set_state(0, &State { twist: Vector6::ith(0, 0.7), ..State::default() });
+    drifting.set_flow(0, Vector3::new(0.7, 0.0, 0.0));
+    assert_eq!(drifting.applied_loads(&thrust(&[30.0])).unwrap()[0].thrust[0], 30.0);
+
+    scene.vehicle.thrusters[0].position = Vector3::new(0.0, 0.5, 0.0);
+    let mut turning = alone(&scene, 0.01);
+    // A turn to the left takes what is on the left backward: no inflow; a turn to the right 0.5 m/s.
+    for (rate, speed) in [(1.0, 0.0), (-1.0, 0.5)] {
+        turning.set_state(0, &State { twist: Vector6::ith(5, rate), ..State::default() });
+        let got = turning.applied_loads(&thrust(&[30.0])).unwrap()[0].thrust[0];
+        assert!((got - (30.0 - 30f64.sqrt() * speed)).abs() < 1e-12, "{rate}: {got}");
+    }
+}
+
+/// A vehicle ends at the speed where drag takes what inflow leaves.
+#[test]
+fn inflow_limits_the_speed() {
+    let mut scene = puck("ambient_flow = 1.5\nlag = 0.1");
+    scene.vehicle.body.damping.linear[(0, 0)] = 10.0;
+    let mut simulator = alone(&scene, 0.01);
+    simulator.step(&thrust(&[36.0]), 4000).unwrap();
+    // 36 - 1.5 * 6 v = 10 v
+    assert!((simulator.state(0).twist[0] - 36.0 / 19.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_hull_deducts_and_is_pushed() {
+    let plain = compile(&puck("")).system;
+    assert!(plain.thrusters.is_empty());
+    let scene = puck("deduction = 0.2\ninduced = [0, 0, 0, 0.03, 0, 0]");
+    assert!(compile(&scene).system == plain, "a matter of the thruster configuration alone");
+    let mut simulator = alone(&scene, 0.01);
+    let configuration = simulator.allocation().configuration();
+    assert_eq!(configuration.column(0).as_slice(), [0.8, 0.0, 0.0, 0.03, 0.0, 0.0]);
+    let rates = simulator.forward_dynamics(&thrust(&[10.0])).unwrap();
+    assert!((rates[0] - 0.8).abs() < 1e-15 && (rates[3] - 0.3).abs() < 1e-15);
+    // With dynamics too.
+    let mut lagging = alone(&puck("deduction = 0.2\nlag = 0.0\ndead_band = 1.0"), 0.01);
+    assert!((lagging.forward_dynamics(&thrust(&[10.0])).unwrap()[0] - 0.8).abs() < 1e-15);
+}
+
+/// Every thruster of a shipped vehicle with everything.
+fn complete(name: &str) -> Scene {
+    let mut scene = Scene::shipped(name).unwrap();
+    scene.vehicle.thruster_lag = Some(0.1);
+    for (i, thruster) in scene.vehicle.thrusters.iter_mut().enumerate() {
+        thruster.ambient_flow = Some(1.8);
+        match i % 3 {
+            0 => thruster.map = Some(ThrustMap::T200),
+            1 => thruster.dead_band = Some(2.0),
+            _ => thruster.lag = Some(0.05 * i as f64),
+        }
+    }
+    scene.check().unwrap();
+    scene
+}
+
+/// The same accelerations by articulated bodies and in closed form, whatever the thrusts are at.
+#[test]
+fn both_forms_feel_the_same_thrusts() {
+    for name in ["bluerov2-heavy-alpha5", "petasus-pum", "rexrov"] {
+        let scene = complete(name);
+        let mut simulator = alone(&scene, 0.01);
+        let m = scene.vehicle.thrusters.len();
+        for seed in 0..5 {
+            let mut random = Random::new(seed);
+            let mut state = random_state(seed, &scene);
+            (0..m).for_each(|k| state.thrust[k] = random.between(-30.0, 30.0));
+            simulator.set_state(0, &state);
+            simulator.set_flow(0, random.vector(0.5));
+            let commands: Vec<f64> = (0..m).map(|_| random.between(-40.0, 40.0)).collect();
+            let inputs = thrust(&commands);
+            let loads = simulator.applied_loads(&inputs).unwrap();
+            let expected = simulator.closed_form(0, |form| form.accelerations(&loads[0].loads()).unwrap());
+            let got = simulator.forward_dynamics(&inputs).unwrap();
+            for (a, b) in got.iter().zip(expected.iter()) {
+                assert!((a - b).abs() < 1e-9 * (1.0 + expected.norm()), "{name}: {a} {b}");
+            }
+        }
+    }
+}
+
+/// Bits of all states and thrusts after some calls.
+fn travelled(scene: &Scene, integrator: &str, options: SimulatorOptions) -> Vec<Vec<u64>> {
+    let n = options.instances;
+    let m = scene.vehicle.thrusters.len();
+    let mut simulator = simulator(scene, SimulatorOptions { dt: 0.01, integrator: integrator.into(), ..options });
+    let lags: Vec<_> = (0..n)
+        .map(|i| Factors {
+            thruster_lag: 0.5 + 0.25 * (i % 4) as f64,
+            thrust: 0.9 + 0.05 * (i % 3) as f64,
+            ..Factors::ONE
+        })
+        .collect();
+    simulator.set_factors(&lags).unwrap();
+    for i in 0..n {
+        simulator.set_state(i, &random_state(i as u64, scene));
+    }
+    for call in 0..4_u64 {
+        let command = |i: usize| {
+            let mut random = Random::new(100 * i as u64 + call);
+            (0..m).map(|_| random.between(-50.0, 70.0)).collect::<Vec<_>>()
+        };
+        let commands: Vec<f64> = (0..n).flat_map(command).collect();
+        simulator.step(&thrust(&commands), 3).unwrap();
+    }
+    let numbers = |i| {
+        let state = simulator.state(i);
+        let vehicle = state.position.iter().chain(&state.rotation).chain(&state.twist).copied().collect::<Vec<_>>();
+        vehicle.iter().chain(&state.q).chain(&state.qd).chain(&state.thrust).map(|x| x.to_bits()).collect()
+    };
+    (0..n).map(numbers).collect()
+}
+
+#[test]
+fn an_instance_depends_neither_on_its_neighbours_nor_on_threads() {
+    let scene = complete("bluerov2-heavy");
+    for integrator in Integrator::NAMES.map(|entry| entry.name) {
+        for precision in [Precision::Double, Precision::Single] {
+            let with = |instances, threads| {
+                let options = SimulatorOptions { instances, threads, precision, ..SimulatorOptions::default() };
+                travelled(&scene, integrator, options)
+            };
+            let many = with(19, Some(1));
+            assert!(many == with(19, Some(4)), "{integrator}, {precision:?}: threads");
+            assert!(many[..1] == with(1, None)[..], "{integrator}, {precision:?}: alone");
+            assert!(many[..5] == with(5, None)[..], "{integrator}, {precision:?}: few");
+        }
+    }
+}
+
+/// Terms that are stated as nothing are not there, bit for bit.
+#[test]
+fn thrusters_without_dynamics_are_not_there() {
+    let plain = Scene::shipped("bluerov2-heavy").unwrap();
+    let mut stated = plain.clone();
+    stated.vehicle.thruster_lag = Some(0.0);
+    for thruster in &mut stated.vehicle.thrusters {
+        (thruster.lag, thruster.dead_band, thruster.ambient_flow) = (Some(0.0), Some(0.0), Some(0.0));
+        (thruster.deduction, thruster.induced) = (Some(0.0), Some([0.0; 6]));
+    }
+    assert!(compile(&plain).system == compile(&stated).system);
+    for integrator in ["mk4", "lagged-added-mass", "ros2"] {
+        let [a, b] = [&plain, &stated].map(|scene| travelled(scene, integrator, SimulatorOptions::default()));
+        assert!(a == b, "{integrator}");
+    }
+    let mut simulator = alone(&plain, 0.01);
+    let states = uvms_gym::batch::States { thrust: Some(&[0.0; 8]), ..Default::default() };
+    assert!(matches!(simulator.set_states(&states), Err(SimulatorError::NoThrusterState { .. })));
+}
+
+/// Where nothing holds thrust back, dynamics change what steps only by rounding.
+#[test]
+fn dynamics_that_do_nothing_change_nothing() {
+    let plain = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
+    let mut quick = plain.clone();
+    quick.vehicle.thruster_lag = Some(1e-12);
+    for integrator in Integrator::NAMES.map(|entry| entry.name) {
+        let end = |scene: &Scene| {
+            let mut simulator =
+                simulator(scene, SimulatorOptions { dt: 0.005, integrator: integrator.into(), ..Default::default() });
+            simulator.step(&thrust(&[10.0, -5.0, 3.0, 8.0, -2.0, 1.0, 4.0, -9.0]), 20).unwrap();
+            simulator.state(0)
+        };
+        let (a, b) = (end(&plain), end(&quick));
+        if a.twist.iter().all(|x| x.is_finite() && x.abs() < 1e3) {
+            assert!((a.twist - b.twist).amax() < 1e-11, "{integrator}");
+        }
+    }
+}
+
+#[test]
+fn a_saved_simulator_goes_on_with_its_thrusts() {
+    let scene = complete("petasus-pum");
+    let mut simulator = alone(&scene, 0.01);
+    simulator.step(&thrust(&[50.0; 6]), 7).unwrap();
+    let saved = simulator.save();
+    let mut other = alone(&scene, 0.01);
+    other.load(&saved).unwrap();
+    let mut copy = simulator.clone();
+    for simulator in [&mut simulator, &mut other, &mut copy] {
+        assert_ne!(simulator.state(0).thrust[0], 0.0);
+        simulator.step(&thrust(&[-20.0; 6]), 5).unwrap();
+    }
+    assert_eq!(simulator.save(), other.save());
+    assert_eq!(simulator.save(), copy.save());
+    simulator.reset();
+    assert_eq!(simulator.state(0).thrust, [0.0; 16]);
+}
+
+/// A factor on time constants is a factor on time.
+#[test]
+fn factors_stretch_the_lag() {
+    let scene = puck("lag = 0.1");
+    let mut simulator = simulator(&scene, SimulatorOptions { instances: 3, ..SimulatorOptions::default() });
+    let factors = [1.0, 2.0, 0.0].map(|thruster_lag| Factors { thruster_lag, ..Factors::ONE });
+    simulator.set_factors(&factors).unwrap();
+    simulator.step(&thrust(&[30.0; 3]), 10).unwrap();
+    for (i, tau) in [0.1, 0.2, 0.0_f64].into_iter().enumerate() {
+        let expected = -30.0 * (-0.1 / tau).exp_m1();
+        assert!((simulator.state(i).thrust[0] - expected).abs() < 1e-12, "{i}");
+    }
+}
+
+#[test]
+fn what_no_thruster_has_is_refused_by_key() {
+    let scene = |change: &str| {
+        let plain = puck("").to_toml_string();
+        let text = plain.replace("limits = [-40.0, 60.0]", &format!("limits = [-40.0, 60.0]\n{change}"));
+        Scene::from_toml_str(&text, "puck.toml").map(drop).map_err(|error| error.to_string())
+    };
+    assert_eq!(scene("lag = 0.1"), Ok(()));
+    for (change, expected) in [
+        ("lag = -0.1", "puck.toml: vehicle.thrusters[0].lag (main): is -0.1, but must be >= 0"),
+        ("dead_band = -1.0", "vehicle.thrusters[0].dead_band (main): is -1.0, but must be >= 0"),
+        ("ambient_flow = nan", "vehicle.thrusters[0].ambient_flow (main): NaN is not a finite number"),
+        ("deduction = 1.0", "vehicle.thrusters[0].deduction (main): is 1.0, but must be at least 0 and below 1"),
+        ("induced = [1.0]", "vehicle.thrusters[0].induced (main): expected 6 numbers, found 1"),
+        ("map = 'T100'", "vehicle.thrusters[0].map (main): expected \"t200\" or pairs [command, thrust]"),
+        ("map = 3", "vehicle.thrusters[0].map (main): "),
+        ("map = [[0, 0], [1, 2, 3]]", "vehicle.thrusters[0].map (main): expected pairs, found 3 numbers"),
+        ("map = [[1, 1]]", "vehicle.thrusters[0].map (main): must contain the pair [0, 0]"),
+        ("map = [[0, 0], [0, 1]]", "commands must ascend"),
+        ("map = [[0, 0], [1, -1]]", "thrusts must not descend"),
+        ("lags = 1", "vehicle.thrusters[0].lags (main): unknown key"),
+    ] {
+        let error = scene(change).unwrap_err();
+        assert!(error.contains(expected), "{change}: {error}");
+    }
+    let error =
+        Scene::from_toml_str(&puck("").to_toml_string().replace("[vehicle]\n", "[vehicle]\nthruster_lag = -1\n"), "x");
+    assert!(error.unwrap_err().to_string().contains("vehicle.thruster_lag: is -1.0"));
+}
+
+#[test]
+fn scenes_with_thruster_dynamics_round_trip() {
+    for scene in [complete("petasus-pum"), puck("map = [[-1, -2], [0, 0], [3, 4]]\ninduced = [0, 1, 2, 3, 4, 5]")] {
+        assert_eq!(Scene::from_toml_str(&scene.to_toml_string(), "again").unwrap(), scene);
+    }
+}
+
+/// Tasks command thrusters that lag; episodes begin with all at rest; neighbours make no difference.
+#[test]
+fn tasks_command_lagging_thrusters() {
+    let scene = complete("bluerov2-heavy-alpha5");
+    let batch = |instances: usize| {
+        let options = TaskOptions { substeps: 2, ..TaskOptions::default() };
+        let simulator = SimulatorOptions { instances, ..SimulatorOptions::default() };
+        let mut batch = TaskBatch::new(scene.clone(), options, simulator, Autoreset::NextStep, Some(4)).unwrap();
+        batch.reset(&(0..instances as u64).map(Some).collect::<Vec<_>>(), None, &[]).unwrap();
+        batch
+    };
+    let (mut one, mut many) = (batch(1), batch(11));
+    for step in 0..6 {
+        assert_eq!(
+            one.simulator().state(0).thrust == [0.0; 16],
+            step == 0 || step == 5,
+            "at rest where episodes begin"
+        );
+        let action: Vec<f32> = (0..one.task().action_len()).map(|k| (1.3 * (k + 7 * step) as f32).sin()).collect();
+        let (a, b) = (one.step(&action).unwrap(), many.step(&action.repeat(11)).unwrap());
+        assert_eq!(a.observations, b.observations[..a.observations.len()]);
+        assert_eq!(one.simulator().state(0), many.simulator().state(0));
+    }
+    assert_ne!(one.simulator().state(0).thrust, [0.0; 16]);
+}

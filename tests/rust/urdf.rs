@@ -1,0 +1,235 @@
+//! Arms from URDF: against a shipped scene, and malformed ones.
+
+use nalgebra::Vector3;
+use uvms_gym::description::{Frame, JointKind, Origin, Scene};
+use uvms_gym::error::DescriptionError;
+use uvms_gym::urdf::{Import, Imported};
+
+const ALPHA: &str = include_str!("../golden/alpha5.urdf");
+
+fn vehicle() -> Scene {
+    Scene::shipped("bluerov2-heavy").unwrap()
+}
+
+fn import(text: &str, base: Option<&str>, tip: Option<&str>) -> Result<Imported, DescriptionError> {
+    let mount = Frame { position: Vector3::new(0.19, 0.0, -0.12), rpy: Vector3::new(std::f64::consts::PI, 0.0, 0.0) };
+    Import { vehicle: &vehicle(), mount, base, tip }.from_text(text, "folder/arm.urdf")
+}
+
+fn accepted(text: &str) -> Imported {
+    import(text, None, None).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// A link with a mass, and a joint between two links.
+fn link(name: &str) -> String {
+    format!(
+        "<link name='{name}'><inertial><mass value='1'/>\
+         <inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>\n"
+    )
+}
+
+fn joint(name: &str, kind: &str, parent: &str, child: &str, more: &str) -> String {
+    format!("<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>{more}</joint>\n")
+}
+
+fn robot(body: &str) -> String {
+    format!("<robot name='r'>\n{body}</robot>")
+}
+
+#[test]
+fn an_imported_alpha_5_has_the_frames_and_inertias_of_the_shipped_scene() {
+    let Imported { scene, notes } = accepted(ALPHA);
+    let shipped = Scene::shipped("bluerov2-heavy-alpha5").unwrap().arm.unwrap();
+    let arm = scene.arm.as_ref().unwrap();
+    assert_eq!(arm.mount, shipped.mount);
+    assert_eq!(arm.end_effector, shipped.end_effector);
+    assert_eq!(arm.name, shipped.name);
+    let bodies = |arm: &uvms_gym::description::Arm| {
+        let links = arm.links.iter().map(|link| link.body.clone());
+        arm.base.clone().into_iter().chain(links).collect::<Vec<_>>()
+    };
+    for (ours, theirs) in bodies(arm).iter().zip(bodies(&shipped)) {
+        assert_eq!((ours.mass, ours.center_of_mass), (theirs.mass, theirs.center_of_mass));
+        assert!((ours.inertia - theirs.inertia).amax() < 1e-15);
+        assert!(ours.volume.unwrap() > 0.0 && ours.added_mass.diagonal().min() >= 0.0);
+    }
+    assert_eq!(arm.links.len(), shipped.links.len());
+    for (ours, theirs) in arm.links.iter().zip(&shipped.links) {
+        assert_eq!(ours.name, theirs.name);
+        let (a, b) = (&ours.joint, &theirs.joint);
+        assert_eq!((a.kind, &a.frame, a.axis, a.effort, a.speed), (b.kind, &b.frame, b.axis, b.effort, b.speed));
+        assert_eq!(a.friction.viscous, b.friction.viscous);
+        let ends = |joint: &uvms_gym::description::Joint| joint.limits.as_ref().map(|l| (l.lower, l.upper));
+        assert_eq!(ends(a), ends(b));
+        assert!(a.servo.as_ref().unwrap().kp > 0.0);
+    }
+    assert_eq!(scene.vehicle, vehicle().vehicle);
+    for part in ["foot: merged into mount", "wrist: geometry is a mesh", "the arm weighs 1.4120 kg"] {
+        assert!(notes.iter().any(|note| note.starts_with(part)), "{part}: {notes:?}");
+    }
+}
+
+#[test]
+fn every_number_of_an_imported_scene_has_provenance() {
+    let scene = accepted(ALPHA).scene;
+    for (path, value, origin) in scene.numbers() {
+        assert!(origin.is_some(), "{path} = {value}");
+    }
+    let origin = |path| scene.provenance_of(path).unwrap();
+    assert_eq!(origin("arm.links[wrist].body.mass"), (Origin::Cited, "arm.urdf"));
+    assert_eq!(origin("arm.links[shoulder].body.added_mass").0, Origin::Derived);
+    assert!(origin("arm.links[upper-arm].body.added_mass").1.contains("Lamb"));
+    assert_eq!(Scene::from_toml_str(&scene.to_toml_string(), "back").unwrap(), scene);
+    assert_eq!(scene.check().unwrap(), []);
+}
+
+#[test]
+fn fixed_joints_merge_links_by_the_parallel_axis_rule() {
+    let limit = "<limit lower='-1' upper='1' effort='5' velocity='1'/>";
+    let text = robot(
+        &(link("foot")
+            + &link("arm")
+            + &link("camera")
+            + &link("hand")
+            + "<link name='lamp'/>"
+            + &joint("screws", "fixed", "arm", "lamp", "")
+            + &joint("turn", "revolute", "foot", "arm", limit)
+            + &joint("bracket", "fixed", "arm", "camera", "<origin xyz='0 2 0' rpy='0 0 1.5707963267948966'/>")
+            + &joint(
+                "slide",
+                "prismatic",
+                "camera",
+                "hand",
+                &format!("<origin xyz='1 0 0'/><axis xyz='0 0 3'/>{limit}"),
+            )),
+    );
+    let arm = accepted(&text).scene.arm.unwrap();
+    let body = &arm.links[0].body;
+    assert_eq!((body.mass, body.center_of_mass), (2.0, Vector3::new(0.0, 1.0, 0.0)));
+    assert!((body.inertia.diagonal() - Vector3::new(4.0, 2.0, 4.0)).norm() < 1e-12);
+    let slide = &arm.links[1].joint;
+    assert_eq!((slide.kind, slide.axis), (JointKind::Prismatic, Vector3::z()));
+    // The bracket's pose, then the slide's, which lies along the bracket's x: the arm's y.
+    assert!((slide.frame.position - Vector3::new(0.0, 3.0, 0.0)).norm() < 1e-12);
+    assert!((slide.frame.rpy.z - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+}
+
+#[test]
+fn a_tree_needs_a_tip_and_off_the_chain_is_merged() {
+    let continuous = |name: &str, parent: &str, child: &str| joint(name, "continuous", parent, child, "");
+    let text = robot(
+        &(link("base")
+            + &link("arm")
+            + &link("left")
+            + &link("right")
+            + &continuous("a", "base", "arm")
+            + &continuous("l", "arm", "left")
+            + &continuous("r", "arm", "right")),
+    );
+    let message = import(&text, None, None).unwrap_err().to_string();
+    for part in ["folder/arm.urdf: line 8: link \"arm\"", "\"left\" by joint \"l\" and to \"right\"", "choose the tip"]
+    {
+        assert!(message.contains(part), "{message}");
+    }
+    let Imported { scene, notes } = import(&text, None, Some("left")).unwrap();
+    let arm = scene.arm.unwrap();
+    let masses: Vec<_> = arm.links.iter().map(|link| (link.name.as_str(), link.body.mass)).collect();
+    assert_eq!(masses, [("arm", 2.0), ("left", 1.0)]);
+    assert!(notes.iter().any(|note| note.contains("r: a moving joint off the chain, held at 0")), "{notes:?}");
+    assert!(arm.links.iter().all(|link| link.joint.limits.is_none() && link.joint.effort.is_none()));
+    // From the middle on, and a chain without joints.
+    assert_eq!(import(&text, Some("arm"), Some("right")).unwrap().scene.arm.unwrap().links.len(), 1);
+    let tool = import(&text, Some("right"), Some("right")).unwrap().scene.arm.unwrap();
+    assert!(tool.links.is_empty() && tool.base.unwrap().mass == 1.0);
+}
+
+#[test]
+fn a_link_called_as_a_body_of_ours_gets_another_name() {
+    let text = robot(&(link("foot") + &link("base") + &joint("a", "continuous", "foot", "base", "")));
+    assert_eq!(accepted(&text).scene.arm.unwrap().links[0].name, "base-link");
+}
+
+#[test]
+fn a_malformed_file_is_one_line_with_file_and_element() {
+    let limit = "<limit lower='-1' upper='1' effort='5' velocity='1'/>";
+    let two = link("foot") + &link("arm");
+    let with = |kind: &str, more: &str| robot(&(two.clone() + &joint("j", kind, "foot", "arm", more)));
+    let hull = |inner: &str| robot(&format!("<link name='hull'>{inner}</link>"));
+    let geometry = |inner: &str| hull(&format!("<collision><geometry>{inner}</geometry></collision>"));
+    let masses = |mass: &str, ixx: &str| {
+        hull(&format!(
+            "<inertial><mass {mass}/><inertia ixx='{ixx}' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>"
+        ))
+    };
+    let cases: Vec<(String, &[&str])> = vec![
+        ("<robot name='r'>\n<link</robot>".into(), &["line 2"]),
+        ("".into(), &["line 1"]),
+        ("<sdf/>".into(), &["<sdf>", "must be <robot>"]),
+        (robot(""), &["<robot>", "has no <link>"]),
+        (robot("<link/>"), &["line 2", "<link>", "attribute name"]),
+        (robot(&(link("a") + &link("a"))), &["line 3", "\"a\"", "taken"]),
+        ("<robot xmlns:xacro='http://ros.org/xacro'><xacro:arm/></robot>".into(), &["<xacro:arm>", "run xacro"]),
+        (with("spherical", ""), &["joint \"j\"", "spherical", "none of revolute"]),
+        (with("revolute", ""), &["line 4", "joint \"j\"", "<limit> is missing"]),
+        (with("revolute", "<limit effort='1' velocity='1'/>"), &["joint \"j\" <limit>", "ascend"]),
+        (with("revolute", "<limit lower='a' upper='1'/>"), &["joint \"j\" <limit>", "lower=\"a\"", "finite number"]),
+        (with("prismatic", "<limit lower='0' upper='1' effort='-2'/>"), &["<limit>", "effort is -2"]),
+        (with("continuous", "<axis xyz='0 0 0'/>"), &["joint \"j\" <axis>", "no direction"]),
+        (with("continuous", "<axis xyz='0 0'/>"), &["joint \"j\" <axis>", "xyz=\"0 0\"", "3 finite numbers"]),
+        (with("continuous", "<axis/>"), &["joint \"j\" <axis>", "attribute xyz is missing"]),
+        (with("continuous", "<origin xyz='0 0 inf'/>"), &["joint \"j\" <origin>", "xyz=\"0 0 inf\""]),
+        (with("continuous", "<origin/><origin/>"), &["joint \"j\" <origin>", "twice"]),
+        (with("continuous", "<dynamics damping='-1'/>"), &["joint \"j\" <dynamics>", "damping is -1"]),
+        (with("continuous", "<mimic joint='k'/>"), &["joint \"j\" <mimic>", "not supported"]),
+        (robot(&(two.clone() + &joint("j", "fixed", "foot", "leg", ""))), &["joint \"j\" <child>", "no link \"leg\""]),
+        (robot(&(two.clone() + "<joint name='j' type='fixed'/>")), &["joint \"j\"", "<parent> is missing"]),
+        (robot(&two), &["<robot>", "several links without parent (foot, arm)", "choose the base"]),
+        (
+            robot(&(two.clone() + &joint("j", "fixed", "foot", "arm", "") + &joint("k", "fixed", "foot", "arm", ""))),
+            &["line 5", "\"arm\" is the child of joint \"j\" already"],
+        ),
+        (
+            robot(&(two.clone() + &joint("j", "fixed", "foot", "arm", "") + &joint("k", "fixed", "arm", "foot", ""))),
+            &["loop"],
+        ),
+        (
+            robot(&(link("foot") + "<link name='arm'/>" + &joint("j", "revolute", "foot", "arm", limit))),
+            &["link \"arm\"", "no mass"],
+        ),
+        (masses("", "1"), &["link \"hull\" <inertial> <mass>", "attribute value is missing"]),
+        (masses("value='-3'", "1"), &["link \"hull\" <inertial> <mass>", "value is -3"]),
+        (masses("value='1'", "-1"), &["link \"hull\" <inertial> <inertia>", "-1.0000e0"]),
+        (masses("value='1'", "5"), &["link \"hull\" <inertial> <inertia>", "5.0000e0", "sum of the others"]),
+        (masses("value='1'", "heavy"), &["<inertia>", "ixx=\"heavy\""]),
+        (hull("<inertial><mass value='1'/></inertial>"), &["link \"hull\" <inertial>", "<inertia> is missing"]),
+        (hull("<collision/>"), &["link \"hull\" <collision>", "<geometry> is missing"]),
+        (geometry(""), &["link \"hull\" <collision> <geometry>", "is empty"]),
+        (geometry("<cone/>"), &["<geometry> <cone>", "none of box"]),
+        (geometry("<box size='1 0 1'/>"), &["<geometry> <box>", "edges must be > 0"]),
+        (geometry("<sphere/>"), &["<geometry> <sphere>", "attribute radius is missing"]),
+        (geometry("<cylinder radius='1' length='-2'/>"), &["<cylinder>", "length is -2"]),
+    ];
+    for (text, parts) in cases {
+        let message = import(&text, None, None).map(|_| text.clone()).unwrap_err().to_string();
+        for part in parts.iter().chain(&["folder/arm.urdf: "]) {
+            assert!(message.contains(part), "{text}\n'{message}' has no '{part}'");
+        }
+        assert!(!message.contains('\n'), "{message}");
+    }
+    let message = import(ALPHA, Some("leg"), None).unwrap_err().to_string();
+    assert!(message.contains("no link \"leg\" for the base") && message.contains("wrist"), "{message}");
+    let message = import(ALPHA, Some("elbow"), Some("foot")).unwrap_err().to_string();
+    assert!(message.contains("\"foot\": does not hang on the base link \"elbow\""), "{message}");
+}
+
+#[test]
+fn nine_moving_joints_are_one_too_many() {
+    let names: Vec<_> = (0..10).map(|i| format!("l{i}")).collect();
+    let links: String = names.iter().map(|name| link(name)).collect();
+    let joints = |n: usize| -> String {
+        (0..n).map(|i| joint(&format!("j{i}"), "continuous", &names[i], &names[i + 1], "")).collect()
+    };
+    let message = import(&robot(&(links.clone() + &joints(9))), None, None).unwrap_err().to_string();
+    assert!(message.contains("9 moving joints") && message.contains("at most 8"), "{message}");
+    assert_eq!(import(&robot(&(links + &joints(9))), Some("l1"), None).unwrap().scene.joints().count(), 8);
+}
