@@ -13,7 +13,7 @@ mod derived;
 mod fault;
 mod fin;
 pub(crate) mod numbers;
-mod path;
+pub mod path;
 mod provenance;
 mod read;
 mod scene;

@@ -5,10 +5,10 @@
 //! drag: equal to the quadratic one at a stated speed. Shapes do not shield each other.
 
 mod body;
-mod lamb;
+pub mod lamb;
 mod outline;
-mod solid;
-mod tables;
+pub mod solid;
+pub mod tables;
 mod text;
 
 pub use body::Estimate;

@@ -7,7 +7,7 @@
 use std::f64::consts::FRAC_PI_4;
 
 /// Line through points of ascending abscissa; beyond them the value at the end.
-fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
+pub fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
     let after = points.partition_point(|point| point.0 < x);
     let (from, to) = (points[after.saturating_sub(1)], points[after.min(points.len() - 1)]);
     if from.0 == to.0 { from.1 } else { from.1 + (to.1 - from.1) * (x - from.0) / (to.0 - from.0) }
@@ -121,26 +121,4 @@ pub fn face(long_over_short: f64) -> f64 {
 pub fn ellipsoid(length_over_width: f64) -> f64 {
     const POINTS: [(f64, f64); 6] = [(0.0, 1.17), (0.75, 0.5), (1.0, SPHERE), (2.0, 0.27), (4.0, 0.25), (8.0, 0.2)];
     interpolate(&POINTS, length_over_width)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn tables_give_their_points_and_lines_between_them() {
-        assert_eq!(interpolate(&[(0.0, 1.0), (1.0, 3.0), (2.0, 0.0)], 0.5), 2.0);
-        assert_eq!(interpolate(&[(0.0, 1.0), (1.0, 3.0), (2.0, 0.0)], 1.0), 3.0);
-        assert_eq!(interpolate(&[(0.0, 1.0), (1.0, 3.0)], -1.0), 1.0);
-        assert_eq!(interpolate(&[(0.0, 1.0), (1.0, 3.0)], 9.0), 3.0);
-        assert_eq!((plate(1.0), plate(0.0), rectangle(1.0)), (0.579, 1.0, 1.51));
-        assert!((finite_cylinder(5.0) - 0.9).abs() < 1e-12 && (finite_cylinder(0.6) - 0.31).abs() < 1e-12);
-    }
-
-    #[test]
-    fn perforation_takes_the_factors_of_the_petasus_scene() {
-        assert!((perforated(0.5) - 0.2397).abs() < 5e-5 && (perforated(0.34) - 0.4244).abs() < 5e-5);
-        assert_eq!((perforated(0.0), perforated(0.05)), (1.0, 1.0));
-        assert!(perforated(0.33999) - perforated(0.34) < 0.01);
-    }
 }

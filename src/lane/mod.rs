@@ -26,7 +26,7 @@ pub use dual::Dual;
 pub use elementary::{atan2, exp, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;
-pub use transpose::transpose;
+pub use transpose::{Entry, transpose};
 
 /// One number of each instance in a group of `LANES` instances.
 pub trait Lane:

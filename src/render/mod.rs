@@ -5,18 +5,15 @@
 
 mod arm;
 mod backdrop;
-mod camera;
-mod hull;
-mod marks;
-mod mesh;
-mod paint;
-mod raster;
+pub mod camera;
+pub mod hull;
+pub mod marks;
+pub mod mesh;
+pub mod paint;
+pub mod raster;
 mod renderer;
 mod shadow;
-#[cfg(test)]
-mod tests;
-
 pub use renderer::{Renderer, Settings, Shot};
 
 /// Vectors of the picture: single precision, and relative to what the camera looks at.
-type Vector = nalgebra::Vector3<f32>;
+pub type Vector = nalgebra::Vector3<f32>;

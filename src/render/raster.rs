@@ -241,13 +241,11 @@ impl Canvas {
     }
 
     /// How many samples of each pixel hold something.
-    #[cfg(test)]
     pub fn coverage(&self) -> Vec<usize> {
         self.nearness.iter().map(|n| n.iter().filter(|n| **n > 0.0).count()).collect()
     }
 
     /// Samples of a pixel.
-    #[cfg(test)]
     pub fn samples(&self, x: usize, y: usize) -> [u32; SAMPLES] {
         self.colours[y * self.width + x]
     }

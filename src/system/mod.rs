@@ -7,7 +7,7 @@ mod factors;
 mod fins_and_tether;
 mod joint_frames;
 mod model;
-mod propulsion;
+pub mod propulsion;
 mod state;
 
 pub use crate::hydro::{THRUSTERS, Thrusts};

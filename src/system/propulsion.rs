@@ -55,7 +55,7 @@ const RANGE: [f64; 2] = [1134.0, 1887.0];
 const PIECES: usize = 16;
 
 /// Map and dead band of a T200 whose limits correspond to the full pulse widths.
-fn t200_map(limits: [f64; 2]) -> (Option<[Branch<f64>; 2]>, [f64; 2]) {
+pub fn t200_map(limits: [f64; 2]) -> (Option<[Branch<f64>; 2]>, [f64; 2]) {
     let per_pulse = |side: usize| limits[side].abs() / (RANGE[side] - NEUTRAL).abs();
     let band = [0, 1].map(|side| (DEAD_BAND[side] - NEUTRAL) * per_pulse(side));
     let branch_to = |side: usize| {
@@ -75,7 +75,7 @@ fn t200_map(limits: [f64; 2]) -> (Option<[Branch<f64>; 2]>, [f64; 2]) {
 
 /// Thrust of a T200 in still water at a pulse width from 1134 to 1887 us, N, without the dead band: inverse of the published
 /// `1498 + 12.01 T - 0.04731 T^2 - 0.002098 T^3 + 2.251e-5 T^4`, which increases from -40 to 60 N.
-fn t200_thrust(pulse: f64) -> f64 {
+pub fn t200_thrust(pulse: f64) -> f64 {
     let pulse_of = |t: f64| 1498.0 + t * (12.01 + t * (-0.04731 + t * (-0.002098 + t * 2.251e-5)));
     let (mut low, mut high) = (-40.0, 60.0);
     for _ in 0..60 {
@@ -83,20 +83,4 @@ fn t200_thrust(pulse: f64) -> f64 {
         if pulse_of(middle) < pulse { low = middle } else { high = middle }
     }
     0.5 * (low + high)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Published: 1498 + 12.01 T - ..., so 1 N takes 1498 + 12.01 - 0.04731 - 0.002098 + 2.251e-5 us.
-    #[test]
-    fn val_the_t200_curve_is_inverted() {
-        for (thrust, pulse) in
-            [(1.0, 1_509.960_614_51), (-1.0, 1_485.944_81), (20.0, 1_706.093_6), (-30.0, 1_170.000_1)]
-        {
-            assert!((t200_thrust(pulse) - thrust).abs() < 1e-3, "{pulse}: {}", t200_thrust(pulse));
-        }
-        assert!((t200_thrust(1134.0) + 40.0).abs() < 1.5 && (t200_thrust(1887.0) - 60.0).abs() < 0.1);
-    }
 }

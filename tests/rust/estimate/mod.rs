@@ -1,5 +1,9 @@
 //! Numbers from shapes: against the shipped scene that was derived by hand, and against each other.
 
+mod lamb;
+mod solid;
+mod tables;
+
 use nalgebra::{Matrix6, Rotation3, Vector3};
 use uvms_gym::description::{Body, Scene, SceneWarning};
 use uvms_gym::estimate::{Estimate, Outline};

@@ -4,14 +4,13 @@ use std::collections::HashMap;
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
-
-use super::camera::Camera;
-use super::hull::hull;
-use super::mesh::Mesh;
-use super::paint::{Paint, Water, decay};
-use super::raster::{Canvas, Corner};
-use super::{Renderer, Settings, Shot, Vector, marks};
-use crate::description::{Scene, Shape, ShapeKind};
+use uvms_gym::description::{Scene, Shape, ShapeKind};
+use uvms_gym::render::camera::Camera;
+use uvms_gym::render::hull::hull;
+use uvms_gym::render::mesh::Mesh;
+use uvms_gym::render::paint::{Paint, Water, decay};
+use uvms_gym::render::raster::{Canvas, Corner};
+use uvms_gym::render::{Renderer, Settings, Shot, Vector, marks};
 
 const SIZE: [usize; 2] = [64, 48];
 
@@ -273,7 +272,7 @@ fn tip(picture: &[u8], width: usize) -> Option<[f64; 2]> {
 fn the_end_effector_is_drawn_where_the_kinematics_has_it() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let scene = Scene::shipped(name).unwrap();
-        let kinematics = crate::system::EndEffector::new(&scene);
+        let kinematics = uvms_gym::system::EndEffector::new(&scene);
         let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
         for (step, azimuth) in [(0.0, 0.0), (0.15, 0.1), (-0.2, 0.0)] {
             let mut q = scene.home();

@@ -3,6 +3,7 @@
 mod dual;
 mod elementary;
 mod steps;
+mod transpose;
 
 use crate::random_scene::{Options, Random, random_scene};
 use uvms_gym::description::Scene;

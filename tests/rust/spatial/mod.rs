@@ -1,5 +1,7 @@
 //! Spatial inertia in 21 numbers and the screw moves, against plain 6x6 matrices and general changes of frame.
 
+mod point;
+
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::random_scene::Random;

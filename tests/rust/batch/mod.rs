@@ -1,0 +1,4 @@
+//! Many instances at once.
+
+mod instances;
+mod task;

@@ -1,0 +1,3 @@
+//! Controllers and thruster allocation.
+
+mod mlp;

@@ -1,0 +1,6 @@
+//! Scenes as data: reading, checking, warnings.
+
+mod malformed_scenes;
+mod path;
+mod plausible;
+mod scenes;

@@ -1,0 +1,6 @@
+//! Equations of motion.
+
+mod articulated;
+mod closed_form;
+mod implicit;
+mod momentum;

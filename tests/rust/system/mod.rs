@@ -1,0 +1,4 @@
+//! Compiled scenes.
+
+mod chains;
+mod propulsion;
