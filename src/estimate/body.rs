@@ -1,4 +1,4 @@
-//! The body that shapes make up.
+//! Estimate of a body from its shapes.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
@@ -6,16 +6,16 @@ use super::solid::{Solid, others};
 use super::{Ends, Outline, Shape, tables};
 use crate::description::{Body, Damping, Frame};
 
-/// A body derived from shapes, and how.
+/// A body estimated from shapes, with its formulas.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
-    /// The body; with one shape, its hydrodynamics stand in the shape's frame, else at the body's origin.
+    /// The body. Added mass and damping are in the frame of a single shape; of several shapes, in the body frame.
     pub body: Body,
-    /// By the body's keys, the formula behind the numbers.
+    /// Formula of each key of the body.
     pub formulas: Vec<(&'static str, String)>,
 }
 
-/// The twist in a frame, from the twist of the body frame: `Ad^-1`.
+/// `Ad^-1`: transforms a twist from the body frame to another frame.
 fn twist_in(frame: &Frame) -> Matrix6<f64> {
     let r_t = frame.rotation().transpose();
     let mut x = Matrix6::zeros();
@@ -25,12 +25,12 @@ fn twist_in(frame: &Frame) -> Matrix6<f64> {
     x
 }
 
-/// Seven digits: nobody knows more, and a sum of rounded entries is still semi-definite.
+/// Rounds to seven digits: more are never known, and sums of rounded entries stay semi-definite.
 fn digits(x: f64) -> f64 {
     format!("{x:.6e}").parse().expect("it was written as a number")
 }
 
-/// Rounds a matrix; what rotations by right angles leave of zeros becomes zero.
+/// Rounds a matrix; rounding errors of rotations by right angles become 0.
 fn rounded<const N: usize>(m: nalgebra::SMatrix<f64, N, N>) -> nalgebra::SMatrix<f64, N, N> {
     let scale = |i: usize, j: usize| (m[(i, i)] * m[(j, j)]).abs().sqrt();
     nalgebra::SMatrix::from_fn(|i, j| if m[(i, j)].abs() <= 1e-9 * scale(i, j) { 0.0 } else { digits(m[(i, j)]) })
@@ -40,7 +40,7 @@ fn rounded_vector(v: Vector3<f64>) -> Vector3<f64> {
     v.map(|x| if x.abs() < 1e-12 { 0.0 } else { digits(x) })
 }
 
-/// One shape's diagonals in its own frame.
+/// Diagonals of one shape in its own frame.
 struct Hydrodynamics {
     added_mass: Vector6<f64>,
     quadratic: Vector6<f64>,
@@ -48,12 +48,13 @@ struct Hydrodynamics {
 }
 
 fn hydrodynamics(shape: &Shape, solid: &Solid, outline: &Outline) -> Hydrodynamics {
-    let left = shape.perforation.map(tables::perforated);
+    let remaining = shape.perforation.map(tables::perforated);
     let closed = shape.solidities();
-    // Turning moves water across both other axes: the greater factor on added mass, the mean on drag.
+    // Rotation moves water across both other axes: the greater factor applies to added mass, the mean to damping.
     let turning = |i: usize| others(i);
-    let on_mass =
-        |i: usize| if i < 3 { left[i] } else { turning(i - 3).map(|j| left[j]).into_iter().fold(0.0, f64::max) };
+    let on_mass = |i: usize| {
+        if i < 3 { remaining[i] } else { turning(i - 3).map(|j| remaining[j]).into_iter().fold(0.0, f64::max) }
+    };
     let on_drag =
         |i: usize| if i < 3 { closed[i] } else { turning(i - 3).map(|j| closed[j]).iter().sum::<f64>() / 2.0 };
     let (mass, drag) =
@@ -67,13 +68,13 @@ fn hydrodynamics(shape: &Shape, solid: &Solid, outline: &Outline) -> Hydrodynami
 }
 
 impl Outline {
-    /// The body that the shapes make up.
+    /// Estimates the body from its shapes.
     ///
-    /// Added mass and linear drag of several shapes are exact sums about the body's origin (parallel axes). Quadratic drag is not
-    /// covariant: its columns are exact for motion along or about any one axis of the body.
+    /// Added mass and linear damping of several shapes are exact sums about the body's origin (parallel axes). Quadratic damping is
+    /// not covariant: its columns are exact for motion along or about a single axis of the body.
     ///
     /// # Panics
-    /// With an outline that was not checked on reading: a shape of no or of several kinds.
+    /// If a shape has no kind or several kinds, in an outline that was not checked on reading.
     pub fn estimate(&self) -> Estimate {
         let solids: Vec<_> = self.shapes.iter().map(|shape| shape.solid().expect("checked on reading")).collect();
         let shapes = || self.shapes.iter().zip(&solids);
@@ -105,7 +106,7 @@ impl Outline {
         Estimate { body, formulas }
     }
 
-    /// Added mass and drag.
+    /// Sets added mass and damping.
     fn water(&self, body: &mut Body, solids: &[Solid]) {
         if let ([shape], [solid]) = (&self.shapes[..], solids) {
             let Hydrodynamics { added_mass, quadratic, linear } = hydrodynamics(shape, solid, self);
@@ -130,7 +131,7 @@ impl Outline {
     }
 }
 
-/// How a kind of solid's added mass is found.
+/// Formula of the added mass of a solid.
 pub(super) fn added_mass_formula(solid: &Solid, ends: Ends) -> &'static str {
     match (solid, ends) {
         (Solid::Ellipsoid(_), _) => "ellipsoid, potential flow (Lamb 1932 art. 114-115)",
@@ -155,7 +156,7 @@ pub(super) fn added_mass_formula(solid: &Solid, ends: Ends) -> &'static str {
     }
 }
 
-/// How a kind of solid's quadratic drag is found.
+/// Formula of the quadratic damping of a solid.
 pub(super) fn drag_formula(solid: &Solid, ends: Ends) -> &'static str {
     match (solid, ends) {
         (Solid::Ellipsoid(_), _) => "ellipsoid: 1/2 rho C_D(l/w) frontal area (White table 7.3)",

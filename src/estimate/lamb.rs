@@ -28,7 +28,7 @@ fn r_d(mut x: f64, mut y: f64, mut z: f64) -> f64 {
     }
 }
 
-/// Diagonal of the added mass about the centre, along the axes, of an ellipsoid of these semi-axes.
+/// Diagonal of the added mass of an ellipsoid about its centre, along its axes.
 pub fn ellipsoid(semi_axes: Vector3<f64>, density: f64) -> [f64; 6] {
     let square = semi_axes.component_mul(&semi_axes);
     let product = semi_axes.product();
@@ -41,7 +41,7 @@ pub fn ellipsoid(semi_axes: Vector3<f64>, density: f64) -> [f64; 6] {
         }
         let (j, k) = ((i + 1) % 3, (i + 2) % 3);
         let difference = square[j] - square[k];
-        // It goes with the square of the difference, to 0 for a body of revolution.
+        // Proportional to the square of the difference: 0 for a body of revolution.
         if difference.abs() < 1e-6 * square[j].max(square[k]) {
             return 0.0;
         }

@@ -1,8 +1,8 @@
-//! A body's numbers from its shape: boxes, cylinders, capsules and ellipsoids in water.
+//! Estimates of mass, buoyancy, added mass and damping of bodies of boxes, cylinders, capsules and ellipsoids.
 //!
 //! Added mass: potential flow for ellipsoids `[Lamb 1932]`, strip theory and published tables for the others `[DNV-H103]`,
-//! `[F21 ch. 6]`. Quadratic drag: projected areas and published coefficients `[Hoerner]`, `[White]`, `[DNV-C205]`. Linear
-//! drag: equal to the quadratic one at a stated speed. Shapes do not shield each other.
+//! `[F21 ch. 6]`. Quadratic damping: projected areas and published coefficients `[Hoerner]`, `[White]`, `[DNV-C205]`.
+//! Linear damping: equal to the quadratic one at a stated speed. Shapes do not shield each other.
 
 mod body;
 pub mod lamb;

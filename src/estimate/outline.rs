@@ -1,4 +1,4 @@
-//! What a user writes: shapes, where they are, and how open.
+//! Outline of a body: its shapes, as users state them.
 
 use std::path::Path;
 
@@ -9,17 +9,17 @@ use super::solid::Solid;
 use crate::description::{Frame, numbers, read_value};
 use crate::error::{DescriptionError, Problem};
 
-/// Shapes that make up one body, and the water that they move through.
+/// Shapes of a body, and the water.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outline {
     /// Density of the water, kg/m3.
     #[serde(default = "fresh_water")]
     pub density: f64,
-    /// Speed, m/s, and rate, rad/s, at which linear drag equals quadratic drag.
+    /// Speed, m/s, and rate, rad/s, at which linear damping equals quadratic damping.
     #[serde(default = "slow", with = "numbers::array")]
     pub speed: [f64; 2],
-    /// Shapes; they do not overlap, and their water is added up.
+    /// Shapes, without overlap; their volumes and coefficients are summed.
     pub shapes: Vec<Shape>,
 }
 
@@ -31,11 +31,11 @@ fn slow() -> [f64; 2] {
     [0.1, 0.3]
 }
 
-/// One shape: one of `box`, `cylinder`, `capsule`, `ellipsoid`.
+/// A shape: exactly one of `box`, `cylinder`, `capsule`, `ellipsoid`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shape {
-    /// Name, for people.
+    /// Name.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// Edges along x, y, z, m.
@@ -44,7 +44,7 @@ pub struct Shape {
     /// A cylinder with flat ends.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cylinder: Option<Round>,
-    /// A cylinder between half spheres.
+    /// A cylinder between hemispheres.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub capsule: Option<Round>,
     /// Semi-axes along x, y, z, m.
@@ -53,24 +53,24 @@ pub struct Shape {
     /// Centre in the body frame, m.
     #[serde(with = "numbers::vector3")]
     pub position: Vector3<f64>,
-    /// Roll, pitch, yaw of the shape's axes, rad.
+    /// Roll, pitch, yaw of the shape's axes in the body frame, rad.
     #[serde(with = "numbers::vector3")]
     pub rpy: Vector3<f64>,
-    /// Whether water flows around the ends of a box or cylinder, or something continues it there.
+    /// Ends of a box or cylinder: free, or joined to the next part.
     pub ends: Ends,
-    /// Open part of the faces across x, y, z (or of all alike), 0 to 0.5: what it leaves of added mass is published for that.
+    /// Open fraction of the faces across x, y, z (or of all), 0 to 0.5, the range of the published reduction of added mass.
     #[serde(with = "numbers::axes")]
     pub perforation: [f64; 3],
-    /// Drag over that of the closed shape, per axis or for all alike. Without: what `perforation` leaves closed.
+    /// Damping over that of the closed shape, per axis or for all; default: the closed fraction of the faces.
     #[serde(with = "numbers::optional_axes", skip_serializing_if = "Option::is_none")]
     pub solidity: Option<[f64; 3]>,
-    /// Displaced part of the envelope, 0 to 1. Without: 1.
+    /// Displaced fraction of the envelope, 0 to 1; default 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub displaced: Option<f64>,
-    /// Mass, kg, spread evenly over the envelope. Without: `relative_density`.
+    /// Mass, kg, homogeneous in the envelope; default: from `relative_density`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,
-    /// Mass over that of the displaced water. Without, and without `mass`: 1.
+    /// Mass over that of the displaced water; default 1, unless `mass` is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_density: Option<f64>,
 }
@@ -79,11 +79,11 @@ pub struct Shape {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
-    /// m.
+    /// Radius, m.
     pub radius: f64,
-    /// m; of a capsule without its half spheres.
+    /// Length, m; of a capsule without its hemispheres.
     pub length: f64,
-    /// "x", "y" or "z".
+    /// Axis: "x", "y" or "z".
     #[serde(default)]
     pub axis: Axis,
 }
@@ -101,14 +101,14 @@ pub enum Axis {
     Z,
 }
 
-/// What is at the ends of a box or cylinder.
+/// Ends of a box or cylinder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Ends {
-    /// Water, which flows around them: coefficients of finite bodies.
+    /// In the water: coefficients of finite bodies.
     #[default]
     Free,
-    /// The next part, as in an arm: strip theory, as of a part of an endless body.
+    /// Joined to the next part, as in an arm: strip theory, as for a section of an infinite body.
     Joined,
 }
 
@@ -182,7 +182,7 @@ impl Outline {
     /// Reads and checks a tree of values; `source_name` appears in errors.
     ///
     /// # Errors
-    /// [`DescriptionError::Value`] names the source, the key and the value of the first thing that is wrong.
+    /// [`DescriptionError::Value`] names source, key and value of the first problem.
     pub fn from_value(value: toml::Value, source_name: &str) -> Result<Self, DescriptionError> {
         let outline: Self = read_value(value, source_name)?;
         match outline.faults() {

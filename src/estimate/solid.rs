@@ -1,4 +1,4 @@
-//! Mass, added mass and drag of one solid, about its centre and along its own axes.
+//! Inertia, added mass and quadratic damping of a solid, about its centre and along its axes.
 
 use std::f64::consts::PI;
 
@@ -11,20 +11,20 @@ use super::{Ends, lamb, tables};
 pub enum Solid {
     /// Edges along x, y, z, m.
     Box(Vector3<f64>),
-    /// About the axis of that index.
+    /// Cylinder about the axis of this index.
     Cylinder { radius: f64, length: f64, axis: usize },
-    /// A cylinder between half spheres; `length` is the cylinder's.
+    /// Capsule: a cylinder between hemispheres; `length` is the cylinder's.
     Capsule { radius: f64, length: f64, axis: usize },
     /// Semi-axes along x, y, z, m.
     Ellipsoid(Vector3<f64>),
 }
 
-/// Turns what holds for a body along x into what holds along another axis.
+/// Permutes the diagonal of a body along x to another axis.
 fn along(axis: usize, along: f64, across: f64) -> Vector3<f64> {
     Vector3::from_fn(|i, _| if i == axis { along } else { across })
 }
 
-/// The two other axes.
+/// Indices of the two other axes.
 pub fn others(axis: usize) -> [usize; 2] {
     [(axis + 1) % 3, (axis + 2) % 3]
 }
@@ -33,7 +33,7 @@ fn join(linear: Vector3<f64>, angular: Vector3<f64>) -> [f64; 6] {
     std::array::from_fn(|i| if i < 3 { linear[i] } else { angular[i - 3] })
 }
 
-/// Shorter and longer of two edges.
+/// Two edges in ascending order.
 fn sort(a: f64, b: f64) -> (f64, f64) {
     (a.min(b), a.max(b))
 }
@@ -59,7 +59,7 @@ impl Solid {
         }
     }
 
-    /// Index of the longest axis of a box, of the axis of a round solid.
+    /// Index of the longest axis of a box, or of the axis of a round solid.
     fn axis(&self) -> usize {
         match *self {
             Self::Cylinder { axis, .. } | Self::Capsule { axis, .. } => axis,
@@ -67,7 +67,7 @@ impl Solid {
         }
     }
 
-    /// Principal moments of inertia of a mass spread evenly, kg m2.
+    /// Principal moments of inertia of a homogeneous mass, kg m2.
     pub fn inertia(&self, mass: f64) -> Vector3<f64> {
         let from_squares = |s: Vector3<f64>| mass * Vector3::new(s.y + s.z, s.z + s.x, s.x + s.y);
         match *self {
@@ -79,7 +79,7 @@ impl Solid {
             Self::Capsule { radius: r, length: l, axis } => {
                 let ends = 4.0 / 3.0 * r / (l + 4.0 / 3.0 * r);
                 let across = r * r * ((1.0 - ends) / 4.0 + ends / 5.0);
-                // Half spheres, whose centres of mass lie 3/8 r behind the cylinder's ends.
+                // Hemispheres, with centres of mass 3/8 r beyond the cylinder's ends.
                 let far = r * r / 5.0 + l * l / 4.0 + 3.0 / 8.0 * l * r;
                 from_squares(along(axis, (1.0 - ends) * l * l / 12.0 + ends * far, across))
             }
@@ -102,7 +102,7 @@ impl Solid {
             }
             (Self::Cylinder { radius, length, axis }, Ends::Free) => {
                 let across = tables::finite_cylinder(length / (2.0 * radius)) * displaced;
-                // A square prism with ends of the same area; turning, strips and the disc's 16/45 rho r^5.
+                // Axial: a square prism with ends of the same area. Rotation: strips, and 16/45 rho r^5 of the disc.
                 let side = PI.sqrt() * radius;
                 let end = 8.0 / 3.0 * density * radius.powi(3) * tables::square_prism(length / side);
                 let turning = across * length * length / 12.0 + 16.0 / 45.0 * density * radius.powi(5);
@@ -121,7 +121,7 @@ impl Solid {
         }
     }
 
-    /// Diagonal of the quadratic drag: N s2/m2 and N m s2/rad2.
+    /// Diagonal of the quadratic damping: N s2/m2 and N m s2/rad2.
     pub fn quadratic_damping(&self, density: f64, ends: Ends) -> [f64; 6] {
         let (cd, half) = (self.drag_coefficients(ends), self.extent() / 2.0);
         let pressure = density / 2.0;
@@ -137,14 +137,14 @@ impl Solid {
             Self::Cylinder { radius, length, axis } | Self::Capsule { radius, length, axis } => {
                 let end = PI * radius * radius;
                 let (side, nose) = (2.0 * radius * length, matches!(self, Self::Capsule { .. }));
-                // Across, the ends of a capsule are half spheres.
+                // In cross flow, the ends of a capsule are hemispheres.
                 let across = pressure * (cd[(axis + 1) % 3] * side + if nose { tables::SPHERE * end } else { 0.0 });
                 let turning = pressure * cd[(axis + 1) % 3] * radius * half[axis].powi(4);
                 join(along(axis, pressure * cd[axis] * end, across), along(axis, 0.0, turning))
             }
             Self::Ellipsoid(s) => {
                 let linear = Vector3::from_fn(|i, _| pressure * cd[i] * PI * s.product() / s[i]);
-                // Strips along the longer axis of the section that turns; a round section has but friction.
+                // Strips along the longer axis of the rotating section; a round section has only friction, which is neglected.
                 let angular = Vector3::from_fn(|i, _| {
                     let [j, k] = others(i);
                     let (long, short) = if s[j] > s[k] { (j, k) } else { (k, j) };
@@ -176,8 +176,8 @@ impl Solid {
     }
 }
 
-/// Added volume of a box with free ends that moves along an axis: of a rectangular plate, times what thickness adds, which
-/// for a square plate and for a long one is published.
+/// Added volume of a box with free ends in translation along an axis: that of a rectangular plate times a thickness factor,
+/// which is published for square and for long plates.
 fn free_box(size: Vector3<f64>, axis: usize) -> f64 {
     let [j, k] = others(axis);
     let (short, long) = sort(size[j], size[k]);
@@ -186,14 +186,14 @@ fn free_box(size: Vector3<f64>, axis: usize) -> f64 {
     plate * (squareness * tables::square_prism(thickness) + (1.0 - squareness) * tables::rectangle(thickness))
 }
 
-/// Added area of a strip across `long` that moves along an axis.
+/// Added area of a strip across `long` in translation along an axis.
 fn strip(size: Vector3<f64>, axis: usize, long: usize) -> f64 {
     let width = size[3 - axis - long];
     tables::rectangle(size[axis] / width) * PI / 4.0 * width * width
 }
 
-/// Added moment over density of a box that turns about an axis: of the section that turns or of strips along its longer side that
-/// move, whichever is less, as either takes the box for endless.
+/// Added moment of inertia over density of a box about an axis: that of the rotating section or of translating strips along the
+/// longer side, whichever is less, as both assume an infinite box.
 fn turning_box(size: Vector3<f64>, axis: usize, long: usize, ends: Ends) -> f64 {
     let [j, k] = others(axis);
     let (short, wide) = sort(size[j], size[k]);

@@ -1,4 +1,4 @@
-//! Published coefficients, with straight lines between their points.
+//! Published coefficients, interpolated linearly.
 //!
 //! `[DNV-H103]`: DNV-RP-H103, Modelling and Analysis of Marine Operations, appendix A and section 4.6.
 //! `[DNV-C205]`: DNV-RP-C205, Environmental Conditions and Environmental Loads, section 6.
@@ -6,7 +6,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-/// Line through points of ascending abscissa; beyond them the value at the end.
+/// Linear interpolation between points of ascending abscissa, constant beyond the ends.
 pub fn interpolate(points: &[(f64, f64)], x: f64) -> f64 {
     let after = points.partition_point(|point| point.0 < x);
     let (from, to) = (points[after.saturating_sub(1)], points[after.min(points.len() - 1)]);
@@ -57,7 +57,7 @@ pub fn rectangle(thickness_over_width: f64) -> f64 {
     interpolate(&POINTS, thickness_over_width)
 }
 
-/// Added moment of a turning rectangular section over `pi rho (long/2)^4`. `[DNV-H103 table A-1]`
+/// Added moment of inertia of a rotating rectangular section over `pi rho (long/2)^4`. `[DNV-H103 table A-1]`
 pub fn turning_rectangle(short_over_long: f64) -> f64 {
     const POINTS: [(f64, f64); 5] = [(0.0, 0.125), (0.1, 0.147), (0.2, 0.15), (0.5, 0.15), (1.0, 0.234)];
     interpolate(&POINTS, short_over_long)
@@ -67,11 +67,11 @@ pub fn turning_rectangle(short_over_long: f64) -> f64 {
 pub fn finite_cylinder(length_over_diameter: f64) -> f64 {
     const POINTS: [(f64, f64); 6] =
         [(0.0, 1.0), (1.0 / 9.0, 0.96), (0.2, 0.9), (0.4, 0.78), (1.0 / 1.2, 0.62), (10.0, 0.62)];
-    // Below the table it goes to 0 with the length, as that of a disc on edge does.
+    // Below the table it is proportional to the length, as for a disc on edge.
     interpolate(&POINTS, 1.0 / length_over_diameter) * (length_over_diameter / 1.2).min(1.0)
 }
 
-/// What perforation, as a fraction of the area, leaves of added mass. `[DNV-H103 section 4.6.4]`
+/// Added mass of a perforated over that of a closed face, by the open fraction of its area. `[DNV-H103 section 4.6.4]`
 pub fn perforated(perforation: f64) -> f64 {
     let percent = 100.0 * perforation;
     if percent <= 5.0 {
@@ -94,14 +94,14 @@ pub const CUBE: f64 = 1.05;
 /// Drag coefficient of a sphere, subcritical. `[White]`
 pub const SPHERE: f64 = 0.47;
 
-/// Drag of a cylinder of finite length over that of a part of an endless one. `[DNV-C205 table 6-2]`
+/// Drag of a cylinder of finite length over that of a section of an infinite one. `[DNV-C205 table 6-2]`
 pub fn slender_cylinder(length_over_diameter: f64) -> f64 {
     const POINTS: [(f64, f64); 7] =
         [(2.0, 0.58), (5.0, 0.62), (10.0, 0.68), (20.0, 0.74), (40.0, 0.82), (50.0, 0.87), (100.0, 0.98)];
     interpolate(&POINTS, length_over_diameter)
 }
 
-/// Drag coefficient of a box's face: from the cube's to the square section's by the slenderness factor of plates. `[DNV-C205
+/// Drag coefficient of a box's face: from that of a cube to that of a square section, by the slenderness factor of plates. `[DNV-C205
 /// table 6-2]`
 pub fn face(long_over_short: f64) -> f64 {
     const POINTS: [(f64, f64); 8] = [
@@ -117,7 +117,7 @@ pub fn face(long_over_short: f64) -> f64 {
     interpolate(&POINTS, long_over_short)
 }
 
-/// Drag coefficient of an ellipsoid, from a disc's, on its frontal area. `[White]`
+/// Drag coefficient of an ellipsoid by its frontal area, starting from that of a disc. `[White]`
 pub fn ellipsoid(length_over_width: f64) -> f64 {
     const POINTS: [(f64, f64); 6] = [(0.0, 1.17), (0.75, 0.5), (1.0, SPHERE), (2.0, 0.27), (4.0, 0.25), (8.0, 0.2)];
     interpolate(&POINTS, length_over_width)

@@ -1,4 +1,4 @@
-//! Formulas in words, and a body as TOML to paste.
+//! Formulas in words, and the TOML table of a body.
 
 use toml::Value;
 
@@ -6,7 +6,7 @@ use super::body::{added_mass_formula, drag_formula};
 use super::solid::Solid;
 use super::{Estimate, Outline};
 
-/// Texts joined, each but once.
+/// Joins texts without duplicates.
 fn distinct<'a>(texts: impl Iterator<Item = &'a str>) -> String {
     let mut list: Vec<&str> = Vec::new();
     texts.for_each(|text| {
@@ -33,7 +33,7 @@ impl Outline {
             (None, Some(_)) => "relative density times displaced water",
             (None, None) => "displaced water (neutral)",
         }));
-        let part = if self.shapes.iter().any(|s| s.displaced.is_some()) { " times displaced part" } else { "" };
+        let part = if self.shapes.iter().any(|s| s.displaced.is_some()) { " times displaced fraction" } else { "" };
         let open = self.shapes.iter().any(|s| s.perforation != [0.0; 3]);
         let open = if open { ", times the factor of perforation (DNV-RP-H103 4.6.4)" } else { "" };
         let closed = self.shapes.iter().any(|s| s.solidities() != [1.0; 3]);
@@ -45,10 +45,13 @@ impl Outline {
         let columns = if several { "; about the origin, exact along each single axis" } else { "" };
         vec![
             ("mass", format!("{sum}{mass}")),
-            ("center_of_mass", "centre of even shapes".to_owned()),
+            ("center_of_mass", "centre of homogeneous shapes".to_owned()),
             (
                 "inertia",
-                format!("even shapes about the centre of mass{}", if several { ", by parallel axes" } else { "" }),
+                format!(
+                    "homogeneous shapes about the centre of mass{}",
+                    if several { ", by parallel axes" } else { "" }
+                ),
             ),
             ("volume", format!("{sum}{volume}{part}")),
             ("center_of_buoyancy", "centre of the displaced volume".to_owned()),
@@ -58,12 +61,12 @@ impl Outline {
             ),
             ("added_mass", format!("{sum}{added_mass}{open}{axes}")),
             ("damping.quadratic", format!("{sum}{drag}{closed}{columns}")),
-            ("damping.linear", format!("equal to the quadratic drag at {speed} m/s and {rate} rad/s")),
+            ("damping.linear", format!("equal to the quadratic damping at {speed} m/s and {rate} rad/s")),
         ]
     }
 }
 
-/// One line, or one line per row of a matrix.
+/// TOML value in one line, or one line per row of a matrix.
 fn written(value: &Value) -> String {
     match value {
         Value::Array(rows) if rows.iter().all(Value::is_array) => {
@@ -75,8 +78,7 @@ fn written(value: &Value) -> String {
 }
 
 impl Estimate {
-    /// The body as the TOML table `table`, such as `vehicle.body`, each number with its formula in a comment, and as entries
-    /// of `[provenance]`.
+    /// The body as the TOML table `table` (example: `vehicle.body`), with formulas in comments and as entries of `[provenance]`.
     pub fn to_toml(&self, table: &str) -> String {
         let tree = Value::try_from(&self.body).expect("a body is plain data");
         let mut text = format!("[{table}]\n");

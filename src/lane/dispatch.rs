@@ -1,4 +1,4 @@
-//! Choosing the widest lane that this machine has, once per call.
+//! Dispatch of kernels to the widest lanes of this machine, once per call.
 
 use std::fmt::Debug;
 use std::sync::OnceLock;
@@ -10,7 +10,7 @@ use super::scalar::Unfused;
 #[cfg(target_arch = "x86_64")]
 use super::x86::{F32x8, F32x16, F64x4, F64x8};
 
-/// Names the instruction set to use: `avx512`, `avx2`, `neon`, `fma` or `plain`.
+/// Environment variable that forces an instruction set: `avx512`, `avx2`, `neon`, `fma` or `plain`.
 const FORCE: &str = "UVMS_INSTRUCTION_SET";
 
 /// Instruction sets that the kernel is compiled for.
@@ -28,29 +28,29 @@ pub enum Isa {
     Plain,
 }
 
-/// A forced instruction set that does not exist or that this machine lacks.
+/// A forced instruction set that is unknown or not available on this machine.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{FORCE}={0:?}: this machine offers {offers}", offers = Isa::available().map(Isa::name).collect::<Vec<_>>().join(", "))]
 pub struct UnknownIsa(pub String);
 
 impl Isa {
-    /// What this machine can run, widest first.
+    /// Instruction sets of this machine, widest first.
     pub fn available() -> impl Iterator<Item = Isa> {
         [Isa::Avx512, Isa::Avx2, Isa::Neon, Isa::Fma, Isa::Plain].into_iter().filter(|isa| isa.detected())
     }
 
-    /// The widest available, or the one that the environment variable `UVMS_INSTRUCTION_SET` names.
+    /// The widest instruction set, or the one named by the environment variable `UVMS_INSTRUCTION_SET`.
     pub fn best() -> Result<Isa, UnknownIsa> {
         Ok(Isa::chosen()?.0)
     }
 
-    /// The best for a number of instances: what one alone does in wide lanes takes longer, and has the same result.
+    /// The fastest instruction set for a number of instances: scalar for a single one, with the same result.
     pub fn best_for(instances: usize) -> Result<Isa, UnknownIsa> {
         let (best, forced) = Isa::chosen()?;
         Ok(if instances == 1 && !forced && Isa::Fma.detected() { Isa::Fma } else { best })
     }
 
-    /// The best, and whether it is forced.
+    /// The best instruction set, and true if it is forced.
     fn chosen() -> Result<(Isa, bool), UnknownIsa> {
         static CHOSEN: OnceLock<Result<(Isa, bool), UnknownIsa>> = OnceLock::new();
         CHOSEN
@@ -64,7 +64,7 @@ impl Isa {
             .clone()
     }
 
-    /// Whether its lanes hold more than one number.
+    /// True if its lanes hold more than one number.
     pub fn is_wide(self) -> bool {
         !matches!(self, Isa::Fma | Isa::Plain)
     }
@@ -94,7 +94,7 @@ impl Isa {
 
     #[cfg(not(target_arch = "x86_64"))]
     fn detected(self) -> bool {
-        // Elsewhere than on x86-64 multiply-add is part of the base instruction set, and on aarch64 NEON is too.
+        // Apart from x86-64, multiply-add is part of the base instruction set, and so is NEON on aarch64.
         match self {
             Isa::Avx512 | Isa::Avx2 => false,
             Isa::Neon => cfg!(target_arch = "aarch64"),
@@ -103,31 +103,31 @@ impl Isa {
     }
 }
 
-/// Work that runs on lanes of any width.
+/// Computation over lanes of any width.
 pub trait Kernel<T: Real> {
-    /// Does the work. Implementations, and all they call on the hot path, are `#[inline(always)]`, so that they are
-    /// compiled with the instruction set of the caller.
+    /// Runs the computation. Implementations, and all functions that they call on the hot path, are `#[inline(always)]`, so that
+    /// they are compiled with the instruction set of the caller.
     fn run<L: Lane<Real = T>>(&mut self);
 }
 
-/// A number type that lanes are made of.
+/// Number type of lanes.
 pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static {
-    /// Instances that a block of memory holds side by side: a multiple of every lane width.
+    /// Instances per block of memory: a multiple of every lane width.
     const BLOCK: usize;
     /// Unit round-off times two.
     const EPSILON: f64;
-    /// Whether shorter polynomials reach this type's accuracy.
+    /// True if shorter polynomials reach this type's accuracy.
     const SINGLE: bool;
 
     /// Nearest value.
     fn from_f64(x: f64) -> Self;
-    /// Exact.
+    /// Exact conversion.
     fn to_f64(self) -> f64;
-    /// Runs a kernel on the lanes of `isa`, which must be available on this machine (else the narrowest is used).
+    /// Runs a kernel on the lanes of `isa`; on the narrowest if `isa` is not available on this machine.
     fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
 }
 
-/// (In modules of their own, so that the compiler works on both precisions at a time.)
+/// (In separate modules, so that the compiler works on both precisions in parallel.)
 macro_rules! real {
     ($real:ty, $block:literal, $single:literal, $wide:ident, $half:ident, $neon:ident) => {
         impl Real for $real {
@@ -144,7 +144,7 @@ macro_rules! real {
                 self as f64
             }
 
-            // Each in a function of its own, by whose name its machine code is found.
+            // In separate functions, whose names identify their machine code.
             #[cfg(target_arch = "x86_64")]
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 #[target_feature(enable = "avx512f,avx2,fma")]

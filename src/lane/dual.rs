@@ -1,4 +1,4 @@
-//! Dual numbers: a value and its derivative along one direction, so that the kernel differentiates itself exactly.
+//! Dual numbers: a value and its directional derivative, for exact differentiation of the kernel.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -14,7 +14,7 @@ pub struct Dual {
 }
 
 impl Dual {
-    /// A value that moves at `slope`.
+    /// From value and derivative.
     pub fn new(value: f64, slope: f64) -> Self {
         Self { value, slope }
     }

@@ -1,4 +1,4 @@
-//! Elementary functions in lanes: the same polynomial whatever the width, so the same bits.
+//! Elementary functions in lanes: the same polynomials, hence the same bits, at every width.
 
 use std::hint::cold_path;
 
@@ -29,7 +29,7 @@ const SIN: [f64; 6] = [
     -2.505_076_025_340_686_3e-8,
     1.589_690_995_211_55e-10,
 ];
-/// Likewise of (cos x - 1 + x^2/2) / x^4.
+/// Minimax coefficients on [-pi/4, pi/4] of (cos x - 1 + x^2/2) / x^4 in x^2 (those of fdlibm).
 const COS: [f64; 6] = [
     4.166_666_666_666_66e-2,
     -1.388_888_888_887_411e-3,
@@ -39,7 +39,7 @@ const COS: [f64; 6] = [
     -1.135_964_755_778_819_5e-11,
 ];
 
-/// Sine and cosine; full accuracy up to |x| = 1e6 (single precision: 1e4), as joint angles have it.
+/// Sine and cosine; full accuracy up to |x| = 1e6 (single precision: 1e4), beyond any joint angle.
 #[inline(always)]
 pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
     let (half_pi, terms) = if L::Real::SINGLE { (HALF_PI_SINGLE, 4) } else { (HALF_PI, 6) };
@@ -61,14 +61,14 @@ pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
     (L::select(negative_sin, -s, s), L::select(negative_cos, -c, c))
 }
 
-/// Greatest distance that [`sin_cos_near`] goes without evaluating sine and cosine afresh.
+/// Greatest distance at which [`sin_cos_near`] uses the addition theorem.
 const NEAR: f64 = 1.0 / 16.0;
 /// Taylor coefficients of (sin d / d - 1) / d^2 and of (cos d - 1) / d^2 in d^2: good to rounding of 1 for |d| < [`NEAR`].
 const SHORT_SIN: [f64; 3] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
 const SHORT_COS: [f64; 4] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0];
 
-/// Sine and cosine of x by those of a number near it, `near = [number, sine, cosine]`: by the theorem of addition, and
-/// afresh where that is not near enough. A lane's own distance chooses for it.
+/// Sine and cosine of x from those of a nearby number, given as `[number, sine, cosine]`, by the addition theorem; by
+/// [`sin_cos`] beyond [`NEAR`]. The choice is made per lane.
 #[inline(always)]
 pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
     let (sines, cosines) = if L::Real::SINGLE { (1, 2) } else { (3, 4) };
@@ -86,19 +86,19 @@ pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
     out
 }
 
-/// What half a number's bits are taken from: the bits of an estimate of its inverse square root remain.
+/// Constant of the inverse square root estimate: half of the number's bits are subtracted from it.
 pub(super) const INVERSE_SQRT: u64 = 0x5fe6_eb50_c7b5_37a9;
 pub(super) const INVERSE_SQRT_SINGLE: u32 = 0x5f37_59df;
-/// Minimax coefficients of `(1 - h)^(-1/2)` in h, for the h that estimates leave: relative error 8e-7 and 3e-5.
+/// Minimax coefficients of `(1 - h)^(-1/2)` in h on the range of h after the estimate: relative error 8e-7 and 3e-5.
 const FIRST: [f64; 4] =
     [0.999_999_242_040_421_8, 0.500_001_884_761_637_7, 0.376_288_248_797_190_8, 0.312_440_785_264_109_7];
 const FIRST_SINGLE: [f64; 3] = [1.000_000_840_335_217_7, 0.501_104_365_996_356, 0.374_976_854_676_734_5];
 
-/// `1 / sqrt(x)` of a positive normal number, to two epsilons. Multiplications alone: a root and a division of 8 numbers
-/// of f64 would take four times as long, and keep the divider from all others meanwhile.
+/// `1 / sqrt(x)` of a positive normal number, to two epsilons. By multiplications only: square root and division of 8 numbers of
+/// f64 take four times as long and block the divider for other operations.
 #[inline(always)]
 pub fn inverse_sqrt<L: Lane>(x: L) -> L {
-    // With h = 1 - x y^2 it is y (1 - h)^(-1/2), and 1 + h/2 + 3 h^2/8 of that is enough once h is small.
+    // With h = 1 - x y^2 the result is y (1 - h)^(-1/2); for small h the terms 1 + h/2 + 3 h^2/8 suffice.
     let first: &[f64] = if L::Real::SINGLE { &FIRST_SINGLE } else { &FIRST };
     let one = L::c(1.0);
     let y = x.inverse_sqrt_estimate();
@@ -150,7 +150,7 @@ pub fn tanh<L: Lane<Real = f32>>(x: L) -> L {
     y.min(L::c(1.0)).max(L::c(-1.0))
 }
 
-/// ln 2 in two parts: the first has few enough digits that its multiples by exponents are exact.
+/// ln 2 in two parts; multiples of the first by exponents are exact.
 const LN_2: [f64; 2] = [6.931_471_803_691_238e-1, 1.908_214_929_270_587_7e-10];
 const LN_2_SINGLE: [f64; 2] = [6.931_381_225_585_938e-1, 9.058_000_614_453_107e-6];
 /// Minimax coefficients of (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2, for s up to 0.1716 (those of fdlibm).
@@ -179,7 +179,7 @@ fn ln_of_parts<L: Lane>(k: L, f: L, c: L) -> L {
     k.mul_add(L::c(ln_2[0]), f - (half_square - s.mul_add(bracket, low)))
 }
 
-/// Exponent, and what is above 1 of the mantissa, which is brought to [sqrt(2)/2, sqrt(2)].
+/// Exponent, and mantissa minus 1, with the mantissa in [sqrt(2)/2, sqrt(2)].
 #[inline(always)]
 fn balanced<L: Lane>(x: L) -> (L, L) {
     let (mantissa, exponent) = x.split();
@@ -195,20 +195,20 @@ pub fn ln<L: Lane>(x: L) -> L {
     beyond_finite(x, x, ln_of_parts(k, f, L::zero()))
 }
 
-/// `ln(1 + x)` without loss where x is small; -infinity for -1, NaN below.
+/// `ln(1 + x)`, accurate for small x; -infinity for -1, NaN below.
 #[inline(always)]
 pub fn ln_1p<L: Lane>(x: L) -> L {
     let one = L::c(1.0);
     let u = one + x;
     let (k, f) = balanced(u);
-    // What rounding has taken from 1 + x.
+    // Rounding error of 1 + x.
     let lost = L::select(x.lt(one), x - (u - one), one - (u - x));
     let near = k.abs().lt(L::c(0.5));
     let y = ln_of_parts(k, L::select(near, x, f), L::select(near, L::zero(), lost / u));
     beyond_finite(x, u, y)
 }
 
-/// `y = ln(u)`, or what stands in its place where u is not a positive normal number; `x` tells NaN.
+/// `y = ln(u)`, or the limit where u is not a positive normal number; NaN where `x` is NaN.
 #[inline(always)]
 fn beyond_finite<L: Lane>(x: L, u: L, y: L) -> L {
     let infinity = L::c(f64::INFINITY);
@@ -253,7 +253,7 @@ pub fn atan2<L: Lane>(y: L, x: L) -> L {
         if L::Real::SINGLE { (QUARTER_PI_SINGLE, &ATAN_SINGLE) } else { (QUARTER_PI, &ATAN) };
     let (zero, one) = (L::zero(), L::c(1.0));
     let (rise, run) = (y.abs(), x.abs());
-    // The angle less 0, one or two eighths of a turn, so that its tangent is at most tan(pi/8).
+    // Angle minus 0, pi/4 or pi/2, so that its tangent is at most tan(pi/8).
     let diagonal = (run * L::c(TAN_EIGHTH_PI)).lt(rise);
     let steep = run.lt(rise * L::c(TAN_EIGHTH_PI));
     let (over, under) = (L::select(diagonal, rise - run, rise), L::select(diagonal, rise + run, run));

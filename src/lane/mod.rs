@@ -1,8 +1,8 @@
-//! Numbers, one or many at a time.
+//! Numbers: scalars, SIMD lanes and dual numbers.
 //!
-//! Every formula of the kernel is written once, over [`Lane`]: a scalar, a SIMD vector that holds one number of
-//! several instances, or a dual number. All operations are IEEE ones, done in the same order whatever the width, so
-//! an instance's result does not depend on the lane it sits in nor, where multiply-add is fused, on the width.
+//! Every formula of the kernel is written once, over [`Lane`]: a scalar, a SIMD vector with one number per instance, or a dual
+//! number. All operations are IEEE operations in the same order at every width, so an instance's result does not depend on its
+//! lane nor, with fused multiply-add, on the width.
 
 mod dispatch;
 mod dual;
@@ -28,7 +28,7 @@ pub use prefetch::prefetch_after;
 pub use rows::Rows;
 pub use transpose::{Entry, transpose};
 
-/// One number of each instance in a group of `LANES` instances.
+/// One number per instance of a group of `LANES` instances.
 pub trait Lane:
     Copy
     + Debug
@@ -42,9 +42,9 @@ pub trait Lane:
     + Send
     + 'static
 {
-    /// The number type of one lane.
+    /// Number type of one lane.
     type Real: Real;
-    /// One yes or no per lane.
+    /// One boolean per lane.
     type Mask: Copy;
     /// Instances per group.
     const LANES: usize;
@@ -55,7 +55,7 @@ pub trait Lane:
     fn load(from: &[Self::Real]) -> Self;
     /// Writes `LANES` numbers to the front of `to`.
     fn store(self, to: &mut [Self::Real]);
-    /// `self * a + b`, rounded once where the machine can.
+    /// `self * a + b`, rounded once if the machine has fused multiply-add.
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
@@ -65,15 +65,15 @@ pub trait Lane:
     fn round(self) -> Self;
     /// Lanes where `self < other`; false for NaN.
     fn lt(self, other: Self) -> Self::Mask;
-    /// `yes` where the mask holds, else `no`.
+    /// `yes` in lanes where the mask is true, else `no`.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// Where both masks hold.
+    /// Logical and of masks.
     fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Bit k says whether the mask holds in lane k.
+    /// The mask as bits: bit k is lane k.
     fn bits(mask: Self::Mask) -> u32;
-    /// Mantissa in [1, 2) and binary exponent of a positive normal number; anything for others.
+    /// Mantissa in [1, 2) and binary exponent of a positive normal number; unspecified for others.
     fn split(self) -> (Self, Self);
-    /// `1 / sqrt(x)` of a positive normal number to within 3.5 %, by its bits; anything for others.
+    /// `1 / sqrt(x)` of a positive normal number to within 3.5 %, from its bits; unspecified for others.
     fn inverse_sqrt_estimate(self) -> Self;
     /// Reads `LANES` f32 from the front of `from`; exact.
     fn load_single(from: &[f32]) -> Self;
@@ -82,7 +82,7 @@ pub trait Lane:
     /// Writes f64 to the front of `to`; exact.
     fn store_double(self, to: &mut [f64]);
 
-    /// Whether the mask holds anywhere.
+    /// True if the mask is true in any lane.
     #[inline(always)]
     fn any(mask: Self::Mask) -> bool {
         Self::bits(mask) != 0
@@ -103,12 +103,12 @@ pub trait Lane:
     fn neg_mul_add(self, a: Self, b: Self) -> Self {
         (-self).mul_add(a, b)
     }
-    /// The smaller; `other` where either is NaN.
+    /// Minimum; `other` where either is NaN.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::select(self.lt(other), self, other)
     }
-    /// The greater; `other` where either is NaN.
+    /// Maximum; `other` where either is NaN.
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self::select(other.lt(self), self, other)
@@ -117,7 +117,7 @@ pub trait Lane:
 
 /// A parameter of the system: shared by all lanes, or one number per lane.
 pub trait Param<L: Lane>: Copy {
-    /// Whether it is the same in all lanes.
+    /// True if the parameter is the same in all lanes.
     const SHARED: bool;
 
     /// The parameter in lanes.
@@ -133,7 +133,7 @@ impl<L: Lane> Param<L> for L {
     }
 }
 
-/// Shared by every lane.
+/// A parameter shared by all lanes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[repr(transparent)]
 pub struct Shared<T>(pub T);
@@ -157,7 +157,7 @@ pub fn get_all<L: Lane, P: Param<L>, const K: usize>(parameters: &[P; K]) -> [L;
     out
 }
 
-/// A parameter in lanes, where there is one. (Not `map`, as above.)
+/// An optional parameter in lanes. (Not `map`: a closure would not inherit the caller's instruction set.)
 #[expect(clippy::manual_map, reason = "a closure would not inherit the caller's instruction set")]
 #[inline(always)]
 pub fn get_option<L: Lane, P: Param<L>>(parameter: Option<P>) -> Option<L> {
@@ -167,7 +167,7 @@ pub fn get_option<L: Lane, P: Param<L>>(parameter: Option<P>) -> Option<L> {
     }
 }
 
-/// Implements the assigning operators by the plain ones.
+/// Implements the compound assignment operators by the binary ones.
 macro_rules! assigning_ops {
     ($lane:ty) => {
         impl std::ops::AddAssign for $lane {

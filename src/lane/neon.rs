@@ -38,9 +38,9 @@ simd_lane! {
     widen_f32x4
 }
 
-// SAFETY (all below): as of the expansions above, which alone call these.
+// SAFETY (all below): as in the expansions above, their only callers.
 
-/// Mantissas and exponents of positive normal numbers, by the bits.
+/// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f64x2(x: float64x2_t) -> (float64x2_t, float64x2_t) {
     unsafe {
@@ -52,7 +52,7 @@ unsafe fn split_f64x2(x: float64x2_t) -> (float64x2_t, float64x2_t) {
     }
 }
 
-/// Mantissas and exponents of positive normal numbers, by the bits.
+/// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f32x4(x: float32x4_t) -> (float32x4_t, float32x4_t) {
     unsafe {

@@ -1,14 +1,14 @@
-//! Asking for memory ahead of its use.
+//! Prefetching of memory.
 
 use super::Lane;
 
-/// Bytes that memory comes in.
+/// Size of a cache line, bytes.
 #[cfg(target_arch = "x86_64")]
 const LINE: usize = 64;
 
-/// Asks for as much as `numbers` are, `stride` numbers after them in memory: blocks are visited one after the other. A hint
-/// that changes nothing, whatever is there. One number at a time, as an instance alone is stepped, there is no block after
-/// this one, or time enough.
+/// Prefetches the memory `stride` numbers after `numbers`, of the same length: that of the next block. A hint without effect on
+/// results, valid for any address. Scalar lanes, which step single instances, prefetch nothing: there is no next block, or
+/// time enough.
 #[inline(always)]
 pub fn prefetch_after<L: Lane, T>(numbers: &[T], stride: usize) {
     #[cfg(target_arch = "x86_64")]

@@ -1,18 +1,18 @@
-//! Tables with a row per quantity and a column per instance.
+//! Access to tables with one row per quantity and one column per instance.
 
 use super::{Lane, Real};
 
-/// A group of columns of a table: as many as a lane is wide.
+/// A group of columns of a table, one per lane.
 pub struct Rows<'a, T> {
     numbers: &'a mut [T],
-    /// Columns of the table.
+    /// Number of columns of the table.
     width: usize,
     /// First column of the group.
     first: usize,
 }
 
 impl<'a, T: Real> Rows<'a, T> {
-    /// Columns of a block, from column `first` on.
+    /// Columns of a block, starting at `first`.
     #[inline(always)]
     pub fn of_block(numbers: &'a mut [T], first: usize) -> Self {
         Self { numbers, width: T::BLOCK, first }
@@ -24,7 +24,7 @@ impl<'a, T: Real> Rows<'a, T> {
         Self { numbers, width: 1, first: 0 }
     }
 
-    /// A row.
+    /// Reads a row.
     #[inline(always)]
     pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
         L::load(&self.numbers[row * self.width + self.first..])
@@ -36,7 +36,7 @@ impl<'a, T: Real> Rows<'a, T> {
         x.store(&mut self.numbers[row * self.width + self.first..]);
     }
 
-    /// Rows one after the other. (Cut out at once, so that each is known to lie within.)
+    /// Reads K consecutive rows. (Sliced once, so that the compiler needs no further bounds checks.)
     #[inline(always)]
     pub fn get_all<L: Lane<Real = T>, const K: usize>(&self, row: usize) -> [L; K] {
         let from = &self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];
@@ -47,7 +47,7 @@ impl<'a, T: Real> Rows<'a, T> {
         out
     }
 
-    /// Sets rows one after the other.
+    /// Sets K consecutive rows.
     #[inline(always)]
     pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K]) {
         let to = &mut self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];

@@ -1,4 +1,4 @@
-//! One instance at a time.
+//! Scalar lanes: one instance at a time.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -85,7 +85,7 @@ macro_rules! scalar_lane {
 scalar_lane!(f64, (1 << 52) - 1, 0x7ff, INVERSE_SQRT);
 scalar_lane!(f32, (1 << 23) - 1, 0xff, INVERSE_SQRT_SINGLE);
 
-/// A scalar whose multiply-add rounds twice: for machines that cannot fuse, where `f64::mul_add` is a slow call.
+/// A scalar whose multiply-add rounds twice, for machines without fused multiply-add, where `f64::mul_add` is a slow call.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unfused<T>(pub T);
 
@@ -157,10 +157,10 @@ macro_rules! unfused_lane {
             fn abs(self) -> Self {
                 Self(self.0.abs())
             }
-            // By what the machine does anyway: without SSE4.1 the library would have to be called.
+            // By addition: without SSE4.1, rounding would be a library call.
             #[inline(always)]
             fn round(self) -> Self {
-                // From here on all numbers are whole.
+                // All numbers of at least this magnitude are integers.
                 const WHOLE: $real = 1.0 / <$real>::EPSILON;
                 let size = self.0.abs();
                 let whole = if size < WHOLE { (size + WHOLE) - WHOLE } else { size };

@@ -1,9 +1,9 @@
-//! What the SIMD lanes of all machines have in common.
+//! Common code of SIMD lanes.
 //!
-//! The intrinsics need CPU features that the surrounding functions do not declare; every function here is inlined
-//! into a monomorph that does ([`super::dispatch`]), and the types are reachable through that dispatch alone.
+//! The intrinsics need CPU features that the surrounding functions do not declare. Every function here is inlined into a
+//! monomorph that declares them ([`super::dispatch`]), and the types are reachable through that dispatch only.
 
-/// A lane over a vector type and its intrinsics.
+/// Defines a lane by a vector type and its intrinsics.
 macro_rules! simd_lane {
     (
         $(#[$doc:meta])* $name:ident, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
@@ -84,7 +84,7 @@ macro_rules! simd_lane {
             fn sqrt(self) -> Self {
                 Self(unsafe { $sqrt(self.0) })
             }
-            // Both give the second operand where either is NaN.
+            // Both return the second operand where either is NaN.
             #[inline(always)]
             fn min(self, other: Self) -> Self {
                 Self(unsafe { $min(self.0, other.0) })

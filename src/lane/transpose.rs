@@ -1,7 +1,7 @@
-//! From numbers by instance to numbers by lane, and back.
+//! Transposition between tables by instance and tables by quantity.
 
-/// The transpose of a table in which rows are `from_width` apart, into one in which they are `to_width` apart:
-/// `to[c * to_width + r] = from[r * from_width + c]` for so many rows and columns of `from`.
+/// Transposes a table with row stride `from_width` into one with row stride `to_width`:
+/// `to[c * to_width + r] = from[r * from_width + c]` for all rows and columns of `from`.
 ///
 /// # Panics
 /// If one of the slices is too short.
@@ -18,7 +18,7 @@ pub fn transpose<T: Entry>(from: &[T], from_width: usize, to: &mut [T], to_width
     }
     let from = &from[..(rows - 1) * from_width + columns];
     let to = &mut to[..(columns - 1) * to_width + rows];
-    // The last squares overlap those before them: a loop over what is left would take longer than all squares.
+    // The last squares overlap those before them: a loop over the remainder would take longer than all squares.
     for r in (0..rows).step_by(edge) {
         let r = r.min(rows - edge);
         for c in (0..columns).step_by(edge) {
@@ -36,20 +36,20 @@ pub fn transpose<T: Entry>(from: &[T], from_width: usize, to: &mut [T], to_width
     }
 }
 
-/// Numbers whose tables are transposed in squares.
+/// Number types with a transposition by squares.
 pub trait Entry: Copy {
-    /// Edge of the squares.
+    /// Edge length of the squares.
     const TILE: usize;
 
-    /// Transposes a square in which rows are `from_width` and `to_width` apart: entry by entry where there is no better way.
+    /// Transposes a square, with row strides `from_width` and `to_width`; entry by entry unless the machine has shuffles.
     ///
     /// # Safety
-    /// All rows of both squares must be there.
+    /// All rows of both squares must be valid memory.
     #[inline(always)]
     unsafe fn tile(from: *const Self, from_width: usize, to: *mut Self, to_width: usize) {
         for r in 0..Self::TILE {
             for c in 0..Self::TILE {
-                // SAFETY: as the caller says.
+                // SAFETY: by the contract of the function.
                 unsafe { *to.add(c * to_width + r) = *from.add(r * from_width + c) };
             }
         }
@@ -64,7 +64,7 @@ impl Entry for f32 {
     unsafe fn tile(from: *const f32, from_width: usize, to: *mut f32, to_width: usize) {
         use std::arch::x86_64::*;
 
-        // SAFETY: as the caller says; every x86-64 has these instructions.
+        // SAFETY: by the contract of the function; every x86-64 has these instructions.
         unsafe {
             let row = |k: usize| _mm_loadu_ps(from.add(k * from_width));
             let (mut a, mut b, mut c, mut d) = (row(0), row(1), row(2), row(3));
@@ -84,7 +84,7 @@ impl Entry for f64 {
     unsafe fn tile(from: *const f64, from_width: usize, to: *mut f64, to_width: usize) {
         use std::arch::x86_64::*;
 
-        // SAFETY: as the caller says; every x86-64 has these instructions.
+        // SAFETY: by the contract of the function; every x86-64 has these instructions.
         unsafe {
             let (a, b) = (_mm_loadu_pd(from), _mm_loadu_pd(from.add(from_width)));
             _mm_storeu_pd(to, _mm_unpacklo_pd(a, b));

@@ -9,12 +9,12 @@ use super::{Lane, assigning_ops};
 
 const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
 
-/// Fields of a number's bits.
+/// Bit fields of a number.
 const FRACTION: i64 = (1 << 52) - 1;
 const EXPONENT: i64 = 0x7ff;
 const FRACTION_SINGLE: i32 = (1 << 23) - 1;
 const EXPONENT_SINGLE: i32 = 0xff;
-/// Where numbers are one apart: the last bits of the sum with a small integer are that integer.
+/// Offset at which the spacing of numbers is 1: the last bits of its sum with a small integer are that integer.
 const ULP_ONE: f64 = 4_503_599_627_370_496.0;
 
 simd_lane! {
@@ -79,9 +79,9 @@ simd_lane! {
     widen_f32x8
 }
 
-// SAFETY (all below): as of the expansions above, which alone call these.
+// SAFETY (all below): as in the expansions above, their only callers.
 
-/// Mantissas and exponents of positive normal numbers, by the bits.
+/// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f64x8(x: __m512d) -> (__m512d, __m512d) {
     unsafe {
@@ -94,7 +94,7 @@ unsafe fn split_f64x8(x: __m512d) -> (__m512d, __m512d) {
     }
 }
 
-/// Mantissas and exponents of positive normal numbers, by the bits.
+/// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f32x16(x: __m512) -> (__m512, __m512) {
     unsafe {
@@ -107,7 +107,7 @@ unsafe fn split_f32x16(x: __m512) -> (__m512, __m512) {
     }
 }
 
-/// Mantissas and exponents of positive normal numbers, by the bits.
+/// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f64x4(x: __m256d) -> (__m256d, __m256d) {
     unsafe {
@@ -120,7 +120,7 @@ unsafe fn split_f64x4(x: __m256d) -> (__m256d, __m256d) {
     }
 }
 
-/// Mantissas and exponents of positive normal numbers, by the bits.
+/// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f32x8(x: __m256) -> (__m256, __m256) {
     unsafe {

@@ -1,7 +1,7 @@
 //! Exponential map of SE(3) and the inverse of its differential.
 //!
-//! With `z = theta^2`, every coefficient is an entire function of z or a quotient of two, the lower of which has no
-//! zero below `theta = 2 pi`:
+//! With `z = theta^2`, every coefficient is an entire function of z or a quotient of two, whose denominator has no zero below
+//! `theta = 2 pi`:
 //!
 //! ```text
 //! sin t / t                                   = S(z)
@@ -11,10 +11,10 @@
 //!          ad^4 coefficient                   = Q(z) / (4 C(z)),  Q = (4 C - 1 - S) / z^2
 //! ```
 //!
-//! Their Taylor polynomials below are good to rounding for `t <= pi`: small angles only need fewer terms of them.
-//! The ad^2 and ad^4 form of dexp^-1 on SE(3) is `[PC05]`'s. With `theta = (u, w)` and `V = (v, omega)`,
-//! `ad^4 V = -z ad^2 V - 2 (w . u) (w x (w x omega), 0)`: of ad^4 nothing is left but a vector, and what goes with ad^2 is
-//! `A = (P - z Q) / (4 C)`, the coefficient of rotations alone, `(1 - (t / 2) cot(t / 2)) / t^2`, and its derivative
+//! Their Taylor polynomials below are accurate to rounding for `t <= pi`; small angles need fewer terms. The ad^2 and ad^4 form of
+//! dexp^-1 on SE(3) is that of `[PC05]`. With `theta = (u, w)` and `V = (v, omega)`,
+//! `ad^4 V = -z ad^2 V - 2 (w . u) (w x (w x omega), 0)`: so ad^4 reduces to a vector, and the coefficient of ad^2 is
+//! `A = (P - z Q) / (4 C)`, the coefficient of SO(3), `(1 - (t / 2) cot(t / 2)) / t^2`, and its derivative
 //! `A' = -Q / (4 C)`.
 
 use super::{Pose, Vector3, Vector6, ad};
@@ -71,11 +71,11 @@ const SERIES: Series = {
 const BERNOULLI: [f64; 5] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0];
 const BERNOULLI_SLOPE: [f64; 4] = [BERNOULLI[1], 2.0 * BERNOULLI[2], 3.0 * BERNOULLI[3], 4.0 * BERNOULLI[4]];
 
-/// Rotation angle, squared, up to which fewer terms do: that of most steps.
+/// Squared rotation angle up to which fewer terms suffice: that of most steps.
 const SMALL: f64 = 0.02;
 
-/// Polynomials of the series, as long as the number type and the angles need them. A lane's own angle chooses for it, so
-/// that its neighbours' have no influence.
+/// Polynomials of the series, with as many terms as number type and angles need. The choice is made per lane, so that other
+/// lanes have no influence.
 #[inline(always)]
 fn series<L: Lane, const K: usize>(z: L, coefficients: [&[f64; TERMS]; K]) -> [L; K] {
     let (few, many) = if L::Real::SINGLE { (4, 9) } else { (6, TERMS) };
@@ -111,7 +111,7 @@ pub fn exp_se3<L: Lane>(xi: Vector6<L>) -> Pose<L> {
     Pose { rotation, position }
 }
 
-/// `exp([w])^T x`: a vector of the body before a rotation `w` (at most pi), seen from the body after it.
+/// `exp([w])^T x`: rotates a vector from the body axes before a rotation `w` (at most pi) to those after it.
 #[inline(always)]
 pub fn rotate_back<L: Lane>(w: Vector3<L>, x: Vector3<L>) -> Vector3<L> {
     let z = w.dot(w);
@@ -120,16 +120,16 @@ pub fn rotate_back<L: Lane>(w: Vector3<L>, x: Vector3<L>) -> Vector3<L> {
     w.cross(turn).scale_add(c, turn.scale_add(-s, x))
 }
 
-/// How far the series of `dexp^-1` is taken.
+/// Truncation of the series of `dexp^-1`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DexpInverse {
     /// Closed form, exact for rotations below 2 pi.
     Closed,
-    /// `I + ad/2 + ad^2/12`: enough for order 4. What it leaves out adds an error of order 5 to a run's.
+    /// `I + ad/2 + ad^2/12`, sufficient for order 4: the truncation adds an error of order 5.
     Truncated,
 }
 
-/// A and A' at z: see above.
+/// A and A' at z: see the module documentation.
 #[inline(always)]
 fn dexp_inverse_coefficients<L: Lane>(z: L) -> [L; 2] {
     let few = if L::Real::SINGLE { 2 } else { BERNOULLI.len() };

@@ -3,10 +3,9 @@
 use super::{Matrix3, Vector3};
 use crate::lane::{Lane, atan2};
 
-/// Rotation vector `log R`, at most pi long; 0 where its entries' squares underflow. `[MLS94 eq. 2.17]`
+/// Rotation vector `log R`, of length at most pi; 0 where the squares of its entries underflow. `[MLS94 eq. 2.17]`
 ///
-/// By way of the quaternion, whose largest entry is found first: exact near 0 and near pi alike, where the trace and the
-/// skew part lose their digits.
+/// By the quaternion, largest entry first: accurate near 0 and near pi, where the trace and the skew part lose digits.
 #[inline(always)]
 pub fn rotation_vector<L: Lane>(rotation: &Matrix3<L>) -> Vector3<L> {
     rotation_vector_and_angle(rotation).0
@@ -32,7 +31,7 @@ pub fn rotation_angle<L: Lane>(rotation: &Matrix3<L>) -> L {
     half + half
 }
 
-/// Quaternion of a rotation times four times its largest entry: the longest row of `4 q q^T`.
+/// Quaternion of a rotation times four times its largest entry: longest row of `4 q q^T`.
 #[inline(always)]
 fn quaternion_ray<L: Lane>(rotation: &Matrix3<L>) -> (L, Vector3<L>) {
     let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = rotation.0;

@@ -1,6 +1,6 @@
 //! The rotation group SO(3) and the Euclidean group SE(3), in lanes.
 //!
-//! Twists and the like are pairs of 3-vectors; adjoints act through R and r and are never built as 6x6 matrices.
+//! Twists and wrenches are pairs of 3-vectors. Adjoints act through R and r and are never assembled as 6x6 matrices.
 
 mod exponential;
 mod logarithm;

@@ -1,4 +1,4 @@
-//! Poses, and the adjoint as an action.
+//! Poses and their adjoint action.
 
 use std::ops::{Add, Neg, Sub};
 
@@ -21,20 +21,20 @@ impl<L: Lane> Vector6<L> {
         Self { linear: Vector3::zero(), angular: Vector3::zero() }
     }
 
-    /// From six numbers.
+    /// From an array.
     #[inline(always)]
     pub fn from_array(x: [L; 6]) -> Self {
         Self { linear: Vector3([x[0], x[1], x[2]]), angular: Vector3([x[3], x[4], x[5]]) }
     }
 
-    /// As six numbers.
+    /// To an array.
     #[inline(always)]
     pub fn to_array(self) -> [L; 6] {
         let (v, w) = (self.linear.0, self.angular.0);
         [v[0], v[1], v[2], w[0], w[1], w[2]]
     }
 
-    /// Inner product: power, where one is a twist and the other a wrench.
+    /// Inner product; power, for a twist and a wrench.
     #[inline(always)]
     pub fn dot(self, b: Self) -> L {
         self.linear.dot(b.linear) + self.angular.dot(b.angular)
@@ -83,7 +83,7 @@ pub fn ad<L: Lane>(a: Vector6<L>, b: Vector6<L>) -> Vector6<L> {
     Vector6 { linear: a.angular.cross_add(b.linear, a.linear.cross(b.angular)), angular: a.angular.cross(b.angular) }
 }
 
-/// A pose `T = (R, r)`: takes coordinates of the child frame to the parent frame. `[HC eq. 1]`
+/// A pose `T = (R, r)`, which maps coordinates of the child frame to the parent frame. `[HC eq. 1]`
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose<L> {
     /// R.
@@ -93,7 +93,7 @@ pub struct Pose<L> {
 }
 
 impl<L: Lane> Pose<L> {
-    /// The frame itself.
+    /// Identity.
     #[inline(always)]
     pub fn identity() -> Self {
         Self { rotation: Matrix3::identity(), position: Vector3::zero() }
@@ -112,7 +112,7 @@ impl<L: Lane> Pose<L> {
         Self { rotation: self.rotation.times(&b.rotation), position: self.rotation.apply(b.position) + self.position }
     }
 
-    /// `Ad_T^-1 V`: a twist of the parent frame as the child, moving with it, sees it. `[HC eq. 7, 8]`
+    /// `Ad_T^-1 V`: transforms a twist from the parent frame to the child frame. `[HC eq. 7, 8]`
     #[inline(always)]
     pub fn adjoint_apply_inverse(&self, twist: Vector6<L>) -> Vector6<L> {
         Vector6 {
@@ -121,7 +121,7 @@ impl<L: Lane> Pose<L> {
         }
     }
 
-    /// `Ad_T^-T F`: a wrench on the child, at the parent's origin and in its axes. `[HC eq. 12]`
+    /// `Ad_T^-T F`: transforms a wrench from the child frame to the parent frame. `[HC eq. 12]`
     #[inline(always)]
     pub fn co_adjoint_apply_inverse(&self, wrench: Vector6<L>) -> Vector6<L> {
         let linear = self.rotation.apply(wrench.linear);

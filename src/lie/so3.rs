@@ -131,7 +131,7 @@ impl<L: Lane> Matrix3<L> {
         Self([[m[0][0], m[1][0], m[2][0]], [m[0][1], m[1][1], m[2][1]], [m[0][2], m[1][2], m[2][2]]])
     }
 
-    /// One Newton step towards the nearest rotation, `R (3 I - R^T R) / 2`: takes off the rounding of many products.
+    /// One Newton step towards the nearest rotation, `R (3 I - R^T R) / 2`: removes the rounding of many products.
     #[inline(always)]
     pub fn orthonormalised(&self) -> Self {
         let columns = self.transposed().0;

@@ -3,11 +3,11 @@
 use super::file::{Joint, Kind, Robot, fault};
 use crate::error::DescriptionError;
 
-/// Joints from a base link to a tip link, fixed ones among them.
+/// Joints from a base link to a tip link, including fixed ones.
 pub struct Chain {
     pub base: usize,
     pub tip: usize,
-    /// Indices of joints.
+    /// Indices of the joints.
     pub joints: Vec<usize>,
 }
 
@@ -26,7 +26,7 @@ impl Robot {
         })
     }
 
-    /// Joints whose parent is that link.
+    /// Joints with this link as parent.
     pub fn joints_of(&self, link: usize) -> impl Iterator<Item = (usize, &Joint)> {
         self.joints.iter().enumerate().filter(move |(_, joint)| joint.parent == link)
     }
@@ -36,7 +36,7 @@ impl Robot {
         self.joints[joint].kind != Kind::Fixed || self.joints_of(child).any(|(next, _)| self.moves(next))
     }
 
-    /// Refuses loops: all that comes after walks a tree.
+    /// Refuses loops; all later steps assume a tree.
     fn no_loops(&self, source: &str) -> Result<()> {
         for (start, link) in self.links.iter().enumerate() {
             let mut at = start;
@@ -47,7 +47,7 @@ impl Robot {
                 }
             }
             if self.joints.iter().any(|joint| joint.child == at) {
-                return Err(fault(source, 1, &format!("link \"{}\"", link.name), "hangs in a loop of joints"));
+                return Err(fault(source, 1, &format!("link \"{}\"", link.name), "is part of a loop of joints"));
             }
         }
         Ok(())
@@ -65,7 +65,7 @@ impl Robot {
         }
     }
 
-    /// The chain from `base` (without: the root) to `tip` (without: the only end there is).
+    /// The chain from `base` (default: the root) to `tip` (default: the only end).
     pub fn chain(&self, base: Option<&str>, tip: Option<&str>, source: &str) -> Result<Chain> {
         self.no_loops(source)?;
         let base = match base {
@@ -81,7 +81,7 @@ impl Robot {
         };
         if let Some(joint) = joints.iter().map(|i| &self.joints[*i]).find(|joint| joint.mimic) {
             let element = format!("joint \"{}\" <mimic>", joint.name);
-            return Err(fault(source, joint.line, &element, "joints that follow others are not supported"));
+            return Err(fault(source, joint.line, &element, "mimic joints are not supported"));
         }
         Ok(Chain { base, tip, joints })
     }
@@ -96,7 +96,7 @@ impl Robot {
                     source,
                     1,
                     &format!("link \"{tip}\""),
-                    format!("does not hang on the base link \"{base}\""),
+                    format!("is not a descendant of the base link \"{base}\""),
                 ));
             };
             joints.push(up);
@@ -106,7 +106,7 @@ impl Robot {
         Ok(joints)
     }
 
-    /// Follows the only branch that moves, then the only one that there is.
+    /// Follows the only moving branch, else the only branch.
     fn only_path(&self, base: usize, source: &str) -> Result<(Vec<usize>, usize)> {
         let mut joints = Vec::new();
         let mut at = base;

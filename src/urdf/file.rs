@@ -1,4 +1,4 @@
-//! What a URDF file says about links and joints, in its own words. `[URDF: wiki.ros.org/urdf/XML]`
+//! Links and joints of a URDF file. `[URDF: wiki.ros.org/urdf/XML]`
 
 use nalgebra::{Matrix3, Vector3};
 use roxmltree::{Document, Node};
@@ -7,7 +7,7 @@ use crate::description::Frame;
 use crate::error::DescriptionError;
 use crate::estimate::{Axis, Ends, Round, Shape};
 
-/// Greatest magnitude of a number, as of scenes.
+/// Greatest magnitude of a number, as for scenes.
 const MAX_MAGNITUDE: f64 = 1e12;
 
 /// All links and joints of a file.
@@ -22,11 +22,11 @@ pub struct Link {
     pub inertial: Option<Inertial>,
     /// Shapes of `<collision>`, or of `<visual>` if there are none.
     pub shapes: Vec<Shape>,
-    /// Whether some geometry is a mesh.
+    /// True if any geometry is a mesh.
     pub mesh: bool,
 }
 
-/// Mass in a link frame.
+/// Inertial properties in a link frame.
 #[derive(Clone)]
 pub struct Inertial {
     pub mass: f64,
@@ -40,7 +40,7 @@ pub struct Joint {
     pub kind: Kind,
     pub parent: usize,
     pub child: usize,
-    /// Child's frame in its parent's.
+    /// Child frame in the parent frame.
     pub frame: Frame,
     pub axis: Vector3<f64>,
     pub limits: Option<[f64; 2]>,
@@ -49,7 +49,7 @@ pub struct Joint {
     pub damping: f64,
     pub friction: f64,
     pub mimic: bool,
-    /// Of its element, for errors.
+    /// Line of the element, for errors.
     pub line: u32,
 }
 
@@ -61,7 +61,7 @@ pub enum Kind {
     Prismatic,
 }
 
-/// An element, its path for people, and the file.
+/// An XML element, with its path and file for errors.
 #[derive(Clone)]
 struct Element<'a> {
     node: Node<'a, 'a>,
@@ -96,12 +96,12 @@ impl<'a> Element<'a> {
         nodes.map(move |node| Element { node, path: format!("{path} <{tag}>"), source })
     }
 
-    /// The one child of that name, if there is one.
+    /// The only child of this name, if there is one.
     fn child(&self, tag: &'a str) -> Result<Option<Element<'a>>> {
         let mut children = self.children(tag);
         let first = children.next();
         match children.next() {
-            Some(second) => second.fault("is there twice"),
+            Some(second) => second.fault("is given twice"),
             None => Ok(first),
         }
     }
@@ -154,11 +154,11 @@ impl<'a> Element<'a> {
         }
     }
 
-    /// The pose of `<origin>`, the identity without.
+    /// Pose of `<origin>`; the identity without it.
     fn origin(&self) -> Result<Frame> {
         let Some(origin) = self.child("origin")? else { return Ok(Frame::default()) };
         if origin.node.has_attribute("quat_xyzw") {
-            return origin.fault("quat_xyzw is not read: give rpy");
+            return origin.fault("quat_xyzw is not supported: give rpy");
         }
         let vector = |name| Ok(Vector3::from(origin.numbers::<3>(name)?.unwrap_or_default()));
         Ok(Frame { position: vector("xyz")?, rpy: vector("rpy")? })
@@ -166,7 +166,7 @@ impl<'a> Element<'a> {
 }
 
 impl Robot {
-    /// Reads a file's text.
+    /// Parses the text of a file.
     pub fn read(text: &str, source: &str) -> Result<Self> {
         let document = Document::parse(text).map_err(|error| DescriptionError::Syntax {
             source_name: source.to_owned(),
@@ -186,7 +186,7 @@ impl Robot {
         for element in robot.children("link") {
             let link = link(&element)?;
             if links.iter().any(|other| other.name == link.name) {
-                return element.fault(format!("the name \"{}\" is taken by a link before", link.name));
+                return element.fault(format!("the name \"{}\" is taken by an earlier link", link.name));
             }
             links.push(link);
         }
@@ -238,7 +238,7 @@ fn inertial(element: &Element) -> Result<Inertial> {
     if kg > 0.0 && (moments[0] <= 0.0 || moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6)) {
         let moments: Vec<_> = moments.iter().map(|x| format!("{x:.4e}")).collect();
         return inertia.fault(format!(
-            "no mass has the principal moments {}: all must be > 0, the largest at most the sum of the others",
+            "principal moments are {}, but must be > 0, the largest at most the sum of the others",
             moments.join(", ")
         ));
     }
@@ -269,7 +269,7 @@ fn geometry(element: &Element) -> Result<Option<Shape>> {
         "capsule" => Shape { capsule: Some(round()?), ends: Ends::Free, ..shape },
         "sphere" => Shape { ellipsoid: Some(Vector3::repeat(solid.positive("radius")?)), ..shape },
         "mesh" => return Ok(None),
-        _ => return solid.fault("is none of box, cylinder, capsule, sphere, mesh"),
+        _ => return solid.fault("must be one of box, cylinder, capsule, sphere, mesh"),
     }))
 }
 
@@ -281,14 +281,16 @@ fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
         "revolute" => Kind::Revolute,
         "continuous" => Kind::Continuous,
         "prismatic" => Kind::Prismatic,
-        other => return element.fault(format!("type=\"{other}\" is none of revolute, continuous, prismatic, fixed")),
+        other => {
+            return element.fault(format!("type is \"{other}\", but must be revolute, continuous, prismatic or fixed"));
+        }
     };
     let end = |tag| {
         let end = element.needed(tag)?;
         let name = end.text("link")?;
         match links.iter().position(|link| link.name == name) {
             Some(index) => Ok(index),
-            None => end.fault(format!("there is no link \"{name}\"")),
+            None => end.fault(format!("unknown link \"{name}\"")),
         }
     };
     let (parent, child) = (end("parent")?, end("child")?);
@@ -298,7 +300,7 @@ fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
             axis.text("xyz")?;
             let vector = Vector3::from(axis.numbers::<3>("xyz")?.unwrap_or_default());
             if vector.norm() < 1e-9 {
-                return axis.fault("xyz has no direction");
+                return axis.fault("xyz must have a nonzero length");
             }
             vector
         }
@@ -306,13 +308,13 @@ fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
     let limit = element.child("limit")?;
     let (mut limits, mut effort, mut speed) = (None, None, None);
     if let Some(limit) = &limit {
-        // Zero stands for "not known" in most files; a motor without torque would be no motor.
+        // Zero means "unknown" in most files: a motor without torque is not a motor.
         effort = limit.at_least_zero("effort")?.filter(|x| *x > 0.0);
         speed = limit.at_least_zero("velocity")?.filter(|x| *x > 0.0);
         let (lower, upper) = (limit.number("lower")?.unwrap_or(0.0), limit.number("upper")?.unwrap_or(0.0));
         if matches!(kind, Kind::Revolute | Kind::Prismatic) {
             if lower >= upper {
-                return limit.fault(format!("lower {lower} and upper {upper} must ascend"));
+                return limit.fault(format!("lower is {lower}, but must be below upper, {upper}"));
             }
             limits = Some([lower, upper]);
         }

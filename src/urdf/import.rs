@@ -1,4 +1,4 @@
-//! A scene from a vehicle and the arm of a URDF file.
+//! Import of an arm from a URDF file onto the vehicle of a scene.
 
 use std::path::Path;
 
@@ -14,32 +14,32 @@ use crate::description::{
 use crate::error::DescriptionError;
 use crate::estimate::{Estimate, Outline};
 
-/// Natural frequency that servos are given, 1/s.
+/// Natural frequency of the servos, rad/s.
 const BANDWIDTH: f64 = 3.0;
 /// Stiffness of end stops over that of servos.
 const STOP: f64 = 5.0;
-/// Speed, m/s, and rate, rad/s, at which linear drag equals quadratic drag; as in the shipped scenes.
+/// Speed, m/s, and rate, rad/s, at which linear damping equals quadratic damping, as in the shipped scenes.
 const SPEED: [f64; 2] = [0.1, 0.5];
 
-/// What to import, and onto what.
+/// Settings of an import.
 #[derive(Debug, Clone)]
 pub struct Import<'a> {
-    /// The scene whose water and vehicle are taken over; an arm and a payload of its own are left out.
+    /// Scene with water and vehicle; its own arm and payload are dropped.
     pub vehicle: &'a Scene,
-    /// Base link's frame in the vehicle frame.
+    /// Frame of the base link in the vehicle frame.
     pub mount: Frame,
-    /// First link of the chain; without: the one link that has no parent.
+    /// First link of the chain; default: the only link without parent.
     pub base: Option<&'a str>,
-    /// Last link of the chain, whose frame is the end effector's; without: the only end that there is.
+    /// Last link of the chain, whose frame is that of the end effector; default: the only end.
     pub tip: Option<&'a str>,
 }
 
-/// An imported scene, and what a user should know about it.
+/// An imported scene, with notes for the user.
 #[derive(Debug, Clone)]
 pub struct Imported {
-    /// Vehicle and arm.
+    /// Scene with vehicle and arm.
     pub scene: Scene,
-    /// Merged links, meshes, estimates: one sentence each.
+    /// Notes on merged links, meshes and estimates, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -62,7 +62,7 @@ impl Import<'_> {
     ///
     /// # Errors
     /// [`DescriptionError::Syntax`], [`DescriptionError::Urdf`] with line and element, or [`DescriptionError::Value`] with the
-    /// key of the scene that no physical system can have.
+    /// key of an invalid value of the scene.
     pub fn from_text(&self, text: &str, source: &str) -> Result<Imported> {
         let robot = Robot::read(text, source)?;
         let chain = robot.chain(self.base, self.tip, source)?;
@@ -88,7 +88,7 @@ impl Import<'_> {
             arm.base = Some(body);
             formulas.push(("arm.base".to_owned(), how));
         } else if !part.shapes.is_empty() {
-            notes.push(format!("{}: no mass, so its shape is left out", robot.links[chain.base].name));
+            notes.push(format!("{}: no mass, so its shape is ignored", robot.links[chain.base].name));
         }
         while let Some((index, frame)) = next {
             let joint = &robot.joints[index];
@@ -108,10 +108,8 @@ impl Import<'_> {
             arm.links.push(Link { name, joint: taken_over(joint, frame), body });
         }
         if arm.links.len() > MAX_LINKS {
-            let problem = format!(
-                "{} moving joints from base to tip, of which there may be at most {MAX_LINKS}",
-                arm.links.len()
-            );
+            let problem =
+                format!("{} moving joints from base to tip, but at most {MAX_LINKS} are allowed", arm.links.len());
             return Err(fault(source, 1, "<robot>", problem));
         }
         arm.end_effector = tip.unwrap_or_default();
@@ -128,7 +126,7 @@ impl Import<'_> {
             .chain(arm.links.iter().map(|link| &link.body))
             .fold((0.0, 0.0), |sum, body| (sum.0 + body.mass, sum.1 + body.displaced_volume(&scene.water)));
         notes.push(format!(
-            "the arm weighs {mass:.4} kg and displaces {:.4} kg of water: foam or ballast on the vehicle may have to carry the rest",
+            "the arm weighs {mass:.4} kg and displaces {:.4} kg of water: the vehicle may need foam or ballast for the difference",
             volume * scene.water.density
         ));
         scene.arm = Some(arm);
@@ -136,7 +134,7 @@ impl Import<'_> {
         Ok(Imported { scene: Scene::from_value(tree, source)?, notes })
     }
 
-    /// The vehicle's scene without arm and payload.
+    /// The scene of the vehicle, without arm and payload.
     fn bare(&self, robot: &Robot, source: &str) -> Scene {
         let mut scene = Scene { arm: None, payload: None, ..self.vehicle.clone() };
         let (vehicle, file) = (&self.vehicle.vehicle.name, file_name(source));
@@ -172,7 +170,7 @@ fn taken_over(joint: &file::Joint, frame: Frame) -> Joint {
     }
 }
 
-/// The body of a part, and the formulas of what its shapes give.
+/// Body of a part, with the formulas of its estimates.
 fn body(part: &Part, density: f64) -> (Body, Vec<(&'static str, String)>) {
     let rigid = Body { center_of_mass: part.center_of_mass, inertia: part.inertia, ..Body::point(part.mass) };
     if part.shapes.is_empty() || density <= 0.0 {
@@ -184,7 +182,7 @@ fn body(part: &Part, density: f64) -> (Body, Vec<(&'static str, String)>) {
     (body, formulas.into_iter().filter(|(key, _)| !own.contains(key)).collect())
 }
 
-/// Gives every joint a servo, and end stops their stiffness, by the inertia that it carries at home.
+/// Sets servos, and the stiffness of end stops, by the inertia that each joint carries at home.
 fn tune(links: &mut [Link]) {
     for i in 0..links.len() {
         let inertia = carried(&links[i..]);
@@ -199,7 +197,7 @@ fn tune(links: &mut [Link]) {
     }
 }
 
-/// Inertia about the first joint of all links, rigid and added, at home: kg m2 or kg.
+/// Rigid and added inertia of all links about the first joint at home, kg m2 or kg.
 fn carried(links: &[Link]) -> f64 {
     let axis = links[0].joint.axis.normalize();
     let (mut v, mut w) = match links[0].joint.kind {
@@ -233,7 +231,7 @@ fn carried(links: &[Link]) -> f64 {
     sum
 }
 
-/// Where the joints' numbers come from.
+/// Provenance of the joints' numbers.
 fn joints_provenance(arm: &Arm, robot: &Robot, chain: &Chain, scene: &mut Scene, notes: &mut Vec<String>) {
     if arm.links.is_empty() {
         return;
@@ -251,7 +249,7 @@ fn joints_provenance(arm: &Arm, robot: &Robot, chain: &Chain, scene: &mut Scene,
     }
     for joint in chain.joints.iter().map(|i| &robot.joints[*i]).filter(|joint| joint.kind != Kind::Fixed) {
         if joint.effort.is_none() {
-            notes.push(format!("{}: no effort given: its torque is not limited", joint.name));
+            notes.push(format!("{}: no effort given, so its torque is unlimited", joint.name));
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Links of the chain: all that hangs rigidly on one moving frame.
+//! Moving parts of the chain: links that are rigidly connected.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
@@ -7,10 +7,10 @@ use super::file::{Inertial, Kind, Link, Robot};
 use crate::description::Frame;
 use crate::estimate::Shape;
 
-/// Least semi-axis of an ellipsoid that stands for a link without geometry, m.
+/// Least semi-axis of the ellipsoid that represents a link without geometry, m.
 const THINNEST: f64 = 1e-3;
 
-/// One moving part: what it weighs and the shapes it has, in the frame of its joint.
+/// A moving part: inertial properties and shapes, in the frame of its joint.
 #[derive(Default)]
 pub struct Part {
     pub mass: f64,
@@ -18,11 +18,11 @@ pub struct Part {
     /// About the centre of mass.
     pub inertia: Matrix3<f64>,
     pub shapes: Vec<Shape>,
-    /// What is to be said about it.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// The pose of `inner` in the parent of `outer`. A pose that is not turned keeps the other's very numbers.
+/// The pose of `inner` in the parent of `outer`. Composition with a pose without rotation is exact.
 pub fn compose(outer: &Frame, inner: &Frame) -> Frame {
     let rotation = outer.rotation();
     let position = if *outer == Frame::default() { inner.position } else { outer.position + rotation * inner.position };
@@ -41,7 +41,7 @@ fn angles(rotation: &Matrix3<f64>) -> Vector3<f64> {
     Vector3::new(roll, pitch, yaw)
 }
 
-/// The even ellipsoid of the same mass and moments.
+/// Homogeneous ellipsoid of the same mass and moments.
 fn ellipsoid(inertial: &Inertial) -> Shape {
     let (moments, turn) = if inertial.inertia == Matrix3::from_diagonal(&inertial.inertia.diagonal()) {
         (inertial.inertia.diagonal(), Matrix3::identity())
@@ -86,9 +86,10 @@ impl Part {
             self.shapes.push(Shape { position: frame.position, rpy: frame.rpy, ..shape.clone() });
         }
         if let (Some(inertial), true) = (own, link.shapes.is_empty()) {
-            let why = if link.mesh { "geometry is a mesh, which is not read" } else { "no geometry" };
+            let why = if link.mesh { "geometry is a mesh, which is not supported" } else { "no geometry" };
             let name = &link.name;
-            self.notes.push(format!("{name}: {why}: its water is that of the even ellipsoid of its mass and moments"));
+            self.notes
+                .push(format!("{name}: {why}: hydrodynamics of the homogeneous ellipsoid of its mass and moments"));
             let shape = ellipsoid(inertial);
             let frame = compose(at, &Frame { position: shape.position, rpy: shape.rpy });
             self.shapes.push(Shape { position: frame.position, rpy: frame.rpy, ..shape });
@@ -97,8 +98,8 @@ impl Part {
 }
 
 impl Robot {
-    /// All that hangs on a link, up to the next moving joint of the chain, whose frame and index come with it; and the frame of
-    /// the tip where it is part of it.
+    /// The moving part of a link, up to the next moving joint of the chain, with index and frame of that joint, and the frame of the
+    /// tip if it belongs to the part.
     pub fn part(&self, chain: &Chain, link: usize) -> (Part, Option<(usize, Frame)>, Option<Frame>) {
         let (mut part, mut next, mut tip) = (Part::default(), None, None);
         let mut open = vec![(link, Frame::default())];
@@ -117,7 +118,7 @@ impl Robot {
                 if joint.kind != Kind::Fixed {
                     let name = &joint.name;
                     part.notes
-                        .push(format!("{name}: a moving joint off the chain, held at 0: {child} is part of {to}"));
+                        .push(format!("{name}: a moving joint outside the chain, fixed at 0: {child} is part of {to}"));
                 } else if self.links[joint.child].inertial.is_some() {
                     part.notes.push(format!("{child}: merged into {to}"));
                 }

@@ -135,7 +135,7 @@ fn a_tree_needs_a_tip_and_off_the_chain_is_merged() {
     let arm = scene.arm.unwrap();
     let masses: Vec<_> = arm.links.iter().map(|link| (link.name.as_str(), link.body.mass)).collect();
     assert_eq!(masses, [("arm", 2.0), ("left", 1.0)]);
-    assert!(notes.iter().any(|note| note.contains("r: a moving joint off the chain, held at 0")), "{notes:?}");
+    assert!(notes.iter().any(|note| note.contains("r: a moving joint outside the chain, fixed at 0")), "{notes:?}");
     assert!(arm.links.iter().all(|link| link.joint.limits.is_none() && link.joint.effort.is_none()));
     // From the middle on, and a chain without joints.
     assert_eq!(import(&text, Some("arm"), Some("right")).unwrap().scene.arm.unwrap().links.len(), 1);
@@ -169,19 +169,22 @@ fn a_malformed_file_is_one_line_with_file_and_element() {
         (robot("<link/>"), &["line 2", "<link>", "attribute name"]),
         (robot(&(link("a") + &link("a"))), &["line 3", "\"a\"", "taken"]),
         ("<robot xmlns:xacro='http://ros.org/xacro'><xacro:arm/></robot>".into(), &["<xacro:arm>", "run xacro"]),
-        (with("spherical", ""), &["joint \"j\"", "spherical", "none of revolute"]),
+        (with("spherical", ""), &["joint \"j\"", "spherical", "must be revolute"]),
         (with("revolute", ""), &["line 4", "joint \"j\"", "<limit> is missing"]),
-        (with("revolute", "<limit effort='1' velocity='1'/>"), &["joint \"j\" <limit>", "ascend"]),
+        (with("revolute", "<limit effort='1' velocity='1'/>"), &["joint \"j\" <limit>", "below upper"]),
         (with("revolute", "<limit lower='a' upper='1'/>"), &["joint \"j\" <limit>", "lower=\"a\"", "finite number"]),
         (with("prismatic", "<limit lower='0' upper='1' effort='-2'/>"), &["<limit>", "effort is -2"]),
-        (with("continuous", "<axis xyz='0 0 0'/>"), &["joint \"j\" <axis>", "no direction"]),
+        (with("continuous", "<axis xyz='0 0 0'/>"), &["joint \"j\" <axis>", "nonzero length"]),
         (with("continuous", "<axis xyz='0 0'/>"), &["joint \"j\" <axis>", "xyz=\"0 0\"", "3 finite numbers"]),
         (with("continuous", "<axis/>"), &["joint \"j\" <axis>", "attribute xyz is missing"]),
         (with("continuous", "<origin xyz='0 0 inf'/>"), &["joint \"j\" <origin>", "xyz=\"0 0 inf\""]),
         (with("continuous", "<origin/><origin/>"), &["joint \"j\" <origin>", "twice"]),
         (with("continuous", "<dynamics damping='-1'/>"), &["joint \"j\" <dynamics>", "damping is -1"]),
         (with("continuous", "<mimic joint='k'/>"), &["joint \"j\" <mimic>", "not supported"]),
-        (robot(&(two.clone() + &joint("j", "fixed", "foot", "leg", ""))), &["joint \"j\" <child>", "no link \"leg\""]),
+        (
+            robot(&(two.clone() + &joint("j", "fixed", "foot", "leg", ""))),
+            &["joint \"j\" <child>", "unknown link \"leg\""],
+        ),
         (robot(&(two.clone() + "<joint name='j' type='fixed'/>")), &["joint \"j\"", "<parent> is missing"]),
         (robot(&two), &["<robot>", "several links without parent (foot, arm)", "choose the base"]),
         (
@@ -204,7 +207,7 @@ fn a_malformed_file_is_one_line_with_file_and_element() {
         (hull("<inertial><mass value='1'/></inertial>"), &["link \"hull\" <inertial>", "<inertia> is missing"]),
         (hull("<collision/>"), &["link \"hull\" <collision>", "<geometry> is missing"]),
         (geometry(""), &["link \"hull\" <collision> <geometry>", "is empty"]),
-        (geometry("<cone/>"), &["<geometry> <cone>", "none of box"]),
+        (geometry("<cone/>"), &["<geometry> <cone>", "one of box"]),
         (geometry("<box size='1 0 1'/>"), &["<geometry> <box>", "edges must be > 0"]),
         (geometry("<sphere/>"), &["<geometry> <sphere>", "attribute radius is missing"]),
         (geometry("<cylinder radius='1' length='-2'/>"), &["<cylinder>", "length is -2"]),
@@ -219,7 +222,7 @@ fn a_malformed_file_is_one_line_with_file_and_element() {
     let message = import(ALPHA, Some("leg"), None).unwrap_err().to_string();
     assert!(message.contains("no link \"leg\" for the base") && message.contains("wrist"), "{message}");
     let message = import(ALPHA, Some("elbow"), Some("foot")).unwrap_err().to_string();
-    assert!(message.contains("\"foot\": does not hang on the base link \"elbow\""), "{message}");
+    assert!(message.contains("\"foot\": is not a descendant of the base link \"elbow\""), "{message}");
 }
 
 #[test]
