@@ -13,7 +13,7 @@ use super::inputs::poses;
 use super::scene;
 use super::simulator::number;
 use uvms_gym::description::Scene;
-use uvms_gym::render::{self, Settings, Shot};
+use uvms_gym::render::{self, RenderState, Settings};
 
 /// Draws pictures of one scene: vehicle, arm and thrusters where the physics has them.
 ///
@@ -180,7 +180,7 @@ impl Renderer {
         let thrust = optional("thrust", thrust, self.inner.thrusters())?;
         let (path, trail) = (points("path", path)?, points("trail", trail)?);
         let current = current.map(|given| rows("current", given, 1, &[3])).transpose()?;
-        let shot = Shot {
+        let shot = RenderState {
             position,
             rotation,
             q: &q,
@@ -216,7 +216,7 @@ impl Renderer {
     ) -> PyResult<Array<'py>> {
         let (position, rotation) = vehicle(position, rotation)?;
         let target = target.map(|given| pose("target", given)).transpose()?;
-        let shot = Shot { position, rotation, target, ..Shot::default() };
+        let shot = RenderState { position, rotation, target, ..RenderState::default() };
         let pixels = points.iter().flat_map(|p| self.inner.project(&shot, p).unwrap_or([f64::NAN; 3]));
         array(py, &[points.len(), 3], pixels.collect())
     }

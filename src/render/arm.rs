@@ -1,4 +1,4 @@
-//! The arm, from joint to joint.
+//! Geometry of the arm.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -13,20 +13,20 @@ const LINK: Paint = Paint::new(0xD9DCDD).glossy(0.3);
 const JOINT: Paint = Paint::new(0x363C45).glossy(0.3);
 const RING: Paint = Paint::new(0xF07A22).glossy(0.3);
 const FINGER: Paint = Paint::new(0x4A525C).glossy(0.4);
-const LOAD: Paint = Paint::new(0xA8483A).glossy(0.1);
-/// The end effector itself: nothing else has this colour.
+const PAYLOAD: Paint = Paint::new(0xA8483A).glossy(0.1);
+/// Colour of the end effector, used for nothing else.
 pub const TIP: Paint = Paint::new(0xFF2FD0).glowing(1.0);
-/// Density that payloads are drawn with, kg/m3.
-const LOAD_DENSITY: f64 = 2500.0;
+/// Density by which payloads are drawn, kg/m3.
+const PAYLOAD_DENSITY: f64 = 2500.0;
 
-/// What draws the arm.
+/// Drawing of the arm.
 #[derive(Debug)]
-pub struct Arm {
-    /// Where the arm stands on the vehicle.
+pub struct ArmModel {
+    /// Position of the mount in the vehicle frame, m.
     mount: Vector,
-    /// Frame of each link at the joint that moves it.
+    /// Link frames.
     links: Vec<EndEffector>,
-    /// Axis of each joint in its link's frame, and whether it slides.
+    /// Axis of each joint in its link's frame, and true if it is prismatic.
     axes: Vec<(Vector3<f64>, bool)>,
     tip: EndEffector,
     /// Radius of each link.
@@ -35,7 +35,7 @@ pub struct Arm {
     payload: f64,
 }
 
-impl Arm {
+impl ArmModel {
     /// The arm of a scene, if it has one.
     pub fn new(scene: &Scene) -> Option<Self> {
         let arm = scene.arm.as_ref()?;
@@ -47,7 +47,7 @@ impl Arm {
         let mount = single(&arm.mount.frame.position);
         let payload = scene.payload.as_ref().map_or(0.0, |p| p.body.mass);
         let mut this = Self { mount, links, axes, tip, radii: Vec::new(), payload };
-        // How long links are does not depend on the joints, but for sliding ones.
+        // Lengths of links depend on prismatic joints only.
         let (points, end) = this.points(&scene.home());
         let ends = points.iter().skip(1).copied().chain([end.1]);
         let lengths: Vec<f32> = points.iter().zip(ends).map(|(a, b)| (b - a).norm()).collect();
@@ -62,13 +62,13 @@ impl Arm {
         (self.links.iter().map(|link| single(&link.pose(q).1)).collect(), (rotation, single(&tip)))
     }
 
-    /// Draws it in the vehicle frame, holding `payload` kg more than the scene has it.
+    /// Draws the arm in the vehicle frame, with `payload` kg in addition to the scene's.
     pub fn draw(&self, mesh: &mut Mesh, q: &[f64], payload: f64) {
         let mut joints = [0.0; JOINTS];
         joints.iter_mut().zip(q).for_each(|(joint, q)| *joint = *q);
         let (points, (attitude, tip)) = self.points(&joints);
         let thick = self.radii.first().copied().unwrap_or(0.03);
-        // A foot where it is screwed on.
+        // A foot at the mount.
         let base = points.first().copied().unwrap_or(tip);
         mesh.capsule(self.mount, base, 1.05 * thick, 16, JOINT);
         for (i, from) in points.iter().enumerate() {
@@ -94,14 +94,14 @@ impl Arm {
         mesh.ellipsoid(tip, Vector::repeat(r), 12, |_| TIP);
         let load = self.payload + payload;
         if load > 0.0 && load.is_finite() {
-            let radius = (load / LOAD_DENSITY * 0.75 / std::f64::consts::PI).cbrt() as f32;
+            let radius = (load / PAYLOAD_DENSITY * 0.75 / std::f64::consts::PI).cbrt() as f32;
             let ahead = points.last().map_or(-Vector::z(), |p| (tip - p).try_normalize(1e-6).unwrap_or(-Vector::z()));
-            mesh.ellipsoid(tip + ahead * (0.9 * radius + r), Vector::repeat(radius), 18, |_| LOAD);
+            mesh.ellipsoid(tip + ahead * (0.9 * radius + r), Vector::repeat(radius), 18, |_| PAYLOAD);
         }
     }
 }
 
-/// Radius of the cylinder of this volume and length; neither thread nor ball.
+/// Radius of the cylinder of this volume and length, within bounds.
 fn radius(body: &Body, water: &Water, length: f32, total: f32) -> f32 {
     let volume = body.displaced_volume(water);
     let volume = if volume > 0.0 { volume } else { body.mass / 1000.0 };
@@ -111,7 +111,7 @@ fn radius(body: &Body, water: &Water, length: f32, total: f32) -> f32 {
     even.max(least).min(most)
 }
 
-/// Two fingers that open towards the end effector.
+/// Two fingers, open towards the end effector.
 fn gripper(mesh: &mut Mesh, from: Vector, tip: Vector, attitude: &Matrix3<f64>, r: f32) {
     let reach = tip - from;
     let length = reach.norm();
@@ -119,7 +119,7 @@ fn gripper(mesh: &mut Mesh, from: Vector, tip: Vector, attitude: &Matrix3<f64>, 
         return;
     }
     let ahead = reach / length;
-    // Fingers turn with the end effector.
+    // Fingers rotate with the end effector.
     let aside = (0..3).map(|k| single(&attitude.column(k).into_owned()));
     let aside = aside.map(|e| e - ahead * e.dot(&ahead)).max_by(|a, b| a.norm().total_cmp(&b.norm()));
     let aside = aside.and_then(|e| e.try_normalize(1e-3)).unwrap_or_else(|| across(&ahead)[0]);

@@ -1,4 +1,4 @@
-//! What is behind everything: the water and the floor with its grid.
+//! Background: the water and the floor with its grid.
 
 use super::camera::Camera;
 use super::paint::{Water, display};
@@ -6,17 +6,17 @@ use super::raster::{Canvas, byte, pack};
 use super::shadow::Shadow;
 use crate::lane::sin_cos;
 
-/// Texels along each side of the pattern of light.
+/// Texels per side of the caustics.
 const SIDE: usize = 64;
 /// Half the width of the grid's lines, in cells.
 const LINE: f32 = 0.012;
 
-/// The pattern that waves throw on the floor: a tile of relative brightness, mean 0.
+/// Caustics on the floor: a tile of relative brightness, of mean 0.
 #[derive(Debug)]
 pub struct Caustics(Box<[f32; SIDE * SIDE]>);
 
 impl Caustics {
-    /// The pattern.
+    /// Computes the tile.
     pub fn new() -> Self {
         let wave = |turns: f64| sin_cos(std::f64::consts::TAU * turns).0;
         let web = |u: f64, v: f64| {
@@ -37,10 +37,10 @@ impl Caustics {
         Self(tile)
     }
 
-    /// Brightness at a place, in tiles; for less than 512 of them.
+    /// Brightness at a position in units of tiles, below 512.
     #[inline]
     fn at(&self, u: f32, v: f32) -> f32 {
-        // Positive, so that cutting off is rounding down.
+        // Positive, so that truncation rounds down.
         let (x, y) = ((u + 512.0) * SIDE as f32, (v + 512.0) * SIDE as f32);
         let (i, k) = (x as i32, y as i32);
         let (fx, fy) = (x - i as f32, y - k as f32);
@@ -54,40 +54,40 @@ impl Caustics {
     }
 }
 
-/// The floor, in coordinates about what the camera looks at.
+/// The floor, in coordinates about the focus of the camera.
 #[derive(Debug)]
 pub struct Floor<'a> {
-    /// Its height.
+    /// Height, m.
     pub height: f32,
-    /// Where its grid has a crossing, x and y.
+    /// Position of a crossing of the grid, x and y, m.
     pub origin: [f32; 2],
-    /// Width of the grid's cells, m.
+    /// Cell width of the grid, m.
     pub cell: f32,
-    /// The shadow on it.
+    /// Shadow.
     pub shadow: &'a Shadow,
-    /// The light on it.
+    /// Caustics.
     pub caustics: &'a Caustics,
-    /// How far that has moved, in tiles.
+    /// Displacement of the caustics, tiles.
     pub drift: f32,
 }
 
-/// Nearest integer, for less than four million.
+/// Nearest integer, for magnitudes below four million.
 fn round(x: f32) -> f32 {
     const SHIFT: f32 = 12_582_912.0;
     (x + SHIFT) - SHIFT
 }
 
-/// Pixels that are computed together, each step for all of them.
+/// Pixels per run; each operation is done for all of them.
 const RUN: usize = 32;
 
-/// A row of pixels that see the floor.
+/// A row of pixels on the floor.
 struct Row {
-    /// Ray of the pixel at `x = 0`, and its change along the row: x and y per step ahead.
+    /// Ray of the pixel at `x = 0`, and its change along the row: x and y per unit of depth.
     ray: [[f32; 2]; 2],
-    /// Steps ahead to the floor, in this row and between it and the next one up.
+    /// Depth of the floor in this row, and midway to the next row above.
     away: f32,
     deeper: f32,
-    /// Light on the floor that reaches the eye, and the water before it; linear.
+    /// Transmitted light of the floor, and light of the water in front of it; linear.
     floor: [f32; 3],
     water: [f32; 3],
 }
@@ -99,7 +99,7 @@ pub fn paint(canvas: &mut Canvas, [width, height]: [usize; 2], camera: &Camera, 
     let light = water.light(&super::Vector::z());
     for y in 0..height {
         let rise = (camera.centre[1] - y as f32 - 0.5) / camera.focal;
-        // The horizon is level: all pixels of a row look down as steeply.
+        // The horizon is level: all pixels of a row have the same elevation.
         let down = |rise: f32| -(ahead.z + up.z * rise);
         let stretch = (1.0 + rise * rise).sqrt();
         let behind = water.colour(-down(rise) / stretch);
@@ -126,7 +126,7 @@ pub fn paint(canvas: &mut Canvas, [width, height]: [usize; 2], camera: &Camera, 
 }
 
 impl Row {
-    /// Paints the pixels from `first` on.
+    /// Paints the pixels starting at `first`.
     fn paint(&self, camera: &Camera, strength: f32, floor: &Floor<'_>, first: usize, pixels: &mut [[u32; 4]]) {
         let scale = 1.0 / floor.cell;
         let (mut line, mut blur, mut place) = ([0.0_f32; RUN], [0.0_f32; RUN], [[0.0_f32; RUN]; 2]);

@@ -1,28 +1,28 @@
-//! Where the picture is taken from.
+//! Camera.
 
 use super::Vector;
 use crate::lane::sin_cos;
 
-/// Half of the vertical field of view, as a tangent.
+/// Tangent of half of the vertical field of view.
 const SPREAD: f64 = 0.34;
 
-/// A camera with a level horizon, at a distance from the origin and looking at it.
+/// A camera with a level horizon, at a distance from the origin and directed at it.
 #[derive(Debug, Clone, Copy)]
 pub struct Camera {
-    /// Where it stands.
+    /// Position.
     pub eye: Vector,
-    /// To the right, up, and ahead; of unit length.
+    /// Unit vectors to the right, up and ahead.
     pub axes: [Vector; 3],
     /// Pixels per unit of slope.
     pub focal: f32,
-    /// Middle of the picture, pixels.
+    /// Centre of the picture, pixels.
     pub centre: [f32; 2],
-    /// Nearest distance ahead that is drawn, m.
+    /// Least depth that is drawn, m.
     pub near: f32,
 }
 
 impl Camera {
-    /// From azimuth and elevation of the camera as seen from the origin, rad.
+    /// From azimuth and elevation of the camera relative to the origin, rad.
     pub fn new(azimuth: f64, elevation: f64, distance: f64, [width, height]: [usize; 2]) -> Self {
         let ((sa, ca), (se, ce)) = (sin_cos(azimuth), sin_cos(elevation));
         let vector = |x: f64, y: f64, z: f64| Vector::new(x as f32, y as f32, z as f32);
@@ -35,18 +35,18 @@ impl Camera {
         }
     }
 
-    /// Distance from which a ball of this radius fills the picture.
+    /// Distance at which a ball of this radius fills the picture.
     pub fn distance_of(radius: f64) -> f64 {
         radius * (1.0 + 1.0 / (SPREAD * SPREAD)).sqrt()
     }
 
-    /// Right, up and ahead of the camera, m.
+    /// Camera coordinates of a point: right, up and depth, m.
     pub fn view(&self, point: &Vector) -> Vector {
         let d = point - self.eye;
         Vector::new(d.dot(&self.axes[0]), d.dot(&self.axes[1]), d.dot(&self.axes[2]))
     }
 
-    /// Pixel of a point that lies ahead.
+    /// Pixel of a point of positive depth.
     pub fn project(&self, view: &Vector) -> [f32; 2] {
         let scale = self.focal / view.z;
         [self.centre[0] + scale * view.x, self.centre[1] - scale * view.y]

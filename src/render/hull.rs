@@ -1,4 +1,4 @@
-//! The vehicle's body and thrusters.
+//! Geometry of the vehicle's body and thrusters.
 
 use super::Vector;
 use super::mesh::{Mesh, across};
@@ -14,29 +14,29 @@ const DUCT: Paint = Paint::new(0x23282F).glossy(0.2);
 const BLADE: Paint = Paint::new(0x8A949E).glossy(0.2);
 const NOSE: Paint = Paint::new(0xE8512A);
 
-/// What the body fills: a box in the vehicle frame.
+/// Bounding box of the body in the vehicle frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Envelope {
-    /// Its middle.
+    /// Centre, m.
     pub middle: Vector,
-    /// Half its edges.
+    /// Half edges, m.
     pub half: Vector,
 }
 
 /// A thruster.
 #[derive(Debug, Clone, Copy)]
 pub struct Thruster {
-    /// Where.
+    /// Position, m.
     pub position: Vector,
-    /// Where positive thrust pushes to.
+    /// Direction of positive thrust.
     pub axis: Vector,
     /// Least and greatest thrust, N.
     pub limits: [f64; 2],
-    /// Radius of its duct.
+    /// Radius of the duct, m.
     pub radius: f32,
 }
 
-/// Box, body's mesh and thrusters of a scene's vehicle, in its frame.
+/// Bounding box, mesh and thrusters of a scene's vehicle, in its frame.
 pub fn hull(scene: &Scene) -> (Envelope, Mesh, Vec<Thruster>) {
     let vehicle = &scene.vehicle;
     let shape = vehicle.shape.clone().unwrap_or_else(|| derived(&vehicle.body, &scene.water));
@@ -70,7 +70,7 @@ pub fn single(v: &nalgebra::Vector3<f64>) -> Vector {
     v.map(|x| x as f32)
 }
 
-/// The even box with this mass and inertia, or the cube of this volume.
+/// Homogeneous box of this mass and inertia, or the cube of this volume.
 fn derived(body: &Body, water: &Water) -> Shape {
     let inertia = body.inertia_about_com().diagonal();
     let squares = (0..3).map(|k| 6.0 * (inertia.sum() - 2.0 * inertia[k]) / body.mass);
@@ -86,7 +86,7 @@ fn derived(body: &Body, water: &Water) -> Shape {
     Shape { kind: ShapeKind::Box, size, position, ..Shape::default() }
 }
 
-/// A box with a face.
+/// A box with a marked front.
 fn solid(mesh: &mut Mesh, envelope: &Envelope, coat: Paint) {
     let Envelope { middle, half } = *envelope;
     let cut = 0.16 * half.min();
@@ -189,7 +189,7 @@ fn lattice(mesh: &mut Mesh, envelope: &Envelope, coat: Paint) {
             let thin = along.normalize() * (0.35 * beam);
             for (run, over) in [(u, v), (v, u)] {
                 for step in [-0.5, 0.0, 0.5] {
-                    // Right-handed whichever way round.
+                    // Right-handed in either order.
                     let sign = if run == u { 1.0 } else { -1.0 };
                     let cross = over.normalize() * (wide * sign);
                     mesh.slab(face + over * step, [run * inset, cross, thin], coat.mix(WHITE, 0.12));
@@ -202,7 +202,7 @@ fn lattice(mesh: &mut Mesh, envelope: &Envelope, coat: Paint) {
     for x in [-0.35, 0.35] {
         mesh.cylinder(middle + axes[0] * (x - 0.05), middle + axes[0] * (x + 0.05), 1.06 * r, 24, METAL);
     }
-    // The front is marked.
+    // Mark of the front.
     let badge = Vector::new(0.6 * beam, 0.28 * half.y, 0.16 * half.z);
     mesh.chamfered(middle + axes[0], badge, 0.2 * beam, DARK);
     for side in [-1.0, 1.0] {

@@ -1,4 +1,4 @@
-//! What is not there: the target, the reference, jets of thrusters, the flow.
+//! Annotations: target, reference, thruster jets, flow.
 
 use super::Vector;
 use super::hull::{Envelope, Thruster};
@@ -16,7 +16,7 @@ const WEAK: Paint = Paint::new(0xBFF6FF).glowing(1.0);
 const STRONG: Paint = Paint::new(0xFFC23A).glowing(1.0);
 const FULL: Paint = Paint::new(0xFF3B2A).glowing(1.0);
 
-/// Brackets about the corners of where the vehicle's box is to be.
+/// Brackets at the corners of the vehicle's bounding box at the target.
 pub fn target(mesh: &mut Mesh, envelope: &Envelope) {
     let half = envelope.half + Vector::repeat(0.1 * envelope.half.max());
     let thin = 0.011 * half.norm();
@@ -31,7 +31,7 @@ pub fn target(mesh: &mut Mesh, envelope: &Envelope) {
     }
 }
 
-/// Three arrows along x (red), y (green), z (blue).
+/// Arrows along x (red), y (green), z (blue).
 pub fn axes(mesh: &mut Mesh, length: f32) {
     for (k, paint) in AXES.into_iter().enumerate() {
         let mut axis = Vector::zeros();
@@ -43,12 +43,12 @@ pub fn axes(mesh: &mut Mesh, length: f32) {
     }
 }
 
-/// The point of the reference that counts now.
+/// Present point of the reference.
 pub fn point(mesh: &mut Mesh, radius: f32) {
     mesh.ellipsoid(Vector::zeros(), Vector::repeat(radius), 12, |_| POINT);
 }
 
-/// A reference, or where something was.
+/// A reference path or a trail.
 pub fn line(mesh: &mut Mesh, points: &[Vector], half: f32, trail: bool) {
     let paint = if trail { TRAIL } else { PATH };
     for pair in points.windows(2) {
@@ -56,7 +56,7 @@ pub fn line(mesh: &mut Mesh, points: &[Vector], half: f32, trail: bool) {
     }
 }
 
-/// The jet of a thruster: it leaves against the thrust, longer and redder with the share of the limit.
+/// Jet of a thruster, opposite to the thrust; longer and redder with the fraction of the limit.
 pub fn jet(mesh: &mut Mesh, thruster: &Thruster, thrust: f64) {
     let limit = thruster.limits[usize::from(thrust > 0.0)].abs();
     let share = if limit > 0.0 { (thrust.abs() / limit).min(1.0) as f32 } else { 0.0 };
@@ -78,7 +78,7 @@ pub fn jet(mesh: &mut Mesh, thruster: &Thruster, thrust: f64) {
     mesh.lathe(thruster.position + away * (0.3 * r), away, &profile, 16, true, |i| paint.clear(fade[i] * strength));
 }
 
-/// A number in [0, 1) that looks random.
+/// Hash of two integers, in [0, 1).
 fn hash(a: u32, b: u32) -> f32 {
     let mut x = a.wrapping_mul(0x9E37_79B9) ^ b.wrapping_mul(0x85EB_CA6B) ^ 0x27D4_EB2F;
     for _ in 0..2 {
@@ -88,13 +88,12 @@ fn hash(a: u32, b: u32) -> f32 {
     (x >> 8) as f32 / 16_777_216.0
 }
 
-/// Motes that live for a while each and drift with the flow: what one sees of it. `origin` is the world's, and `reach`
-/// how far about the middle they are.
+/// Particles of limited lifetime that drift with the flow, within `reach` of the centre. `origin` is that of the world.
 pub fn flow(mesh: &mut Mesh, current: &Vector, time: f64, origin: &Vector, reach: f32, floor: f32) {
     const COUNT: u32 = 150;
     const LIFE: f64 = 3.0;
     let speed = current.norm();
-    // Motes stand out against the vehicle by their length.
+    // Particles are long enough to be visible in front of the vehicle.
     let along = if speed > 1e-4 { current / speed } else { Vector::z() };
     let [u, v] = across(&along);
     let side = 2.0 * reach;
@@ -102,7 +101,7 @@ pub fn flow(mesh: &mut Mesh, current: &Vector, time: f64, origin: &Vector, reach
         let age = time / LIFE + f64::from(hash(mote, 0));
         let (life, share) = (age.floor(), (age - age.floor()) as f32);
         let key = 1 + 3 * (life.rem_euclid(1e6) as u32);
-        // Places are fixed in the world; those of the box about the middle are shown.
+        // Positions are fixed in the world; those in the box about the centre are shown.
         let place = Vector::from_fn(|k, _| {
             let at = origin[k] + side * hash(mote, key + k as u32) + reach;
             at.rem_euclid(side) - reach
@@ -116,7 +115,7 @@ pub fn flow(mesh: &mut Mesh, current: &Vector, time: f64, origin: &Vector, reach
         let long = thin + 0.42 * speed;
         let paint = FLOW.clear(alpha);
         let head = place + along * long;
-        // A dart: blunt ahead, drawn out behind.
+        // A dart: blunt front, tapered rear.
         let waist = place + along * (long - (3.0 * thin).min(long));
         let ring = [u, v, -u, -v].map(|out| waist + out * thin);
         for k in 0..4 {

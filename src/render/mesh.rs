@@ -1,30 +1,30 @@
-//! Triangles, and the solids that they make.
+//! Triangle meshes and solids.
 
 use super::Vector;
 use super::paint::Paint;
 use crate::lane::sin_cos;
 
-/// A corner of triangles.
+/// A vertex.
 #[derive(Debug, Clone, Copy)]
 pub struct Vertex {
-    /// Where.
+    /// Position, m.
     pub position: Vector,
-    /// Outward direction of the surface, of unit length.
+    /// Outward unit normal.
     pub normal: Vector,
-    /// What it looks like.
+    /// Material.
     pub paint: Paint,
 }
 
-/// Triangles whose corners run counterclockwise as seen from outside.
+/// Triangles with counterclockwise corners as seen from outside.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
-    /// Corners.
+    /// Vertices.
     pub vertices: Vec<Vertex>,
-    /// Indices of three corners each.
+    /// Indices of the three vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Unit vectors at right angles to `axis` and each other: `e1 x e2 = axis`.
+/// Unit vectors perpendicular to `axis` and to each other: `e1 x e2 = axis`.
 pub fn across(axis: &Vector) -> [Vector; 2] {
     let least = axis.iamin();
     let mut e = Vector::zeros();
@@ -55,7 +55,7 @@ impl Mesh {
         }
     }
 
-    /// A box with these half edges, as vectors that make a right-handed frame.
+    /// A box with these half edges, a right-handed triple of vectors.
     pub fn slab(&mut self, middle: Vector, half: [Vector; 3], paint: Paint) {
         for k in 0..3 {
             let [n, u, v] = [half[k], half[(k + 1) % 3], half[(k + 2) % 3]];
@@ -66,16 +66,16 @@ impl Mesh {
         }
     }
 
-    /// A box along the axes.
+    /// An axis-aligned box.
     pub fn cuboid(&mut self, middle: Vector, half: Vector, paint: Paint) {
         self.slab(middle, [Vector::x() * half.x, Vector::y() * half.y, Vector::z() * half.z], paint);
     }
 
-    /// A box along the axes whose edges are cut off by `cut`.
+    /// An axis-aligned box with edges chamfered by `cut`.
     pub fn chamfered(&mut self, middle: Vector, half: Vector, cut: f32, paint: Paint) {
         let inner = half.map(|h| (h - cut).max(0.0));
         let signs = [-1.0_f32, 1.0];
-        // The corner on the face along axis k.
+        // Corner on the face normal to axis k.
         let corner = |s: [f32; 3], k: usize| {
             let mut p = inner;
             p[k] = half[k];
@@ -91,7 +91,7 @@ impl Mesh {
                 };
                 let ring = [at(-s, -1.0), at(s, -1.0), at(s, 1.0), at(-s, 1.0)];
                 self.polygon(&ring.map(|signs| corner(signs, k)), paint);
-                // The edge between this face and the next axis's.
+                // Edge between this face and that of the next axis.
                 for t in signs {
                     let edge = |b: f32| {
                         let mut signs = [s; 3];
@@ -129,8 +129,8 @@ impl Mesh {
         }
     }
 
-    /// A surface of revolution about `axis` (of unit length), its profile given by (height, radius) from the bottom up
-    /// outside; rounded where `smooth`.
+    /// A surface of revolution about the unit vector `axis`, with the profile (height, radius) from the bottom up; shaded smoothly
+    /// if `smooth`.
     pub fn lathe(
         &mut self,
         origin: Vector,
@@ -194,7 +194,7 @@ impl Mesh {
         }
     }
 
-    /// A cylinder with round ends about the two points; a ball where they meet.
+    /// A capsule between two points; a ball if they coincide.
     pub fn capsule(&mut self, from: Vector, to: Vector, radius: f32, segments: usize, paint: Paint) {
         let along = to - from;
         let length = along.norm();
@@ -204,13 +204,13 @@ impl Mesh {
         let bottom = quarter.iter().map(|[cos, sin]| (-radius * cos, radius * sin));
         let top = quarter.iter().rev().map(|[cos, sin]| (length + radius * cos, radius * sin));
         let mut profile: Vec<(f32, f32)> = bottom.chain(top).collect();
-        // Exactly closed at the poles.
+        // Closed exactly at the poles.
         profile[0].1 = 0.0;
         profile.last_mut().expect("two ends").1 = 0.0;
         self.lathe(from, axis, &profile, segments, true, |_| paint);
     }
 
-    /// An ellipsoid with half axes along the coordinate axes; `paint` by the share of the way from -x to +x.
+    /// An axis-aligned ellipsoid; `paint` depends on the fraction of its length from -x to +x.
     pub fn ellipsoid(&mut self, middle: Vector, half: Vector, segments: usize, paint: impl Fn(f32) -> Paint) {
         let first = self.vertices.len();
         let rings = segments;
@@ -221,14 +221,14 @@ impl Mesh {
         let paint = |i: usize| paint(0.5 + 0.5 * profile[i].0);
         self.lathe(Vector::zeros(), Vector::x(), &profile, segments, true, paint);
         for vertex in &mut self.vertices[first..] {
-            // On the unit ball the normal is the position; the ellipsoid's is that over the half axes.
+            // The normal is the position on the unit ball, divided by the half axes.
             let on_ball = vertex.position;
             vertex.position = middle + on_ball.component_mul(&half);
             vertex.normal = on_ball.component_div(&half).try_normalize(1e-20).unwrap_or_else(Vector::x);
         }
     }
 
-    /// The triangles of another mesh, moved.
+    /// Appends the triangles of another mesh, transformed.
     pub fn append(&mut self, other: &Self, place: impl Fn(&Vertex) -> Vertex) {
         let first = self.vertices.len() as u32;
         self.vertices.extend(other.vertices.iter().map(place));

@@ -1,7 +1,7 @@
-//! Pictures of a scene: a z-buffer rasteriser with four samples per pixel, fed by the kinematics of the physics.
+//! Pictures of a scene by a z-buffer rasteriser with four samples per pixel, from the kinematics of the simulator.
 //!
-//! A picture depends on the scene, the settings and the [`Shot`] alone: the same bytes whatever was drawn before. What
-//! is not finite, or far away beyond all measure, is left out of it.
+//! A picture depends only on scene, settings and [`RenderState`]: the same bytes, independent of earlier pictures. Objects at
+//! positions that are not finite or too far away are omitted.
 
 mod arm;
 mod backdrop;
@@ -13,7 +13,7 @@ pub mod paint;
 pub mod raster;
 mod renderer;
 mod shadow;
-pub use renderer::{Renderer, Settings, Shot};
+pub use renderer::{RenderState, Renderer, Settings};
 
-/// Vectors of the picture: single precision, and relative to what the camera looks at.
+/// Vector in single precision, relative to the focus of the camera.
 pub type Vector = nalgebra::Vector3<f32>;

@@ -1,8 +1,8 @@
-//! Colours, light and water.
+//! Materials, light and water.
 
 use super::Vector;
 
-/// What a surface looks like; colours are linear.
+/// Material of a surface; colours are linear.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Paint {
     /// Red, green, blue.
@@ -11,12 +11,12 @@ pub struct Paint {
     pub alpha: f32,
     /// Strength of highlights.
     pub gloss: f32,
-    /// Share of the colour that needs no light.
+    /// Emissive fraction of the colour.
     pub glow: f32,
 }
 
 impl Paint {
-    /// Matt paint of a colour as people write it, `0xRRGGBB`.
+    /// Matt paint of the colour `0xRRGGBB`.
     pub const fn new(hex: u32) -> Self {
         const fn linear(byte: u32) -> f32 {
             let x = (byte & 255) as f32 / 255.0;
@@ -26,22 +26,22 @@ impl Paint {
         Self { colour, alpha: 1.0, gloss: 0.0, glow: 0.0 }
     }
 
-    /// The same with highlights.
+    /// The paint with highlights.
     pub const fn glossy(self, gloss: f32) -> Self {
         Self { gloss, ..self }
     }
 
-    /// The same, shining by itself.
+    /// The paint with emission.
     pub const fn glowing(self, glow: f32) -> Self {
         Self { glow, ..self }
     }
 
-    /// The same, seen through.
+    /// The paint with transparency.
     pub const fn clear(self, alpha: f32) -> Self {
         Self { alpha, ..self }
     }
 
-    /// Between this and another.
+    /// Interpolates between two paints.
     pub fn mix(self, to: Self, share: f32) -> Self {
         let colour = std::array::from_fn(|k| self.colour[k] + (to.colour[k] - self.colour[k]) * share);
         Self { colour, ..self }
@@ -57,22 +57,22 @@ pub struct Water {
     below: [f32; 3],
     /// Extinction per metre of red, green, blue.
     extinction: [f32; 3],
-    /// Where the light comes from.
+    /// Direction towards the sun.
     pub sun: Vector,
     /// Light from the sun, from above and from below.
     direct: f32,
     sky: [f32; 3],
     ground: [f32; 3],
-    /// Strength of the pattern that waves throw on the floor.
+    /// Strength of the caustics.
     pub caustics: f32,
-    /// The floor.
+    /// Paint of the floor.
     pub floor: [f32; 3],
 }
 
 impl Water {
-    /// Water that is seen from `distance`, m, or a vacuum.
+    /// Water viewed from `distance`, m, or a vacuum.
     pub fn new(wet: bool, distance: f32, sun: Vector) -> Self {
-        // As clear that a picture of a large vehicle looks like that of a small one.
+        // Clarity in proportion to the distance, so that pictures of large and small vehicles look alike.
         let per = 1.0 / distance.max(1e-6);
         if wet {
             Self {
@@ -103,7 +103,7 @@ impl Water {
         }
     }
 
-    /// What one sees of the water alone in a direction whose elevation has this sine.
+    /// Colour of the water in a direction, by the sine of its elevation.
     pub fn colour(&self, sine: f32) -> [f32; 3] {
         let (to, share) = if sine > 0.0 { (&self.above, sine / 0.75) } else { (&self.below, -sine / 0.6) };
         let share = share.min(1.0);
@@ -111,19 +111,19 @@ impl Water {
         std::array::from_fn(|k| self.horizon[k] + (to[k] - self.horizon[k]) * share)
     }
 
-    /// What is left of a colour after this way through the water, m.
+    /// Transmission of a colour over this distance through the water, m.
     pub fn transmission(&self, way: f32) -> [f32; 3] {
         self.extinction.map(|k| decay(k * way))
     }
 
-    /// Light on a surface with this normal.
+    /// Irradiance of a surface with this normal.
     pub fn light(&self, normal: &Vector) -> [f32; 3] {
         let up = 0.5 + 0.5 * normal.z;
         let direct = self.direct * normal.dot(&self.sun).max(0.0);
         std::array::from_fn(|k| self.ground[k] + (self.sky[k] - self.ground[k]) * up + direct)
     }
 
-    /// Colour of a painted surface, `to_eye` of unit length and at the end of a way through the water.
+    /// Colour of a painted surface seen through the water, with the unit vector `to_eye`.
     pub fn shade(&self, paint: &Paint, normal: &Vector, to_eye: &Vector, way: f32) -> [f32; 3] {
         let light = self.light(normal);
         let half = self.sun + to_eye;
@@ -139,7 +139,7 @@ impl Water {
     }
 }
 
-/// `exp(-x)` for x >= 0, near enough, and the same on every machine.
+/// Approximate `exp(-x)` for x >= 0, the same on every machine.
 pub fn decay(x: f32) -> f32 {
     let y = 1.0 + x * (1.0 / 16.0) + x * x * (1.0 / 512.0);
     let y = y * y;
@@ -148,7 +148,7 @@ pub fn decay(x: f32) -> f32 {
     1.0 / (y * y)
 }
 
-/// A linear colour as the screen wants it, 0 to 1.
+/// Gamma-encoded value of a linear colour, 0 to 1.
 pub fn display(linear: f32) -> f32 {
     linear.clamp(0.0, 1.0).sqrt()
 }

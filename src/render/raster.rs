@@ -1,7 +1,7 @@
-//! Triangles to samples to pixels.
+//! Rasteriser: triangles to samples to pixels.
 //!
-//! Corners are put on a grid of 1/16 pixel, and whether a sample is inside is decided in integers, with the top-left
-//! rule: of two triangles with a common edge exactly one has each sample there.
+//! Corners are rounded to a grid of 1/16 pixel, and coverage is decided in integers with the top-left rule: each sample on the
+//! common edge of two triangles belongs to exactly one of them.
 
 use std::ops::{AddAssign, BitOr};
 
@@ -12,47 +12,47 @@ use super::camera::Camera;
 const SAMPLES: usize = 4;
 /// Steps of the grid per pixel.
 const GRID: i64 = 16;
-/// The samples of a pixel, in steps of the grid from its corner.
+/// Sample positions in a pixel, in grid steps from its corner.
 const OFFSETS: [[i64; 2]; SAMPLES] = [[6, 2], [14, 6], [2, 10], [10, 14]];
-/// Pixels beyond the picture to which triangles may reach before they are cut.
+/// Distance beyond the picture at which triangles are clipped, pixels.
 const MARGIN: f32 = 2048.0;
 
-/// A corner: right, up and ahead of the camera, m; colour for the screen, 0 to 1, and opacity.
+/// A shaded corner in camera coordinates.
 #[derive(Debug, Clone, Copy)]
 pub struct Corner {
-    /// Where.
+    /// Right, up and depth, m.
     pub view: Vector,
-    /// Red, green, blue, alpha.
+    /// Gamma-encoded red, green and blue, and opacity, 0 to 1.
     pub colour: [f32; 4],
 }
 
-/// A corner on the screen.
+/// A corner in screen coordinates.
 #[derive(Debug, Clone, Copy)]
-struct Pin {
+struct ScreenCorner {
     x: i64,
     y: i64,
-    /// One over the distance ahead.
+    /// Inverse depth, 1/m.
     nearness: f32,
     colour: [f32; 4],
 }
 
-/// A picture in the making.
+/// Frame buffer.
 #[derive(Debug, Default)]
 pub struct Canvas {
     width: usize,
     height: usize,
-    /// One over the distance ahead; 0 where nothing is.
+    /// Inverse depth, 1/m; 0 for the background.
     nearness: Vec<[f32; SAMPLES]>,
     colours: Vec<[u32; SAMPLES]>,
 }
 
-/// 0 to 1 as 0 to 255: the last bits of a number in which steps are whole.
+/// Maps 0 to 1 to 0 to 255, by the last bits of a number with unit spacing.
 #[inline]
 pub fn byte(x: f32) -> u32 {
     (x * 255.0 + 8_388_608.0).to_bits() & 255
 }
 
-/// A colour of a sample, from 0 to 1.
+/// Packs the colour of a sample, 0 to 1.
 pub fn pack(colour: [f32; 3]) -> u32 {
     let [r, g, b] = colour.map(byte);
     r | (g << 8) | (b << 16)
@@ -63,7 +63,7 @@ fn unpack(colour: u32) -> [f32; 3] {
 }
 
 impl Canvas {
-    /// Makes it this large, with nothing on it; [`Self::row`] wants to be called for every row then.
+    /// Sets the size and clears the depth. Every row must be written by [`Self::row`] next.
     pub fn clear(&mut self, [width, height]: [usize; 2]) {
         (self.width, self.height) = (width, height);
         self.nearness.clear();
@@ -76,11 +76,11 @@ impl Canvas {
         &mut self.colours[y * self.width..(y + 1) * self.width]
     }
 
-    /// The picture: red, green, blue by rows.
+    /// Averages the samples: red, green, blue by rows.
     pub fn resolve(&self) -> Vec<u8> {
         let mut out = vec![0; 3 * self.colours.len()];
         for (pixel, samples) in out.chunks_exact_mut(3).zip(&self.colours) {
-            // Two channels at a time: neither sum of four bytes reaches the other.
+            // Two channels at a time: sums of four bytes do not overlap.
             let (mut red_blue, mut green) = (0, 0);
             for sample in samples {
                 red_blue += sample & 0xFF00FF;
@@ -93,11 +93,11 @@ impl Canvas {
         out
     }
 
-    /// Draws a triangle whose corners run counterclockwise; others show their back, and are not drawn. What is seen
-    /// through is to be drawn last and from far to near.
+    /// Draws a triangle with counterclockwise corners; back faces are culled. Transparent triangles must be drawn last, from far to
+    /// near.
     pub fn triangle(&mut self, camera: &Camera, corners: [&Corner; 3]) {
         if corners.iter().all(|c| self.is_safe(camera, &c.view)) {
-            let pins = corners.map(|corner| self.pin(camera, corner));
+            let pins = corners.map(|corner| self.to_screen(camera, corner));
             self.fill(pins);
             return;
         }
@@ -116,13 +116,13 @@ impl Canvas {
                 return;
             }
         }
-        let pins: Vec<Pin> = polygon.iter().map(|corner| self.pin(camera, corner)).collect();
+        let pins: Vec<ScreenCorner> = polygon.iter().map(|corner| self.to_screen(camera, corner)).collect();
         for k in 2..pins.len() {
             self.fill([pins[0], pins[k - 1], pins[k]]);
         }
     }
 
-    /// Whether a corner is ahead and on the screen or near it.
+    /// True if a corner has positive depth and lies on or near the screen.
     fn is_safe(&self, camera: &Camera, view: &Vector) -> bool {
         let [x, y] = [view.x.abs(), view.y.abs()];
         view.z >= camera.near
@@ -130,22 +130,22 @@ impl Canvas {
             && y * camera.focal <= view.z * (camera.centre[1] + MARGIN)
     }
 
-    fn pin(&self, camera: &Camera, corner: &Corner) -> Pin {
+    fn to_screen(&self, camera: &Camera, corner: &Corner) -> ScreenCorner {
         let [x, y] = camera.project(&corner.view);
-        // Positive, so that cutting off is rounding down.
+        // Positive, so that truncation rounds down.
         const MOST: i64 = 1 << 20;
         let grid = |t: f32| ((f64::from(t) * GRID as f64 + (MOST as f64 + 0.5)) as i64).clamp(0, 2 * MOST) - MOST;
-        Pin { x: grid(x), y: grid(y), nearness: 1.0 / corner.view.z, colour: corner.colour }
+        ScreenCorner { x: grid(x), y: grid(y), nearness: 1.0 / corner.view.z, colour: corner.colour }
     }
 
-    fn fill(&mut self, [a, b, c]: [Pin; 3]) {
-        // Counterclockwise for people is clockwise where y points down.
+    fn fill(&mut self, [a, b, c]: [ScreenCorner; 3]) {
+        // Counterclockwise is clockwise where y points down.
         let [b, c] = [c, b];
         let area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
         if area <= 0 {
             return;
         }
-        let bound = |of: fn(&Pin) -> i64, size: usize| {
+        let bound = |of: fn(&ScreenCorner) -> i64, size: usize| {
             let (least, most) = (of(&a).min(of(&b)).min(of(&c)), of(&a).max(of(&b)).max(of(&c)));
             (least.div_euclid(GRID).max(0), (most.div_euclid(GRID) + 1).min(size as i64))
         };
@@ -153,8 +153,8 @@ impl Canvas {
         if left >= right || top >= bottom {
             return;
         }
-        // An edge from p to q: at least 0 at a sample that is inside.
-        let edge = |p: &Pin, q: &Pin| {
+        // Edge function from p to q: at least 0 inside.
+        let edge = |p: &ScreenCorner, q: &ScreenCorner| {
             let (dx, dy) = (q.x - p.x, q.y - p.y);
             let ours = dy < 0 || (dy == 0 && dx > 0);
             let at = dx * (top * GRID - p.y) - dy * (left * GRID - p.x) - i64::from(!ours);
@@ -163,7 +163,7 @@ impl Canvas {
         let edges = [edge(&a, &b), edge(&b, &c), edge(&c, &a)];
         let area = Area { columns: [left, right], rows: [top, bottom], from: [a.x, a.y] };
         let shading = Shading::new(&a, &b, &c);
-        // Within 1000 pixels of each other no product of differences exceeds 2^29.
+        // Within 1000 pixels, no product of differences exceeds 2^29.
         let small = [&a, &b, &c].iter().all(|p| {
             let (x, y) = (p.x - left * GRID, p.y - top * GRID);
             x.abs().max(y.abs()) < 1000 * GRID
@@ -175,8 +175,8 @@ impl Canvas {
         }
     }
 
-    /// Draws the samples within an area where all three edges have at least 0. They are computed with numbers that
-    /// `narrow` makes, which are to hold them.
+    /// Draws the samples of an area where all three edge functions are at least 0, computed in the integer type to which `narrow`
+    /// converts.
     fn scan<T>(&mut self, area: &Area, edges: &[Edge; 3], narrow: impl Fn(i64) -> T, shading: &Shading)
     where
         T: Copy + AddAssign + BitOr<Output = T> + PartialOrd,
@@ -240,7 +240,7 @@ impl Canvas {
         }
     }
 
-    /// How many samples of each pixel hold something.
+    /// Covered samples of each pixel.
     pub fn coverage(&self) -> Vec<usize> {
         self.nearness.iter().map(|n| n.iter().filter(|n| **n > 0.0).count()).collect()
     }
@@ -251,24 +251,24 @@ impl Canvas {
     }
 }
 
-/// Pixels that a triangle may touch, and the corner that its numbers count from, in steps of the grid.
+/// Pixels that a triangle may cover, and the origin of its edge functions, in grid steps.
 struct Area {
     columns: [i64; 2],
     rows: [i64; 2],
     from: [i64; 2],
 }
 
-/// An edge of a triangle: at least 0 where a sample is on its inner side.
+/// Edge function of a triangle: at least 0 on the inner side.
 struct Edge {
-    /// At the samples of the first pixel.
+    /// Values at the samples of the first pixel.
     samples: [i64; SAMPLES],
-    /// What the next pixel has more, along and down.
+    /// Increments per pixel, along and down.
     along: i64,
     down: i64,
 }
 
 impl Edge {
-    /// Leaves out what no sample of a row can be inside of, from `first` to before `end`; columns count from `left`.
+    /// Narrows the columns `first..end` of a row to those that can have samples inside; columns count from `left`.
     fn narrow(&self, row: i64, left: i64, first: &mut i64, end: &mut i64) {
         let [a, b, c, d] = self.samples;
         let most = a.max(b).max(c).max(d) + self.down * row;
@@ -281,19 +281,19 @@ impl Edge {
     }
 }
 
-/// What is linear over a triangle: its value at the first corner, and its gain along and down, per step of the grid.
+/// Linear interpolation over a triangle: value at the first corner, and gradient along and down per grid step.
 struct Shading {
     nearness: [f32; 3],
-    /// Of the samples against their pixel's corner.
+    /// Offsets of the samples relative to the corner of the pixel.
     spread: [f32; SAMPLES],
     colour: [[f32; 3]; 4],
-    /// Least and greatest of the corners.
+    /// Least and greatest value at the corners.
     range: [[f32; 2]; 4],
     opaque: bool,
 }
 
 impl Shading {
-    fn new(a: &Pin, b: &Pin, c: &Pin) -> Self {
+    fn new(a: &ScreenCorner, b: &ScreenCorner, c: &ScreenCorner) -> Self {
         let (bx, by, cx, cy) = ((b.x - a.x) as f32, (b.y - a.y) as f32, (c.x - a.x) as f32, (c.y - a.y) as f32);
         let inverse = 1.0 / (bx * cy - by * cx);
         let plane = |a: f32, b: f32, c: f32| {
@@ -319,7 +319,7 @@ impl Shading {
         }
     }
 
-    /// Colour in the middle of a pixel; where that is outside of the triangle, no more than the corners have.
+    /// Colour at the centre of a pixel, clamped to the range of the corners.
     fn colour(&self, x: f32, y: f32) -> [f32; 4] {
         let (x, y) = (x + 0.5 * GRID as f32, y + 0.5 * GRID as f32);
         std::array::from_fn(|k| {
@@ -329,7 +329,7 @@ impl Shading {
     }
 }
 
-/// The part of a polygon where `n . view >= d`. A common edge of two polygons is cut at the same point.
+/// Clips a polygon to `n . view >= d`. The common edge of two polygons is cut at the same point.
 fn cut(polygon: &[Corner], [x, y, z, d]: [f32; 4]) -> Vec<Corner> {
     let height = |c: &Corner| x * c.view.x + y * c.view.y + z * c.view.z - d;
     let mut kept = Vec::with_capacity(polygon.len() + 1);
@@ -340,7 +340,7 @@ fn cut(polygon: &[Corner], [x, y, z, d]: [f32; 4]) -> Vec<Corner> {
             kept.push(*from);
         }
         if (h >= 0.0) != (g >= 0.0) {
-            // From the inner to the outer end, whichever way round the polygon runs.
+            // From the inner to the outer end, in either orientation of the polygon.
             let (inner, outer, share) = if h >= 0.0 { (from, to, h / (h - g)) } else { (to, from, g / (g - h)) };
             kept.push(Corner {
                 view: inner.view + (outer.view - inner.view) * share,

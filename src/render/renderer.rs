@@ -1,11 +1,11 @@
-//! From a state to a picture.
+//! Renderer: pictures of states.
 
 use std::sync::Mutex;
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::Vector;
-use super::arm::Arm;
+use super::arm::ArmModel;
 use super::backdrop::{self, Caustics, Floor};
 use super::camera::Camera;
 use super::hull::{Envelope, Thruster, hull, single};
@@ -18,24 +18,24 @@ use crate::description::Scene;
 use crate::error::RenderError;
 
 /// Greatest width and height, pixels.
-const MOST_PIXELS: usize = 4096;
-/// Coordinates beyond this are as good as infinite, m.
+const MAX_PIXELS: usize = 4096;
+/// Greatest magnitude of drawn coordinates, m.
 const FAR: f64 = 1e5;
-/// Where the light comes from, as seen by the camera: to the left of it and high up.
+/// Azimuth relative to the camera and elevation of the sun, rad: to the left and high.
 const SUN: (f64, f64) = (-0.75, 1.05);
 
-/// How pictures are taken.
+/// Settings of a renderer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
-    /// Pixels along and down.
+    /// Width and height, pixels.
     pub size: [usize; 2],
-    /// Direction from what is looked at to the camera: angle about the vertical from x, rad.
+    /// Azimuth of the camera relative to its focus, about the vertical from x, rad.
     pub azimuth: f64,
-    /// Its angle above the horizontal, rad.
+    /// Elevation of the camera above the horizontal, rad.
     pub elevation: f64,
-    /// Distance of the camera, m; by the size of the scene where None.
+    /// Distance of the camera, m; None: by the size of the scene.
     pub distance: Option<f64>,
-    /// Height of the floor, m; below the scene at the origin where None.
+    /// Height of the floor, m; None: below the scene at the origin.
     pub floor: Option<f64>,
 }
 
@@ -48,8 +48,8 @@ impl Default for Settings {
 impl Settings {
     fn check(&self) -> Result<(), RenderError> {
         for (what, got) in ["width", "height"].into_iter().zip(self.size) {
-            if !(1..=MOST_PIXELS).contains(&got) {
-                return Err(RenderError::Size { what, got, most: MOST_PIXELS });
+            if !(1..=MAX_PIXELS).contains(&got) {
+                return Err(RenderError::Size { what, got, most: MAX_PIXELS });
             }
         }
         let within = |what, value: f64, least: f64, most: f64, rule| {
@@ -63,10 +63,10 @@ impl Settings {
     }
 }
 
-/// What a picture shows.
+/// State shown in a picture.
 #[derive(Debug, Clone, Copy)]
-pub struct Shot<'a> {
-    /// Vehicle origin, m, and body to world rotation.
+pub struct RenderState<'a> {
+    /// Vehicle origin in the world, m.
     pub position: Vector3<f64>,
     /// Body to world rotation.
     pub rotation: Matrix3<f64>,
@@ -74,23 +74,23 @@ pub struct Shot<'a> {
     pub q: &'a [f64],
     /// Thrusts, N; none or one per thruster.
     pub thrust: &'a [f64],
-    /// Pose that the vehicle is to have.
+    /// Target pose of the vehicle.
     pub target: Option<(Vector3<f64>, Matrix3<f64>)>,
-    /// Points that the end effector is to pass, in the world, m.
+    /// Reference path of the end effector in the world, m.
     pub path: &'a [Vector3<f64>],
-    /// Pose that it is to have now.
+    /// Present reference pose of the end effector.
     pub point: Option<(Vector3<f64>, Matrix3<f64>)>,
-    /// Points where it was.
+    /// Past positions of the end effector in the world, m.
     pub trail: &'a [Vector3<f64>],
     /// Velocity of the water in the world, m/s.
     pub current: Vector3<f64>,
-    /// Payload at the end effector besides the scene's, kg.
+    /// Payload at the end effector in addition to the scene's, kg.
     pub payload: f64,
-    /// Time, s: what moves by itself goes by it.
+    /// Time of the animation of caustics and flow, s.
     pub time: f64,
 }
 
-impl Default for Shot<'_> {
+impl Default for RenderState<'_> {
     fn default() -> Self {
         Self {
             position: Vector3::zeros(),
@@ -108,7 +108,7 @@ impl Default for Shot<'_> {
     }
 }
 
-/// Draws one scene.
+/// Renderer of a scene.
 #[derive(Debug)]
 pub struct Renderer {
     size: [usize; 2],
@@ -118,16 +118,16 @@ pub struct Renderer {
     hull: Mesh,
     envelope: Envelope,
     thrusters: Vec<Thruster>,
-    arm: Option<Arm>,
+    arm: Option<ArmModel>,
     home: Vec<f64>,
-    /// Middle of vehicle and arm at home, in the vehicle frame, and the radius about it.
+    /// Centre and radius of vehicle and arm at home, in the vehicle frame.
     middle: Vector,
     reach: f32,
     distance: f64,
     floor: f64,
     cell: f64,
     caustics: Caustics,
-    /// Memory of drawings that are over.
+    /// Pool of scratch buffers.
     scratch: Mutex<Vec<Scratch>>,
 }
 
@@ -138,14 +138,14 @@ struct Scratch {
 }
 
 impl Renderer {
-    /// For a checked scene.
+    /// Renderer of a checked scene.
     ///
     /// # Errors
     /// `RenderError` names the setting that is out of range.
     pub fn new(scene: &Scene, settings: &Settings) -> Result<Self, RenderError> {
         settings.check()?;
         let (envelope, hull, thrusters) = hull(scene);
-        let arm = Arm::new(scene);
+        let arm = ArmModel::new(scene);
         let home: Vec<f64> = scene.joints().map(|joint| joint.home).collect();
         let mut whole = hull.clone();
         if let Some(arm) = &arm {
@@ -181,17 +181,17 @@ impl Renderer {
         })
     }
 
-    /// Pixels along and down.
+    /// Width and height, pixels.
     pub fn size(&self) -> [usize; 2] {
         self.size
     }
 
-    /// Joints of the scene.
+    /// Number of joints of the scene.
     pub fn joints(&self) -> usize {
         self.home.len()
     }
 
-    /// Thrusters of the scene.
+    /// Number of thrusters of the scene.
     pub fn thrusters(&self) -> usize {
         self.thrusters.len()
     }
@@ -206,20 +206,20 @@ impl Renderer {
         self.floor
     }
 
-    /// Width of the floor's cells, m.
+    /// Cell width of the floor, m.
     pub fn cell(&self) -> f64 {
         self.cell
     }
 
-    /// What the camera looks at: the target, or the vehicle without one; and not so far from the vehicle that this
-    /// would leave the picture.
-    fn focus(&self, shot: &Shot<'_>) -> Vector3<f64> {
+    /// Focus of the camera: the target if there is one, else the vehicle; limited to a distance that keeps the vehicle in the
+    /// picture.
+    fn focus(&self, state: &RenderState<'_>) -> Vector3<f64> {
         let place = |(p, r): (Vector3<f64>, Matrix3<f64>)| {
             let at = p + r * self.middle.map(f64::from);
             (at.iter().all(|x| x.abs() < FAR)).then_some(at)
         };
-        let vehicle = place((shot.position, shot.rotation));
-        match (shot.target.and_then(place), vehicle) {
+        let vehicle = place((state.position, state.rotation));
+        match (state.target.and_then(place), vehicle) {
             (Some(target), Some(vehicle)) => {
                 let (apart, most) = ((vehicle - target).norm(), 0.5 * f64::from(self.reach));
                 if apart > most { vehicle + (target - vehicle) * (most / apart) } else { target }
@@ -229,27 +229,26 @@ impl Renderer {
         }
     }
 
-    /// Pixel (along, down) of a point of the world in the picture of `shot`, and its distance ahead of the camera, m;
-    /// none if it is behind it.
-    pub fn project(&self, shot: &Shot<'_>, point: &Vector3<f64>) -> Option<[f64; 3]> {
-        let view = self.camera.view(&single(&(point - self.focus(shot))));
+    /// Pixel (along, down) and depth, m, of a point of the world in the picture of `state`; None behind the camera.
+    pub fn project(&self, state: &RenderState<'_>, point: &Vector3<f64>) -> Option<[f64; 3]> {
+        let view = self.camera.view(&single(&(point - self.focus(state))));
         let [x, y] = self.camera.project(&view);
         (view.z >= self.camera.near).then(|| [x, y, view.z].map(f64::from))
     }
 
-    /// The picture: red, green, blue by rows from the top.
-    pub fn draw(&self, shot: &Shot<'_>) -> Vec<u8> {
-        let focus = self.focus(shot);
-        let (solid, clear) = self.meshes(shot, &focus);
+    /// Draws the picture: red, green, blue by rows from the top.
+    pub fn draw(&self, state: &RenderState<'_>) -> Vec<u8> {
+        let focus = self.focus(state);
+        let (solid, clear) = self.meshes(state, &focus);
         let mut scratch = self.scratch.lock().ok().and_then(|mut pool| pool.pop()).unwrap_or_default();
         let Scratch { canvas, corners } = &mut scratch;
         canvas.clear(self.size);
         let height = (self.floor - focus.z) as f32;
-        let middle = single(&(shot.position - focus));
+        let middle = single(&(state.position - focus));
         let middle = if middle.iter().all(|x| x.abs() < FAR as f32) { middle } else { Vector::zeros() };
         let shadow = Shadow::new(&solid, height, &self.water.sun, &middle, 2.2 * self.reach);
         let origin = [0, 1].map(|k| (-focus[k]).rem_euclid(20.0 * self.cell) as f32);
-        let drift = (0.03 * shot.time).rem_euclid(10.0) as f32;
+        let drift = (0.03 * state.time).rem_euclid(10.0) as f32;
         let floor = Floor {
             height,
             origin,
@@ -278,50 +277,50 @@ impl Renderer {
         picture
     }
 
-    /// What hides and what is seen through, about the focus.
-    fn meshes(&self, shot: &Shot<'_>, focus: &Vector3<f64>) -> (Mesh, Mesh) {
+    /// Opaque and transparent meshes, relative to the focus.
+    fn meshes(&self, state: &RenderState<'_>, focus: &Vector3<f64>) -> (Mesh, Mesh) {
         let (mut solid, mut clear) = (Mesh::default(), Mesh::default());
         let thin = 0.006 * self.reach;
-        if let Some(place) = placed(&shot.position, &shot.rotation, focus) {
+        if let Some(place) = placed(&state.position, &state.rotation, focus) {
             solid.append(&self.hull, &place);
             if let Some(arm) = &self.arm {
-                let q = if shot.q.len() == self.home.len() { shot.q } else { &self.home };
+                let q = if state.q.len() == self.home.len() { state.q } else { &self.home };
                 if q.iter().all(|q| q.abs() < FAR) {
                     let mut mesh = Mesh::default();
-                    arm.draw(&mut mesh, q, shot.payload);
+                    arm.draw(&mut mesh, q, state.payload);
                     solid.append(&mesh, &place);
                 }
             }
             let mut jets = Mesh::default();
-            for (thruster, thrust) in self.thrusters.iter().zip(shot.thrust) {
+            for (thruster, thrust) in self.thrusters.iter().zip(state.thrust) {
                 marks::jet(&mut jets, thruster, *thrust);
             }
             clear.append(&jets, &place);
         }
-        if let Some(place) = shot.target.and_then(|(p, r)| placed(&p, &r, focus)) {
+        if let Some(place) = state.target.and_then(|(p, r)| placed(&p, &r, focus)) {
             let mut mesh = Mesh::default();
             marks::target(&mut mesh, &self.envelope);
             solid.append(&mesh, &place);
         }
-        if let Some(place) = shot.point.and_then(|(p, r)| placed(&p, &r, focus)) {
+        if let Some(place) = state.point.and_then(|(p, r)| placed(&p, &r, focus)) {
             let mut mesh = Mesh::default();
             marks::axes(&mut mesh, 0.22 * self.reach);
             marks::point(&mut mesh, 3.0 * thin);
             solid.append(&mesh, &place);
         }
-        for (points, trail) in [(shot.path, false), (shot.trail, true)] {
+        for (points, trail) in [(state.path, false), (state.trail, true)] {
             let points: Vec<Vector> = points.iter().map(|p| single(&(p - focus))).collect();
             marks::line(&mut solid, &points, thin, trail);
         }
-        if self.wet && shot.current.iter().all(|x| x.abs() < FAR) && shot.time.abs() < 1e12 {
+        if self.wet && state.current.iter().all(|x| x.abs() < FAR) && state.time.abs() < 1e12 {
             let origin = single(&(-focus));
             let floor = (self.floor - focus.z) as f32;
-            marks::flow(&mut clear, &single(&shot.current), shot.time, &origin, 1.9 * self.reach, floor);
+            marks::flow(&mut clear, &single(&state.current), state.time, &origin, 1.9 * self.reach, floor);
         }
         (solid, clear)
     }
 
-    /// Puts light on the corners of a mesh, and in front of the camera.
+    /// Shades the vertices of a mesh and transforms them to camera coordinates.
     fn shade(&self, mesh: &Mesh, corners: &mut Vec<Corner>) {
         corners.clear();
         corners.extend(mesh.vertices.iter().map(|vertex| {
@@ -335,7 +334,7 @@ impl Renderer {
     }
 }
 
-/// How vertices of a frame go to the camera's coordinates; none if they are not finite.
+/// Transform of vertices from a frame to coordinates about the focus; None if it is not finite.
 fn placed(
     position: &Vector3<f64>,
     rotation: &Matrix3<f64>,
@@ -346,7 +345,7 @@ fn placed(
     finite.then_some(move |v: &Vertex| Vertex { position: r * v.position + p, normal: r * v.normal, paint: v.paint })
 }
 
-/// The largest of 1, 2, 5, 10, ... that is not above.
+/// Largest number of the series 1, 2, 5, 10, ... that is at most `x`.
 fn nice(x: f64) -> f64 {
     let mut step = 1e-3;
     for factor in [2.0, 2.5, 2.0].into_iter().cycle() {

@@ -1,12 +1,12 @@
-//! The soft shadow on the floor, which shows how high something floats.
+//! Soft shadow on the floor.
 
 use super::Vector;
 use super::mesh::Mesh;
 
-/// Texels along each side.
+/// Texels per side.
 const SIDE: usize = 128;
 
-/// How much light each place of a square of the floor misses, 0 to 1.
+/// Shadow map of a square of the floor: fraction of light that is blocked, 0 to 1.
 #[derive(Debug)]
 pub struct Shadow {
     corner: [f32; 2],
@@ -16,8 +16,7 @@ pub struct Shadow {
 }
 
 impl Shadow {
-    /// Of meshes above a floor at the height `floor` in light from `sun`; the square has `half` the side and lies under
-    /// `middle`.
+    /// Shadow of a mesh on a floor at the height `floor`, in light from `sun`, on a square of half edge `half` under `middle`.
     pub fn new(mesh: &Mesh, floor: f32, sun: &Vector, middle: &Vector, half: f32) -> Self {
         let slant = [sun.x / sun.z, sun.y / sun.z];
         let fall = |p: &Vector| {
@@ -45,7 +44,7 @@ impl Shadow {
         [(x - self.corner[0]) * self.density, (y - self.corner[1]) * self.density]
     }
 
-    /// Blackens what a triangle, either way round, covers.
+    /// Darkens the texels that a triangle of either orientation covers.
     fn fill(&mut self, mut p: [[f32; 2]; 3]) {
         let cross =
             |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
@@ -60,7 +59,7 @@ impl Shadow {
         for y in top..bottom {
             for x in left..right {
                 let at = [x as f32 + 0.5, y as f32 + 0.5];
-                // Thin things count too: half a texel more on every side.
+                // Half a texel more on every side, for thin objects.
                 let near =
                     |a: [f32; 2], b: [f32; 2]| cross(a, b, at) >= -0.5 * ((b[0] - a[0]).abs() + (b[1] - a[1]).abs());
                 if near(p[0], p[1]) && near(p[1], p[2]) && near(p[2], p[0]) {
@@ -70,7 +69,7 @@ impl Shadow {
         }
     }
 
-    /// Means over `2 radius + 1` texels along rows, then columns.
+    /// Box filter over `2 radius + 1` texels along rows, then columns.
     fn blur(&mut self, radius: usize) {
         let mut line = [0.0; SIDE];
         for (stride, step) in [(SIDE, 1), (1, SIDE)] {
@@ -95,13 +94,13 @@ impl Shadow {
         }
     }
 
-    /// Whether any place between two may be within the square.
+    /// True if a point of the line between two points may be inside the square.
     pub fn reaches(&self, from: [f32; 2], to: [f32; 2]) -> bool {
         let (from, to) = (self.texel(from), self.texel(to));
         (0..2).all(|k| from[k].max(to[k]) > 0.0 && from[k].min(to[k]) < SIDE as f32)
     }
 
-    /// Share of the light that is missing at a place of the floor.
+    /// Fraction of light that is blocked at a point of the floor.
     pub fn at(&self, place: [f32; 2]) -> f32 {
         let [x, y] = self.texel(place).map(|t| t - 0.5);
         let most = (SIDE - 1) as f32;

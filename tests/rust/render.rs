@@ -1,4 +1,4 @@
-//! Laws of the pictures.
+//! Tests of the renderer.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use uvms_gym::render::hull::hull;
 use uvms_gym::render::mesh::Mesh;
 use uvms_gym::render::paint::{Paint, Water, decay};
 use uvms_gym::render::raster::{Canvas, Corner};
-use uvms_gym::render::{Renderer, Settings, Shot, Vector, marks};
+use uvms_gym::render::{Renderer, Settings, RenderState, Vector, marks};
 
 const SIZE: [usize; 2] = [64, 48];
 
@@ -89,7 +89,7 @@ proptest! {
         let n: Vec<f64> = (0..40).map(|i| if wild >> i & 1 == 1 { numbers[i] } else { small[i] }).collect();
         let (vector, matrix) = (|k: usize| Vector3::new(n[k], n[k + 1], n[k + 2]), |k: usize| Matrix3::from_column_slice(&n[k..k + 9]));
         let path = [vector(0), vector(3), vector(24)];
-        let shot = Shot {
+        let shot = RenderState {
             position: vector(0),
             rotation: matrix(3),
             q: &n[12..17],
@@ -239,17 +239,17 @@ fn a_picture_depends_on_the_shot_alone() {
     let settings = Settings { size: [160, 120], ..Settings::default() };
     let (one, other) = (Renderer::new(&scene, &settings).unwrap(), Renderer::new(&scene, &settings).unwrap());
     let thrust = [50.0, -80.0, 0.0, 20.0, 100.0, -100.0];
-    let shot = Shot {
+    let shot = RenderState {
         position: Vector3::new(0.1, 0.0, 0.05),
         rotation: tilted(),
         thrust: &thrust,
         target: Some((Vector3::zeros(), Matrix3::identity())),
         current: Vector3::new(0.2, 0.1, 0.0),
         time: 3.0,
-        ..Shot::default()
+        ..RenderState::default()
     };
     let first = one.draw(&shot);
-    assert_ne!(one.draw(&Shot { time: 4.0, ..shot }), first);
+    assert_ne!(one.draw(&RenderState { time: 4.0, ..shot }), first);
     assert_eq!(one.draw(&shot), first);
     assert_eq!(other.draw(&shot), first);
 }
@@ -278,11 +278,11 @@ fn the_end_effector_is_drawn_where_the_kinematics_has_it() {
             let mut q = scene.home();
             q.iter_mut().take(renderer.joints()).for_each(|q| *q += step);
             let rotation = Rotation3::from_euler_angles(0.05, 0.1, azimuth).into_inner();
-            let shot = Shot {
+            let shot = RenderState {
                 position: Vector3::new(0.02, 0.03, -0.01),
                 rotation,
                 q: &q[..renderer.joints()],
-                ..Shot::default()
+                ..RenderState::default()
             };
             let end = shot.position + rotation * kinematics.pose(&q).1;
             let [x, y, _] = renderer.project(&shot, &end).unwrap();
@@ -314,19 +314,19 @@ fn a_vehicle_casts_a_shadow_on_the_floor() {
     let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
     let brightness = |away: f64, point: Vector3<f64>| {
         // Looked at from the same place.
-        let shot = Shot {
+        let shot = RenderState {
             position: Vector3::new(0.0, 0.0, away),
             rotation: Matrix3::identity() * if away == 0.0 { 1.0 } else { f64::NAN },
             target: None,
-            ..Shot::default()
+            ..RenderState::default()
         };
-        let [x, y, _] = renderer.project(&Shot::default(), &point).unwrap();
+        let [x, y, _] = renderer.project(&RenderState::default(), &point).unwrap();
         let at = 3 * (y as usize * renderer.size()[0] + x as usize);
         renderer.draw(&shot)[at..at + 3].iter().map(|c| f64::from(*c)).sum::<f64>()
     };
     // In front of the vehicle's foot, where its shadow falls but it hides nothing.
     let places = (0..40).map(|k| Vector3::new(0.1 * f64::from(k), -0.1 * f64::from(k), renderer.floor()));
-    let darker = places.filter(|p| renderer.project(&Shot::default(), p).is_some_and(|[_, y, _]| y < 470.0));
+    let darker = places.filter(|p| renderer.project(&RenderState::default(), p).is_some_and(|[_, y, _]| y < 470.0));
     assert!(darker.into_iter().any(|p| brightness(0.0, p) < 0.8 * brightness(1.0, p)));
 }
 
@@ -352,7 +352,7 @@ fn a_vehicle_far_from_its_target_stays_in_the_picture() {
     let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
     let target = Some((Vector3::zeros(), Matrix3::identity()));
     let place = |position| {
-        let shot = Shot { position, target, ..Shot::default() };
+        let shot = RenderState { position, target, ..RenderState::default() };
         [position, Vector3::zeros()].map(|p| renderer.project(&shot, &p).expect("ahead of the camera"))
     };
     // Near the target the camera stays where it is.
