@@ -10,7 +10,7 @@ use uvms_gym::render::hull::hull;
 use uvms_gym::render::mesh::Mesh;
 use uvms_gym::render::paint::{Paint, Water, decay};
 use uvms_gym::render::raster::{Canvas, Corner};
-use uvms_gym::render::{Renderer, Settings, RenderState, Vector, marks};
+use uvms_gym::render::{RenderState, Renderer, Settings, Vector, marks};
 
 const SIZE: [usize; 2] = [64, 48];
 
