@@ -4,3 +4,5 @@ mod articulated;
 mod closed_form;
 mod implicit;
 mod momentum;
+mod se3;
+mod serial_chain;
