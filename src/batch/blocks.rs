@@ -245,7 +245,7 @@ impl<T: Real> Part<'_, T> {
             count: self.count,
             blocks: self.rows,
         };
-        if varied && self.isa.is_wide() {
+        if (varied || run.integrator.needs_baseline_terms()) && self.isa.is_wide() {
             T::dispatch(self.isa, &mut StepVaried(&mut step));
         } else {
             T::dispatch(self.isa, &mut step);
@@ -331,10 +331,11 @@ impl<T: Real> Storage for Blocks<T> {
             payload_attachment: laden.then_some(self.scene.payload_attachment),
             layout: &self.table.layout,
             switches: given.switches(),
+            count: self.instances,
             blocks: &mut self.rows,
             out: &mut out,
         };
-        T::dispatch(self.isa, &mut job);
+        T::dispatch_narrow(self.isa, &mut job);
         let entry = |i: usize, k: usize| out[(i / T::BLOCK * width + k) * T::BLOCK + i % T::BLOCK].to_f64();
         (0..self.instances).flat_map(|i| (0..width).map(move |k| (i, k))).map(|(i, k)| entry(i, k)).collect()
     }

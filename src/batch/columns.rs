@@ -76,8 +76,8 @@ impl<T: Real> Columns<'_, T> {
 
     /// The motion that is stepped.
     #[inline(always)]
-    pub fn motion<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
-        self.place(layout, motion);
+    pub fn motion<L: Lane<Real = T>, const BASELINES: bool>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
+        self.place::<_, BASELINES>(layout, motion);
         motion.twist = self.six(layout.twist);
         self.joints(layout.q, layout.joints, &mut motion.q);
         self.joints(layout.qd, layout.joints, &mut motion.qd);
@@ -85,10 +85,10 @@ impl<T: Real> Columns<'_, T> {
 
     /// Its position and attitude.
     #[inline(always)]
-    pub fn place<L: Lane<Real = T>>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
+    pub fn place<L: Lane<Real = T>, const BASELINES: bool>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
         motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
         motion.rest = self.vector(layout.position + 3);
-        if layout.keeps != Attitude::Matrix {
+        if BASELINES && layout.keeps != Attitude::Matrix {
             for k in 0..4 {
                 motion.attitude[k] = self.get(layout.attitude + k);
             }
@@ -97,7 +97,11 @@ impl<T: Real> Columns<'_, T> {
 
     /// Sets the motion.
     #[inline(always)]
-    pub fn set_motion<L: Lane<Real = T>>(&mut self, layout: &Layout, motion: &Motion<L, JOINTS>) {
+    pub fn set_motion<L: Lane<Real = T>, const BASELINES: bool>(
+        &mut self,
+        layout: &Layout,
+        motion: &Motion<L, JOINTS>,
+    ) {
         for k in 0..3 {
             self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
         }
@@ -106,7 +110,7 @@ impl<T: Real> Columns<'_, T> {
         self.set_all(layout.twist, &motion.twist.to_array(), 6);
         self.set_all(layout.q, &motion.q, layout.joints);
         self.set_all(layout.qd, &motion.qd, layout.joints);
-        if layout.keeps != Attitude::Matrix {
+        if BASELINES && layout.keeps != Attitude::Matrix {
             self.set_all(layout.attitude, &motion.attitude, 4);
         }
     }

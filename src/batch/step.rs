@@ -141,7 +141,7 @@ impl<L: Lane> Memory<L> {
 impl<T: Real> Kernel<T> for Step<'_, T> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
-        if L::LANES == 1 {
+        if L::SCALAR {
             return self.group_by_group::<L>();
         }
         let mut memory = self.memory::<L>();
@@ -151,15 +151,15 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;
                 }
-                self.visit(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
+                self.visit::<_, _, false>(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
             }
         }
         self.give_back(memory, None);
     }
 }
 
-/// Steps blocks of instances with parameters of their own in wide lanes. (A kernel by itself: where one function holds both
-/// ways, the common one takes a twelfth longer.)
+/// Steps blocks of instances in wide lanes with parameters that differ between instances, or by a baseline method. (A kernel
+/// by itself: where one function holds both ways, the common one takes a twelfth longer.)
 pub struct StepVaried<'s, 'a, T>(pub &'s mut Step<'a, T>);
 
 impl<T: Real> Kernel<T> for StepVaried<'_, '_, T> {
@@ -202,7 +202,7 @@ impl<'a, T: Real> Step<'a, T> {
                     varied.apply_factors(self.system, unscaled, &factors, body_frame_terms);
                 }
                 let Some(system) = varied.as_deref().or(alone) else { continue };
-                self.visit(system, &mut columns, &mut memory);
+                self.visit::<_, _, true>(system, &mut columns, &mut memory);
             }
         }
         self.give_back(memory, varied);
@@ -242,20 +242,21 @@ impl<'a, T: Real> Step<'a, T> {
 
     /// Steps the instances of one column group.
     #[inline(always)]
-    fn visit<L: Lane<Real = T>, B: Param<L>>(
+    fn visit<L: Lane<Real = T>, B: Param<L>, const BASELINES: bool>(
         &self,
         system: &System<Shared<T>, B>,
         columns: &mut Columns<T>,
         memory: &mut Memory<L>,
     ) {
         let motion = &mut memory.motion;
-        columns.motion(self.layout, motion);
+        columns.motion::<_, BASELINES>(self.layout, motion);
         columns.loads(self.layout, self.switches, &mut memory.loads);
         let mut current = columns.vector(self.layout.current);
         let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
         let gained = acceleration.scale(L::splat(self.h));
         let station = if self.switches.station { Some(columns.station(self.layout)) } else { None };
-        if self.lagged.is_some() {
+        let lagged = if BASELINES { self.lagged.as_ref() } else { None };
+        if lagged.is_some() {
             columns.lag(self.layout, self.switches, &mut memory.lag);
         }
         let thrusters = &system.thrusters[..];
@@ -283,14 +284,23 @@ impl<'a, T: Real> Step<'a, T> {
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if !thrusters.is_empty() {
                 dynamics.wrench = held + memory.propulsion.step(thrusters, motion.twist);
-                memory.lag.wrench = dynamics.wrench;
+                if lagged.is_some() {
+                    memory.lag.wrench = dynamics.wrench;
+                }
             }
-            if let Some(lagged) = &self.lagged {
+            if let Some(lagged) = lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut dynamics);
             }
             match &self.integrator {
                 Integrator::Explicit(method) => {
-                    interval(method, self.h, motion, &mut watch, &mut dynamics, &mut memory.stages);
+                    interval::<_, _, _, BASELINES>(
+                        method,
+                        self.h,
+                        motion,
+                        &mut watch,
+                        &mut dynamics,
+                        &mut memory.stages,
+                    );
                 }
                 Integrator::LinearlyImplicit => {
                     implicit_interval(self.h, motion, &mut watch, &mut dynamics);
@@ -302,14 +312,14 @@ impl<'a, T: Real> Step<'a, T> {
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
             if system.fixed {
                 // Where it stood before: the rows still say so.
-                columns.place(self.layout, motion);
+                columns.place::<_, BASELINES>(self.layout, motion);
                 motion.twist = Vector6::zero();
             }
         }
-        columns.set_motion(self.layout, motion);
+        columns.set_motion::<_, BASELINES>(self.layout, motion);
         columns.set_all(self.layout.current, &current.0, 3);
         columns.set_watch(self.layout, &watch);
-        if self.lagged.is_some() {
+        if lagged.is_some() {
             columns.set_lag(self.layout, &memory.lag);
         }
         if !thrusters.is_empty() {
@@ -338,6 +348,8 @@ pub struct Accelerate<'a, T> {
     pub layout: &'a Layout,
     /// Loads that are on.
     pub switches: Switches,
+    /// Instances: columns past them are left out.
+    pub count: usize,
     /// Whole blocks.
     pub blocks: &'a mut [T],
     /// `[V'; q'']`, absolute, in rows of `6 + joints` per block.
@@ -359,10 +371,13 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
         let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
         let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
-        for (rows, out) in blocks.zip(results) {
+        for (k, (rows, out)) in blocks.zip(results).enumerate() {
             for first in (0..T::BLOCK).step_by(L::LANES) {
+                if k * T::BLOCK + first >= self.count {
+                    break;
+                }
                 let columns = Columns { rows: &mut *rows, first };
-                columns.motion(layout, &mut motion);
+                columns.motion::<_, false>(layout, &mut motion);
                 columns.loads(layout, self.switches, &mut loads);
                 if let Some(unscaled) = self.unscaled {
                     system.apply_factors(self.system, unscaled, &columns.factors(layout), true);

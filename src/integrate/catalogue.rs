@@ -2,7 +2,6 @@
 
 use super::chart::{Attitude, Chart, Correction};
 use super::tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, Tableau};
-use crate::lie::DexpInverse;
 
 /// How a step is taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,8 +74,6 @@ const fn rival(name: &'static str, summary: &'static str, integrator: Integrator
     Entry { name, summary, kind: Kind::Rival, integrator }
 }
 
-const CLOSED: Chart = Chart::Exponential(DexpInverse::Closed);
-const TRUNCATED: Chart = Chart::Exponential(DexpInverse::Truncated);
 const FOSSEN: Chart = Chart::Quaternion(Correction::Fossen { gamma: Gains::DEFAULT.gamma });
 const NORMALISE: Chart = Chart::Quaternion(Correction::Normalise);
 
@@ -90,26 +87,20 @@ const LAGGED: Integrator = Integrator::Explicit(Explicit {
 
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 14] = [
-        production("mk4", "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)", explicit(&RK4, CLOSED)),
+    pub const NAMES: [Entry; 12] = [
         production(
-            "mk4-truncated",
-            "Munthe-Kaas, order 4, inverse of dexp cut off after ad^2/12: adds an error of order 5",
-            explicit(&RK4, TRUNCATED),
-        ),
-        production(
-            "mk4-reduced",
-            "Munthe-Kaas, order 4, two commutators in place of dexp's inverse",
-            explicit(&RK4, Chart::Commutators),
+            "mk4",
+            "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)",
+            explicit(&RK4, Chart::Exponential),
         ),
         production(
             "mk54",
             "Munthe-Kaas on Dormand and Prince's pair of orders 5 and 4: as many pieces to a step as the tolerance asks for",
-            explicit(&DORMAND_PRINCE, CLOSED),
+            explicit(&DORMAND_PRINCE, Chart::Exponential),
         ),
-        production("mk3", "Munthe-Kaas on Heun's third-order tableau", explicit(&HEUN3, CLOSED)),
-        production("mk2", "Munthe-Kaas on the midpoint rule", explicit(&MIDPOINT, CLOSED)),
-        rival("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, CLOSED)),
+        production("mk3", "Munthe-Kaas on Heun's third-order tableau", explicit(&HEUN3, Chart::Exponential)),
+        production("mk2", "Munthe-Kaas on the midpoint rule", explicit(&MIDPOINT, Chart::Exponential)),
+        rival("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, Chart::Exponential)),
         production(
             "ros2",
             "linearly implicit, order 2, L-stable: for scenes too stiff for the others at the step that is wanted",
@@ -178,6 +169,12 @@ impl Integrator {
             Integrator::Explicit(method) => method.lag,
             Integrator::LinearlyImplicit => None,
         }
+    }
+
+    /// Whether the method needs terms that production methods lack: attitude coordinates besides the rotation matrix, or
+    /// added mass as a lagged force. The kernel of the production methods is compiled without them.
+    pub fn needs_baseline_terms(&self) -> bool {
+        self.attitude() != Attitude::Matrix || self.lag().is_some()
     }
 
     /// What it keeps the attitude as.

@@ -2,15 +2,13 @@
 
 use super::StagePose;
 use crate::lane::Lane;
-use crate::lie::{DexpInverse, Pose, Vector3, Vector6, exp_se3, rotate_back};
+use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotate_back};
 
 /// Coordinates of the pose within a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Chart {
     /// `T exp(Theta)` about the step's start, `Theta' = dexp^-1_(-Theta) V`: Munthe-Kaas methods. `[HC eq. 18]`
-    Exponential(DexpInverse),
-    /// The same with `Theta' = V` and two commutators that make up for it: for the classical tableau alone. `[MO99]`
-    Commutators,
+    Exponential,
     /// The same, for Euler's rule alone, the pose and the joints moving with the velocities of the step's end.
     VelocityFirst,
     /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21]`
@@ -47,7 +45,7 @@ impl Chart {
     #[inline(always)]
     pub fn attitude(&self) -> Attitude {
         match self {
-            Chart::Exponential(_) | Chart::Commutators | Chart::VelocityFirst => Attitude::Matrix,
+            Chart::Exponential | Chart::VelocityFirst => Attitude::Matrix,
             Chart::EulerAngles => Attitude::Angles,
             Chart::Quaternion(_) => Attitude::Quaternion,
         }

@@ -10,7 +10,7 @@ use super::stages::{Point, Stages, Weights};
 use super::tableau::STAGES;
 use super::{Derivative, euler_angles, quaternion};
 use crate::lane::Lane;
-use crate::lie::{Matrix3, Pose, Vector3, Vector6, ad, dexp_inverse_negative};
+use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6, dexp_inverse_negative};
 
 /// What one step was like.
 pub(super) struct Report<L> {
@@ -41,9 +41,9 @@ fn kinematics<L: Lane>(chart: Chart, attitude: [L; 4], omega: Vector3<L>) -> (Ma
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval; with `begun` the first stage's rates
-/// are there already. What it was like and where it ends, the joints' part of which is left in the stages.
+/// are there already. Charts that keep the attitude exist where `BASELINES` holds. What it was like and where it ends, the joints' part of which is left in the stages.
 #[inline(always)]
-pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
+pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize, const BASELINES: bool>(
     method: &Explicit,
     (h, elapsed, begun): (L, L, bool),
     from: &Motion<L, N>,
@@ -52,10 +52,10 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
 ) -> (Report<L>, Point<L>) {
     let Explicit { tableau, chart, .. } = *method;
     let n = derivative.joints();
-    let keeps = chart.attitude() != Attitude::Matrix;
+    let keeps = BASELINES && chart.attitude() != Attitude::Matrix;
     let mut turn = L::zero();
     for i in usize::from(begun)..tableau.stages.min(STAGES) {
-        let mut point = if i == 0 {
+        let point = if i == 0 {
             stages.start(n, from)
         } else {
             let weights = Weights {
@@ -74,17 +74,15 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
             stages.pose[i] = Vector6 { linear: rotation.apply(point.twist.linear), angular: Vector3([x, y, z]) };
             Increment { start: &whole, theta: None }
         } else {
-            if i == 2 && chart == Chart::Commutators {
-                // [MO99]: K_2 / 2 - [K_1, K_2] / 8 where the exponential stands on the left.
-                point.pose = ad(stages.pose[0], stages.pose[1]).scale_add(h * h * L::c(0.125), point.pose);
-            }
             turn = turn.max(point.pose.angular.dot(point.pose.angular));
             Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
         // Here, as there is time for it while the stage's gravity is waited for.
         match chart {
             _ if keeps => {}
-            Chart::Exponential(form) if i > 0 => stages.pose[i] = dexp_inverse_negative(form, point.pose, point.twist),
+            Chart::Exponential if i > 0 => {
+                stages.pose[i] = dexp_inverse_negative(DexpInverse::Closed, point.pose, point.twist);
+            }
             _ => stages.pose[i] = point.twist,
         }
         let time = elapsed + h * L::c(tableau.c[i]);
@@ -101,18 +99,11 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
     let weights =
         Weights { time: 1.0, speed: &tableau.b, place: &tableau.place_end, support: &tableau.support[STAGES] };
     let mut end = stages.weigh(&weights, n, h, keeps, from);
-    match chart {
-        Chart::Commutators => {
-            // - [K_1, K_4] / 12, likewise: what is left of all brackets of the increment.
-            end.pose = ad(stages.pose[0], stages.pose[3]).scale_add(h * h * L::c(1.0 / 12.0), end.pose);
+    if chart == Chart::VelocityFirst {
+        end.pose = end.twist.scale(h);
+        for k in 0..n {
+            stages.q_at[k] = stages.qd_at[k].mul_add(h, from.q[k]);
         }
-        Chart::VelocityFirst => {
-            end.pose = end.twist.scale(h);
-            for k in 0..n {
-                stages.q_at[k] = stages.qd_at[k].mul_add(h, from.q[k]);
-            }
-        }
-        _ => {}
     }
     if !keeps {
         turn = turn.max(end.pose.angular.dot(end.pose.angular));
@@ -122,7 +113,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize>(
 
 /// Takes the end of a step where the mask holds.
 #[inline(always)]
-pub(super) fn arrive<L: Lane, const N: usize>(
+pub(super) fn arrive<L: Lane, const N: usize, const BASELINES: bool>(
     chart: Chart,
     mask: L::Mask,
     end: &Point<L>,
@@ -131,7 +122,7 @@ pub(super) fn arrive<L: Lane, const N: usize>(
     n: usize,
 ) {
     let joints = (&stages.q_at, &stages.qd_at);
-    if chart.attitude() == Attitude::Matrix {
+    if !BASELINES || chart.attitude() == Attitude::Matrix {
         motion.move_by(mask, end.pose, end.twist, joints, n);
         return;
     }

@@ -20,9 +20,10 @@ const GREATEST_PLAN: f64 = 4.0;
 
 /// Covers an interval of length `h`. Adaptive methods choose the pieces by their estimated error. With the others lanes
 /// that turn by more than a quarter revolution within a piece take it in halves, quarters, and so on. Lanes that have
-/// arrived stay as they are meanwhile.
+/// arrived stay as they are meanwhile. Without `BASELINES` only for methods on the exponential map
+/// ([`super::Integrator::needs_baseline_terms`] tells): the others' coordinates are then not compiled.
 #[inline(always)]
-pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
+pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize, const BASELINES: bool>(
     method: &Explicit,
     h: L::Real,
     motion: &mut Motion<L, N>,
@@ -50,7 +51,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
         let share = L::select(plan.lt(left), short, left);
         let begun = adaptive && attempts > 0;
         let (Report { turn, error, contrast }, end) =
-            explicit(method, (h * share, h * (one - left), begun), motion, derivative, stages);
+            explicit::<_, _, _, BASELINES>(method, (h * share, h * (one - left), begun), motion, derivative, stages);
         attempts += 1;
         // A turn or an error that is NaN is not below its limit either: the maps overflow on far too great ones.
         let fine = L::select(turn.lt(limit), one, zero);
@@ -63,7 +64,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize>(
             let to = (&end.twist, &stages.qd_at);
             watch.judge(taken, method.tableau.order, (h * share, wrong, turn), &motion.twist, to, n);
         }
-        arrive(method.chart, taken, &end, stages, motion, n);
+        arrive::<_, _, BASELINES>(method.chart, taken, &end, stages, motion, n);
         left = L::select(taken, left - share, left);
         if adaptive {
             let factor = growth(error);

@@ -125,6 +125,9 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     fn to_f64(self) -> f64;
     /// Runs a kernel on the lanes of `isa`; on the narrowest if `isa` is not available on this machine.
     fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
+    /// Runs a kernel one instance at a time, on the scalars of `isa`: the same bits as [`Self::dispatch`] in half the
+    /// machine code, for work whose speed does not matter.
+    fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
 }
 
 /// (In separate modules, so that the compiler works on both precisions in parallel.)
@@ -144,25 +147,8 @@ macro_rules! real {
                 self as f64
             }
 
-            // In separate functions, whose names identify their machine code.
             #[cfg(target_arch = "x86_64")]
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                #[target_feature(enable = "avx512f,avx2,fma")]
-                fn avx512<K: Kernel<$real>>(kernel: &mut K) {
-                    kernel.run::<$wide>();
-                }
-                #[target_feature(enable = "avx2,fma")]
-                fn avx2<K: Kernel<$real>>(kernel: &mut K) {
-                    kernel.run::<$half>();
-                }
-                #[target_feature(enable = "fma")]
-                fn fma<K: Kernel<$real>>(kernel: &mut K) {
-                    kernel.run::<$real>();
-                }
-                #[inline(never)]
-                fn plain<K: Kernel<$real>>(kernel: &mut K) {
-                    kernel.run::<Unfused<$real>>();
-                }
                 // SAFETY: each branch is taken only where its features have been detected.
                 match isa {
                     Isa::Avx512 if isa.detected() => unsafe { avx512(kernel) },
@@ -172,28 +158,58 @@ macro_rules! real {
                 }
             }
 
+            #[cfg(target_arch = "x86_64")]
+            fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+                // SAFETY: its features have been detected.
+                match isa {
+                    Isa::Plain => plain(kernel),
+                    _ if Isa::Fma.detected() => unsafe { fma(kernel) },
+                    _ => plain(kernel),
+                }
+            }
+
             #[cfg(not(target_arch = "x86_64"))]
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                #[cfg(target_arch = "aarch64")]
-                #[inline(never)]
-                fn neon<K: Kernel<$real>>(kernel: &mut K) {
-                    kernel.run::<$neon>();
-                }
-                #[inline(never)]
-                fn fma<K: Kernel<$real>>(kernel: &mut K) {
-                    kernel.run::<$real>();
-                }
-                #[inline(never)]
-                fn plain<K: Kernel<$real>>(kernel: &mut K) {
-                    kernel.run::<Unfused<$real>>();
-                }
                 match isa {
                     #[cfg(target_arch = "aarch64")]
                     Isa::Neon => neon(kernel),
+                    _ => Self::dispatch_narrow(isa, kernel),
+                }
+            }
+
+            #[cfg(not(target_arch = "x86_64"))]
+            fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+                match isa {
                     Isa::Plain => plain(kernel),
                     _ => fma(kernel),
                 }
             }
+        }
+
+        // In separate functions, whose names identify their machine code.
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx512f,avx2,fma")]
+        fn avx512<K: Kernel<$real>>(kernel: &mut K) {
+            kernel.run::<$wide>();
+        }
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2,fma")]
+        fn avx2<K: Kernel<$real>>(kernel: &mut K) {
+            kernel.run::<$half>();
+        }
+        #[cfg(target_arch = "aarch64")]
+        #[inline(never)]
+        fn neon<K: Kernel<$real>>(kernel: &mut K) {
+            kernel.run::<$neon>();
+        }
+        #[cfg_attr(target_arch = "x86_64", target_feature(enable = "fma"))]
+        #[cfg_attr(not(target_arch = "x86_64"), inline(never))]
+        fn fma<K: Kernel<$real>>(kernel: &mut K) {
+            kernel.run::<$real>();
+        }
+        #[inline(never)]
+        fn plain<K: Kernel<$real>>(kernel: &mut K) {
+            kernel.run::<Unfused<$real>>();
         }
     };
 }

@@ -8,7 +8,7 @@ use uvms_gym::system::State;
 use super::simulator;
 use crate::random_scene::Random;
 
-const SEVERAL: [&str; 4] = ["mk4", "mk4-truncated", "mk4-reduced", "mk3"];
+const SEVERAL: [&str; 2] = ["mk4", "mk3"];
 
 /// A body of 10 kg alone in water without gravity.
 fn body() -> Scene {

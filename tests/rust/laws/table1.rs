@@ -33,7 +33,7 @@ fn by_quaternion(simulator: &Simulator) -> f64 {
 
 #[test]
 fn val_munthe_kaas_has_the_exact_yaw_at_both_instants() {
-    for integrator in ["mk4", "mk4-truncated", "mk3", "mk2", "mk1"] {
+    for integrator in ["mk4", "mk3", "mk2", "mk1"] {
         let yaw = yaws(integrator, 0.0, by_rotation);
         for (yaw, time) in yaw.into_iter().zip([499.9_f64, 500.0]) {
             let error = (yaw - time.rem_euclid(TAU)).abs();
