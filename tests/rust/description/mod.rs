@@ -1,5 +1,6 @@
 //! Scenes as data: reading, checking, warnings.
 
+mod axes;
 mod malformed_scenes;
 mod path;
 mod plausible;
