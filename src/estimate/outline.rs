@@ -154,7 +154,7 @@ impl Shape {
             return range(key, value, "between 1e-6 and 1e6 m");
         }
         if let Some(&open) = self.perforation.iter().find(|open| !(0.0..=0.5).contains(*open)) {
-            return range("perforation", open, "between 0 and 0.5: describe what is more open by its parts");
+            return range("perforation", open, "between 0 and 0.5: describe more open bodies by their parts");
         }
         if let Some(&closed) = self.solidity.iter().flatten().find(|closed| !(0.0..=10.0).contains(*closed)) {
             return range("solidity", closed, "between 0 and 10");

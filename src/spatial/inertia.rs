@@ -271,24 +271,24 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m, h, j }
     }
 
-    /// `A - U U^T / D`: what is left of an inertia when a direction is free; U is the direction's column of A.
+    /// `A - U U^T / D`: articulated inertia with a free direction, whose column of A is U. `[RF08 sec. 7.2]`
     #[inline(always)]
     pub fn eliminated(&self, u: Vector6<L>, over_d: L) -> Self {
         self.eliminate::<3>(u, over_d)
     }
 
-    /// What is left where the body is free to turn about z (that row and column vanish), `U / D` and `1 / D`.
+    /// Articulated inertia with free rotation about z (that row and column are 0), `U / D` and `1 / D`.
     #[inline(always)]
     pub fn eliminate_revolute(&self) -> (Self, Vector6<L>, L) {
         let u = self.column::<5>();
         let (zero, over_d) = (L::zero(), L::c(1.0) / u.angular.0[2]);
-        let mut rest = self.eliminate::<2>(u, over_d);
-        (rest.j[2], rest.j[4], rest.j[5]) = (zero, zero, zero);
-        (rest.h[0][2], rest.h[1][2], rest.h[2][2]) = (zero, zero, zero);
-        (rest, u.scale(over_d), over_d)
+        let mut a = self.eliminate::<2>(u, over_d);
+        (a.j[2], a.j[4], a.j[5]) = (zero, zero, zero);
+        (a.h[0][2], a.h[1][2], a.h[2][2]) = (zero, zero, zero);
+        (a, u.scale(over_d), over_d)
     }
 
-    /// What is left where the body is free to slide along z, `U / D` and `1 / D`.
+    /// Articulated inertia with free translation along z, `U / D` and `1 / D`.
     #[inline(always)]
     pub fn eliminate_prismatic(&self) -> (Self, Vector6<L>, L) {
         let u = self.column::<2>();
@@ -296,7 +296,7 @@ impl<L: Lane> SpatialInertia<L> {
         (self.eliminated(u, over_d), u.scale(over_d), over_d)
     }
 
-    /// Works on the first `ANGULAR` (2 or 3) angular rows and columns. Unrolled by hand: the compiler would not.
+    /// [`Self::eliminated`] for the first `ANGULAR` (2 or 3) angular rows and columns. Unrolled by hand: the compiler would not.
     #[inline(always)]
     fn eliminate<const ANGULAR: usize>(&self, u: Vector6<L>, over_d: L) -> Self {
         let (f, t) = (u.linear.0, u.angular.0);
@@ -328,8 +328,8 @@ impl<L: Lane> SpatialInertia<L> {
         Self { m, h, j }
     }
 
-    /// Adds `A c` to p for an inertia left by [`Self::eliminate_revolute`] and a c without components along or about z: x and y of
-    /// both its parts.
+    /// Adds `A c` to p for an inertia of [`Self::eliminate_revolute`] and a c without components along and about z: x and y of both
+    /// parts.
     #[inline(always)]
     pub fn apply_across(&self, [cx, cy, dx, dy]: [L; 4], p: &mut Vector6<L>) {
         let (m, h, j) = (&self.m, &self.h, &self.j);

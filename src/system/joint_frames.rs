@@ -4,6 +4,9 @@
 //! the joint, x along the common normal to the next joint's axis. Between nearly parallel axes, whose common normal is far away
 //! and ill conditioned, the constant transform stays a general pose.
 
+use nalgebra as na;
+
+use crate::description::Frame;
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::LinkTwist;
 
@@ -188,4 +191,16 @@ fn perpendicular(z: Vector3<f64>, axes: Matrix3<f64>) -> Vector3<f64> {
         }
     }
     x.scale(1.0 / length(&x))
+}
+
+/// A vector of the scene.
+pub fn vector(v: &na::Vector3<f64>) -> Vector3<f64> {
+    Vector3([v.x, v.y, v.z])
+}
+
+/// Pose of a frame of the scene, without rounding.
+pub fn pose(frame: &Frame) -> Pose<f64> {
+    let r = frame.rotation();
+    let rotation = Matrix3([0, 1, 2].map(|i| [0, 1, 2].map(|k| r[(i, k)])));
+    tidy(&Pose { rotation, position: vector(&frame.position) })
 }

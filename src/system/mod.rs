@@ -1,7 +1,9 @@
 //! A scene compiled for computation, and its state.
 
 mod attitude;
+mod bodies;
 mod compile;
+mod damping;
 mod end_effector;
 mod factors;
 mod fins_and_tether;
