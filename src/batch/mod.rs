@@ -1,27 +1,23 @@
-//! Many instances at a time: blocks of lanes, threads.
+//! Batches of instances: memory in blocks of lanes, stepping on threads, monitoring of steps, episodes.
+//!
+//! `docs/batch.md` draws block, row, lane, column, group, chunk and portion, and follows one step through them.
+//!
+//! Rooms, each above those before it: `storage` (memory and loads), `stepping` (kernels and threads), `monitoring` (quality
+//! of the steps), `episodes` (tasks around the physics).
 
-mod aligned;
-mod blocks;
-mod columns;
-mod dynamics;
-mod fill;
-mod inputs;
-mod lagged;
-mod layout;
-mod loads;
-mod monitor;
-mod rates;
+mod monitoring;
+mod options;
 mod simulator;
-mod states;
-mod step;
-mod table;
+mod stepping;
+mod storage;
 mod task;
-mod threads;
 
-pub use inputs::Inputs;
-pub use loads::AppliedLoads;
-pub use monitor::{Sighting, Stray, WRONG, Watched};
-pub use rates::{Mode, Survey, Unstable, stabilities};
-pub use simulator::{Precision, Simulator, SimulatorOptions};
-pub use states::States;
+pub use monitoring::modal_analysis::{ModalAnalysis, Mode, UnstableStep, stabilities};
+pub use monitoring::step_monitor::InaccurateStep;
+pub use monitoring::step_quality::{ERROR_LIMIT, StepQuality, StepViolation};
+pub use options::{Precision, SimulatorOptions};
+pub use simulator::Simulator;
+pub use simulator::applied_loads::AppliedLoads;
+pub use simulator::states::States;
+pub use storage::inputs::Inputs;
 pub use task::{Autoreset, Beginning, Final, Outputs, Rollout, Saved, Tally, TaskBatch, Trace, Transition, Verdict};

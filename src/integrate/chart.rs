@@ -9,15 +9,15 @@ use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotate_back};
 pub enum Chart {
     /// `T exp(Theta)` about the step's start, `Theta' = dexp^-1_(-Theta) V`: Munthe-Kaas methods. `[HC eq. 18]`
     Exponential,
-    /// The same, for Euler's rule alone, the pose and the joints moving with the velocities of the step's end.
+    /// The same for Euler's rule alone; pose and joints move at the velocities of the step's end.
     VelocityFirst,
     /// Roll, pitch and yaw (`R = Rz Ry Rx`), and the position: singular at a pitch of 90 degrees. `[F21]`
     EulerAngles,
-    /// The components of a quaternion that need not be of unit length, and the position: the paper's rivals. `[HC eq. 14]`
+    /// Components of a quaternion, not necessarily of unit length, and the position: the paper's baseline. `[HC eq. 14]`
     Quaternion(Correction),
 }
 
-/// What keeps the quaternion near unit length.
+/// Correction of the quaternion's length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Correction {
     /// The term `gamma/2 (1 - Q^T Q) Q` of eq. 14.
@@ -29,7 +29,7 @@ pub enum Correction {
     Normalise,
 }
 
-/// What the attitude is kept as.
+/// Representation of the attitude.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Attitude {
     /// The rotation matrix alone.
@@ -41,7 +41,7 @@ pub enum Attitude {
 }
 
 impl Chart {
-    /// What [`super::Motion::attitude`] holds.
+    /// Contents of [`super::Motion::attitude`].
     #[inline(always)]
     pub fn attitude(&self) -> Attitude {
         match self {
@@ -56,7 +56,7 @@ impl Chart {
 pub(super) struct Increment<'a, L> {
     /// T.
     pub start: &'a Pose<L>,
-    /// Theta; none where the chart gives the whole pose.
+    /// Theta; none at the step's start and for charts that give the whole pose.
     pub theta: Option<Vector6<L>>,
 }
 

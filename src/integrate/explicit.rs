@@ -1,24 +1,24 @@
 //! One driver for all explicit Runge-Kutta methods. `[HC eq. 14, 17-18]`, `[PC05]`
 //!
-//! A stage's coordinates are the start's plus `h sum a_ij k_j`; what they are and how they change is the chart's. The
-//! one call of the right-hand side below is what all methods share: it is by far the most code.
+//! A stage's coordinates are the start's plus `h sum a_ij k_j`; the chart defines them and their rates. All methods share the
+//! one call of the right-hand side below, which is by far the most code.
 
-use super::catalogue::Explicit;
 use super::chart::{Attitude, Chart, Increment};
 use super::motion::Motion;
+use super::registry::Explicit;
 use super::stages::{Point, Stages, Weights};
 use super::tableau::STAGES;
 use super::{Derivative, euler_angles, quaternion};
 use crate::lane::Lane;
 use crate::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6, dexp_inverse_negative};
 
-/// What one step was like.
+/// Measurements of one step.
 pub(super) struct Report<L> {
-    /// Square of the greatest rotation within the step, for charts that bound it: its end is good below pi^2.
+    /// Square of the greatest rotation within the step, for charts that bound it: valid below pi^2.
     pub turn: L,
     /// Square of the estimated error, for tableaus with an embedded method, else 0.
     pub error: L,
-    /// How the stages differ: see [`Stages::contrast`].
+    /// Differences between the stages: see [`Stages::contrast`].
     pub contrast: [L; 3],
 }
 
@@ -41,7 +41,8 @@ fn kinematics<L: Lane>(chart: Chart, attitude: [L; 4], omega: Vector3<L>) -> (Ma
 }
 
 /// One step of size `h`, which begins `elapsed` after the start of the interval; with `begun` the first stage's rates
-/// are there already. Charts that keep the attitude exist where `BASELINES` holds. What it was like and where it ends, the joints' part of which is left in the stages.
+/// are known. Charts that keep the attitude exist where `BASELINES` holds. Returns its measurements and its end,
+/// whose joints are left in the stages.
 #[inline(always)]
 pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize, const BASELINES: bool>(
     method: &Explicit,
@@ -77,7 +78,7 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize, const BASEL
             turn = turn.max(point.pose.angular.dot(point.pose.angular));
             Increment { start: &from.pose, theta: if i > 0 { Some(point.pose) } else { None } }
         };
-        // Here, as there is time for it while the stage's gravity is waited for.
+        // Here, because it fills the latency of the stage's gravity.
         match chart {
             _ if keeps => {}
             Chart::Exponential if i > 0 => {
@@ -111,9 +112,9 @@ pub(super) fn explicit<L: Lane, D: Derivative<L, N>, const N: usize, const BASEL
     (Report { turn, error, contrast }, end)
 }
 
-/// Takes the end of a step where the mask holds.
+/// Moves to the end of a step where the mask holds.
 #[inline(always)]
-pub(super) fn arrive<L: Lane, const N: usize, const BASELINES: bool>(
+pub(super) fn move_to_end<L: Lane, const N: usize, const BASELINES: bool>(
     chart: Chart,
     mask: L::Mask,
     end: &Point<L>,
@@ -132,6 +133,6 @@ pub(super) fn arrive<L: Lane, const N: usize, const BASELINES: bool>(
     }
     let (rotation, _) = kinematics(chart, attitude, end.twist.angular);
     let (position, rest) = motion.travelled(end.pose.linear);
-    motion.take(mask, Pose { rotation, position }, rest, end.twist, joints, n);
-    motion.take_attitude(mask, &attitude);
+    motion.set_where(mask, Pose { rotation, position }, rest, end.twist, joints, n);
+    motion.set_attitude_where(mask, &attitude);
 }

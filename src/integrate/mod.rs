@@ -1,27 +1,27 @@
-//! Integration on SE(3) x R^n: knows groups and tableaus, and nothing of water.
+//! Integration on SE(3) x R^n: groups and tableaus, independent of the equations of motion.
 
-mod catalogue;
 mod chart;
 mod euler_angles;
 mod explicit;
+mod linearly_implicit;
 mod motion;
-mod pieces;
 mod quaternion;
-mod rosenbrock;
+mod registry;
 mod stability;
 mod stages;
+mod step_estimates;
+mod sub_intervals;
 mod tableau;
-mod watch;
 
-pub use catalogue::{Entry, Explicit, Gains, Integrator, Kind};
 pub use chart::{Attitude, Chart, Correction};
+pub use linearly_implicit::{LinearlyImplicit, implicit_interval};
 pub use motion::Motion;
-pub use pieces::interval;
-pub use rosenbrock::{LinearlyImplicit, implicit_interval};
+pub use registry::{Entry, Explicit, Gains, Integrator, Kind};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
+pub use step_estimates::{StepEstimates, step_error, stiffness};
+pub use sub_intervals::interval;
 pub use tableau::{Contrast, DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, STAGES, Tableau};
-pub use watch::{Watch, step_error, stiffness};
 
 use crate::lane::Lane;
 use crate::lie::{Pose, Vector3, Vector6};
@@ -29,15 +29,15 @@ use crate::lie::{Pose, Vector3, Vector6};
 /// Rates of twist and joint rates.
 #[derive(Debug, Clone, Copy)]
 pub struct Rates<L, const N: usize> {
-    /// V'.
+    /// V', m/s^2 and rad/s^2.
     pub twist: Vector6<L>,
-    /// q''.
+    /// q'', rad/s^2 or m/s^2.
     pub qd: [L; N],
 }
 
-/// The pose within a step, worked out only as far as it is asked for.
+/// Pose within a step, computed on demand.
 pub trait StagePose<L: Lane> {
-    /// Whether it is that of the step's start; where this is not known, true.
+    /// True at the step's start, and where this is not known.
     fn is_start(&self) -> bool;
     /// A world vector in body axes.
     fn to_body(&self, world: Vector3<L>) -> Vector3<L>;

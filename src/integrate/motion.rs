@@ -1,4 +1,4 @@
-//! The state that integrators step.
+//! State of a step.
 
 use crate::lane::Lane;
 use crate::lie::{Matrix3, Pose, Vector3, Vector6, exp_se3};
@@ -8,7 +8,7 @@ use crate::lie::{Matrix3, Pose, Vector3, Vector6, exp_se3};
 pub struct Motion<L, const N: usize> {
     /// T.
     pub pose: Pose<L>,
-    /// What rounding has left out of the position.
+    /// Rounding error of the position (compensated sum).
     pub rest: Vector3<L>,
     /// V, body twist.
     pub twist: Vector6<L>,
@@ -21,7 +21,7 @@ pub struct Motion<L, const N: usize> {
 }
 
 impl<L: Lane, const N: usize> Motion<L, N> {
-    /// At rest at the origin: memory to load into.
+    /// At rest at the origin: memory to load a motion into.
     #[inline(always)]
     pub fn blank() -> Self {
         let zero = [L::zero(); N];
@@ -29,14 +29,14 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         Self { pose, rest: Vector3::zero(), twist: Vector6::zero(), q: zero, qd: zero, attitude: [L::zero(); 4] }
     }
 
-    /// Adds to the position by a compensated sum: steady travel adds the same number over and over, whose rounding is the
-    /// same each time too, and would grow to a drift.
+    /// Adds to the position by a compensated sum: at steady speed each step adds the same number with the same rounding error,
+    /// which would grow to a drift.
     #[inline(always)]
     pub fn travel(&mut self, by: Vector3<L>) {
         (self.pose.position, self.rest) = self.travelled(by);
     }
 
-    /// The position further on, and what rounding leaves out of it.
+    /// Position after a displacement, and its rounding error.
     #[inline(always)]
     pub(super) fn travelled(&self, by: Vector3<L>) -> (Vector3<L>, Vector3<L>) {
         let passed = self.rest + by;
@@ -44,7 +44,7 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         (next, passed - (next - self.pose.position))
     }
 
-    /// Takes the pose `T exp(theta)`, and with it a twist and joints, where the mask holds.
+    /// Sets the pose to `T exp(theta)`, and twist and joints, where the mask holds.
     #[inline(always)]
     pub(super) fn move_by(
         &mut self,
@@ -57,12 +57,12 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         let moved = exp_se3(theta);
         let (position, rest) = self.travelled(self.pose.rotation.apply(moved.position));
         let rotation = self.pose.rotation.times(&moved.rotation).orthonormalised();
-        self.take(mask, Pose { rotation, position }, rest, twist, joints, n);
+        self.set_where(mask, Pose { rotation, position }, rest, twist, joints, n);
     }
 
-    /// Takes these numbers where the mask holds.
+    /// Sets these numbers where the mask holds.
     #[inline(always)]
-    pub(super) fn take(
+    pub(super) fn set_where(
         &mut self,
         mask: L::Mask,
         pose: Pose<L>,
@@ -82,25 +82,25 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         pick(mask, qd, &mut self.qd, n);
     }
 
-    /// Takes coordinates of the attitude where the mask holds.
+    /// Sets the attitude coordinates where the mask holds.
     #[inline(always)]
-    pub(super) fn take_attitude(&mut self, mask: L::Mask, attitude: &[L; 4]) {
+    pub(super) fn set_attitude_where(&mut self, mask: L::Mask, attitude: &[L; 4]) {
         pick(mask, attitude, &mut self.attitude, 4);
     }
 
-    /// Becomes NaN throughout where the mask holds.
+    /// Sets all numbers to NaN where the mask holds.
     #[inline(always)]
-    pub(super) fn lose(&mut self, mask: L::Mask, n: usize) {
+    pub(super) fn set_nan_where(&mut self, mask: L::Mask, n: usize) {
         let x = L::c(f64::NAN);
         let nan = Vector3([x; 3]);
         let pose = Pose { rotation: Matrix3([nan.0; 3]), position: nan };
-        self.take(mask, pose, nan, Vector6 { linear: nan, angular: nan }, (&[x; N], &[x; N]), n);
-        self.take_attitude(mask, &[x; 4]);
+        self.set_where(mask, pose, nan, Vector6 { linear: nan, angular: nan }, (&[x; N], &[x; N]), n);
+        self.set_attitude_where(mask, &[x; 4]);
     }
 
     /// 1 in lanes where every number (of `n` joints) is finite, else 0.
     #[inline(always)]
-    pub(super) fn sound(&self, n: usize) -> L {
+    pub(super) fn finite(&self, n: usize) -> L {
         let mut sum = L::zero();
         add_zeros(&self.pose.position.0, 3, &mut sum);
         for i in 0..3 {

@@ -1,10 +1,10 @@
-//! Kinematics of quaternions `[w, x, y, z]` that need not be of unit length. `[HC eq. 14]`
+//! Kinematics of quaternions `[w, x, y, z]`, not necessarily of unit length. `[HC eq. 14]`
 
 use super::chart::Correction;
 use crate::lane::Lane;
 use crate::lie::{Matrix3, Vector3};
 
-/// `R(Q) = I + 2 w [e] + 2 [e]^2` with Q as it is: no rotation unless Q is of unit length. `[F21 eq. 2.64]`
+/// `R(Q) = I + 2 w [e] + 2 [e]^2` without normalisation: a rotation only where Q is of unit length. `[F21 eq. 2.64]`
 #[inline(always)]
 pub fn rotation<L: Lane>([w, x, y, z]: [L; 4]) -> Matrix3<L> {
     let (x2, y2, z2) = (x + x, y + y, z + z);
@@ -32,7 +32,7 @@ pub fn rate<L: Lane>(quaternion: [L; 4], omega: Vector3<L>, correction: Correcti
     rate
 }
 
-/// The quaternion as it is after a step.
+/// The quaternion after a step.
 #[inline(always)]
 pub fn corrected<L: Lane>(mut quaternion: [L; 4], correction: Correction) -> [L; 4] {
     if correction == Correction::Normalise {

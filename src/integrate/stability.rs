@@ -1,25 +1,25 @@
-//! Which steps are stable: what a step makes of a mode `exp(rate t)`.
+//! Stability of steps: amplification of a mode `exp(rate t)` by a step.
 
 use nalgebra::Complex;
 
 use super::{Attitude, Chart, Integrator, STAGES, Tableau};
 
-/// Growth of a mode by integration alone that passes for none, 1/s: 1 % per second. Some is inevitable: the methods of
-/// order 1 and 2 amplify an undamped oscillation at any step.
+/// Greatest accepted growth of a mode by integration alone, 1/s: 1 % per second. Some is inevitable: the methods of order 1
+/// and 2 amplify an undamped oscillation at any step.
 pub const GROWTH: f64 = 0.01;
-/// Error of a mode's damping, as a share of its rate, that passes where the motion that it belongs to does not last.
+/// Greatest accepted error of a mode's damping relative to its rate, for motions that do not last.
 pub const PASSING: f64 = 0.1;
-/// Real part of the rate, as a share of its size, from which on a mode grows by itself.
+/// Least real part of the rate, relative to its size, of a mode that grows physically.
 const GROWING: f64 = 0.01;
-/// Rates below this need no step shorter than hours, and are next to rounding, 1/s.
+/// Rates below this need no step shorter than hours, and are close to rounding, 1/s.
 const SLOW: f64 = 1e-4;
-/// Error of a step, as a share of a mode's size, from which on it does not follow the mode.
+/// Greatest error of an accurate step relative to a mode's size.
 const WRONG: f64 = 0.25;
-/// Fineness of the search along a ray, in `h |rate|`.
+/// Resolution of the search along a ray, in `h |rate|`.
 const FINENESS: f64 = 1.0 / 16.0;
 
 impl Tableau {
-    /// `R(z) = 1 + z b^T (I - z A)^-1 1`: one step of size h makes `R(h rate)` of a mode, where `exp(h rate)` is right.
+    /// `R(z) = 1 + z b^T (I - z A)^-1 1`: one step of size h multiplies a mode by `R(h rate)`; exact is `exp(h rate)`.
     pub fn stability(&self, z: Complex<f64>) -> Complex<f64> {
         let mut stages = [Complex::new(0.0, 0.0); STAGES];
         for i in 0..self.stages {
@@ -31,21 +31,21 @@ impl Tableau {
     }
 }
 
-/// What a step of an integrator makes of a mode.
+/// Stability function of an integrator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stability {
     /// An explicit Runge-Kutta method.
     Explicit(&'static Tableau),
     /// `v += h a(x, v); x += h v`, on each pair of complex rates as an oscillator of its own.
     SemiImplicitEuler,
-    /// The linearly implicit method of order 2 that is L-stable: any step makes what decays decay.
+    /// The linearly implicit method of order 2, which is L-stable: decaying modes decay at any step.
     LinearlyImplicit,
-    /// An explicit method with a step that follows the error.
+    /// An explicit method with error control.
     Adaptive,
 }
 
 impl Stability {
-    /// Factor that a step makes of a mode's size, with `z = h rate`.
+    /// Amplification of a mode's size by a step, with `z = h rate`.
     pub fn factor(&self, z: Complex<f64>) -> f64 {
         match self {
             Stability::Explicit(tableau) => tableau.stability(z).norm(),
@@ -57,9 +57,9 @@ impl Stability {
 
     /// Greatest h such that all steps up to h are stable for a mode of that rate, at most `most`; s.
     ///
-    /// A step is stable where it makes the mode grow by no more than [`GROWTH`] beyond what physics asks for; or, below
-    /// `h |rate| = 1`, than its damping allows when it is wrong by the share `lenience` of the rate: 0 for motions that
-    /// last, [`PASSING`] for others. Modes that grow fast by themselves do not count.
+    /// A step is stable where the mode grows by no more than [`GROWTH`] beyond its physical growth; or, below `h |rate| = 1`,
+    /// by no more than with a damping error of `lenience` times the rate: 0 for motions that last, [`PASSING`] for others.
+    /// Modes that grow fast physically do not count.
     pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
         if matches!(self, Stability::LinearlyImplicit | Stability::Adaptive) || size < SLOW || rate.re > GROWING * size
@@ -87,8 +87,8 @@ impl Stability {
 }
 
 impl Stability {
-    /// `h |rate|` up to which a step follows modes that decay or swing: it makes `exp(h rate)` of them to within a quarter
-    /// of their size. 2.0 for RK4, 1.6 for Heun's third order, 1.2 for the midpoint rule, 0.7 for Euler's.
+    /// Greatest `h |rate|` at which a step is accurate for modes that decay or oscillate: within a quarter of their size of
+    /// `exp(h rate)`. 2.0 for RK4, 1.6 for Heun's third order, 1.2 for the midpoint rule, 0.7 for Euler's.
     pub fn range(&self) -> f64 {
         let Stability::Explicit(tableau) = self else { return f64::INFINITY };
         let ends = [Complex::new(-1.0, 0.0), Complex::new(0.0, 1.0)].map(|ray| {
@@ -100,7 +100,7 @@ impl Stability {
     }
 }
 
-/// Where a property that holds at `low` ends before `high`.
+/// Bisection for the end of a property that holds at `low` and not at `high`.
 fn crossing(holds: impl Fn(f64) -> bool, mut low: f64, mut high: f64) -> f64 {
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
@@ -128,7 +128,7 @@ fn linearly_implicit(z: Complex<f64>) -> Complex<f64> {
 }
 
 impl Integrator {
-    /// What its steps make of a mode. The stability of a method on the group is that of its tableau.
+    /// Stability function. The stability of a method on the group is that of its tableau.
     pub fn stability(&self) -> Stability {
         match self {
             Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Adaptive,
@@ -138,7 +138,7 @@ impl Integrator {
         }
     }
 
-    /// [`Stability::range`]; infinite for integrators that keep a quaternion, which are for comparison alone.
+    /// [`Stability::range`]; infinite for integrators that keep a quaternion, which are baselines.
     pub fn range(&self) -> f64 {
         match self.attitude() {
             Attitude::Quaternion => f64::INFINITY,

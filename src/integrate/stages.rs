@@ -20,16 +20,16 @@ pub struct Stages<L, const N: usize> {
     pub(super) qd_at: [L; N],
 }
 
-/// A stage but for its joints: what its coordinates are off from the start, and its twist.
+/// A stage without its joints: increments of its coordinates from the start, and its twist.
 pub(super) struct Point<L> {
     pub pose: Vector6<L>,
     pub scalar: L,
     pub twist: Vector6<L>,
 }
 
-/// What a stage's point, or the step's end, is made of.
+/// Weights of a stage's point or of the step's end.
 pub(super) struct Weights<'a> {
-    /// Its time, by the step.
+    /// Its time as a fraction of the step.
     pub time: f64,
     /// Weights of the rates.
     pub speed: &'a [f64; STAGES],
@@ -40,7 +40,7 @@ pub(super) struct Weights<'a> {
 }
 
 impl<L: Lane, const N: usize> Stages<L, N> {
-    /// Fresh memory; its contents never matter.
+    /// Zeroed memory.
     pub fn new() -> Self {
         let zero = [L::zero(); N];
         let rates = Rates { twist: Vector6::zero(), qd: zero };
@@ -77,7 +77,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             }
         }
         sum.twist = from.twist + sum.twist;
-        // The classical tableau's sums by themselves: with the number of stages known, a joint's sum stays in a register.
+        // The classical tableau's sums separately: with a constant number of stages a joint's sum stays in a register.
         match (speeds.as_slice(), places.as_slice()) {
             (&[a], &[]) => self.weigh_joints([a], [], weights, n, h, from),
             (&[a], &[b]) => self.weigh_joints([a], [b], weights, n, h, from),
@@ -119,7 +119,7 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         }
     }
 
-    /// The same for any stages. Joints within stages: the other way about every joint would have to ask again which count.
+    /// The same for any stages. Joints in the inner loop: otherwise every joint would iterate over the support again.
     #[inline(always)]
     fn weigh_joints_by_stages(&mut self, weights: &Weights, n: usize, h: L, from: &Motion<L, N>) {
         let [speeds, places] = weights.support;
@@ -172,10 +172,10 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         sum
     }
 
-    /// How the right-hand side changes between states within the step. Squares of the states' difference, first its
+    /// Change of the right-hand side between states within the step. Squares of the states' difference, first its
     /// coordinates and then its velocities times h; and of the accelerations' change times h^2.
     ///
-    /// Written in the accelerations alone: coordinates differ by `h` times what velocities before them differ by.
+    /// Written in the accelerations alone: coordinates differ by `h` times the difference of the velocities before them.
     #[inline(always)]
     pub(super) fn contrast(&self, contrast: &Contrast, n: usize, h: L, from: &Motion<L, N>) -> [L; 3] {
         let Contrast { three, place, speed, change: [last, before], .. } = *contrast;

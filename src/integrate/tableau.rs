@@ -16,7 +16,7 @@ pub struct Tableau {
     pub b: [f64; STAGES],
     /// Stage times.
     pub c: [f64; STAGES],
-    /// What the accelerations weigh in the coordinates of the stages, by `h^2`: `y_i = y + c_i h y' + h^2 sum_j place_ij k_j`;
+    /// Weights of the accelerations in the coordinates of the stages, over `h^2`: `y_i = y + c_i h y' + h^2 sum_j place_ij k_j`;
     /// and in those of the step's end: `a a` and `b a`.
     pub place: [[f64; STAGES]; STAGES],
     /// See `place`.
@@ -25,14 +25,14 @@ pub struct Tableau {
     pub place_error: [f64; STAGES],
     /// Where the rows of `a` and `place`, and last `b` and `place_end`, are not zero.
     pub support: [[Support; 2]; STAGES + 1],
-    /// What the step weights differ by from those of a method of lower order, if one is embedded: its last stage is the
-    /// step's end.
+    /// Differences between the step weights and those of an embedded method of lower order, if there is one: its last stage is
+    /// the step's end.
     pub error: Option<[f64; STAGES]>,
-    /// How stages tell about fast rates, if there is more than one.
+    /// Detection of fast rates from the stages, for methods of more than one stage.
     pub contrast: Option<Contrast>,
 }
 
-/// The stages that count for a sum.
+/// Stages with weights other than zero.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Support {
     stages: [usize; STAGES],
@@ -40,7 +40,7 @@ pub struct Support {
 }
 
 impl Support {
-    /// Those whose weights are not zero.
+    /// Stages of a row whose weights are not zero.
     const fn of(row: &[f64; STAGES]) -> Self {
         let (mut stages, mut count, mut j) = ([0; STAGES], 0, 0);
         while j < STAGES {
@@ -59,14 +59,14 @@ impl Support {
         &self.stages[..self.count.min(STAGES)]
     }
 
-    /// Their numbers. (All are in range, which the compiler has to be told where it is to check no index.)
+    /// Their numbers. (The bound, which always holds, spares index checks.)
     #[inline(always)]
     pub fn stages(&self) -> impl Iterator<Item = usize> {
         self.stages.iter().take(self.count).copied().take_while(|j| *j < STAGES)
     }
 }
 
-/// How the first stages of a method tell about rates. The right-hand side's change `dk` and the difference `dz` of
+/// Detection of rates from the first stages of a method. The right-hand side's change `dk` and the difference `dz` of
 /// the states that it changes between are, in the accelerations k of the first stages and `h`:
 ///
 /// ```text
@@ -78,7 +78,7 @@ impl Support {
 /// and `dk`'s velocities are `dz`'s. What is linear in time cancels (of two stages, in the accelerations only).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contrast {
-    /// Whether of three stages.
+    /// True for three stages, false for two.
     pub three: bool,
     /// Weight of the coordinates.
     pub place: f64,
@@ -86,8 +86,8 @@ pub struct Contrast {
     pub speed: f64,
     /// Weights of the accelerations.
     pub change: [f64; 2],
-    /// Error of a step on a mode, by the size of `h dk`, and the power of `h |lambda|` that it goes with besides.
-    pub slip: (f64, u32),
+    /// Error of a step on a mode: `factor |h dk| (h |lambda|)^power`.
+    pub error: (f64, u32),
 }
 
 /// A row of weights, filled up with zeros.
@@ -160,8 +160,8 @@ pub static EULER: Tableau = Tableau::new(1, [], row([1.0]), row([]));
 ///     |  0   1
 /// ```
 pub static MIDPOINT: Tableau = Tableau {
-    // Slip: z^3 / 6 by z^2 / 2.
-    contrast: Some(Contrast { three: false, place: 0.5, speed: 0.5, change: [1.0, 0.0], slip: (1.0 / 3.0, 1) }),
+    // Error: z^3 / 6 by z^2 / 2.
+    contrast: Some(Contrast { three: false, place: 0.5, speed: 0.5, change: [1.0, 0.0], error: (1.0 / 3.0, 1) }),
     ..Tableau::new(2, [row([0.5])], row([0.0, 1.0]), row([0.0, 0.5]))
 };
 
@@ -174,13 +174,13 @@ pub static MIDPOINT: Tableau = Tableau {
 ///     | 1/4  0  3/4
 /// ```
 pub static HEUN3: Tableau = Tableau {
-    // Slip: z^4 / 24 by 2 z^3 / 9.
+    // Error: z^4 / 24 by 2 z^3 / 9.
     contrast: Some(Contrast {
         three: true,
         place: 2.0 / 9.0,
         speed: 2.0 / 3.0,
         change: [1.0, -1.0],
-        slip: (3.0 / 16.0, 1),
+        error: (3.0 / 16.0, 1),
     }),
     ..Tableau::new(
         3,
@@ -200,8 +200,8 @@ pub static HEUN3: Tableau = Tableau {
 ///     | 1/6 1/3 1/3 1/6
 /// ```
 pub static RK4: Tableau = Tableau {
-    // Slip: z^5 / 120 by z^3 / 4.
-    contrast: Some(Contrast { three: true, place: 0.25, speed: 0.5, change: [1.0, 0.0], slip: (1.0 / 30.0, 2) }),
+    // Error: z^5 / 120 by z^3 / 4.
+    contrast: Some(Contrast { three: true, place: 0.25, speed: 0.5, change: [1.0, 0.0], error: (1.0 / 30.0, 2) }),
     ..Tableau::new(
         4,
         [row([0.5]), row([0.0, 0.5]), row([0.0, 0.0, 1.0])],
@@ -210,11 +210,11 @@ pub static RK4: Tableau = Tableau {
     )
 };
 
-/// Dormand and Prince's pair of orders 5 and 4; goes on with order 5. `[DP80]`
+/// Dormand and Prince's pair of orders 5 and 4; continues with order 5. `[DP80]`
 pub static DORMAND_PRINCE: Tableau = Tableau {
     error: Some(DORMAND_PRINCE_ERROR),
     place_error: times(&DORMAND_PRINCE_ERROR, &rows(DORMAND_PRINCE_STAGES)),
-    contrast: Some(Contrast { three: true, place: 0.09, speed: 0.45, change: [2.0, -1.0], slip: (0.0, 0) }),
+    contrast: Some(Contrast { three: true, place: 0.09, speed: 0.45, change: [2.0, -1.0], error: (0.0, 0) }),
     ..Tableau::new(5, DORMAND_PRINCE_STAGES, DORMAND_PRINCE_END, row([0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0]))
 };
 const DORMAND_PRINCE_STAGES: [[f64; STAGES]; 6] = [

@@ -11,7 +11,7 @@ use uvms_gym::integrate::{Integrator, Kind};
 /// -------
 /// list of dict
 ///     Each with name (str), summary (str), order (int: the error after a given time falls as dt to this power), kind
-///     (str: "production", or "rival" for what is there for comparison alone), adaptive (bool: cuts steps into pieces by
+///     (str: "production", or "baseline" for what is there for comparison alone), adaptive (bool: cuts steps into pieces by
 ///     their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
 #[pyfunction]
 pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
@@ -24,7 +24,7 @@ pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
             "kind",
             match entry.kind {
                 Kind::Production => "production",
-                Kind::Rival => "rival",
+                Kind::Baseline => "baseline",
             },
         )?;
         dict.set_item("adaptive", entry.integrator.adaptive())?;

@@ -95,7 +95,7 @@ impl Simulator {
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let (simulator, speed) = (&self.inner, speeds(speed)?);
         let servos = Servos { joints: joint_servos, vehicle: vehicle_servo };
-        let modes = py.detach(|| Ok::<_, PyErr>(simulator.survey(speed.as_ref()).or_raise()?.modes(servos)))?;
+        let modes = py.detach(|| Ok::<_, PyErr>(simulator.modal_analysis(speed.as_ref()).or_raise()?.modes(servos)))?;
         let mut list = Vec::new();
         for mode in modes {
             let Complex { re, im } = mode.rate;
@@ -150,7 +150,7 @@ impl Simulator {
         let (simulator, speed) = (&self.inner, speeds(speed)?);
         let servos = Servos { joints: joint_servos, vehicle: vehicle_servo };
         let steps: Vec<_> = py.detach(|| {
-            let survey = simulator.survey(speed.as_ref()).or_raise()?;
+            let survey = simulator.modal_analysis(speed.as_ref()).or_raise()?;
             let step = |stability| survey.stable_step(stability, servos, end_stops).0;
             Ok::<_, PyErr>(stabilities().map(|(name, stability)| (name, step(stability))).collect())
         })?;

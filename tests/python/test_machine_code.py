@@ -56,7 +56,7 @@ MEMORY = re.compile("4step.*6memory|17memory_and_system")
 # What they may call, and why.
 AROUND_STEPS = {
     MEMORY.pattern: "before the first instance",
-    r"9give_back": "keeps both, after the last",
+    r"13return_memory": "keeps both, after the last",
     r"drop_in_place.*System": "frees it where nobody will need it",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
@@ -64,7 +64,7 @@ ELSEWHERE = {
     r"^mem(cpy|set|move)$": "fills and copies tables",
     r"4core(9panicking|5slice5index)": "checks bounds",
     r"^_Unwind_Resume$": "frees memory after a panic",
-    r"Scratch.*3new|8variable": "working memory of those that only work out accelerations",
+    r"Scratch.*3new|15allocate_scaled": "working memory of those that only work out accelerations",
     r"7control.*(allocate|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
     r"^r[a-z0-9]+$": "one of these through a register",
 }

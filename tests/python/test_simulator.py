@@ -369,10 +369,10 @@ def test_a_bad_option_is_refused(options: dict[str, Any]) -> None:
 def test_integrators_are_listed_with_what_they_are() -> None:
     listed = {entry["name"]: entry for entry in integrators()}
     assert next(iter(listed)) == Simulator("free-body").integrator
-    assert {entry["kind"] for entry in listed.values()} == {"production", "rival"}
+    assert {entry["kind"] for entry in listed.values()} == {"production", "baseline"}
     assert {name: entry["order"] for name, entry in listed.items() if entry["kind"] == "production"}["mk3"] == 3
     assert [name for name, entry in listed.items() if entry["adaptive"]] == ["mk54"]
-    assert listed["semi-implicit-euler"]["kind"] == "rival"
+    assert listed["semi-implicit-euler"]["kind"] == "baseline"
     assert all(entry["summary"] for entry in listed.values())
 
 

@@ -241,8 +241,8 @@ def test_a_motion_that_the_steps_do_not_follow_is_warned_of_once() -> None:
         "t = 3.6",
         "dt = 0.6 s",
         "4.00 1/s",
-        "h |rate| = 2.40",
-        "up to h |rate| = ",
+        "h*lambda = 2.40",
+        "limit ",
     ):
         assert part in text, part
     assert "\n" not in text and record[0].filename == __file__
@@ -260,7 +260,7 @@ def test_a_state_that_is_lost_is_warned_of_once(dtype: str) -> None:
         for _ in range(10):
             s.step(substeps=5)
     assert np.isfinite(s.twist).all(axis=1).tolist() == [True, True, False]
-    assert len(record) == 1 and "the state of instance 2 is no longer finite" in str(record[0].message)
+    assert len(record) == 1 and "instance 2: state not finite" in str(record[0].message)
 
 
 def test_an_adaptive_integrator_has_nothing_to_warn_of() -> None:

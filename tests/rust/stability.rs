@@ -60,7 +60,7 @@ fn val_rate_of_a_mass_and_a_damper() {
 
     // At 1.5 m/s, quadratic drag counts twice.
     scene.vehicle.body.damping.quadratic[(0, 0)] = 10.0;
-    let survey = simulator(&scene, "mk4", 0.01).survey(Some(&[1.5, 0.0, 0.0, 0.0, 0.0, 0.0])).unwrap();
+    let survey = simulator(&scene, "mk4", 0.01).modal_analysis(Some(&[1.5, 0.0, 0.0, 0.0, 0.0, 0.0])).unwrap();
     let fastest = &survey.modes(OFF)[0];
     assert!((fastest.rate + 10.0).norm() < 1e-9, "{fastest:?}");
     assert_eq!((fastest.what.as_str(), fastest.place.as_str()), ("vehicle surge", "at home, surge at 1.50 m/s"));
@@ -112,7 +112,7 @@ fn val_rates_of_a_servo_on_one_joint_of_a_floating_vehicle() {
         for root in roots(1.0 / mobility[(7, 7)], kd + 0.25, kp) {
             assert_has(&found, root, 1e-9);
         }
-        let survey = simulator(&scene, "mk4", 0.01).survey(None).unwrap();
+        let survey = simulator(&scene, "mk4", 0.01).modal_analysis(None).unwrap();
         assert!(survey.modes(JOINTS)[0].what.starts_with("joint 1 (upper-arm)"));
     }
 }
@@ -146,7 +146,7 @@ fn an_end_stop_is_a_rate_of_its_own() {
     let joint = &mut scene.arm.as_mut().unwrap().links[0].joint;
     joint.limits = Some(uvms_gym::description::JointLimits { lower: -1.0, upper: 1.0, stiffness: 50.0, damping: 0.0 });
     let simulator = simulator(&scene, "mk4", 0.01);
-    let survey = simulator.survey(None).unwrap();
+    let survey = simulator.modal_analysis(None).unwrap();
     let modes = survey.modes(OFF);
     let state = State { q: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
     let balance = ClosedFormModel::new(&scene).unwrap();
@@ -321,7 +321,7 @@ fn shipped_scenes_are_stable_at_their_steps() {
             }
         }
         // What the steps are.
-        let survey = simulator(&scene, "mk4", 0.01).survey(None).unwrap();
+        let survey = simulator(&scene, "mk4", 0.01).modal_analysis(None).unwrap();
         for mode in survey.modes(BOTH).iter().take(4) {
             println!("{name}: {:.2} {} ({})", mode.rate, mode.what, mode.place);
         }
@@ -358,9 +358,9 @@ fn an_unstable_step_is_said_once_and_by_its_numbers() {
 #[test]
 fn simulators_of_one_scene_share_their_survey() {
     let scene = stiffened("petasus-pum", 1.5);
-    let [a, b] = [0.01, 0.02].map(|dt| simulator(&scene, "mk4", dt).survey(None).unwrap());
+    let [a, b] = [0.01, 0.02].map(|dt| simulator(&scene, "mk4", dt).modal_analysis(None).unwrap());
     assert!(std::sync::Arc::ptr_eq(&a, &b));
-    let other = simulator(&stiffened("petasus-pum", 1.6), "mk4", 0.01).survey(None).unwrap();
+    let other = simulator(&stiffened("petasus-pum", 1.6), "mk4", 0.01).modal_analysis(None).unwrap();
     assert!(!std::sync::Arc::ptr_eq(&a, &other));
 }
 
@@ -370,10 +370,10 @@ fn a_held_vehicle_has_no_rates_and_a_speed_must_be_one() {
     scene.vehicle.fixed = true;
     let s = simulator(&scene, "mk4", 0.01);
     assert_eq!(s.expected_speed(), [0.0; 6]);
-    let modes = s.survey(Some(&[1.0; 6])).unwrap().modes(BOTH);
+    let modes = s.modal_analysis(Some(&[1.0; 6])).unwrap().modes(BOTH);
     assert!(modes.len() > 5 && modes.iter().all(|mode| mode.what.starts_with("joint")), "{modes:?}");
     for speed in [-1.0, f64::NAN, f64::INFINITY] {
-        let error = s.survey(Some(&[speed; 6])).err().unwrap().to_string();
+        let error = s.modal_analysis(Some(&[speed; 6])).err().unwrap().to_string();
         assert!(error.contains("speed is"), "{error}");
     }
 }
@@ -423,9 +423,9 @@ fn the_instance_that_leaves_the_range_is_said_once() {
             let stray = s.warn_of_motion();
             assert_eq!(stray.is_some(), said, "{stray:?}");
             let Some(stray) = stray else { continue };
-            let seen = stray.sighting;
+            let seen = stray.violation;
             assert_eq!((seen.instance, seen.finite), (77, true));
-            assert!((seen.time - 3.8).abs() < 1e-6 && (seen.watched.stiffness - 2.4).abs() < 0.01, "{seen:?}");
+            assert!((seen.time - 3.8).abs() < 1e-6 && (seen.quality.stiffness - 2.4).abs() < 0.01, "{seen:?}");
             let text = stray.to_string();
             for part in ["'free-body'", "instance 77", "t = 3.8", "'mk4'", "dt = 0.6 s", "4.00 1/s", "2.40"] {
                 assert!(text.contains(part), "{part}: {text}");
@@ -446,8 +446,8 @@ fn a_state_that_is_lost_is_said_once() {
         assert_eq!(s.warn_of_motion(), None);
         s.step(&Inputs::default(), 40).unwrap();
         let stray = s.warn_of_motion().unwrap();
-        assert_eq!((stray.sighting.instance, stray.sighting.finite), (11, false));
-        assert!(stray.to_string().contains("the state of instance 11 is no longer finite"), "{stray}");
+        assert_eq!((stray.violation.instance, stray.violation.finite), (11, false));
+        assert!(stray.to_string().contains("instance 11: state not finite"), "{stray}");
         s.step(&Inputs::default(), 1).unwrap();
         assert_eq!(s.warn_of_motion(), None);
     }

@@ -4,7 +4,7 @@ use super::kernels::{Act, Blocks, Judge, Look};
 use super::outputs::{Outputs, Transition};
 use super::slot::Slot;
 use super::{Autoreset, Final};
-use crate::batch::blocks::{CHUNK, Part};
+use crate::batch::stepping::blocks::{CHUNK, PhysicsChunk};
 use crate::control::Controller;
 use crate::dynamics::ClosedFormModel;
 use crate::lane::Real;
@@ -33,7 +33,7 @@ pub(super) struct Duty<'a, T> {
 /// Instances that one thread works on: their physics, and the memory of their episodes.
 pub(super) struct Chunk<'a, 'p, T> {
     pub duty: &'a Duty<'a, T>,
-    pub part: &'a mut Part<'p, T>,
+    pub part: &'a mut PhysicsChunk<'p, T>,
     pub slots: &'a mut [Slot],
     /// Numbers of the episodes, block by block.
     pub episodes: &'a mut [T],

@@ -8,10 +8,10 @@ use super::kernels;
 use super::outputs::Outputs;
 use super::rollout::{Lap, Rollout, take_before};
 use super::slot::Slot;
-use crate::batch::aligned::Aligned;
-use crate::batch::blocks::CHUNK;
 use crate::batch::simulator::Simulator;
-use crate::batch::step::Switches;
+use crate::batch::stepping::blocks::CHUNK;
+use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::storage::aligned::Aligned;
 use crate::control::Controller;
 use crate::error::{ControlError, SimulatorError};
 use crate::lane::Real;
@@ -19,9 +19,9 @@ use crate::system::State;
 use crate::task::{Goal, Task, TaskKernel};
 
 /// The joints' servos are all that is on, where joints follow references (cubic ones); else nothing is.
-fn switches(task: &Task) -> Switches {
+fn active_loads(task: &Task) -> ActiveLoads {
     let terms = if task.options().task == Goal::StationKeep { 4 } else { 0 };
-    Switches { terms, on_links: false, station: false }
+    ActiveLoads { target_terms: terms, link_wrenches: false, station: false }
 }
 
 /// The numbers of all episodes, whatever the precision.
@@ -109,13 +109,18 @@ impl<T: Real> Crew for Company<T> {
             .zip(self.episodes.chunks_mut(CHUNK * self.kernel.rows().rows))
             .zip(actions.chunks(CHUNK * task.action_len()))
             .zip(out.chunks(CHUNK));
-        simulator.visit::<T, _>(substeps, switches(task), items, |part, (((slots, episodes), actions), mut out)| {
-            let mut ended = Vec::new();
-            Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
-            if !ended.is_empty() {
-                finals.lock().unwrap_or_else(PoisonError::into_inner).append(&mut ended);
-            }
-        });
+        simulator.for_each_chunk::<T, _>(
+            substeps,
+            active_loads(task),
+            items,
+            |part, (((slots, episodes), actions), mut out)| {
+                let mut ended = Vec::new();
+                Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
+                if !ended.is_empty() {
+                    finals.lock().unwrap_or_else(PoisonError::into_inner).append(&mut ended);
+                }
+            },
+        );
         let mut finals = finals.into_inner().unwrap_or_else(PoisonError::into_inner);
         finals.sort_by_key(|end| end.instance);
         finals
@@ -144,7 +149,7 @@ impl<T: Real> Crew for Company<T> {
         let substeps = task.options().substeps as usize;
         let items =
             slots.chunks_mut(CHUNK).zip(self.episodes.chunks_mut(CHUNK * self.kernel.rows().rows)).zip(&mut laps);
-        simulator.visit::<T, _>(substeps, switches(task), items, |part, ((slots, episodes), lap)| {
+        simulator.for_each_chunk::<T, _>(substeps, active_loads(task), items, |part, ((slots, episodes), lap)| {
             if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
                 *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
             }

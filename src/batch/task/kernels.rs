@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::outputs::Outputs;
-use crate::batch::layout::Layout;
+use crate::batch::storage::layout::Layout;
 use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};

@@ -9,9 +9,10 @@ mod slot;
 
 use std::sync::Arc;
 
-use super::monitor::Stray;
-use super::rates::Unstable;
-use super::simulator::{Precision, Simulator, SimulatorOptions};
+use super::monitoring::modal_analysis::UnstableStep;
+use super::monitoring::step_monitor::InaccurateStep;
+use super::options::{Precision, SimulatorOptions};
+use super::simulator::Simulator;
 use crate::control::{Controller, Widths};
 use crate::description::Scene;
 use crate::dynamics::Servos;
@@ -141,12 +142,12 @@ impl TaskBatch {
     }
 
     /// What to warn of before a step, once: as [`Simulator::warn_of_step`] with the servos of the joints on.
-    pub fn warn_of_step(&mut self) -> Option<Unstable> {
+    pub fn warn_of_step(&mut self) -> Option<UnstableStep> {
         self.simulator.warn_of_step(Servos { joints: self.task.options().task == Goal::StationKeep, vehicle: false })
     }
 
     /// What to warn of after a step, once: as [`Simulator::warn_of_motion`].
-    pub fn warn_of_motion(&mut self) -> Option<Stray> {
+    pub fn warn_of_motion(&mut self) -> Option<InaccurateStep> {
         self.simulator.warn_of_motion()
     }
 

@@ -1,8 +1,7 @@
-//! Sharing work among threads.
+//! Work sharing among threads.
 //!
-//! One pool per process, made when it is first needed; its threads sleep where there is nothing to do. A fork takes none
-//! of them along, so a child makes a pool of its own. Nothing here waits for a lock that another thread may have held at
-//! the moment of the fork.
+//! One pool per process, made on first use; its threads sleep when idle. A fork copies no threads, so a child process makes
+//! another pool. Nothing here waits for a lock that another thread may have held at the moment of the fork.
 
 use std::hint::spin_loop;
 use std::sync::Mutex;
@@ -13,12 +12,12 @@ use std::time::{Duration, Instant};
 use once_cell::race::OnceBox;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// How long a thread that has done its part waits awake for the others: mostly they come to an end by then, and to sleep
-/// and to be woken takes as long.
+/// Time that a thread which has finished spins for the others before it sleeps: mostly they finish within it, and sleeping
+/// and waking takes as long.
 const PATIENCE: Duration = Duration::from_micros(50);
 
-/// Calls `work` on all items, on up to `threads` threads: this one, and those of the pool that nobody else has engaged.
-/// Which thread does what has no influence on the result. A panic in `work` is raised here, once all threads are done.
+/// Calls `work` on all items, on up to `threads` threads: this one, and idle ones of the pool. The assignment of items to
+/// threads does not influence the result. A panic in `work` is raised here, once all threads are done.
 pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads: usize, work: impl Fn(I) + Sync) {
     let helpers = threads.min(items.len()).saturating_sub(1);
     let busy = AtomicUsize::new(0);
@@ -51,14 +50,14 @@ pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads
 /// The threads of one process.
 struct Pool {
     process: u32,
-    /// None where no threads are to be had.
+    /// None where no threads could be started.
     threads: Option<ThreadPool>,
     idle: AtomicUsize,
-    /// That of a child of the process, which has a copy of this one, but none of its threads.
+    /// Pool of a child of the process, which has a copy of this one without its threads.
     child: OnceBox<Pool>,
 }
 
-/// A thread of the pool while it is engaged.
+/// A thread of the pool while it works.
 struct Helper<'a> {
     idle: &'a AtomicUsize,
     busy: &'a AtomicUsize,
@@ -72,7 +71,7 @@ impl Drop for Helper<'_> {
 }
 
 impl Pool {
-    /// One thread less than there are cores, but one in any case.
+    /// One thread fewer than there are cores, and at least one.
     fn new(process: u32) -> Self {
         let helpers = available_parallelism().map_or(1, |cores| (cores.get() - 1).max(1));
         let name = |i| format!("uvms-gym-{i}");
@@ -81,20 +80,21 @@ impl Pool {
         Self { process, threads, idle, child: OnceBox::new() }
     }
 
-    /// Two threads that need it first at once make it twice, and drop one, rather than wait for each other.
+    /// The pool of this process. Two threads that need it first at once make it twice, and drop one, rather than wait for
+    /// each other.
     fn of_this_process() -> &'static Self {
-        static ELDEST: OnceBox<Pool> = OnceBox::new();
+        static FIRST: OnceBox<Pool> = OnceBox::new();
         let process = std::process::id();
         let make = || Box::new(Self::new(process));
-        let mut pool = ELDEST.get_or_init(make);
+        let mut pool = FIRST.get_or_init(make);
         while let Some(child) = pool.child.get() {
             pool = child;
         }
         if pool.process == process { pool } else { pool.child.get_or_init(make) }
     }
 
-    /// Up to `most` threads that are idle, if there are any, counted in `busy` for as long as they are engaged. Only
-    /// threads that can begin at once: what nobody has begun could not be taken back.
+    /// Up to `most` idle threads, counted in `busy` while they work. Only threads that can start at once: a task that waits
+    /// in a queue could not be taken back.
     fn engage<'a>(
         &'a self,
         most: usize,
@@ -117,7 +117,7 @@ mod tests {
 
     use super::*;
 
-    /// How often work is called on each of `count` items.
+    /// Number of calls on each of `count` items.
     fn calls(count: usize, threads: usize) -> Vec<usize> {
         let calls: Vec<AtomicUsize> = (0..count).map(|_| AtomicUsize::new(0)).collect();
         for_each(calls.iter(), threads, |item| {
@@ -135,7 +135,7 @@ mod tests {
         }
     }
 
-    /// Whether two items come under work at the same time.
+    /// True where two items are worked on at the same time.
     fn two_at_once() -> bool {
         let (within, began) = (AtomicUsize::new(0), Instant::now());
         let met = AtomicUsize::new(0);

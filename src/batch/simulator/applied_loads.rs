@@ -1,12 +1,12 @@
-//! What inputs amount to at the present states: the loads of the closed form.
+//! Applied loads: the loads of the closed form that inputs cause at the present states.
 
 use nalgebra as na;
 use nalgebra::Vector6;
 
-use super::dynamics::Station;
-use super::inputs::{Applied, Inputs};
-use super::simulator::Simulator;
-use super::table::InstanceLoads;
+use super::Simulator;
+use crate::batch::stepping::equations_of_motion::StationServo;
+use crate::batch::storage::inputs::{CheckedInputs, Inputs};
+use crate::batch::storage::instance_loads::InstanceLoads;
 use crate::description::Joint;
 use crate::dynamics::Loads;
 use crate::dynamics::dense::actuator_torque;
@@ -18,18 +18,18 @@ use crate::system::State;
 /// Loads on one instance.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AppliedLoads {
-    /// Thrust per thruster, N, within its limits; what acts at this instant where thrusters have dynamics.
+    /// Thrust per thruster, N, within its limits; the present thrust where thrusters have dynamics.
     pub thrust: Vec<f64>,
-    /// Wrench per moving body, vehicle first, that of the vehicle's servo included.
+    /// Wrench per moving body, vehicle first, the vehicle's servo included, N and N m.
     pub external: Vec<Vector6<f64>>,
     /// Deflection per fin, rad.
     pub fins: Vec<f64>,
-    /// Torque of each joint's actuator, that of its servo included, within its effort.
+    /// Torque of each joint's actuator, its servo included, within its effort, N m or N.
     pub joint_command: Vec<f64>,
 }
 
 impl AppliedLoads {
-    /// As the closed form takes them.
+    /// In the form of the closed form.
     pub fn loads(&self) -> Loads<'_> {
         Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command, fins: &self.fins }
     }
@@ -41,27 +41,27 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn applied_loads(&self, inputs: &Inputs) -> Result<Vec<AppliedLoads>, SimulatorError> {
-        let applied = Applied::new(inputs, self.scene(), self.allocation(), self.options())?;
-        Ok((0..self.instances()).map(|i| self.loads_of(&applied, i)).collect())
+        let inputs = CheckedInputs::new(inputs, self.scene(), self.allocation(), self.options())?;
+        Ok((0..self.instances()).map(|i| self.loads_of(&inputs, i)).collect())
     }
 
-    fn loads_of(&self, applied: &Applied, i: usize) -> AppliedLoads {
-        let (state, switches) = (self.state(i), applied.switches());
+    fn loads_of(&self, inputs: &CheckedInputs, i: usize) -> AppliedLoads {
+        let (state, active) = (self.state(i), inputs.active_loads());
         let mut given = InstanceLoads::default();
         let thrust = self.factors(i).thrust;
-        applied.fill(i, thrust, &mut given);
-        let mut vehicle = Vector6::from(applied.wrench(i));
-        if switches.station {
+        inputs.fill(i, thrust, &mut given);
+        let mut vehicle = Vector6::from(inputs.wrench(i));
+        if active.station {
             vehicle += self.station_wrench(&state, &given);
         }
         let links = given.links[..self.joints()].iter().map(|&wrench| wrench.into());
         let torque = |(k, joint): (usize, &Joint)| {
-            let target = (switches.terms > 0).then(|| (given.target[k][0], given.target[k][1]));
+            let target = (active.target_terms > 0).then(|| (given.target[k][0], given.target[k][1]));
             actuator_torque(joint, state.q[k], state.qd[k], given.torque[k], target)
         };
         let thrust = match self.propulsion(i, &given.command) {
             Some(propulsion) => propulsion.acting(&self.compiled().system.thrusters, self.twist_through_water(i)),
-            None => applied.thrust(i, thrust),
+            None => inputs.thrust(i, thrust),
         };
         AppliedLoads {
             thrust: thrust[..self.allocation().count()].to_vec(),
@@ -71,7 +71,7 @@ impl Simulator {
         }
     }
 
-    /// Thrusters of instance `i` under commands, if they have dynamics.
+    /// Thrusters of instance `i` under commands, where they have dynamics.
     pub(super) fn propulsion(&self, i: usize, command: &Thrusts) -> Option<ThrusterDynamics<f64>> {
         let (thrusters, factors) = (&self.compiled().system.thrusters, self.factors(i));
         (!thrusters.is_empty()).then(|| {
@@ -90,7 +90,7 @@ impl Simulator {
         lie::Vector6::from_array((state.twist - Vector6::new(water.x, water.y, water.z, 0.0, 0.0, 0.0)).into())
     }
 
-    /// What the vehicle's servo answers to.
+    /// Wrench of the vehicle's servo.
     fn station_wrench(&self, state: &State, given: &InstanceLoads) -> Vector6<f64> {
         let Some(gains) = &self.compiled().system.vehicle_servo else { return Vector6::zeros() };
         let pose = |rotation: &na::Matrix3<f64>, position: &na::Vector3<f64>| Pose {
@@ -99,7 +99,7 @@ impl Simulator {
         };
         let (rotation, position) = &given.station;
         let station =
-            Station { target: pose(rotation, position), current: Vector3::zero(), acceleration: Vector3::zero() };
+            StationServo { target: pose(rotation, position), current: Vector3::zero(), acceleration: Vector3::zero() };
         let here = pose(&state.rotation, &state.position);
         station.wrench(gains, &here, 0.0, lie::Vector6::from_array(state.twist.into())).to_array().into()
     }

@@ -1,49 +1,16 @@
-//! Single instances in rows of blocks.
+//! Access to single instances in rows of blocks.
 
 use nalgebra as na;
 
 use super::layout::Layout;
-use super::monitor::Watched;
-use crate::hydro::{FINS, THRUSTERS, Thrusts};
+use crate::batch::monitoring::step_quality::StepQuality;
+use crate::hydro::{FINS, Thrusts};
 use crate::integrate::{Attitude, step_error, stiffness};
 use crate::lane::Real;
 use crate::lie::{Pose, Vector6};
-use crate::system::{FACTORS, Factors, Flow, JOINTS, State, quaternion, roll_pitch_yaw};
+use crate::system::{FACTORS, Factors, Flow, State, quaternion, roll_pitch_yaw};
 
-/// What is applied to one instance until it is changed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct InstanceLoads {
-    /// Wrench on the vehicle, body frame at its origin.
-    pub wrench: [f64; 6],
-    /// Commanded thrusts, where thrusters have dynamics; else their wrench is part of `wrench`.
-    pub command: Thrusts,
-    /// Deflections of the fins.
-    pub fins: [f64; FINS],
-    /// Actuator torques.
-    pub torque: [f64; JOINTS],
-    /// Servo targets: polynomials in the time since the step's call, constant term first.
-    pub target: [[f64; 4]; JOINTS],
-    /// External wrenches on the links, each in its link frame.
-    pub links: [[f64; 6]; JOINTS],
-    /// Station: target rotation and position.
-    pub station: (na::Matrix3<f64>, na::Vector3<f64>),
-}
-
-impl Default for InstanceLoads {
-    fn default() -> Self {
-        Self {
-            wrench: [0.0; 6],
-            command: [0.0; THRUSTERS],
-            fins: [0.0; FINS],
-            torque: [0.0; JOINTS],
-            target: [[0.0; 4]; JOINTS],
-            links: [[0.0; 6]; JOINTS],
-            station: (na::Matrix3::identity(), na::Vector3::zeros()),
-        }
-    }
-}
-
-/// Reads and writes instance `i` of any rows laid out like this.
+/// Reads and writes single instances: column `i` of rows in this layout.
 #[derive(Debug, Clone)]
 pub struct Table {
     /// Rows of a block.
@@ -53,12 +20,13 @@ pub struct Table {
 }
 
 impl Table {
-    fn place<T: Real>(&self, i: usize, row: usize) -> usize {
+    fn index<T: Real>(&self, i: usize, row: usize) -> usize {
         (i / T::BLOCK * self.layout.rows + row) * T::BLOCK + i % T::BLOCK
     }
 
-    pub(super) fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
-        rows[self.place::<T>(i, row)].to_f64()
+    /// Number in row `row`.
+    pub fn get<T: Real>(&self, rows: &[T], i: usize, row: usize) -> f64 {
+        rows[self.index::<T>(i, row)].to_f64()
     }
 
     fn get_all<T: Real, const K: usize>(&self, rows: &[T], i: usize, row: usize) -> [f64; K] {
@@ -67,7 +35,7 @@ impl Table {
 
     fn set_all<T: Real>(&self, rows: &mut [T], i: usize, row: usize, values: impl IntoIterator<Item = f64>) {
         for (k, value) in values.into_iter().enumerate() {
-            rows[self.place::<T>(i, row + k)] = T::from_f64(value);
+            rows[self.index::<T>(i, row + k)] = T::from_f64(value);
         }
     }
 
@@ -113,34 +81,34 @@ impl Table {
                 self.set_all(rows, i, layout.attitude, [0.0, roll, pitch, yaw]);
             }
         }
-        // What was seen of another motion says nothing about this one.
-        self.set_all(rows, i, layout.contrast, [0.0; 6]);
+        // Estimates of another motion say nothing about this one.
+        self.set_all(rows, i, layout.estimates, [0.0; 6]);
         if layout.adaptive {
-            self.set_all(rows, i, layout.plan, [0.0]);
+            self.set_all(rows, i, layout.planned, [0.0]);
         }
         if layout.lagged {
             self.set_all(rows, i, layout.lag, [0.0]);
         }
     }
 
-    /// Sets the velocities of a state that is the same but for them.
+    /// Sets the velocities alone to those of a state.
     pub fn set_velocities<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
         self.set_all(rows, i, self.layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, self.layout.qd, state.qd[..self.layout.joints].iter().copied());
     }
 
-    /// `h |rate|` of the fastest rate that the motion excites, and the share of its speed that its last steps got wrong.
-    pub fn watched<T: Real>(&self, rows: &[T], i: usize, h: f64) -> Watched {
-        let [places, speeds, changes, slip @ ..]: [f64; 6] = self.get_all(rows, i, self.layout.contrast);
-        Watched { stiffness: stiffness([places, speeds, changes], T::EPSILON), error: step_error(slip, h) }
+    /// Quality of the last steps of size `h` (s).
+    pub fn step_quality<T: Real>(&self, rows: &[T], i: usize, h: f64) -> StepQuality {
+        let [places, speeds, changes, errors @ ..]: [f64; 6] = self.get_all(rows, i, self.layout.estimates);
+        StepQuality { stiffness: stiffness([places, speeds, changes], T::EPSILON), error: step_error(errors, h) }
     }
 
-    /// Coordinates of the attitude that the integrator keeps, if it does.
+    /// Attitude coordinates, where the integrator keeps any besides the rotation matrix.
     pub fn attitude<T: Real>(&self, rows: &[T], i: usize) -> Option<[f64; 4]> {
         (self.layout.keeps != Attitude::Matrix).then(|| self.get_all(rows, i, self.layout.attitude))
     }
 
-    /// Sets those coordinates.
+    /// Sets these coordinates.
     pub fn set_attitude<T: Real>(&self, rows: &mut [T], i: usize, attitude: &[f64; 4]) {
         self.set_all(rows, i, self.layout.attitude, *attitude);
     }
@@ -162,14 +130,14 @@ impl Table {
         Factors::from_array(self.get_all(rows, i, self.layout.factors))
     }
 
-    /// Share of its thrust that each thruster with dynamics has lost.
+    /// Fraction of its thrust that each thruster with dynamics has lost.
     pub fn losses<T: Real>(&self, rows: &[T], i: usize) -> Thrusts {
         let lost = |k| if k < self.layout.thrusters { self.get(rows, i, self.layout.loss + k) } else { 0.0 };
         std::array::from_fn(lost)
     }
 
-    /// Whether any instance has factors that are not all 1, and whether any has a payload.
-    pub fn varied<T: Real>(&self, rows: &[T]) -> [bool; 2] {
+    /// `[any instance has a factor other than 1, any has a payload]`.
+    pub fn scaled<T: Real>(&self, rows: &[T]) -> [bool; 2] {
         let whole = Factors::ONE.to_array().map(T::from_f64);
         let mut differs = [false; FACTORS];
         for block in rows.chunks_exact(self.layout.rows * T::BLOCK) {
@@ -192,14 +160,14 @@ impl Table {
     }
 
     /// Sets the wrenches on the links, each given in its link frame.
-    pub(super) fn set_links<T: Real>(&self, rows: &mut [T], i: usize, wrenches: impl Iterator<Item = [f64; 6]>) {
+    pub fn set_links<T: Real>(&self, rows: &mut [T], i: usize, wrenches: impl Iterator<Item = [f64; 6]>) {
         for (k, (link, wrench)) in self.links.iter().zip(wrenches).enumerate() {
             let wrench = link.co_adjoint_apply_inverse(Vector6::from_array(wrench));
             self.set_all(rows, i, self.layout.links + 6 * k, wrench.to_array());
         }
     }
 
-    /// Every number of the instance, bit for bit.
+    /// Every number of the instance.
     pub fn column<T: Real>(&self, rows: &[T], i: usize) -> Vec<f64> {
         (0..self.layout.rows).map(|row| self.get(rows, i, row)).collect()
     }

@@ -1,4 +1,4 @@
-//! The rates of a scene: its modes at a spread of states, and the steps that are stable for them.
+//! Modal analysis of a scene: its modes at a spread of states, and the stable steps.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
@@ -6,7 +6,10 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use nalgebra::{Complex, Vector3};
 
-use super::simulator::{Simulator, SimulatorOptions};
+use super::step_monitor::InaccurateStep;
+use super::text::{StiffIntegrators, digits};
+use crate::batch::options::SimulatorOptions;
+use crate::batch::simulator::Simulator;
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
 use crate::dynamics::aba::Loads;
@@ -19,71 +22,58 @@ use crate::system::{Compiled, JOINTS, Joints, State};
 const SPREAD: usize = 8;
 /// Greatest expected speed of a vehicle, m/s and rad/s.
 const FASTEST: f64 = 5.0;
-/// Expected speed of a joint that has no speed limit: revolute rad/s, prismatic m/s.
+/// Expected speed of a joint without a speed limit: revolute rad/s, prismatic m/s.
 const JOINT_SPEED: [f64; 2] = [1.0, 0.25];
-/// Range that stands for the limits of a joint without: revolute rad, prismatic m.
+/// Range of a joint without limits, to either side: revolute rad, prismatic m.
 const JOINT_RANGE: [f64; 2] = [std::f64::consts::PI, 0.5];
-/// Share of a mode's energy from which on a coordinate is named besides the greatest.
+/// Least share of a mode's energy of a coordinate that is named besides the greatest.
 const NAMED: f64 = 0.3;
-/// Rates below this are no mode but rounding, 1/s.
+/// Rates below this are rounding, 1/s.
 const SLOW: f64 = 1e-4;
-/// Scenes whose rates are kept.
-const KEPT: usize = 16;
+/// Number of scenes whose analyses are cached.
+const CACHED: usize = 16;
 
-/// How fast small deviations decay, swing or grow, and what they are.
+/// Mode of small deviations: decaying, oscillating or growing.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mode {
-    /// They go as `exp(rate t)`, 1/s.
+    /// Eigenvalue, 1/s: deviations go as `exp(rate t)`.
     pub rate: Complex<f64>,
-    /// What moves: "joint 3 (wrist)", "vehicle yaw"; most of the kinetic energy first.
+    /// Moving coordinates: "joint 3 (wrist)", "vehicle yaw"; most of the kinetic energy first.
     pub what: String,
-    /// The state it was found at: "at home, at rest".
+    /// State of the linearization: "at home, at rest".
     pub place: String,
-    /// Whether a joint stands against an end stop there.
+    /// True where a joint stands against an end stop there.
     pub stop: bool,
 }
 
-/// A step that is not stable; displays as a warning of one line.
+/// Warning of an unstable step; displays as one line.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Unstable {
+pub struct UnstableStep {
     /// Name of the scene.
     pub scene: String,
     /// Name of the integrator.
     pub integrator: String,
-    /// The step, s.
+    /// Step, s.
     pub dt: f64,
-    /// The mode that asks for the smallest step.
+    /// The mode with the smallest stable step.
     pub mode: Mode,
     /// Greatest stable step, s.
     pub stable: f64,
 }
 
-impl fmt::Display for Unstable {
+impl fmt::Display for UnstableStep {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, integrator, dt, mode, stable } = self;
         write!(
             f,
-            "scene '{scene}': integrator '{integrator}' is unstable at dt = {dt} s: the mode of {} has the rate {} \
-             1/s ({}), for which steps are stable up to {} s; take a smaller dt{}",
+            "scene '{scene}': integrator '{integrator}' unstable at dt = {dt} s (mode of {}: rate {} 1/s, {}); \
+             a step of at most {} s{} would do",
             mode.what,
             text(mode.rate),
             mode.place,
             digits(*stable),
-            Others,
+            StiffIntegrators,
         )
-    }
-}
-
-/// What there is besides a smaller step.
-pub(super) struct Others;
-
-impl fmt::Display for Others {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let known = |name: &str| Integrator::NAMES.iter().any(|entry| entry.name == name);
-        for (k, name) in ["ros2", "mk54"].into_iter().filter(|name| known(name)).enumerate() {
-            write!(f, "{}'{name}'", if k == 0 { ", or integrator " } else { " or " })?;
-        }
-        Ok(())
     }
 }
 
@@ -91,48 +81,42 @@ fn text(rate: Complex<f64>) -> String {
     if rate.im == 0.0 { digits(rate.re) } else { format!("{} +- {} i", digits(rate.re), digits(rate.im)) }
 }
 
-/// With three significant digits.
-pub(super) fn digits(x: f64) -> String {
-    let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
-    format!("{x:.decimals$}")
-}
-
-/// A scene linearized at a spread of states.
+/// Modal analysis of a scene, linearized at a spread of states.
 ///
 /// Configurations of the arm: home, and a fixed low-discrepancy sequence within the limits. Motions: at rest; the vehicle
 /// at its expected speed along each axis in turn; all joints at their expected speeds. At home also each joint against
-/// each end stop, as deep as it gets there at its expected speed. All of them level, in water at rest, without loads, with
-/// the targets of servos met.
+/// each end stop, as deep as its expected speed carries it. All of them level, in water at rest, without loads, servos at
+/// their targets.
 #[derive(Debug)]
-pub struct Survey {
+pub struct ModalAnalysis {
     joint_names: Vec<String>,
     samples: Vec<Sample>,
-    /// Modes with no servo on, those of the joints, of the vehicle, of both: worked out as they are asked for.
-    modes: [OnceLock<Vec<Found>>; 4],
+    /// Modes without servos, with those of the joints, of the vehicle, of both: computed on first use.
+    modes: [OnceLock<Vec<SampleModes>>; 4],
     system: Arc<crate::system::System<crate::lane::Shared<f64>>>,
 }
 
 #[derive(Debug)]
 struct Sample {
     place: String,
-    /// The joint that stands against a stop.
+    /// Joint against a stop.
     stop: Option<usize>,
-    /// Whether nothing moves.
+    /// True where nothing moves.
     rest: bool,
     linear: Linearization,
 }
 
-/// A mode that is the fastest of its kind: its sample, shares and rate.
-type Peak = (usize, Vec<f64>, Complex<f64>);
+/// Fastest mode of a kind: sample, energy shares and rate.
+type Fastest = (usize, Vec<f64>, Complex<f64>);
 
 /// Modes at a sample.
 #[derive(Debug)]
-struct Found {
+struct SampleModes {
     modes: Modes,
     rates: Vec<Complex<f64>>,
 }
 
-impl Survey {
+impl ModalAnalysis {
     fn new(scene: &Scene, compiled: &Compiled, speeds: &[f64; 6]) -> Self {
         let joints: Vec<&Joint> = scene.joints().collect();
         let joint_names = scene.joint_names();
@@ -168,7 +152,7 @@ impl Survey {
             for (limit, side) in [(limits.lower, -1.0), (limits.upper, 1.0)] {
                 let mut q = scene.home();
                 q[k] = limit;
-                // As deep as the joint's speed carries it against the stiffness alone: 1/B is the inertia that it feels.
+                // As deep as the joint's speed carries it against the stiffness alone; 1/B is its apparent inertia.
                 let rates = 6 + joints.len();
                 let free = at(&q, [0.0; 6], still).b[(rates + 6 + k, 6 + k)];
                 let depth = joint_speeds[k] / (limits.stiffness * free).sqrt();
@@ -185,11 +169,11 @@ impl Survey {
     }
 
     /// Modes at each sample.
-    fn found(&self, servos: Servos) -> &[Found] {
+    fn sample_modes(&self, servos: Servos) -> &[SampleModes] {
         self.modes[servos.index()].get_or_init(|| {
             let find = |sample: &Sample| {
                 let modes = sample.linear.clone().with_servos(&self.system, servos).modes();
-                Found { rates: modes.rates(), modes }
+                SampleModes { rates: modes.rates(), modes }
             };
             self.samples.iter().map(find).collect()
         })
@@ -212,12 +196,12 @@ impl Survey {
         }
     }
 
-    /// For each coordinate the fastest mode that it has most of the energy of: among decaying ones, among growing ones, and
-    /// for each joint against its end stops; fastest first.
+    /// The fastest modes, fastest first. For each coordinate, of the modes in which it has most of the energy: the fastest
+    /// decaying one, the fastest growing one, and for joints the fastest one against an end stop.
     pub fn modes(&self, servos: Servos) -> Vec<Mode> {
-        // By greatest coordinate, whether it grows, and whether it is at a stop.
-        let mut fastest: BTreeMap<(usize, bool, bool), Peak> = BTreeMap::new();
-        for (sample, found) in self.found(servos).iter().enumerate() {
+        // By (greatest coordinate, growing, at a stop).
+        let mut fastest: BTreeMap<(usize, bool, bool), Fastest> = BTreeMap::new();
+        for (sample, found) in self.sample_modes(servos).iter().enumerate() {
             // One of each conjugate pair.
             for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0 && rate.norm() > SLOW) {
                 let shares = found.modes.shares(rate);
@@ -238,15 +222,15 @@ impl Survey {
         modes
     }
 
-    /// Greatest stable step, s, infinite where any is; and the mode that bounds it.
+    /// Greatest stable step, s, infinite where any step is stable; and the mode that limits it.
     pub fn stable_step(&self, stability: Stability, servos: Servos, stops: bool) -> (f64, Option<Mode>) {
         let (mut least, mut bound) = (f64::INFINITY, None);
-        for (sample, found) in self.found(servos).iter().enumerate() {
+        for (sample, found) in self.sample_modes(servos).iter().enumerate() {
             let Sample { stop, rest, .. } = self.samples[sample];
             if stop.is_some() && !stops {
                 continue;
             }
-            // An arm without servos does not stay where it is.
+            // An arm without servos does not stay at rest.
             let lasts = rest && (servos.joints || self.joint_names.is_empty());
             let lenience = if lasts { 0.0 } else { PASSING };
             for &rate in found.rates.iter().filter(|rate| rate.im >= 0.0) {
@@ -257,14 +241,14 @@ impl Survey {
             }
         }
         let mode = bound.map(|(sample, rate)| {
-            let shares = self.found(servos)[sample].modes.shares(rate);
+            let shares = self.sample_modes(servos)[sample].modes.shares(rate);
             self.mode(sample, &shares, rate)
         });
         (least, mode)
     }
 }
 
-/// Home, and [`SPREAD`] configurations within the limits by the additive recurrence of the generalised golden ratio.
+/// Home, and [`SPREAD`] configurations within the limits, by the additive recurrence of the generalised golden ratio.
 fn configurations(scene: &Scene, joints: &[&Joint]) -> Vec<(Joints, String)> {
     let home = (scene.home(), "at home".to_owned());
     let n = joints.len();
@@ -287,7 +271,7 @@ fn configurations(scene: &Scene, joints: &[&Joint]) -> Vec<(Joints, String)> {
     std::iter::once(home).chain(spread).collect()
 }
 
-/// The number for a revolute or for a prismatic joint.
+/// The entry for a revolute or a prismatic joint.
 fn of_kind(joint: &Joint, [revolute, prismatic]: [f64; 2]) -> f64 {
     match joint.kind {
         JointKind::Revolute => revolute,
@@ -295,12 +279,12 @@ fn of_kind(joint: &Joint, [revolute, prismatic]: [f64; 2]) -> f64 {
     }
 }
 
-/// Surveys at the default speeds, latest first: simulators of one scene share theirs.
-static SURVEYS: Mutex<VecDeque<(Scene, Arc<Survey>)>> = Mutex::new(VecDeque::new());
+/// Analyses at the default speeds, latest first, shared by the simulators of a scene.
+static ANALYSES: Mutex<VecDeque<(Scene, Arc<ModalAnalysis>)>> = Mutex::new(VecDeque::new());
 
 impl Simulator {
-    /// Speed through the water along each axis, arm at home, at which drag balances full thrust; at most 5 m/s and
-    /// 5 rad/s, and 0 where there is no thrust or the vehicle is held.
+    /// Expected speed through the water along each axis: damping balances full thrust, arm at home. At most 5 m/s and
+    /// 5 rad/s; 0 without thrust and for a held vehicle.
     pub fn expected_speed(&self) -> [f64; 6] {
         let thrust = self.allocation().wrench_limits();
         std::array::from_fn(|axis| {
@@ -323,46 +307,54 @@ impl Simulator {
         })
     }
 
-    /// The scene's survey, with the vehicle's speeds given or those of [`Self::expected_speed`]. It knows the scene's
-    /// own parameters, not the factors of instances.
+    /// Modal analysis of the scene at these vehicle speeds (m/s, rad/s), by default [`Self::expected_speed`], without the
+    /// factors of instances.
     ///
     /// # Errors
     /// [`SimulatorError::Speed`] for a speed that is not finite or is negative.
-    pub fn survey(&self, speed: Option<&[f64; 6]>) -> Result<Arc<Survey>, SimulatorError> {
+    pub fn modal_analysis(&self, speed: Option<&[f64; 6]>) -> Result<Arc<ModalAnalysis>, SimulatorError> {
         if let Some(speed) = speed {
             if let Some(&value) = speed.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
                 return Err(SimulatorError::Speed { value });
             }
             let speed = if self.scene().vehicle.fixed { &[0.0; 6] } else { speed };
-            return Ok(Arc::new(Survey::new(self.scene(), self.compiled(), speed)));
+            return Ok(Arc::new(ModalAnalysis::new(self.scene(), self.compiled(), speed)));
         }
-        let kept = || SURVEYS.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, survey)) = kept().iter().find(|(scene, _)| scene == self.scene()) {
-            return Ok(Arc::clone(survey));
+        let cached = || ANALYSES.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, analysis)) = cached().iter().find(|(scene, _)| scene == self.scene()) {
+            return Ok(Arc::clone(analysis));
         }
-        let survey = Arc::new(Survey::new(self.scene(), self.compiled(), &self.expected_speed()));
-        let mut surveys = kept();
-        surveys.push_front((self.scene().clone(), Arc::clone(&survey)));
-        surveys.truncate(KEPT);
-        Ok(survey)
+        let analysis = Arc::new(ModalAnalysis::new(self.scene(), self.compiled(), &self.expected_speed()));
+        let mut analyses = cached();
+        analyses.push_front((self.scene().clone(), Arc::clone(&analysis)));
+        analyses.truncate(CACHED);
+        Ok(analysis)
     }
 
-    /// What to warn of before a step with these `servos` on: that it is unstable for a mode of the scene, end stops left
-    /// out. Says so once.
-    pub fn warn_of_step(&mut self, servos: Servos) -> Option<Unstable> {
-        if !self.watch_mut().looks(servos) {
+    /// Warning before a step with these `servos` on, once: the step is unstable for a mode of the scene, end stops left out.
+    pub fn warn_of_step(&mut self, servos: Servos) -> Option<UnstableStep> {
+        if !self.monitor_mut().needs_modal_analysis(servos) {
             return None;
         }
-        let survey = self.survey(None).ok()?;
-        let (stable, mode) = survey.stable_step(self.integrator().stability(), servos, false);
+        let analysis = self.modal_analysis(None).ok()?;
+        let (stable, mode) = analysis.stable_step(self.integrator().stability(), servos, false);
         let mode = mode.filter(|_| self.options().dt > stable)?;
-        self.watch_mut().warned();
+        self.monitor_mut().set_unstable_step_warned();
         let SimulatorOptions { dt, integrator, .. } = self.options().clone();
-        Some(Unstable { scene: self.scene().name.clone(), integrator, dt, mode, stable })
+        Some(UnstableStep { scene: self.scene().name.clone(), integrator, dt, mode, stable })
+    }
+
+    /// Warning after steps, once: the first instance whose state is not finite, whose motion excites rates beyond
+    /// [`crate::integrate::Integrator::range`], or whose steps have a velocity error beyond [`super::step_quality::ERROR_LIMIT`].
+    pub fn warn_of_motion(&mut self) -> Option<InaccurateStep> {
+        let range = self.range();
+        let violation = self.monitor_mut().take_violation()?;
+        let SimulatorOptions { dt, integrator, .. } = self.options().clone();
+        Some(InaccurateStep { scene: self.scene().name.clone(), integrator, dt, range, violation })
     }
 }
 
-/// Integrators whose stability is known, with their names.
+/// Stability of each integrator, with its name.
 pub fn stabilities() -> impl Iterator<Item = (&'static str, Stability)> {
     Integrator::NAMES.into_iter().map(|entry| (entry.name, entry.integrator.stability()))
 }

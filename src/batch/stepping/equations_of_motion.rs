@@ -1,25 +1,27 @@
-//! The right-hand side of the equations of motion, for the integrators.
+//! Equations of motion of a stage: the right-hand side that the integrators call.
 
+use crate::batch::storage::columns::Columns;
+use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{Instant, Loads, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::hydro::FinAxes;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
-use crate::lane::{Lane, Param, Shared};
+use crate::lane::{Lane, Param, Real, Shared};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
-/// Station that the vehicle's servo keeps within the stages.
+/// Pose control by the vehicle's servo within the stages (station keeping).
 #[derive(Clone, Copy)]
-pub struct Station<L> {
-    /// Target pose in the world.
+pub struct StationServo<L> {
+    /// Target pose in the world, m.
     pub target: Pose<L>,
-    /// Water velocity at the step's start and its acceleration, world axes: poses within a step are relative to the water.
+    /// Water velocity at the step's start in world axes, m/s: poses within a step are relative to the water.
     pub current: Vector3<L>,
-    /// Acceleration of the water.
+    /// Acceleration of the water in world axes, m/s^2.
     pub acceleration: Vector3<L>,
 }
 
-impl<L: Lane> Station<L> {
+impl<L: Lane> StationServo<L> {
     /// PD on the vehicle `[HC sec. 5.2]`: `F = -kp e - kd V` with `e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2]` and the
     /// absolute twist V. This attitude error, "vee", is the sine of the angle about its axis; the controller
     /// [`crate::control::Pd`] uses "log", the angle.
@@ -47,44 +49,44 @@ impl<L: Lane> Station<L> {
     }
 }
 
-/// A system under loads, in the frame that moves with the water.
-pub struct Dynamics<'a, L: Lane, B> {
+/// Equations of motion of a system under loads, in the frame that moves with the water.
+pub struct EquationsOfMotion<'a, L: Lane, B> {
     /// The system.
     pub system: &'a System<Shared<L::Real>, B>,
-    /// Loads at the joints and on the links.
+    /// Loads on joints and links.
     pub loads: &'a mut Loads<L>,
-    /// Gravity, less the acceleration of the water, in world axes.
+    /// Gravity minus the acceleration of the water in world axes, m/s^2.
     pub gravity: Vector3<L>,
-    /// Acceleration of the water in world axes.
+    /// Acceleration of the water in world axes, m/s^2.
     pub acceleration: Vector3<L>,
-    /// Wrench on the vehicle.
+    /// Wrench on the vehicle in body axes, N and N m.
     pub wrench: Vector6<L>,
-    /// Station, if one is kept.
-    pub station: Option<Station<L>>,
-    /// Fins, where there are any.
+    /// The vehicle's servo, where it is on.
+    pub station: Option<StationServo<L>>,
+    /// Deflected fins.
     pub surfaces: &'a FinAxes<L>,
-    /// Time of the step's start on the clock of the servo targets.
+    /// Time of the step's start on the clock of the servo targets, s.
     pub time: L,
-    /// Working memory.
+    /// Scratch memory.
     pub scratch: &'a mut Scratch<L>,
 }
 
-impl<'a, L: Lane, B: Param<L>> Dynamics<'a, L, B> {
-    /// Tells the station what the water's velocity has become.
+impl<'a, L: Lane, B: Param<L>> EquationsOfMotion<'a, L, B> {
+    /// Sets the water's velocity at the start of the next step.
     #[inline(always)]
-    pub fn flow_on(&mut self, current: Vector3<L>) {
+    pub fn set_current(&mut self, current: Vector3<L>) {
         if let Some(station) = &mut self.station {
             station.current = current;
         }
     }
 
-    /// The system as seen afresh at each stage: else the compiler broadcasts all of it onto the stack beforehand.
+    /// The system, loaded anew at each stage: otherwise the compiler broadcasts all of it onto the stack beforehand.
     #[inline(always)]
-    fn system_afresh(&self) -> &'a System<Shared<L::Real>, B> {
+    fn reload_system(&self) -> &'a System<Shared<L::Real>, B> {
         std::hint::black_box(self.system)
     }
 
-    /// The instant at a stage, under the loads of the time `elapsed` after the start of the interval.
+    /// Inputs of the accelerations at a stage, under the loads of the time `elapsed` after the start of the interval.
     #[inline(always)]
     fn instant<'b>(
         &self,
@@ -108,7 +110,16 @@ impl<'a, L: Lane, B: Param<L>> Dynamics<'a, L, B> {
     }
 }
 
-impl<L: Lane, B: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, B> {
+impl<T: Real> Columns<'_, T> {
+    /// The vehicle's servo.
+    #[inline(always)]
+    pub fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> StationServo<L> {
+        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
+        StationServo { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
+    }
+}
+
+impl<L: Lane, B: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, B> {
     #[inline(always)]
     fn joints(&self) -> usize {
         self.system.chain().len()
@@ -124,13 +135,13 @@ impl<L: Lane, B: Param<L>> Derivative<L, JOINTS> for Dynamics<'_, L, B> {
         qd: &[L; JOINTS],
         rates: &mut Rates<L, JOINTS>,
     ) {
-        let system = self.system_afresh();
+        let system = self.reload_system();
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
 }
 
-impl<L: Lane, B: Param<L>> LinearlyImplicit<L, JOINTS> for Dynamics<'_, L, B> {
+impl<L: Lane, B: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_, L, B> {
     #[inline(always)]
     fn implicit_rates(
         &mut self,
@@ -141,7 +152,7 @@ impl<L: Lane, B: Param<L>> LinearlyImplicit<L, JOINTS> for Dynamics<'_, L, B> {
         qd: &[L; JOINTS],
         rates: &mut Rates<L, JOINTS>,
     ) {
-        let system = self.system_afresh();
+        let system = self.reload_system();
         let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
         let ahead = Ahead { h, station: self.station.is_some() };
         let Rates { twist, qd } = rates;

@@ -3,12 +3,12 @@
 use super::chart::{Attitude, Chart, Correction};
 use super::tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, Tableau};
 
-/// How a step is taken.
+/// Integration method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Integrator {
-    /// By an explicit Runge-Kutta method.
+    /// Explicit Runge-Kutta method.
     Explicit(Explicit),
-    /// By linearly implicit Euler, extrapolated to order 2.
+    /// Linearly implicit Euler, extrapolated to order 2.
     LinearlyImplicit,
 }
 
@@ -19,19 +19,19 @@ pub struct Explicit {
     pub tableau: &'static Tableau,
     /// The coordinates.
     pub chart: Chart,
-    /// How well the estimated error is kept down, for tableaus with an embedded method.
+    /// Bound on the estimated error of a sub-interval, for tableaus with an embedded method.
     pub tolerance: f64,
-    /// Where added mass is no inertia but a force of its own, by the acceleration seen in the steps before: the weight of
-    /// the last one in that acceleration's filter. Left to whoever makes the right-hand side.
+    /// Where added mass is a force from the filtered acceleration of earlier steps in place of inertia: weight of the last
+    /// acceleration in the filter. Implemented by the right-hand side.
     pub lag: Option<f64>,
 }
 
-/// What users may choose about an integrator.
+/// Numbers that users choose for an integrator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
     /// Gain of eq. 14, for the quaternion integrators, 1/s.
     pub gamma: f64,
-    /// Bound on the estimated error of a piece, for adaptive integrators: see [`Tableau::error`].
+    /// Bound on the estimated error of a sub-interval, for adaptive integrators: see [`Tableau::error`].
     pub tolerance: f64,
 }
 
@@ -40,23 +40,23 @@ impl Gains {
     pub const DEFAULT: Self = Self { gamma: 1.0, tolerance: 1e-8 };
 }
 
-/// What an integrator is for.
+/// Purpose of an integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// Meant to be used.
+    /// For use.
     Production,
-    /// As others do it, for comparison.
-    Rival,
+    /// Method of other simulators, for comparison.
+    Baseline,
 }
 
-/// An integrator under its name.
+/// Named integrator.
 #[derive(Debug, Clone, Copy)]
 pub struct Entry {
     /// Name.
     pub name: &'static str,
-    /// What it is, in one line.
+    /// Description in one line.
     pub summary: &'static str,
-    /// What it is for.
+    /// Purpose.
     pub kind: Kind,
     /// The integrator, with [`Gains::DEFAULT`].
     pub integrator: Integrator,
@@ -70,14 +70,14 @@ const fn production(name: &'static str, summary: &'static str, integrator: Integ
     Entry { name, summary, kind: Kind::Production, integrator }
 }
 
-const fn rival(name: &'static str, summary: &'static str, integrator: Integrator) -> Entry {
-    Entry { name, summary, kind: Kind::Rival, integrator }
+const fn baseline(name: &'static str, summary: &'static str, integrator: Integrator) -> Entry {
+    Entry { name, summary, kind: Kind::Baseline, integrator }
 }
 
 const FOSSEN: Chart = Chart::Quaternion(Correction::Fossen { gamma: Gains::DEFAULT.gamma });
 const NORMALISE: Chart = Chart::Quaternion(Correction::Normalise);
 
-/// With the filter of uuv_simulator.
+/// Lagged added mass with the filter of uuv_simulator.
 const LAGGED: Integrator = Integrator::Explicit(Explicit {
     tableau: &EULER,
     chart: Chart::VelocityFirst,
@@ -95,39 +95,43 @@ impl Integrator {
         ),
         production(
             "mk54",
-            "Munthe-Kaas on Dormand and Prince's pair of orders 5 and 4: as many pieces to a step as the tolerance asks for",
+            "Munthe-Kaas on Dormand and Prince's pair of orders 5 and 4: sub-intervals of a step by the tolerance",
             explicit(&DORMAND_PRINCE, Chart::Exponential),
         ),
         production("mk3", "Munthe-Kaas on Heun's third-order tableau", explicit(&HEUN3, Chart::Exponential)),
         production("mk2", "Munthe-Kaas on the midpoint rule", explicit(&MIDPOINT, Chart::Exponential)),
-        rival("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, Chart::Exponential)),
+        baseline("mk1", "Munthe-Kaas on the Euler rule (Lie-Euler)", explicit(&EULER, Chart::Exponential)),
         production(
             "ros2",
-            "linearly implicit, order 2, L-stable: for scenes too stiff for the others at the step that is wanted",
+            "linearly implicit, order 2, L-stable: for scenes too stiff for explicit methods at the wanted step",
             Integrator::LinearlyImplicit,
         ),
-        rival(
+        baseline(
             "semi-implicit-euler",
-            "Euler on the velocities, then on the pose with the new ones: as games and many robot simulators step",
+            "Euler on the velocities, then on the pose with the new ones: the method of games and many robot simulators",
             explicit(&EULER, Chart::VelocityFirst),
         ),
-        rival(
+        baseline(
             "lagged-added-mass",
-            "semi-implicit-euler with added mass as a force by the filtered acceleration before: as Gazebo's plugins do",
+            "semi-implicit-euler with added mass as a force from the filtered acceleration of earlier steps: the method of Gazebo's plugins",
             LAGGED,
         ),
-        rival(
+        baseline(
             "euler-angles-rk4",
             "RK4 on roll, pitch and yaw: singular at a pitch of 90 degrees",
             explicit(&RK4, Chart::EulerAngles),
         ),
-        rival(
+        baseline(
             "quaternion-euler",
             "Euler on a quaternion with the norm-restoring term of eq. 14",
             explicit(&EULER, FOSSEN),
         ),
-        rival("quaternion-rk4", "RK4 on a quaternion with the norm-restoring term of eq. 14", explicit(&RK4, FOSSEN)),
-        rival("rk4-normalise", "RK4 on a quaternion, normalised after each step", explicit(&RK4, NORMALISE)),
+        baseline(
+            "quaternion-rk4",
+            "RK4 on a quaternion with the norm-restoring term of eq. 14",
+            explicit(&RK4, FOSSEN),
+        ),
+        baseline("rk4-normalise", "RK4 on a quaternion, normalised after each step", explicit(&RK4, NORMALISE)),
     ];
 
     /// By name.
@@ -150,7 +154,7 @@ impl Integrator {
         }
     }
 
-    /// Whether the integrator cuts steps into pieces by their estimated error.
+    /// True where the integrator divides steps into sub-intervals by their estimated error.
     pub fn adaptive(&self) -> bool {
         match self {
             Integrator::Explicit(method) => method.tableau.error.is_some(),
@@ -158,7 +162,7 @@ impl Integrator {
         }
     }
 
-    /// Whether linear systems are solved within a step.
+    /// True where a step solves linear systems.
     pub fn implicit(&self) -> bool {
         matches!(self, Integrator::LinearlyImplicit)
     }
@@ -171,13 +175,13 @@ impl Integrator {
         }
     }
 
-    /// Whether the method needs terms that production methods lack: attitude coordinates besides the rotation matrix, or
+    /// True for baseline methods with terms that production methods lack: attitude coordinates besides the rotation matrix, or
     /// added mass as a lagged force. The kernel of the production methods is compiled without them.
     pub fn needs_baseline_terms(&self) -> bool {
         self.attitude() != Attitude::Matrix || self.lag().is_some()
     }
 
-    /// What it keeps the attitude as.
+    /// Representation of the attitude.
     pub fn attitude(&self) -> Attitude {
         match self {
             Integrator::Explicit(method) => method.chart.attitude(),

@@ -1,13 +1,13 @@
-//! Numbers in memory that begin where a line of the cache does.
+//! Arrays aligned to cache lines.
 
 use std::collections::TryReserveError;
 use std::ops::{Deref, DerefMut};
 
-/// Bytes of a line of the cache.
+/// Bytes of a cache line.
 const LINE: usize = 64;
 
-/// A fixed count of numbers, of which the first lies at the start of a cache line. Rows of blocks are as long as a line: so no
-/// load or store of one takes two of them.
+/// An array of fixed length that starts at a cache line. Rows of blocks are as long as a cache line, so that no load or store
+/// of a row touches two.
 #[derive(Debug)]
 pub struct Aligned<T> {
     memory: Vec<T>,
@@ -23,7 +23,7 @@ impl<T: Clone> Aligned<T> {
         let most = LINE / size_of::<T>();
         let mut memory = Vec::<T>::new();
         memory.try_reserve_exact(count.saturating_add(most))?;
-        // Does not move from here on: there is room for all.
+        // Does not move from here on: the capacity is enough for all.
         let start = memory.as_ptr().align_offset(LINE).min(most);
         memory.resize(start + count, number);
         Ok(Self { memory, start })

@@ -1,7 +1,7 @@
-//! Inputs of many instances at once: from numbers by instance to rows of blocks.
+//! Inputs to loads: from numbers by instance to rows of blocks.
 
 use super::columns::Columns;
-use super::inputs::Applied;
+use super::inputs::CheckedInputs;
 use super::table::Table;
 use crate::control::THRUSTERS;
 use crate::lane::{Isa, Kernel, Lane, Real, transpose};
@@ -9,30 +9,30 @@ use crate::system::JOINTS;
 
 /// Greatest number of instances in a block.
 const WIDEST: usize = 16;
-/// Numbers of a station: position, and rotation by rows.
+/// Numbers of a target pose: position, and rotation by rows.
 const STATION: usize = 12;
-/// Most numbers of an instance that are worked on at once: its thrusts; torques and stations have fewer.
+/// Most numbers of an instance in a buffer: its thrusts; torques and target poses have fewer.
 const PAGE: usize = THRUSTERS;
 
-/// A number of each instance of a block. In f64 whatever the precision of the rows, by operations that are rounded one by
-/// one, in the order of [`Applied::fill`]: the same loads, bit for bit, whatever the instruction set.
+/// One number of each instance of a block. In f64 in either precision of the rows, by operations that are rounded one by one
+/// in the order of [`CheckedInputs::fill`]: loads have the same bits on every instruction set.
 type Row = [f64; WIDEST];
 
 impl Table {
     /// Sets the loads of `count` instances, the first of which is number `first` among all.
-    pub(super) fn apply<T: Real>(&self, isa: Isa, rows: &mut [T], given: &Applied, first: usize, count: usize) {
-        T::dispatch(isa, &mut Fill { given, table: self, first, count, blocks: &mut *rows });
-        if given.switches().on_links {
+    pub fn apply<T: Real>(&self, isa: Isa, rows: &mut [T], inputs: &CheckedInputs, first: usize, count: usize) {
+        T::dispatch(isa, &mut Fill { given: inputs, table: self, first, count, blocks: &mut *rows });
+        if inputs.active_loads().link_wrenches {
             for i in 0..count {
-                self.set_links(rows, i, given.links(first + i));
+                self.set_links(rows, i, inputs.links(first + i));
             }
         }
     }
 }
 
-/// Fills blocks with all loads but those on links.
+/// Kernel that fills blocks with all loads except those on links.
 struct Fill<'a, T> {
-    given: &'a Applied<'a>,
+    given: &'a CheckedInputs<'a>,
     table: &'a Table,
     first: usize,
     count: usize,
@@ -52,13 +52,13 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             let first = self.first + k * T::BLOCK;
             let count = T::BLOCK.min((self.first + self.count).saturating_sub(first));
             if count < T::BLOCK {
-                // Columns past the last instance bear no loads.
+                // Columns past the last instance have no loads.
                 page = [[0.0; WIDEST]; PAGE];
                 targets = [[0.0; WIDEST]; 4 * JOINTS];
             }
 
-            // What is gathered is read a while later: numbers that are read together but were written one by one are waited
-            // for until all of them have left the processor.
+            // Gathered well before they are read: a wide load of numbers that were stored one by one waits until all of them
+            // have left the store buffer.
             let m = given.allocation.count();
             if let Some(thrust) = given.inputs.thrust {
                 gather(thrust, m, 0, first, count, &mut page[..m]);
@@ -146,7 +146,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
             if let Some(station) = given.inputs.pose_target {
                 let page = &mut page[..STATION];
                 gather(station, STATION, 0, first, count, page);
-                // Given by position and rotation.
+                // Inputs have the position first.
                 set(rows, layout.station + 9, &page[..3]);
                 set(rows, layout.station, &page[3..]);
             }
@@ -154,7 +154,7 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
     }
 }
 
-/// Numbers of `count` instances, from `first` on, that have `width` numbers each: those from number `at` on.
+/// Gathers numbers of `count` instances from `first` on, out of `width` numbers each: those from number `at` on.
 #[inline(always)]
 fn gather(values: &[f64], width: usize, at: usize, first: usize, count: usize, page: &mut [Row]) {
     let values = &values[(first * width + at).min(values.len())..];
@@ -162,7 +162,7 @@ fn gather(values: &[f64], width: usize, at: usize, first: usize, count: usize, p
     transpose(values, width, page.as_flattened_mut(), WIDEST, [count, columns]);
 }
 
-/// Sets rows of a block, one after the other.
+/// Sets successive rows of a block.
 #[inline(always)]
 fn set<T: Real>(rows: &mut [T], row: usize, page: &[Row]) {
     let rows = &mut rows[row * T::BLOCK..][..page.len() * T::BLOCK];
@@ -185,22 +185,22 @@ fn clear<T: Real>(rows: &mut [T], row: usize, count: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::batch::blocks::{Blocks, Storage};
-    use crate::batch::inputs::Inputs;
-    use crate::batch::simulator::{Precision, SimulatorOptions};
-    use crate::batch::table::InstanceLoads;
+    use crate::batch::options::{Precision, SimulatorOptions};
+    use crate::batch::stepping::blocks::{Blocks, Storage};
+    use crate::batch::storage::inputs::Inputs;
+    use crate::batch::storage::instance_loads::InstanceLoads;
     use crate::control::Allocation;
     use crate::description::Scene;
     use crate::integrate::{Gains, Integrator};
     use crate::lie::Vector6;
     use crate::system::{Factors, Flow, State, compile};
 
-    /// Numbers of all signs and sizes up to `size`, no two alike.
+    /// Distinct numbers of both signs and sizes up to `size`.
     fn numbers(count: usize, size: f64) -> Vec<f64> {
         (0..count).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
     }
 
-    /// Which of the six inputs are given, one bit each; and the terms of the targets.
+    /// Inputs given, one bit each; and the terms of the targets.
     const GIVEN: [(usize, usize); 9] = [(0, 1), (1, 1), (2, 1), (4, 1), (8, 1), (8, 4), (16, 1), (32, 1), (63, 3)];
 
     fn loads_are_those_of_single_instances<T: Real>(precision: Precision) {
@@ -235,9 +235,9 @@ mod tests {
                     pose_target: pick(5).then_some(&stations[..]),
                     fin: None,
                 };
-                let applied = Applied::new(&inputs, &scene, &allocation, &options).unwrap();
-                let switches = applied.switches();
-                // What was there before must not show where a load is on.
+                let applied = CheckedInputs::new(&inputs, &scene, &allocation, &options).unwrap();
+                let active = applied.active_loads();
+                // Earlier numbers must not show where a load is active.
                 let (layout, _, rows) = blocks.parts();
                 let (layout, width) = (layout.clone(), layout.rows * T::BLOCK);
                 for rows in rows.chunks_exact_mut(width) {
@@ -260,16 +260,16 @@ mod tests {
                     };
                     same(layout.wrench, &loads.wrench, "wrench");
                     same(layout.torque, &loads.torque[..n], "torque");
-                    if switches.terms > 0 {
+                    if active.target_terms > 0 {
                         same(layout.target, loads.target[..n].as_flattened(), "target");
                     }
-                    if switches.on_links {
+                    if active.link_wrenches {
                         for k in 0..n {
                             let wrench = table.links[k].co_adjoint_apply_inverse(Vector6::from_array(loads.links[k]));
                             same(layout.links + 6 * k, &wrench.to_array(), "link");
                         }
                     }
-                    if switches.station {
+                    if active.station {
                         same(layout.station, loads.station.0.transpose().as_slice(), "rotation");
                         same(layout.station + 9, loads.station.1.as_slice(), "position");
                     }

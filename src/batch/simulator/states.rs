@@ -1,9 +1,9 @@
-//! Setting the states of all instances at once, completely checked beforehand.
+//! States of all instances, checked completely before any is set.
 
 use nalgebra as na;
 
-use super::inputs::{check, check_rotation};
-use super::simulator::Simulator;
+use super::Simulator;
+use crate::batch::storage::inputs::{check, check_rotation};
 use crate::error::SimulatorError;
 use crate::system::{Flow, State, rotation};
 
@@ -106,7 +106,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Thrusts that the thrusters of the scene have as states, and within their limits.
+    /// Checks that thrusts are states of the scene and within their limits.
     fn check_thrust(&self, thrust: Option<&[f64]>) -> Result<(), SimulatorError> {
         let Some(thrust) = thrust else { return Ok(()) };
         if !self.scene().vehicle.has_thruster_dynamics() {
@@ -122,7 +122,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// The rotations that are asked for, orthonormal to rounding.
+    /// The rotations given, orthonormal to rounding.
     fn rotations(&self, states: &States) -> Result<Option<Vec<na::Matrix3<f64>>>, SimulatorError> {
         let rounding = 8.0 * self.options().precision.epsilon();
         match (states.rotation, states.quaternion) {

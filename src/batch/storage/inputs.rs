@@ -1,15 +1,15 @@
-//! What a caller applies to all instances, and its check.
+//! Inputs of a call and their check.
 
 use nalgebra as na;
 
-use super::simulator::SimulatorOptions;
-use super::step::Switches;
-use super::table::InstanceLoads;
+use super::active_loads::ActiveLoads;
+use super::instance_loads::InstanceLoads;
+use crate::batch::options::SimulatorOptions;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::description::{Fin, Scene};
 use crate::error::SimulatorError;
 
-/// Greatest entry of `R^T R - I` of what passes for a rotation.
+/// Greatest entry of `R^T R - I` of an accepted rotation.
 const ORTHONORMAL: f64 = 1e-6;
 
 /// Loads on all instances over one call, row-major by instance; an absent one is zero.
@@ -17,11 +17,11 @@ const ORTHONORMAL: f64 = 1e-6;
 pub struct Inputs<'a> {
     /// Thrust, (N, thrusters), N; saturates at each thruster's limits. A command where thrusters have dynamics.
     pub thrust: Option<&'a [f64]>,
-    /// Deflections, (N, fins), rad, within each fin's limits; those without command where absent.
+    /// Deflections, (N, fins), rad, limited to each fin's range; the scene's deflections where absent.
     pub fin: Option<&'a [f64]>,
     /// Wrench on the vehicle, (N, 6), body frame at its origin, N and N m; on top of the thrust.
     pub wrench: Option<&'a [f64]>,
-    /// Actuator torques, (N, n), N m or N; with the servo's, saturate at each joint's effort.
+    /// Actuator torques, (N, n), N m or N; their sum with the servo's saturates at each joint's effort.
     pub joint_torque: Option<&'a [f64]>,
     /// Servo targets, (N, n, k) with k <= 4: polynomials in the time since the call, constant term first, rad or m.
     /// Servos are on where targets are given.
@@ -32,8 +32,8 @@ pub struct Inputs<'a> {
     pub pose_target: Option<&'a [f64]>,
 }
 
-/// `width` numbers per instance, all of them finite.
-pub(super) fn check(
+/// Checks that there are `width` finite numbers per instance.
+pub fn check(
     name: &'static str,
     values: Option<&[f64]>,
     width: usize,
@@ -53,12 +53,8 @@ pub(super) fn check(
     }
 }
 
-/// A rotation matrix to within [`ORTHONORMAL`]; how far it is off.
-pub(super) fn check_rotation(
-    name: &'static str,
-    instance: usize,
-    rotation: &na::Matrix3<f64>,
-) -> Result<f64, SimulatorError> {
+/// Checks a rotation matrix to within [`ORTHONORMAL`]; its deviation.
+pub fn check_rotation(name: &'static str, instance: usize, rotation: &na::Matrix3<f64>) -> Result<f64, SimulatorError> {
     let deviation = (rotation.tr_mul(rotation) - na::Matrix3::identity()).amax();
     let determinant = rotation.determinant();
     if deviation <= ORTHONORMAL && determinant > 0.0 {
@@ -68,20 +64,26 @@ pub(super) fn check_rotation(
     }
 }
 
-/// Checked inputs.
-pub(super) struct Applied<'a> {
+/// Checked inputs of one call.
+pub struct CheckedInputs<'a> {
+    /// The inputs.
     pub inputs: Inputs<'a>,
+    /// The scene's thruster allocation.
     pub allocation: &'a Allocation,
     joints: usize,
     /// Coefficients of each servo target.
     pub terms: usize,
-    /// Whether thrusts are commands to thrusters with dynamics.
+    /// True where thrusts are commands to thrusters with dynamics.
     commands: bool,
+    /// The scene's fins.
     pub fins: &'a [Fin],
 }
 
-impl<'a> Applied<'a> {
-    /// Checks lengths, that all numbers are finite, and that stations can be kept.
+impl<'a> CheckedInputs<'a> {
+    /// Checks lengths, finiteness, rotations, and that the servos asked for exist.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] that names the input.
     pub fn new(
         inputs: &Inputs<'a>,
         scene: &'a Scene,
@@ -121,11 +123,11 @@ impl<'a> Applied<'a> {
         })
     }
 
-    /// Which loads are on.
-    pub fn switches(&self) -> Switches {
-        Switches {
-            terms: self.terms,
-            on_links: self.inputs.external.is_some(),
+    /// Optional loads that are active.
+    pub fn active_loads(&self) -> ActiveLoads {
+        ActiveLoads {
+            target_terms: self.terms,
+            link_wrenches: self.inputs.external.is_some(),
             station: self.inputs.pose_target.is_some(),
         }
     }
@@ -143,7 +145,7 @@ impl<'a> Applied<'a> {
         thrusts
     }
 
-    /// Wrench on the vehicle of instance `i` besides that of its thrusters.
+    /// Wrench on the vehicle of instance `i` without that of its thrusters.
     pub fn wrench(&self, i: usize) -> [f64; 6] {
         let external = self.row(self.inputs.external, 6 * (self.joints + 1), i);
         let terms = [self.row(self.inputs.wrench, 6, i), external.map(|e| &e[..6])];
@@ -160,7 +162,7 @@ impl<'a> Applied<'a> {
         external.as_chunks().0.iter().skip(1).copied()
     }
 
-    /// Loads of instance `i`, whose thrusters have that factor.
+    /// Loads of instance `i` with a factor `thrust` on its thrusts.
     pub fn fill(&self, i: usize, thrust: f64, loads: &mut InstanceLoads) {
         let (n, inputs) = (self.joints, &self.inputs);
         loads.wrench = [0.0; 6];

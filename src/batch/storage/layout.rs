@@ -1,17 +1,17 @@
-//! Memory of a block of instances: one row per number of the state and the loads, one column per instance.
+//! Layout of a block of instances: one row per number of the state and the loads, one column per instance.
 
 use crate::hydro::{FINS, THRUSTERS};
 use crate::integrate::{Attitude, Integrator};
 use crate::system::{FACTORS, JOINTS};
 
-/// First row of each entry. All numbers of an instance lie in one column of its block.
+/// First row of each quantity. All numbers of an instance lie in one column of its block.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout {
     /// Number of joints.
     pub joints: usize,
     /// R by rows, 9.
     pub rotation: usize,
-    /// r, 3, and what rounding has left out of it, 3.
+    /// r, 3, and its rounding error, 3 (compensated sum).
     pub position: usize,
     /// Absolute body twist, 6.
     pub twist: usize,
@@ -19,7 +19,7 @@ pub struct Layout {
     pub q: usize,
     /// q'.
     pub qd: usize,
-    /// Time and what rounding has left out of it, 2.
+    /// Time, and its rounding error, 2 (compensated sum).
     pub time: usize,
     /// Velocity of the water in world axes, 3.
     pub current: usize,
@@ -31,46 +31,46 @@ pub struct Layout {
     pub torque: usize,
     /// Servo targets, 4 per joint.
     pub target: usize,
-    /// Coordinates of the attitude that the integrator keeps besides the rotation: 4, or none.
+    /// Attitude coordinates that the integrator keeps besides the rotation: 4, or none.
     pub attitude: usize,
-    /// What these are.
+    /// Their kind.
     pub keeps: Attitude,
-    /// What was seen of the motion, 6: squares that show fast rates, and what steps get wrong.
-    pub contrast: usize,
-    /// Piece that the integrator plans, 1: only where it is adaptive.
-    pub plan: usize,
-    /// Whether it is.
+    /// Estimates of the quality of the last steps, 6: contrast of the stages, velocity error, spin error.
+    pub estimates: usize,
+    /// Sub-interval that the integrator plans next, 1: only where it is adaptive.
+    pub planned: usize,
+    /// True where the integrator is adaptive.
     pub adaptive: bool,
-    /// Factors on the instance's parameters, as [`crate::system::Factors`] has them.
+    /// Factors on the instance's parameters, in the order of [`crate::system::Factors`].
     pub factors: usize,
-    /// What is remembered of the steps before, 1 + 12 per body: only where added mass is a lagged force.
+    /// State of the acceleration filter, 1 + 12 per body: only where added mass is a lagged force.
     pub lag: usize,
-    /// Whether it is.
+    /// True where added mass is a lagged force.
     pub lagged: bool,
-    /// Number of thrusters with a state of their own: all, if any has dynamics, else none.
+    /// Number of thrusters with a state: all where any has dynamics, else none.
     pub thrusters: usize,
-    /// Commanded thrusts, of these.
+    /// Their commanded thrusts.
     pub command: usize,
-    /// Thrusts in still water, of these: their state.
+    /// Their thrusts in still water: the state.
     pub thrust: usize,
-    /// Share of its thrust that each of these has lost.
+    /// Fraction of its thrust that each has lost.
     pub loss: usize,
     /// Number of fins.
     pub fins: usize,
     /// Their deflections.
     pub fin: usize,
-    /// Rows that every step may need: those so far.
+    /// Number of rows that every step may need: those above.
     pub common: usize,
     /// External wrenches on the links, 6 per joint.
     pub links: usize,
-    /// Station: target rotation (9) and position (3).
+    /// Target of the vehicle's servo: rotation (9) and position (3).
     pub station: usize,
-    /// Rows in all.
+    /// Number of rows.
     pub rows: usize,
 }
 
 impl Layout {
-    /// Layout for numbers of joints, of thrusters with a state and of fins, and for what an integrator keeps.
+    /// Layout for numbers of joints, of thrusters with a state and of fins, and for an integrator.
     pub fn new(joints: usize, thrusters: usize, fins: usize, integrator: &Integrator) -> Self {
         assert!(joints <= JOINTS && thrusters <= THRUSTERS && fins <= FINS);
         let (keeps, adaptive) = (integrator.attitude(), integrator.adaptive());
@@ -96,8 +96,8 @@ impl Layout {
             factors: take(FACTORS),
             attitude: take(if keeps == Attitude::Matrix { 0 } else { 4 }),
             keeps,
-            contrast: take(6),
-            plan: take(usize::from(adaptive)),
+            estimates: take(6),
+            planned: take(usize::from(adaptive)),
             adaptive,
             lag: take(if lagged { 1 + 12 * (joints + 1) } else { 0 }),
             lagged,

@@ -1,86 +1,88 @@
-//! Storage of all instances in one precision, and access to single ones.
+//! Blocks of all instances in one precision: access to single instances, stepping in chunks on threads.
 
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
-use super::aligned::Aligned;
-use super::inputs::Applied;
-use super::lagged::Lagged;
-use super::layout::Layout;
-use super::monitor::{Bounds, Sighting, Watched};
-use super::step::{Accelerate, Spare, Step, StepVaried, Switches};
-use super::table::Table;
+use super::accelerate::Accelerate;
+use super::lagged_added_mass::LaggedAddedMass;
+use super::scratch_pool::ScratchPool;
+use super::step::{Step, StepScaled};
 use super::threads::for_each;
+use crate::batch::monitoring::step_quality::{QualityLimits, StepQuality, StepViolation};
+use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::storage::aligned::Aligned;
+use crate::batch::storage::inputs::CheckedInputs;
+use crate::batch::storage::layout::Layout;
+use crate::batch::storage::table::Table;
 use crate::error::SimulatorError;
 use crate::hydro::Thrusts;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
 use crate::system::{Compiled, Factors, Flow, State, System, UnscaledBodyTerms};
 
-/// Instances that a thread takes at a time, in whole blocks: few enough that threads come to an end together, and so many
-/// that it does not show that each chunk's work is fetched anew.
+/// Instances of a chunk, in whole blocks: the unit of work of a thread. Few enough that threads finish together, and so many
+/// that fetching each chunk does not show.
 pub const CHUNK: usize = 128;
-/// Instances per thread below which threads cost more than they bring.
+/// Instances per thread below which threads cost more than they save.
 const INSTANCES_PER_THREAD: usize = 256;
 
-/// All instances, whatever the precision.
+/// All instances, in either precision.
 pub trait Storage: Send + Sync {
     /// State of instance `i`.
     fn state(&self, i: usize) -> State;
     /// Sets the state of instance `i`.
     fn set_state(&mut self, i: usize, state: &State);
-    /// Coordinates of the attitude of instance `i` that the integrator keeps, if it does.
+    /// Attitude coordinates of instance `i`, where the integrator keeps any besides the rotation matrix.
     fn attitude(&self, i: usize) -> Option<[f64; 4]>;
-    /// Sets those coordinates.
+    /// Sets these coordinates.
     fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]);
-    /// What steps of size `h` showed of the motion of instance `i`.
-    fn watched(&self, i: usize, h: f64) -> Watched;
+    /// Quality of the last steps of size `h` (s) of instance `i`.
+    fn step_quality(&self, i: usize, h: f64) -> StepQuality;
     /// Flow of the water at instance `i`.
     fn flow(&self, i: usize) -> Flow;
     /// Sets the flow of the water at instance `i`.
     fn set_flow(&mut self, i: usize, flow: &Flow);
     /// Factors on the parameters of instance `i`.
     fn factors(&self, i: usize) -> Factors<f64>;
-    /// Share of its thrust that each thruster with dynamics of instance `i` has lost.
+    /// Fraction of its thrust that each thruster with dynamics of instance `i` has lost.
     fn losses(&self, i: usize) -> Thrusts;
-    /// Sets those factors.
+    /// Sets these factors.
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>);
-    /// Every number of instance `i`, to be saved.
+    /// Every number of instance `i`, for saving.
     fn column(&self, i: usize) -> Vec<f64>;
     /// Sets every number of instance `i`.
     fn set_column(&mut self, i: usize, column: &[f64]);
     /// Numbers in a column.
     fn column_len(&self) -> usize;
-    /// Steps all instances, under loads that are given now or were before; the first one that the steps do not follow, if
-    /// it is asked for.
-    fn step(&mut self, run: &Run, given: Option<&Applied>) -> Option<Sighting>;
-    /// `[V'; q'']` of all instances under the loads given, instance by instance.
-    fn accelerations(&mut self, given: &Applied) -> Vec<f64>;
-    /// Bytes per instance.
+    /// Steps all instances under new inputs, or under the present loads; the first violation of the settings' limits.
+    fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Option<StepViolation>;
+    /// `[V'; q'']` of all instances under these inputs, instance by instance.
+    fn accelerations(&mut self, inputs: &CheckedInputs) -> Vec<f64>;
+    /// Bytes of memory per instance.
     fn bytes_per_instance(&self) -> usize;
     /// An independent copy.
     fn boxed_clone(&self) -> Box<dyn Storage>;
-    /// For those who know the precision.
+    /// For a downcast to [`Blocks`] of a known precision.
     fn as_any(&mut self) -> &mut dyn Any;
 }
 
-/// How to step.
+/// Settings of a call that steps.
 #[derive(Debug, Clone, Copy)]
-pub struct Run {
+pub struct StepSettings {
     /// Integrator.
     pub integrator: Integrator,
     /// Step size, s.
     pub h: f64,
-    /// Steps.
+    /// Number of steps.
     pub substeps: usize,
-    /// Steps before these on the clock of the servo targets.
+    /// Number of steps before these on the clock of the servo targets.
     pub before: usize,
-    /// Loads that are on.
-    pub switches: Switches,
-    /// Most threads.
+    /// Optional loads that are active.
+    pub active: ActiveLoads,
+    /// Greatest number of threads.
     pub threads: usize,
-    /// `h |rate|` up to which the integrator is right, where instances are watched for leaving it.
-    pub bounds: Option<Bounds>,
+    /// Limits of the steps' quality; none where they are not monitored.
+    pub limits: Option<QualityLimits>,
 }
 
 /// Blocks of instances in one precision.
@@ -93,20 +95,20 @@ pub struct Blocks<T> {
     rows: Aligned<T>,
 }
 
-/// The scene's parameters.
+/// Parameters of the scene, and pools of memory for its kernels.
 #[derive(Clone)]
 struct Parameters<T> {
     system: System<Shared<T>>,
-    /// The same for one instance at a time.
-    alone: System<Shared<T>, T>,
+    /// The same in scalars.
+    scalar_system: System<Shared<T>, T>,
     unscaled: Vec<UnscaledBodyTerms<Shared<T>>>,
-    /// Where payloads are held.
+    /// Attachment point of payloads, m.
     payload_attachment: [Shared<T>; 3],
-    /// Working memory of the steps.
-    working: Spare,
-    /// Memory for the parameters of single instances.
-    spare: Spare,
-    /// The system without added mass, and the filter of that, where it is a lagged force.
+    /// Scratch memory of the steps.
+    scratch_pool: ScratchPool,
+    /// Memory for systems with parameters per instance.
+    system_pool: ScratchPool,
+    /// The system without added mass, and the filter's weight, where added mass is a lagged force.
     rigid: Option<(System<Shared<T>>, f64)>,
 }
 
@@ -125,18 +127,18 @@ impl<T: Real> Blocks<T> {
     ) -> Result<Self, SimulatorError> {
         let number = |Shared(x)| Shared(T::from_f64(x));
         let unscaled: Vec<_> = compiled.unscaled.iter().map(|parts| parts.map(number)).collect();
-        // Rounded as those of instances with factors of their own, so that these do not show in their neighbours.
+        // Rounded like the terms of instances with factors, so that an instance's factors do not show in its neighbours.
         let system = compiled.system.map(number).with_factors(&unscaled, &Factors::ONE);
         let rigid = integrator.lag().map(|filter| (system.with_factors(&unscaled, &Factors::RIGID), filter));
         let payload_attachment = compiled.payload_attachment.map(|x| Shared(T::from_f64(x)));
-        let alone = system.map_bodies(|Shared(x)| x);
+        let scalar_system = system.map_bodies(|Shared(x)| x);
         let scene = Parameters {
             system,
-            alone,
+            scalar_system,
             unscaled,
             payload_attachment,
-            working: Spare::default(),
-            spare: Spare::default(),
+            scratch_pool: ScratchPool::default(),
+            system_pool: ScratchPool::default(),
             rigid,
         };
         let layout =
@@ -147,7 +149,7 @@ impl<T: Real> Blocks<T> {
         let rows = Aligned::filled(size, T::from_f64(0.0)).map_err(|_| memory())?;
         let table = Table { layout, links: compiled.links.clone() };
         let mut blocks = Self { scene, table, isa, instances, rows };
-        // Columns past the last instance hold a sane state too: they are stepped along with it where lanes reach them.
+        // Columns past the last instance hold a valid state too: lanes that reach past it step them.
         for i in 0..columns {
             blocks.set_state(i, state);
             blocks.set_flow(i, flow);
@@ -157,26 +159,26 @@ impl<T: Real> Blocks<T> {
         Ok(blocks)
     }
 
-    /// Hands chunks of instances to `work`, each with its item, on as many threads as the run allows; the first instance
-    /// that its steps did not follow.
-    pub fn visit<I: Send>(
+    /// Calls `work` on each chunk with its item, on as many threads as the settings allow; the first violation of the
+    /// settings' limits.
+    pub fn for_each_chunk<I: Send>(
         &mut self,
-        run: &Run,
+        settings: &StepSettings,
         items: impl ExactSizeIterator<Item = I> + Send,
-        work: impl Fn(&mut Part<'_, T>, I) + Sync,
-    ) -> Option<Sighting> {
+        work: impl Fn(&mut PhysicsChunk<'_, T>, I) + Sync,
+    ) -> Option<StepViolation> {
         let (scene, table, isa, instances) = (&self.scene, &self.table, self.isa, self.instances);
-        let threads = run.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
-        let least = First::default();
+        let threads = settings.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
+        let violations = FirstViolation::default();
         let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows);
         for_each(chunks.zip(items).enumerate(), threads, |(k, (rows, item))| {
             let first = k * CHUNK;
             let count = CHUNK.min(instances - first);
-            let mut part = Part { scene, run, count, first, table, isa, rows, sighting: None };
-            work(&mut part, item);
-            least.note(first, part.sighting);
+            let mut chunk = PhysicsChunk { scene, settings, count, first, table, isa, rows, violation: None };
+            work(&mut chunk, item);
+            violations.record(first, chunk.violation);
         });
-        least.take()
+        violations.take()
     }
 
     /// Rows of a block, instruction set, and the blocks.
@@ -185,73 +187,73 @@ impl<T: Real> Blocks<T> {
     }
 }
 
-/// A chunk of blocks that one thread works on.
-pub struct Part<'a, T> {
+/// A chunk of blocks, which one thread steps.
+pub struct PhysicsChunk<'a, T> {
     scene: &'a Parameters<T>,
-    run: &'a Run,
-    /// Instances in it; those past them are there to fill the last block.
+    settings: &'a StepSettings,
+    /// Number of its instances; further columns fill the last block.
     pub count: usize,
-    /// Number of the first instance among all.
+    /// Number of its first instance among all.
     pub first: usize,
-    /// Access to single instances, numbered from 0.
+    /// Access to single instances, counted from 0 in the chunk.
     pub table: &'a Table,
-    /// Instruction set to work with.
+    /// Instruction set of the kernels.
     pub isa: Isa,
     /// The blocks.
     pub rows: &'a mut [T],
-    /// The first instance that the steps did not follow, if that was asked for.
-    sighting: Option<Sighting>,
+    /// The first violation of the settings' limits.
+    violation: Option<StepViolation>,
 }
 
-/// The first sighting of several parts.
+/// The first violation in several chunks.
 #[derive(Default)]
-struct First(Mutex<Option<Sighting>>);
+struct FirstViolation(Mutex<Option<StepViolation>>);
 
-impl First {
-    /// Takes note of a sighting in a part that begins with instance `first`.
-    fn note(&self, first: usize, sighting: Option<Sighting>) {
-        let Some(mut sighting) = sighting else { return };
-        sighting.instance += first;
+impl FirstViolation {
+    /// Records a violation in a chunk that begins with instance `first`.
+    fn record(&self, first: usize, violation: Option<StepViolation>) {
+        let Some(mut violation) = violation else { return };
+        violation.instance += first;
         let mut least = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if least.is_none_or(|least| sighting.instance < least.instance) {
-            *least = Some(sighting);
+        if least.is_none_or(|least| violation.instance < least.instance) {
+            *least = Some(violation);
         }
     }
 
-    fn take(self) -> Option<Sighting> {
+    fn take(self) -> Option<StepViolation> {
         self.0.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<T: Real> Part<'_, T> {
+impl<T: Real> PhysicsChunk<'_, T> {
     /// Steps all instances.
     pub fn step(&mut self) {
-        let (scene, run) = (self.scene, self.run);
-        let [varied, laden] = self.table.varied(self.rows);
+        let (scene, settings) = (self.scene, self.settings);
+        let [scaled, with_payload] = self.table.scaled(self.rows);
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
-            alone: scene.rigid.is_none().then_some(&scene.alone),
-            unscaled: varied.then_some(&scene.unscaled[..]),
-            payload_attachment: laden.then_some(scene.payload_attachment),
-            working: &scene.working,
-            spare: &scene.spare,
-            lagged: scene.rigid.as_ref().map(|&(_, filter)| Lagged { unscaled: &scene.unscaled, filter }),
+            scalar_system: scene.rigid.is_none().then_some(&scene.scalar_system),
+            unscaled: scaled.then_some(&scene.unscaled[..]),
+            payload_attachment: with_payload.then_some(scene.payload_attachment),
+            scratch_pool: &scene.scratch_pool,
+            system_pool: &scene.system_pool,
+            lagged: scene.rigid.as_ref().map(|&(_, filter)| LaggedAddedMass { unscaled: &scene.unscaled, filter }),
             layout: &self.table.layout,
-            integrator: run.integrator,
-            h: T::from_f64(run.h),
-            substeps: run.substeps,
-            before: run.before,
-            switches: run.switches,
+            integrator: settings.integrator,
+            h: T::from_f64(settings.h),
+            substeps: settings.substeps,
+            before: settings.before,
+            active: settings.active,
             count: self.count,
             blocks: self.rows,
         };
-        if (varied || run.integrator.needs_baseline_terms()) && self.isa.is_wide() {
-            T::dispatch(self.isa, &mut StepVaried(&mut step));
+        if (scaled || settings.integrator.needs_baseline_terms()) && self.isa.is_wide() {
+            T::dispatch(self.isa, &mut StepScaled(&mut step));
         } else {
             T::dispatch(self.isa, &mut step);
         }
-        if let (Some(bounds), None) = (run.bounds, &self.sighting) {
-            self.sighting = self.table.sight(self.isa, self.rows, self.count, bounds, run.h);
+        if let (Some(limits), None) = (settings.limits, &self.violation) {
+            self.violation = self.table.first_violation(self.isa, self.rows, self.count, limits, settings.h);
         }
     }
 }
@@ -273,8 +275,8 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_attitude(&mut self.rows, i, attitude);
     }
 
-    fn watched(&self, i: usize, h: f64) -> Watched {
-        self.table.watched(&self.rows, i, h)
+    fn step_quality(&self, i: usize, h: f64) -> StepQuality {
+        self.table.step_quality(&self.rows, i, h)
     }
 
     fn flow(&self, i: usize) -> Flow {
@@ -309,33 +311,33 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.layout.rows
     }
 
-    fn step(&mut self, run: &Run, given: Option<&Applied>) -> Option<Sighting> {
-        let parts = self.instances.div_ceil(CHUNK);
-        self.visit(run, 0..parts, |part, _| {
-            if let Some(given) = given {
-                part.table.apply(part.isa, part.rows, given, part.first, part.count);
+    fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Option<StepViolation> {
+        let chunks = self.instances.div_ceil(CHUNK);
+        self.for_each_chunk(settings, 0..chunks, |chunk, _| {
+            if let Some(inputs) = inputs {
+                chunk.table.apply(chunk.isa, chunk.rows, inputs, chunk.first, chunk.count);
             }
-            part.step();
+            chunk.step();
         })
     }
 
-    fn accelerations(&mut self, given: &Applied) -> Vec<f64> {
-        self.table.apply(self.isa, &mut self.rows, given, 0, self.instances);
+    fn accelerations(&mut self, inputs: &CheckedInputs) -> Vec<f64> {
+        self.table.apply(self.isa, &mut self.rows, inputs, 0, self.instances);
         let width = 6 + self.table.layout.joints;
         let blocks = self.rows.len() / (self.table.layout.rows * T::BLOCK);
         let mut out = vec![T::from_f64(0.0); blocks * width * T::BLOCK];
-        let [varied, laden] = self.table.varied(&self.rows);
-        let mut job = Accelerate {
+        let [scaled, with_payload] = self.table.scaled(&self.rows);
+        let mut kernel = Accelerate {
             system: &self.scene.system,
-            unscaled: varied.then_some(&self.scene.unscaled[..]),
-            payload_attachment: laden.then_some(self.scene.payload_attachment),
+            unscaled: scaled.then_some(&self.scene.unscaled[..]),
+            payload_attachment: with_payload.then_some(self.scene.payload_attachment),
             layout: &self.table.layout,
-            switches: given.switches(),
+            active: inputs.active_loads(),
             count: self.instances,
             blocks: &mut self.rows,
             out: &mut out,
         };
-        T::dispatch_narrow(self.isa, &mut job);
+        T::dispatch_narrow(self.isa, &mut kernel);
         let entry = |i: usize, k: usize| out[(i / T::BLOCK * width + k) * T::BLOCK + i % T::BLOCK].to_f64();
         (0..self.instances).flat_map(|i| (0..width).map(move |k| (i, k))).map(|(i, k)| entry(i, k)).collect()
     }

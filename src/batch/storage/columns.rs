@@ -1,17 +1,15 @@
-//! Groups of columns of a block, as the kernels read and write them.
+//! Column groups of a block: what the kernels load into lanes and store from them.
 
-use super::dynamics::Station;
-use super::lagged::Lag;
+use super::active_loads::ActiveLoads;
 use super::layout::Layout;
-use super::step::Switches;
 use crate::dynamics::aba::Loads;
 use crate::hydro::{FINS, Fin, FinAxes, THRUSTERS, Thruster, ThrusterDynamics};
-use crate::integrate::{Attitude, Motion, Watch};
+use crate::integrate::{Attitude, Motion, StepEstimates};
 use crate::lane::{Lane, Param, Real};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{FACTORS, Factors, JOINTS};
 
-/// One column group of a block: rows by number, `LANES` instances wide.
+/// A column group of a block: `LANES` adjacent columns, one instance each.
 pub struct Columns<'a, T> {
     /// Rows of a block.
     pub rows: &'a mut [T],
@@ -20,7 +18,7 @@ pub struct Columns<'a, T> {
 }
 
 impl<T: Real> Columns<'_, T> {
-    /// A row; NaN where there is none, as a panic would take a call.
+    /// A row; NaN beyond the block (a panic would need a call, which costs registers).
     #[inline(always)]
     pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
         let at = row * T::BLOCK + self.first;
@@ -29,7 +27,7 @@ impl<T: Real> Columns<'_, T> {
         if let Some(numbers) = numbers { L::load(numbers) } else { L::c(f64::NAN) }
     }
 
-    /// Sets a row, if there is one.
+    /// Sets a row; does nothing beyond the block.
     #[inline(always)]
     pub fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
         let at = row * T::BLOCK + self.first;
@@ -40,13 +38,13 @@ impl<T: Real> Columns<'_, T> {
         }
     }
 
-    /// Three rows.
+    /// Three rows: a vector.
     #[inline(always)]
     pub fn vector<L: Lane<Real = T>>(&self, row: usize) -> Vector3<L> {
         Vector3([self.get(row), self.get(row + 1), self.get(row + 2)])
     }
 
-    /// Six rows.
+    /// Six rows: `[linear; angular]`.
     #[inline(always)]
     pub fn six<L: Lane<Real = T>>(&self, row: usize) -> Vector6<L> {
         Vector6 { linear: self.vector(row), angular: self.vector(row + 3) }
@@ -58,7 +56,7 @@ impl<T: Real> Columns<'_, T> {
         Matrix3([self.vector(row).0, self.vector(row + 3).0, self.vector(row + 6).0])
     }
 
-    /// Sets the first `count` of these rows.
+    /// Sets rows from number `row` on to the first `count` entries.
     #[inline(always)]
     pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K], count: usize) {
         for k in 0..count.min(K) {
@@ -66,7 +64,7 @@ impl<T: Real> Columns<'_, T> {
         }
     }
 
-    /// One row per joint.
+    /// Loads one row per joint.
     #[inline(always)]
     pub fn joints<L: Lane<Real = T>>(&self, row: usize, count: usize, to: &mut [L; JOINTS]) {
         for k in 0..count.min(JOINTS) {
@@ -74,7 +72,7 @@ impl<T: Real> Columns<'_, T> {
         }
     }
 
-    /// The motion that is stepped.
+    /// Loads the motion.
     #[inline(always)]
     pub fn motion<L: Lane<Real = T>, const BASELINES: bool>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
         self.place::<_, BASELINES>(layout, motion);
@@ -83,7 +81,7 @@ impl<T: Real> Columns<'_, T> {
         self.joints(layout.qd, layout.joints, &mut motion.qd);
     }
 
-    /// Its position and attitude.
+    /// Loads position and attitude of the motion.
     #[inline(always)]
     pub fn place<L: Lane<Real = T>, const BASELINES: bool>(&self, layout: &Layout, motion: &mut Motion<L, JOINTS>) {
         motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
@@ -95,7 +93,7 @@ impl<T: Real> Columns<'_, T> {
         }
     }
 
-    /// Sets the motion.
+    /// Stores the motion.
     #[inline(always)]
     pub fn set_motion<L: Lane<Real = T>, const BASELINES: bool>(
         &mut self,
@@ -115,61 +113,29 @@ impl<T: Real> Columns<'_, T> {
         }
     }
 
-    /// What was seen of the motion.
+    /// Estimates of the quality of the last steps.
     #[inline(always)]
-    pub fn watch<L: Lane<Real = T>>(&self, layout: &Layout) -> Watch<L> {
-        let plan = if layout.adaptive { self.get(layout.plan) } else { L::zero() };
-        let seen = layout.contrast;
-        let mut watch = Watch { plan, ..Watch::blank() };
+    pub fn step_estimates<L: Lane<Real = T>>(&self, layout: &Layout) -> StepEstimates<L> {
+        let planned = if layout.adaptive { self.get(layout.planned) } else { L::zero() };
+        let row = layout.estimates;
+        let mut estimates = StepEstimates { planned, ..StepEstimates::zero() };
         for k in 0..3 {
-            watch.contrast[k] = self.get(seen + k);
+            estimates.contrast[k] = self.get(row + k);
         }
-        (watch.slip, watch.spin) = ([self.get(seen + 3), self.get(seen + 4)], self.get(seen + 5));
-        watch
+        estimates.velocity_error = [self.get(row + 3), self.get(row + 4)];
+        estimates.spin_error = self.get(row + 5);
+        estimates
     }
 
-    /// Sets what was seen of it.
+    /// Stores these estimates.
     #[inline(always)]
-    pub fn set_watch<L: Lane<Real = T>>(&mut self, layout: &Layout, watch: &Watch<L>) {
-        self.set_all(layout.contrast, &watch.contrast, 3);
-        self.set_all(layout.contrast + 3, &watch.slip, 2);
-        self.set(layout.contrast + 5, watch.spin);
+    pub fn set_step_estimates<L: Lane<Real = T>>(&mut self, layout: &Layout, estimates: &StepEstimates<L>) {
+        self.set_all(layout.estimates, &estimates.contrast, 3);
+        self.set_all(layout.estimates + 3, &estimates.velocity_error, 2);
+        self.set(layout.estimates + 5, estimates.spin_error);
         if layout.adaptive {
-            self.set(layout.plan, watch.plan);
+            self.set(layout.planned, estimates.planned);
         }
-    }
-
-    /// What is remembered of the steps before.
-    #[inline(always)]
-    pub fn lag<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, lag: &mut Lag<L>) {
-        lag.factor = self.factors(layout).added_mass;
-        lag.wrench = self.six(layout.wrench);
-        for k in 0..layout.joints.min(JOINTS) {
-            lag.links[k] = if switches.on_links { self.six(layout.links + 6 * k) } else { Vector6::zero() };
-        }
-        lag.begun = self.get(layout.lag);
-        for i in 0..=layout.joints.min(JOINTS) {
-            let row = layout.lag + 1 + 12 * i;
-            lag.last[i] = [self.six(row), self.six(row + 6)];
-        }
-    }
-
-    /// Sets what is remembered.
-    #[inline(always)]
-    pub fn set_lag<L: Lane<Real = T>>(&mut self, layout: &Layout, lag: &Lag<L>) {
-        self.set(layout.lag, lag.begun);
-        for i in 0..=layout.joints.min(JOINTS) {
-            let row = layout.lag + 1 + 12 * i;
-            self.set_all(row, &lag.last[i][0].to_array(), 6);
-            self.set_all(row + 6, &lag.last[i][1].to_array(), 6);
-        }
-    }
-
-    /// Station that is kept.
-    #[inline(always)]
-    pub fn station<L: Lane<Real = T>>(&self, layout: &Layout) -> Station<L> {
-        let target = Pose { rotation: self.matrix(layout.station), position: self.vector(layout.station + 9) };
-        Station { target, current: self.vector(layout.current), acceleration: self.vector(layout.acceleration) }
     }
 
     /// Factors on the parameters.
@@ -182,7 +148,7 @@ impl<T: Real> Columns<'_, T> {
         Factors::from_array(factors)
     }
 
-    /// Thrusters with dynamics, under their commands, for steps of size `h`.
+    /// Loads thrusters with dynamics and their commands, for steps of size `h` (s).
     #[inline(always)]
     pub fn propulsion<L: Lane<Real = T>, P: Param<L>>(
         &self,
@@ -201,7 +167,7 @@ impl<T: Real> Columns<'_, T> {
         propulsion.command(thrusters, &commands, &gains, (L::splat(h), factors.thruster_lag));
     }
 
-    /// Fins, deflected.
+    /// Loads the deflections of the fins.
     #[inline(always)]
     pub fn surfaces<L: Lane<Real = T>, P: Param<L>>(
         &self,
@@ -216,21 +182,21 @@ impl<T: Real> Columns<'_, T> {
         surfaces.deflect(fins, &deflections);
     }
 
-    /// Loads, as far as they are on.
+    /// Loads the active loads on joints and links.
     #[inline(always)]
-    pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, switches: Switches, loads: &mut Loads<L>) {
-        loads.terms = switches.terms;
-        loads.on_links = switches.on_links;
+    pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, active: ActiveLoads, loads: &mut Loads<L>) {
+        loads.terms = active.target_terms;
+        loads.on_links = active.link_wrenches;
         for k in 0..layout.joints.min(JOINTS) {
             loads.torque[k] = self.get(layout.torque + k);
             let row = layout.target + 4 * k;
-            if switches.terms > 0 {
+            if active.target_terms > 0 {
                 (loads.target[k][0], loads.target[k][1]) = (self.get(row), self.get(row + 1));
             }
-            if switches.terms > 2 {
+            if active.target_terms > 2 {
                 (loads.target[k][2], loads.target[k][3]) = (self.get(row + 2), self.get(row + 3));
             }
-            if switches.on_links {
+            if active.link_wrenches {
                 loads.links[k] = self.six(layout.links + 6 * k);
             }
         }

@@ -11,12 +11,12 @@
 
 use super::chart::Increment;
 use super::motion::Motion;
-use super::watch::Watch;
+use super::step_estimates::StepEstimates;
 use super::{Derivative, Rates};
 use crate::lane::Lane;
 use crate::lie::{DexpInverse, Vector6, dexp_inverse_negative, rotate_back};
 
-/// A right-hand side that can be taken implicitly.
+/// Right-hand side of a linearly implicit method.
 pub trait LinearlyImplicit<L: Lane, const N: usize>: Derivative<L, N> {
     /// Rates k of `(I - h J) k = f` at a point, with f as at the end of a step from there; `when` is where that step
     /// begins after the start of the interval, and its size h.
@@ -31,10 +31,10 @@ pub trait LinearlyImplicit<L: Lane, const N: usize>: Derivative<L, N> {
     );
 }
 
-/// Rotation within a step beyond which a lane takes halves of it. Smaller than the explicit methods': Euler's equations and
-/// other products of velocities are left to the explicit side, where an oscillation grows by `(h rate)^4 / 8` a step.
+/// Rotation within a step beyond which a lane halves it. Smaller than the explicit methods': Euler's equations and other
+/// products of velocities are treated explicitly, and an oscillation then grows by `(h rate)^4 / 8` a step.
 const GREATEST_TURN: f64 = 0.5;
-/// Smallest piece by the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
+/// Smallest sub-interval as a fraction of the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
 
 /// Coordinates of a point within a step.
@@ -58,8 +58,8 @@ impl<L: Lane, const N: usize> Point<L, N> {
         point
     }
 
-    /// Euler's rule, each coordinate by the rate at its end; the velocity v in axes that do not turn, so that a body that
-    /// flies straight while it spins neither gains nor loses speed.
+    /// Euler's rule, each coordinate at the rate of its end; the velocity v in axes that do not turn, so that a spinning body in
+    /// straight motion neither gains nor loses speed.
     #[inline(always)]
     fn advance(&mut self, h: L, rates: &Rates<L, N>, n: usize) {
         let Vector6 { linear: v, angular: omega } = self.twist;
@@ -86,9 +86,9 @@ impl<L: Lane, const N: usize> Point<L, N> {
         }
     }
 
-    /// Length of what its velocities are more than others.
+    /// Distance of its velocities from others.
     #[inline(always)]
-    fn faster_than(&self, twist: &Vector6<L>, qd: &[L; N], n: usize) -> L {
+    fn velocity_distance(&self, twist: &Vector6<L>, qd: &[L; N], n: usize) -> L {
         let more = twist.scale_add(L::c(-1.0), self.twist);
         let mut sum = more.dot(more);
         for k in 0..n {
@@ -104,8 +104,8 @@ impl<L: Lane, const N: usize> Point<L, N> {
     }
 }
 
-/// One step of size `h`, which begins `elapsed` after the start of the interval. Returns the square of the greatest
-/// rotation within the step and its estimated error, m and rad; takes `fine` from its start to its end.
+/// One step of size `h`, which begins `elapsed` after the start of the interval; moves `fine` from its start to its end.
+/// Returns the square of the greatest rotation within the step and the estimated error, m and rad.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L,
@@ -132,21 +132,21 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
         point.advance(size, &rates, n);
         greatest = greatest.max(point.turn());
     }
-    let apart = fine.faster_than(&coarse.twist, &coarse.qd, n) * h;
+    let apart = fine.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
     fine.extrapolate(&coarse, n);
     // Of a mode, z^2 / 4 apart, changed by z, and wrong by z^3 / 6.
-    let changed = fine.faster_than(&from.twist, &from.qd, n) * h + L::c(1e-30);
+    let changed = fine.velocity_distance(&from.twist, &from.qd, n) * h + L::c(1e-30);
     let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
     (greatest.max(fine.turn()), error)
 }
 
-/// Covers an interval of length `h`. Lanes that turn by more than half a radian within a piece take it in halves,
-/// quarters, and so on; lanes that have arrived stay as they are meanwhile.
+/// Integrates over an interval of length `h`. Lanes that turn by more than half a radian within a sub-interval divide it into
+/// halves, quarters, and so on; lanes that have reached the end of the interval keep their state meanwhile.
 #[inline(always)]
 pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L::Real,
     motion: &mut Motion<L, N>,
-    watch: &mut Watch<L>,
+    estimates: &mut StepEstimates<L>,
     derivative: &mut D,
 ) {
     let n = derivative.joints();
@@ -161,16 +161,16 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
         let takes = half.lt(taken);
-        watch.judge(takes, 2, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
+        estimates.record_errors(takes, 2, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
         motion.move_by(takes, end.theta, end.twist, (&end.q, &end.qd), n);
         left = share.neg_mul_add(taken, left);
         if !L::any(zero.lt(left)) {
             return;
         }
-        let sound = if begun { one } else { motion.sound(n) };
-        let lost = L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one, one - sound) * (one - fine);
+        let finite = if begun { one } else { motion.finite(n) };
+        let lost = L::select(share.lt(L::c(1.5 * LEAST_SHARE)), one, one - finite) * (one - fine);
         let lost = L::select(zero.lt(left), lost, zero);
-        motion.lose(half.lt(lost), n);
+        motion.set_nan_where(half.lt(lost), n);
         left = L::select(half.lt(lost), zero, left);
         share = L::select(half.lt(fine), share, share * half);
         begun = true;

@@ -1,0 +1,6 @@
+//! Step monitoring: stable steps from a scene's modes beforehand, stiffness and error of the steps while they are taken.
+
+pub mod modal_analysis;
+pub mod step_monitor;
+pub mod step_quality;
+mod text;

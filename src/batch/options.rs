@@ -1,0 +1,95 @@
+//! Options of a simulator.
+
+use crate::integrate::Gains;
+
+/// Number type of the kernels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// f64, the default: every accuracy claim refers to it.
+    Double,
+    /// f32: twice as fast.
+    Single,
+}
+
+impl Precision {
+    /// Least magnitude that rounds to infinity.
+    fn bound(self) -> f64 {
+        match self {
+            Precision::Double => f64::INFINITY,
+            // Half a unit in the last place above the greatest number.
+            Precision::Single => f64::from(f32::MAX) + 2.0_f64.powi(103),
+        }
+    }
+
+    /// True where `x` is a finite number of this type.
+    pub fn holds(self, x: f64) -> bool {
+        x.abs() < self.bound()
+    }
+
+    /// True where all of them are. (The loop has no early exit, so that it vectorises.)
+    pub fn holds_all(self, values: &[f64]) -> bool {
+        let bound = self.bound();
+        values.iter().fold(true, |all, x| all & (x.abs() < bound))
+    }
+
+    /// Distance of 1 to the next number.
+    pub fn epsilon(self) -> f64 {
+        match self {
+            Precision::Double => f64::EPSILON,
+            Precision::Single => f64::from(f32::EPSILON),
+        }
+    }
+}
+
+/// Options of a [`super::Simulator`].
+#[derive(Debug, Clone)]
+pub struct SimulatorOptions {
+    /// Number of instances.
+    pub instances: usize,
+    /// Step size, s.
+    pub dt: f64,
+    /// Integrator, by the names of [`crate::integrate::Integrator::NAMES`].
+    pub integrator: String,
+    /// Gain of eq. 14, for the quaternion integrators, 1/s.
+    pub gamma: f64,
+    /// Bound on the estimated error of a sub-interval of a step, for adaptive integrators: absolute in m and rad for the
+    /// pose, absolute and relative for twist, q and q'. Least value 8 times the precision's epsilon (1e-6 in single
+    /// precision); smaller ones count as that.
+    pub tolerance: f64,
+    /// Number type.
+    pub precision: Precision,
+    /// Greatest number of threads; number of cores where `None`. Few instances use fewer.
+    pub threads: Option<usize>,
+}
+
+impl Default for SimulatorOptions {
+    fn default() -> Self {
+        Self {
+            instances: 1,
+            dt: 0.01,
+            integrator: "mk4".into(),
+            gamma: Gains::DEFAULT.gamma,
+            tolerance: Gains::DEFAULT.tolerance,
+            precision: Precision::Double,
+            threads: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn single_precision_holds_what_does_not_round_to_infinity() {
+        let border = f64::from(f32::MAX) + 0.5 * (f64::from(f32::MAX) - f64::from(f32::MAX.next_down()));
+        for x in
+            [border, border.next_down(), border.next_up(), 0.0, f64::from(f32::MAX), 1e300, f64::INFINITY, f64::NAN]
+        {
+            for x in [x, -x] {
+                assert_eq!(Precision::Single.holds(x), (x as f32).is_finite(), "{x}");
+                assert_eq!(Precision::Double.holds(x), x.is_finite(), "{x}");
+            }
+        }
+    }
+}

@@ -1,0 +1,323 @@
+//! The batched simulator of one scene, without a task.
+
+pub mod applied_loads;
+mod parameters;
+pub mod states;
+
+use crate::batch::monitoring::step_monitor::StepMonitor;
+use crate::batch::options::{Precision, SimulatorOptions};
+use crate::batch::stepping::blocks::{Blocks, PhysicsChunk, StepSettings, Storage};
+use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::storage::inputs::{CheckedInputs, Inputs, check};
+use crate::control::Allocation;
+use crate::description::Scene;
+use crate::dynamics::ClosedFormModel;
+use crate::error::SimulatorError;
+use crate::integrate::{Attitude, Gains, Integrator};
+use crate::lane::{Isa, Real};
+use crate::system::{Compiled, Flow, State, compile};
+
+/// Steps of instances in a portion, after which the caller may interrupt: some tens of milliseconds.
+const PORTION: usize = 1 << 16;
+
+/// Instances of one scene, stepped together. The result of each is independent of the others, of their number and of the
+/// threads.
+pub struct Simulator {
+    scene: Scene,
+    closed_form_model: ClosedFormModel,
+    compiled: Compiled,
+    allocation: Allocation,
+    options: SimulatorOptions,
+    integrator: Integrator,
+    threads: usize,
+    isa: Isa,
+    storage: Box<dyn Storage>,
+    /// Greatest `h |lambda|` at which the integrator is accurate.
+    range: f64,
+    monitor: StepMonitor,
+}
+
+impl Clone for Simulator {
+    fn clone(&self) -> Self {
+        Self {
+            scene: self.scene.clone(),
+            closed_form_model: self.closed_form_model.clone(),
+            compiled: self.compiled.clone(),
+            allocation: self.allocation.clone(),
+            options: self.options.clone(),
+            storage: self.storage.boxed_clone(),
+            ..*self
+        }
+    }
+}
+
+impl Simulator {
+    /// All instances at the scene's home: level at the world origin, at rest, joints at home.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] where an option is out of range or the scene does not compose.
+    pub fn new(scene: Scene, options: SimulatorOptions) -> Result<Self, SimulatorError> {
+        if options.instances == 0 {
+            return Err(SimulatorError::NoInstances);
+        }
+        if !(options.dt > 0.0 && options.dt.is_finite()) {
+            return Err(SimulatorError::Step { dt: options.dt });
+        }
+        if !(options.gamma >= 0.0 && options.gamma.is_finite()) {
+            return Err(SimulatorError::Gamma { gamma: options.gamma });
+        }
+        if options.threads == Some(0) {
+            return Err(SimulatorError::NoThreads);
+        }
+        if !(options.tolerance > 0.0 && options.tolerance.is_finite()) {
+            return Err(SimulatorError::Tolerance { tolerance: options.tolerance });
+        }
+        let gains = Gains { gamma: options.gamma, tolerance: options.tolerance };
+        let integrator = Integrator::named(&options.integrator, &gains).ok_or_else(|| {
+            let known = Integrator::NAMES.map(|entry| entry.name).into();
+            SimulatorError::UnknownIntegrator { name: options.integrator.clone(), known }
+        })?;
+        let isa = Isa::best_for(options.instances)?;
+        let allocation = Allocation::new(&scene.vehicle)?;
+        let compiled = compile(&scene);
+        let state = State { q: scene.home(), ..State::default() };
+        let flow = Flow::from(scene.water.current);
+        let storage: Box<dyn Storage> = match options.precision {
+            Precision::Double => {
+                Box::new(Blocks::<f64>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
+            }
+            Precision::Single => {
+                Box::new(Blocks::<f32>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
+            }
+        };
+        let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+        Ok(Self {
+            closed_form_model: ClosedFormModel::new(&scene)?,
+            allocation,
+            threads: options.threads.unwrap_or_else(cores),
+            scene,
+            compiled,
+            options,
+            integrator,
+            isa,
+            storage,
+            range: integrator.range(),
+            monitor: StepMonitor::default(),
+        })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The options.
+    pub fn options(&self) -> &SimulatorOptions {
+        &self.options
+    }
+
+    /// The compiled scene.
+    pub fn compiled(&self) -> &Compiled {
+        &self.compiled
+    }
+
+    /// The integrator.
+    pub fn integrator(&self) -> Integrator {
+        self.integrator
+    }
+
+    /// The closed form of the scene without factors.
+    pub(super) fn closed_form_model(&self) -> &ClosedFormModel {
+        &self.closed_form_model
+    }
+
+    pub(super) fn monitor_mut(&mut self) -> &mut StepMonitor {
+        &mut self.monitor
+    }
+
+    /// Greatest `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
+    pub fn range(&self) -> f64 {
+        self.range
+    }
+
+    /// Number of instances.
+    pub fn instances(&self) -> usize {
+        self.options.instances
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.compiled.links.len()
+    }
+
+    /// Thruster allocation.
+    pub fn allocation(&self) -> &Allocation {
+        &self.allocation
+    }
+
+    /// Instruction set of the kernels.
+    pub fn isa(&self) -> Isa {
+        self.isa
+    }
+
+    /// Greatest number of threads.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Bytes of memory per instance.
+    pub fn bytes_per_instance(&self) -> usize {
+        self.storage.bytes_per_instance()
+    }
+
+    /// State of instance `i`.
+    pub fn state(&self, i: usize) -> State {
+        self.storage.state(i)
+    }
+
+    /// Sets the state of instance `i`.
+    pub fn set_state(&mut self, i: usize, state: &State) {
+        self.storage.set_state(i, state);
+    }
+
+    /// Quaternion of instance `i` as a quaternion integrator keeps it, not necessarily of unit length.
+    pub fn kept_quaternion(&self, i: usize) -> Option<[f64; 4]> {
+        self.kept_attitude(i).filter(|_| self.integrator.attitude() == Attitude::Quaternion)
+    }
+
+    /// Attitude coordinates of instance `i`, where the integrator keeps any besides the rotation matrix.
+    pub(super) fn kept_attitude(&self, i: usize) -> Option<[f64; 4]> {
+        self.storage.attitude(i)
+    }
+
+    /// Sets these coordinates.
+    pub(super) fn set_kept_attitude(&mut self, i: usize, attitude: &[f64; 4]) {
+        self.storage.set_attitude(i, attitude);
+    }
+
+    /// `h |lambda|` of the fastest rate that the motion of instance `i` excites: the step times 1/s. An explicit method
+    /// of order 4 is unstable beyond about 2.8, and inaccurate well below.
+    ///
+    /// Estimated from the differences between the stages of a step, over some thirty steps, the last ones counting most.
+    /// Motion within rounding does not count. 0 before the first step after [`Self::set_state`], and for integrators of one
+    /// stage, which have no differences. For adaptive integrators h is the sub-interval that they choose.
+    pub fn stiffness(&self, i: usize) -> f64 {
+        self.storage.step_quality(i, self.options.dt).stiffness
+    }
+
+    /// Relative velocity error of the last thirty steps or so of instance `i`: the sum of the velocity errors over the
+    /// greatest speed, estimated for the methods of orders 2 to 4 from the differences between a step's stages (`ros2`:
+    /// between its fine and its coarse result); or the error of spinning in ten seconds, if that is greater. One-stage
+    /// methods have the error of spinning alone; adaptive ones keep to a tolerance and have 0.
+    pub fn step_error(&self, i: usize) -> f64 {
+        self.storage.step_quality(i, self.options.dt).error
+    }
+
+    /// Flow of the water at instance `i`.
+    pub fn flow(&self, i: usize) -> Flow {
+        self.storage.flow(i)
+    }
+
+    /// Sets the flow of the water at instance `i`; its velocity then changes at its acceleration.
+    ///
+    /// Where the scene has no gravity, the acceleration must be 0: weight and buoyancy are not compiled then.
+    pub fn set_flow(&mut self, i: usize, flow: impl Into<Flow>) {
+        self.storage.set_flow(i, &flow.into());
+    }
+
+    /// Steps all instances `substeps` times under held inputs.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] where an input has the wrong length or a number that is not finite; nothing has changed then.
+    pub fn step(&mut self, inputs: &Inputs, substeps: usize) -> Result<(), SimulatorError> {
+        self.step_while(inputs, substeps, &mut || true).map(drop)
+    }
+
+    /// As [`Self::step`], but calls `go_on` between portions of the steps and stops where it returns false. Returns true
+    /// where all steps are done. The portions make no difference to the result.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn step_while(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        go_on: &mut dyn FnMut() -> bool,
+    ) -> Result<bool, SimulatorError> {
+        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        let limits = self.monitor.limits(self.range);
+        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let active = inputs.active_loads();
+        let portion = (PORTION / self.options.instances).max(1);
+        let mut before = 0;
+        while before < substeps {
+            if before > 0 && !go_on() {
+                return Ok(false);
+            }
+            let substeps = portion.min(substeps - before);
+            let settings = StepSettings { integrator, h, substeps, before, active, threads, limits };
+            let violation = self.storage.step(&settings, (before == 0).then_some(&inputs));
+            self.monitor.record(violation);
+            before += substeps;
+        }
+        Ok(true)
+    }
+
+    /// Every number of all instances, instance by instance: [`Self::load`] restores them bit for bit.
+    pub fn save(&self) -> Vec<f64> {
+        (0..self.instances()).flat_map(|i| self.storage.column(i)).collect()
+    }
+
+    /// Restores the numbers that [`Self::save`] of a simulator with the same scene and options returned.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] if their number differs; nothing has changed then.
+    pub fn load(&mut self, numbers: &[f64]) -> Result<(), SimulatorError> {
+        let width = self.storage.column_len();
+        let (expected, got) = (self.instances() * width, numbers.len());
+        if got != expected {
+            return Err(SimulatorError::Length { name: "saved simulator", expected, got });
+        }
+        for (i, column) in numbers.chunks_exact(width).enumerate() {
+            self.storage.set_column(i, column);
+        }
+        Ok(())
+    }
+
+    /// Calls `work` on each chunk of instances with its item; [`PhysicsChunk::step`] makes `substeps` steps of a chunk.
+    pub(super) fn for_each_chunk<T: Real, I: Send>(
+        &mut self,
+        substeps: usize,
+        active: ActiveLoads,
+        items: impl ExactSizeIterator<Item = I> + Send,
+        work: impl Fn(&mut PhysicsChunk<'_, T>, I) + Sync,
+    ) {
+        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        let limits = self.monitor.limits(self.range);
+        let settings = StepSettings { integrator, h, substeps, before: 0, active, threads, limits };
+        let violation = self.blocks().for_each_chunk(&settings, items, work);
+        self.monitor.record(violation);
+    }
+
+    /// All instances in the precision of the options.
+    pub(super) fn blocks<T: Real>(&mut self) -> &mut Blocks<T> {
+        self.storage.as_any().downcast_mut().expect("the precision of the options")
+    }
+
+    /// `[V'; q'']` of all instances, (N, 6 + n), by the articulated-body form.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn forward_dynamics(&mut self, inputs: &Inputs) -> Result<Vec<f64>, SimulatorError> {
+        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        Ok(self.storage.accelerations(&inputs))
+    }
+
+    /// Checks that `values` are `width` finite numbers per instance; `name` appears in errors.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Length`] or [`SimulatorError::NotFinite`].
+    pub fn check_rows(&self, name: &'static str, values: &[f64], width: usize) -> Result<(), SimulatorError> {
+        check(name, Some(values), width, &self.options)
+    }
+}

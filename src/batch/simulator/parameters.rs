@@ -1,0 +1,95 @@
+//! Parameters of single instances: factors, closed form and linearization with them.
+
+use std::borrow::Cow;
+
+use super::Simulator;
+use crate::batch::storage::inputs::{CheckedInputs, Inputs};
+use crate::batch::storage::instance_loads::InstanceLoads;
+use crate::dynamics::aba::Loads;
+use crate::dynamics::{ClosedForm, ClosedFormModel, Linearization, linearize};
+use crate::error::SimulatorError;
+use crate::hydro::{Thrusts, thrust_wrench};
+use crate::lie::Vector6;
+use crate::system::{Factors, compile};
+
+impl Simulator {
+    /// Factors on the parameters of instance `i`.
+    pub fn factors(&self, i: usize) -> Factors<f64> {
+        self.storage.factors(i)
+    }
+
+    /// Fraction of its thrust that each thruster with dynamics of instance `i` has lost.
+    pub(super) fn losses(&self, i: usize) -> Thrusts {
+        self.storage.losses(i)
+    }
+
+    /// Sets the factors on the parameters of all instances, for domain randomisation; they stay through `reset`.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Factor`] where one is not finite or negative, or a mass is 0; nothing has changed then.
+    pub fn set_factors(&mut self, factors: &[Factors<f64>]) -> Result<(), SimulatorError> {
+        let (expected, got) = (self.options.instances, factors.len());
+        if got != expected {
+            return Err(SimulatorError::Length { name: "factors", expected, got });
+        }
+        for (instance, factors) in factors.iter().enumerate() {
+            for (name, value) in Factors::<f64>::NAMES.into_iter().zip(factors.to_array()) {
+                if !(value.is_finite() && value >= 0.0 && (name != "mass" || value > 0.0)) {
+                    return Err(SimulatorError::Factor { name, instance, value });
+                }
+            }
+        }
+        for (i, factors) in factors.iter().enumerate() {
+            self.storage.set_factors(i, factors);
+        }
+        Ok(())
+    }
+
+    /// Sets the factors of instance `i`, which the caller has checked.
+    pub(in crate::batch) fn set_factors_of(&mut self, i: usize, factors: &Factors<f64>) {
+        self.storage.set_factors(i, factors);
+    }
+
+    /// The closed form with the parameters of instance `i`.
+    pub fn closed_form_model_of(&self, i: usize) -> Cow<'_, ClosedFormModel> {
+        let factors = self.factors(i);
+        if factors == Factors::ONE {
+            return Cow::Borrowed(&self.closed_form_model);
+        }
+        // Composition does not depend on the masses.
+        let varied = ClosedFormModel::new(&self.scene.varied(factors.of_bodies()));
+        varied.map_or(Cow::Borrowed(&self.closed_form_model), Cow::Owned)
+    }
+
+    /// Evaluates the closed form `W F + L tau = M [V'; q''] + C [V; q']` of instance `i`. `[HC eq. 13]`
+    pub fn closed_form<R>(&self, i: usize, read: impl FnOnce(&ClosedForm) -> R) -> R {
+        read(&self.closed_form_model_of(i).at(&self.state(i), self.flow(i)))
+    }
+
+    /// Linearizes instance `i` about its state under `inputs`, servos off, thrusts of thrusters with dynamics settled.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn linearize(&self, inputs: &Inputs, i: usize) -> Result<Linearization, SimulatorError> {
+        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let mut given = InstanceLoads::default();
+        inputs.fill(i, self.factors(i).thrust, &mut given);
+        let mut loads = Loads::none();
+        loads.torque = given.torque;
+        loads.on_links = inputs.active_loads().link_wrenches;
+        for (k, link) in self.compiled.links.iter().enumerate() {
+            loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
+        }
+        let (state, flow) = (self.state(i), self.flow(i));
+        let scene = self.scene.varied(self.factors(i).of_bodies());
+        // Thrusts as settled: a motion that lasts.
+        let mut wrench = given.wrench;
+        if let Some(propulsion) = self.propulsion(i, &given.command) {
+            let thrusters = &self.compiled.system.thrusters;
+            let settled = propulsion.settled(thrusters, self.twist_through_water(i));
+            let thrust: [f64; 6] = thrust_wrench(thrusters, &settled).to_array();
+            wrench = std::array::from_fn(|k| wrench[k] + thrust[k]);
+        }
+        Ok(linearize(&compile(&scene).system, &state, &flow, &wrench, &given.fins, &loads))
+    }
+}

@@ -1,0 +1,100 @@
+//! Kernel of accelerations without stepping.
+
+use super::step::shift_twist;
+use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::storage::columns::Columns;
+use crate::batch::storage::layout::Layout;
+use crate::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use crate::hydro::{FinAxes, ThrusterDynamics, thrust_wrench};
+use crate::integrate::Motion;
+use crate::lane::{Kernel, Lane, Real, Shared, get_all};
+use crate::lie::{Vector3, Vector6};
+use crate::system::{JOINTS, ScaledSystem, System, UnscaledBodyTerms};
+
+/// Kernel of the accelerations of blocks of instances.
+pub struct Accelerate<'a, T> {
+    /// The system.
+    pub system: &'a System<Shared<T>>,
+    /// Unscaled terms of its bodies, where instances differ in their parameters.
+    pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,
+    /// Attachment point of payloads, where instances carry any, m.
+    pub payload_attachment: Option<[Shared<T>; 3]>,
+    /// Rows of a block.
+    pub layout: &'a Layout,
+    /// Optional loads that are active.
+    pub active: ActiveLoads,
+    /// Instances: columns past them are left out.
+    pub count: usize,
+    /// Whole blocks.
+    pub blocks: &'a mut [T],
+    /// `[V'; q'']`, absolute, in rows of `6 + joints` per block.
+    pub out: &'a mut [T],
+}
+
+impl<T: Real> Kernel<T> for Accelerate<'_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        let layout = self.layout;
+        // One form of the system, with parameters per instance: speed does not matter here.
+        let mut system: ScaledSystem<L> =
+            self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment);
+        let system_gravity: Vector3<L> = Vector3(get_all(&system.gravity));
+        let mut scratch = Scratch::new();
+        let mut loads = Loads::none();
+        let mut motion = Motion::blank();
+        let (mut propulsion, mut surfaces) = (ThrusterDynamics::blank(), FinAxes::blank());
+        let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
+        let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
+        let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
+        for (k, (rows, out)) in blocks.zip(results).enumerate() {
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                if k * T::BLOCK + first >= self.count {
+                    break;
+                }
+                let columns = Columns { rows: &mut *rows, first };
+                columns.motion::<_, false>(layout, &mut motion);
+                columns.loads(layout, self.active, &mut loads);
+                if let Some(unscaled) = self.unscaled {
+                    system.apply_factors(self.system, unscaled, &columns.factors(layout), true);
+                }
+                let rotation = &motion.pose.rotation;
+                let current = columns.vector(layout.current);
+                let acceleration = columns.vector(layout.acceleration);
+                let pull = rotation.apply_transposed(acceleration);
+                let twist = shift_twist(motion.twist, rotation, current, -1.0);
+                let mut wrench = columns.six(layout.wrench);
+                if !system.thrusters.is_empty() {
+                    columns.propulsion(layout, &system.thrusters, T::from_f64(1.0), &mut propulsion);
+                    let acting = propulsion.acting(&system.thrusters, twist);
+                    wrench = wrench + thrust_wrench(&system.thrusters, &acting);
+                }
+                if system.has_fins_or_tether() {
+                    columns.surfaces(layout, &system.fins, &mut surfaces);
+                    let gravity = rotation.apply_transposed(system_gravity);
+                    wrench = wrench + system.fin_and_tether_wrench(&surfaces, twist, gravity);
+                }
+                if let (true, Some(gains)) = (self.active.station, &system.vehicle_servo) {
+                    let station = columns.station(layout);
+                    wrench = wrench + station.wrench(gains, &motion.pose, L::zero(), twist);
+                }
+                let instant = Instant {
+                    is_start: true,
+                    gravity: rotation.apply_transposed(system_gravity - acceleration),
+                    twist,
+                    q: &motion.q,
+                    qd: &motion.qd,
+                    wrench,
+                    held_rate: Vector3::zero() - pull,
+                    time: L::zero(),
+                };
+                accelerations(&system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
+                // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
+                let turn = twist.angular.cross(rotation.apply_transposed(current));
+                twist_rate.linear = if system.fixed { Vector3::zero() } else { twist_rate.linear - turn + pull };
+                let mut out = Columns { rows: &mut *out, first };
+                out.set_all(0, &twist_rate.to_array(), 6);
+                out.set_all(6, &qdd, layout.joints);
+            }
+        }
+    }
+}

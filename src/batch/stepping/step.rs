@@ -1,0 +1,292 @@
+//! Kernels that step blocks of instances.
+
+use std::any::Any;
+use std::slice::ChunksExactMut;
+
+use super::equations_of_motion::EquationsOfMotion;
+use super::lagged_added_mass::{LagState, LaggedAddedMass};
+use super::scratch_pool::ScratchPool;
+use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::storage::columns::Columns;
+use crate::batch::storage::layout::Layout;
+use crate::dynamics::aba::{Loads, Scratch};
+use crate::hydro::{FinAxes, ThrusterDynamics};
+use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
+use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all, prefetch_after};
+use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::system::{JOINTS, ScaledSystem, System, UnscaledBodyTerms};
+
+/// Twist relative to the water `V_r = V - [R^T v_c; 0]`, or back with `sign` +1. `[HC eq. 23]`
+#[inline(always)]
+pub fn shift_twist<L: Lane>(twist: Vector6<L>, rotation: &Matrix3<L>, current: Vector3<L>, sign: f64) -> Vector6<L> {
+    Vector6 { linear: rotation.apply_transposed(current).scale_add(L::c(sign), twist.linear), ..twist }
+}
+
+/// Displacement of water that moves at `current` and gains `gained` within the step.
+#[inline(always)]
+fn drift<L: Lane>(current: Vector3<L>, gained: Vector3<L>, h: L::Real) -> Vector3<L> {
+    gained.scale_add(L::c(0.5), current).scale(L::splat(h))
+}
+
+/// Kernel that steps blocks of instances.
+///
+/// Wide lanes: production methods with parameters that all instances share. [`StepScaled`] does the rest. Scalar lanes:
+/// everything.
+pub struct Step<'a, T> {
+    /// The system.
+    pub system: &'a System<Shared<T>>,
+    /// The same in scalars, made beforehand: [`System::allocate_scaled`] takes long for a single instance.
+    pub scalar_system: Option<&'a System<Shared<T>, T>>,
+    /// Unscaled terms of its bodies, where instances differ in their parameters.
+    pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,
+    /// Attachment point of payloads, where instances carry any, m.
+    pub payload_attachment: Option<[Shared<T>; 3]>,
+    /// Scratch memory of the steps.
+    pub scratch_pool: &'a ScratchPool,
+    /// Memory for systems with parameters per instance.
+    pub system_pool: &'a ScratchPool,
+    /// Forces in place of added mass, where `system` has none.
+    pub lagged: Option<LaggedAddedMass<'a, T>>,
+    /// Rows of a block.
+    pub layout: &'a Layout,
+    /// Integrator.
+    pub integrator: Integrator,
+    /// Step size, s.
+    pub h: T,
+    /// Number of steps.
+    pub substeps: usize,
+    /// Number of steps before these on the clock of the servo targets.
+    pub before: usize,
+    /// Optional loads that are active.
+    pub active: ActiveLoads,
+    /// Instances: columns past them need not be stepped. (Where lanes are as wide as blocks nothing is compared: the
+    /// comparison costs 1 % of a step.)
+    pub count: usize,
+    /// Whole blocks.
+    pub blocks: &'a mut [T],
+}
+
+/// Scratch memory of the steps.
+struct Memory<L: Lane> {
+    scratch: Scratch<L>,
+    stages: Stages<L, JOINTS>,
+    loads: Loads<L>,
+    motion: Motion<L, JOINTS>,
+    lag: LagState<L>,
+    propulsion: ThrusterDynamics<L>,
+    surfaces: FinAxes<L>,
+}
+
+impl<L: Lane> Memory<L> {
+    /// Fresh memory, zero throughout; every number is written before it is read.
+    fn new() -> Box<Self> {
+        let mut memory = Box::<Self>::new_uninit();
+        // SAFETY: it consists of floating-point numbers (lanes of them) and flags, for all of which zero bits are a value.
+        // Filled in one go: number by number, outside the kernel's instruction set, it takes as long as half a step.
+        unsafe {
+            memory.as_mut_ptr().write_bytes(0, 1);
+            memory.assume_init()
+        }
+    }
+
+    /// Sets all numbers to NaN: a number that is read before it is written then shows in the results.
+    fn poison(&mut self) {
+        let memory = &raw mut *self;
+        // SAFETY: bits that are all set are a number, and the flag is made valid again.
+        unsafe {
+            memory.write_bytes(0xFF, 1);
+            (&raw mut (*memory).loads.on_links).write(false);
+        }
+    }
+}
+
+impl<T: Real> Kernel<T> for Step<'_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        if L::SCALAR {
+            return self.step_scaled::<L>();
+        }
+        let mut memory = self.memory::<L>();
+        for (k, rows) in self.blocks().enumerate() {
+            prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
+                    break;
+                }
+                self.step_group::<_, _, false>(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
+            }
+        }
+        self.return_memory(memory, None);
+    }
+}
+
+/// Kernel that steps blocks of instances in wide lanes with parameters that differ between instances, or by a baseline
+/// method. (A kernel by itself: where one function holds both ways, the common one takes a twelfth longer.)
+pub struct StepScaled<'s, 'a, T>(pub &'s mut Step<'a, T>);
+
+impl<T: Real> Kernel<T> for StepScaled<'_, '_, T> {
+    #[inline(always)]
+    fn run<L: Lane<Real = T>>(&mut self) {
+        assert!(L::LANES > 1, "scalar lanes have one kernel for both");
+        self.0.step_scaled::<L>();
+    }
+}
+
+impl<'a, T: Real> Step<'a, T> {
+    /// The blocks, once.
+    #[inline(always)]
+    fn blocks(&mut self) -> ChunksExactMut<'a, T> {
+        std::mem::take(&mut self.blocks).chunks_exact_mut((self.layout.rows * T::BLOCK).max(1))
+    }
+
+    /// Steps each column group with the parameters of its instances, or those of all where they share them. (In scalar lanes
+    /// both are one number: no code for either alone.)
+    #[inline(always)]
+    fn step_scaled<L: Lane<Real = T>>(&mut self) {
+        let shared: Option<&ScaledSystem<L>> = match (self.unscaled, self.scalar_system) {
+            (None, Some(system)) => (system as &dyn Any).downcast_ref(),
+            _ => None,
+        };
+        let (mut memory, mut scaled) = self.memory_and_system::<L>(shared.is_none());
+        for (k, rows) in self.blocks().enumerate() {
+            prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
+            for first in (0..T::BLOCK).step_by(L::LANES) {
+                if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
+                    break;
+                }
+                let mut columns = Columns { rows: &mut *rows, first };
+                if let (Some(unscaled), Some(scaled)) = (self.unscaled, &mut scaled) {
+                    let mut factors = columns.factors(self.layout);
+                    if self.lagged.is_some() {
+                        factors.added_mass = L::zero();
+                    }
+                    let body_frame_terms = matches!(self.integrator, Integrator::LinearlyImplicit);
+                    scaled.apply_factors(self.system, unscaled, &factors, body_frame_terms);
+                }
+                let Some(system) = scaled.as_deref().or(shared) else { continue };
+                self.step_group::<_, _, true>(system, &mut columns, &mut memory);
+            }
+        }
+        self.return_memory(memory, scaled);
+    }
+
+    /// Scratch memory. (A call, as are the next two functions: the steps themselves contain none.)
+    #[inline(never)]
+    fn memory<L: Lane>(&self) -> Box<Memory<L>> {
+        let mut memory = self.scratch_pool.take().unwrap_or_else(Memory::new);
+        if cfg!(debug_assertions) {
+            memory.poison();
+        }
+        memory
+    }
+
+    /// Scratch memory, and a system with parameters per instance where it is needed. (One call for both: of two, the second
+    /// would have to free the result of the first in a panic.)
+    #[inline(never)]
+    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<ScaledSystem<L>>>) {
+        let has_payload =
+            |system: &ScaledSystem<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
+        let fits = |system: &Box<ScaledSystem<L>>| has_payload(system) == self.payload_attachment.is_some();
+        let pooled = self.unscaled.and_then(|_| self.system_pool.take().filter(fits));
+        let make = || Box::new(self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment));
+        (self.memory(), needed.then(|| pooled.unwrap_or_else(make)))
+    }
+
+    /// Returns both to their pools.
+    #[inline(never)]
+    fn return_memory<L: Lane>(&self, memory: Box<Memory<L>>, system: Option<Box<ScaledSystem<L>>>) {
+        self.scratch_pool.put(memory);
+        if let (Some(system), Some(_)) = (system, self.unscaled) {
+            self.system_pool.put(system);
+        }
+    }
+
+    /// Steps the instances of one column group. Terms of baseline methods are compiled where `BASELINES` holds.
+    #[inline(always)]
+    fn step_group<L: Lane<Real = T>, B: Param<L>, const BASELINES: bool>(
+        &self,
+        system: &System<Shared<T>, B>,
+        columns: &mut Columns<T>,
+        memory: &mut Memory<L>,
+    ) {
+        let motion = &mut memory.motion;
+        columns.motion::<_, BASELINES>(self.layout, motion);
+        columns.loads(self.layout, self.active, &mut memory.loads);
+        let mut current = columns.vector(self.layout.current);
+        let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
+        let gained = acceleration.scale(L::splat(self.h));
+        let station = if self.active.station { Some(columns.station(self.layout)) } else { None };
+        let lagged = if BASELINES { self.lagged.as_ref() } else { None };
+        if lagged.is_some() {
+            columns.lag_state(self.layout, self.active, &mut memory.lag);
+        }
+        let thrusters = &system.thrusters[..];
+        let held = columns.six(self.layout.wrench);
+        if !thrusters.is_empty() {
+            columns.propulsion(self.layout, thrusters, self.h, &mut memory.propulsion);
+        }
+        if !system.fins.is_empty() {
+            columns.surfaces(self.layout, &system.fins, &mut memory.surfaces);
+        }
+        let mut equations = EquationsOfMotion {
+            system,
+            loads: &mut memory.loads,
+            gravity: Vector3(get_all(&system.gravity)) - acceleration,
+            acceleration,
+            wrench: held,
+            station,
+            surfaces: &memory.surfaces,
+            time: L::zero(),
+            scratch: &mut memory.scratch,
+        };
+        let mut estimates = columns.step_estimates(self.layout);
+        for k in self.before..self.before + self.substeps {
+            equations.time = L::splat(T::from_f64(k as f64) * self.h);
+            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
+            if !thrusters.is_empty() {
+                equations.wrench = held + memory.propulsion.step(thrusters, motion.twist);
+                if lagged.is_some() {
+                    memory.lag.wrench = equations.wrench;
+                }
+            }
+            if let Some(lagged) = lagged {
+                lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut equations);
+            }
+            match &self.integrator {
+                Integrator::Explicit(method) => {
+                    let stages = &mut memory.stages;
+                    interval::<_, _, _, BASELINES>(method, self.h, motion, &mut estimates, &mut equations, stages);
+                }
+                Integrator::LinearlyImplicit => {
+                    implicit_interval(self.h, motion, &mut estimates, &mut equations);
+                }
+            }
+            motion.travel(drift(current, gained, self.h));
+            current = current + gained;
+            equations.set_current(current);
+            motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, 1.0);
+            if system.fixed {
+                // The rows still hold the pose before the step.
+                columns.place::<_, BASELINES>(self.layout, motion);
+                motion.twist = Vector6::zero();
+            }
+        }
+        columns.set_motion::<_, BASELINES>(self.layout, motion);
+        columns.set_all(self.layout.current, &current.0, 3);
+        columns.set_step_estimates(self.layout, &estimates);
+        if lagged.is_some() {
+            columns.set_lag_state(self.layout, &memory.lag);
+        }
+        if !thrusters.is_empty() {
+            columns.set_all(self.layout.thrust, &memory.propulsion.thrust, self.layout.thrusters);
+        }
+        // A compensated sum: neither many steps nor their division into calls shows in the time.
+        let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
+        for _ in 0..self.substeps {
+            let passed = rest + L::splat(self.h);
+            let next = time + passed;
+            (time, rest) = (next, passed - (next - time));
+        }
+        columns.set_all(self.layout.time, &[time, rest], 2);
+    }
+}
