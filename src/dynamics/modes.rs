@@ -1,4 +1,4 @@
-//! Modes: how fast small deviations from a motion decay, swing or grow.
+//! Modes of small deviations from a motion: decaying, oscillating or growing.
 
 use nalgebra::{Complex, DMatrix, DVector, Schur};
 
@@ -6,17 +6,17 @@ use super::linearize::Linearization;
 use crate::lane::Shared;
 use crate::system::System;
 
-/// Servos that count as on.
+/// Servos that are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Servos {
-    /// Those of the joints.
+    /// Joint servos.
     pub joints: bool,
-    /// The vehicle's station keeping.
+    /// Vehicle servo.
     pub vehicle: bool,
 }
 
 impl Servos {
-    /// Number of the choice, 0 to 3.
+    /// Index of this choice, 0 to 3.
     pub fn index(self) -> usize {
         usize::from(self.joints) + 2 * usize::from(self.vehicle)
     }
@@ -44,10 +44,10 @@ impl Linearization {
         self
     }
 
-    /// The modes of the motion, as if its coefficients were constant.
+    /// Modes of the motion with its coefficients held constant.
     ///
-    /// Left out is what has no rate of its own: coordinates that nothing depends on, a held vehicle, and the turning of
-    /// the pose error with a moving frame (`ad_V0`), which the methods on the group integrate exactly.
+    /// Left out are states without a rate: coordinates on which nothing depends, a held vehicle, and the rotation of the pose
+    /// error with a moving frame (`ad_V0`), which the methods on the group integrate exactly.
     pub fn modes(&self) -> Modes {
         let rates = self.b.ncols();
         let dynamics = |row: usize| rates + row;
@@ -70,14 +70,14 @@ impl Linearization {
     }
 }
 
-/// The eigenvalue problem of a motion.
+/// Eigenvalue problem of a motion.
 #[derive(Debug, Clone)]
 pub struct Modes {
     /// `[x; v]' = matrix [x; v]`.
     matrix: DMatrix<f64>,
-    /// `M^-1` of the velocities that are free.
+    /// `M^-1` of the free velocities.
     mobility: DMatrix<f64>,
-    /// Those velocities among `[V; q']`.
+    /// Free velocities: their entries of `[V; q']`.
     free: Vec<usize>,
     width: usize,
 }
@@ -88,12 +88,12 @@ impl Modes {
         if self.matrix.is_empty() || !self.matrix.iter().all(|x| x.is_finite()) {
             return Vec::new();
         }
-        // Some tens of sweeps per eigenvalue are many.
+        // Tens of sweeps per eigenvalue are already many.
         let schur = Schur::try_new(self.matrix.clone(), f64::EPSILON, 200 * self.matrix.nrows());
         schur.map_or_else(Vec::new, |schur| schur.complex_eigenvalues().iter().copied().collect())
     }
 
-    /// Shares of `[V; q']` in the kinetic energy of the mode of that rate; they sum to 1, whatever the units.
+    /// Shares of `[V; q']` in the kinetic energy of the mode of this rate; they sum to 1 in any units.
     pub fn shares(&self, rate: Complex<f64>) -> Vec<f64> {
         let n = self.matrix.nrows();
         // Inverse iteration next to the eigenvalue.

@@ -134,7 +134,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     }
     let apart = fine.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
     fine.extrapolate(&coarse, n);
-    // Of a mode, z^2 / 4 apart, changed by z, and wrong by z^3 / 6.
+    // For a mode: distance z^2 / 4, change z, error z^3 / 6.
     let changed = fine.velocity_distance(&from.twist, &from.qd, n) * h + L::c(1e-30);
     let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
     (greatest.max(fine.turn()), error)

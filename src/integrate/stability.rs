@@ -36,7 +36,7 @@ impl Tableau {
 pub enum Stability {
     /// An explicit Runge-Kutta method.
     Explicit(&'static Tableau),
-    /// `v += h a(x, v); x += h v`, on each pair of complex rates as an oscillator of its own.
+    /// `v += h a(x, v); x += h v`, on each pair of complex rates as a separate oscillator.
     SemiImplicitEuler,
     /// The linearly implicit method of order 2, which is L-stable: decaying modes decay at any step.
     LinearlyImplicit,

@@ -7,10 +7,10 @@ use pyo3::types::PyTuple;
 use super::arrays::{Given, optional_rows, read, rows, shape_text};
 use uvms_gym::batch::{Inputs, Simulator};
 
-/// Most coefficients of a servo target.
+/// Greatest number of coefficients of a servo target.
 const TERMS: usize = 4;
 
-/// Keyword arguments as given.
+/// Keyword arguments of a step.
 #[derive(Default)]
 pub struct InputArguments<'a, 'py> {
     pub thrust: Given<'a, 'py>,
@@ -22,7 +22,7 @@ pub struct InputArguments<'a, 'py> {
     pub pose_target: Given<'a, 'py>,
 }
 
-/// The same as numbers, one row per instance.
+/// The same as arrays, one row per instance.
 pub struct InputArrays {
     thrust: Option<Vec<f64>>,
     fin: Option<Vec<f64>>,
@@ -51,7 +51,7 @@ impl InputArguments<'_, '_> {
 }
 
 impl InputArrays {
-    /// As the simulator takes them.
+    /// Inputs of the simulator.
     pub fn inputs(&self) -> Inputs<'_> {
         Inputs {
             thrust: self.thrust.as_deref(),

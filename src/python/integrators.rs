@@ -5,14 +5,14 @@ use pyo3::types::PyDict;
 
 use uvms_gym::integrate::{Integrator, Kind};
 
-/// Integrators that a `Simulator` may use, the default first.
+/// List the integrators of `Simulator`, the default first.
 ///
 /// Returns
 /// -------
 /// list of dict
 ///     Each with name (str), summary (str), order (int: the error after a given time falls as dt to this power), kind
-///     (str: "production", or "baseline" for what is there for comparison alone), adaptive (bool: cuts steps into pieces by
-///     their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
+///     (str: "production", or "baseline" for methods of other simulators, for comparison), adaptive (bool: divides steps into
+///     sub-intervals by their estimated error, see `tolerance`) and implicit (bool: solves a linear system within a step).
 #[pyfunction]
 pub fn integrators(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
     let entry = |entry: uvms_gym::integrate::Entry| {

@@ -28,9 +28,9 @@ impl Simulator {
         Ok(dict)
     }
 
-    /// Sets factors on the parameters of every body of each instance, for domain randomisation.
+    /// Set factors on the parameters of every body of each instance, for domain randomisation.
     ///
-    /// They stay through `reset`. Parameters that are left out keep their factors.
+    /// They stay through `reset`. Omitted parameters keep their factors.
     ///
     /// Parameters
     /// ----------
@@ -39,13 +39,13 @@ impl Simulator {
     /// added_mass : array_like () or (N,)
     ///     Factor on added mass.
     /// linear_damping, quadratic_damping : array_like () or (N,)
-    ///     Factors on drag coefficients.
+    ///     Factors on damping coefficients.
     /// volume : array_like () or (N,)
     ///     Factor on displaced volume, and with it buoyancy.
     /// payload : array_like () or (N,)
     ///     Point mass at the end effector (at the vehicle's origin without an arm), kg; on top of the scene's payload.
     /// thrust : array_like () or (N,)
-    ///     Factor on what the thrusters give for the thrust that is asked of them.
+    ///     Factor on the thrust relative to the commanded thrust.
     /// thruster_lag : array_like () or (N,)
     ///     Factor on the thrusters' time constants, where the scene gives them any.
     ///

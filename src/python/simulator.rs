@@ -1,4 +1,4 @@
-//! `uvms_gym.Simulator`: making one, what it is, copies.
+//! `uvms_gym.Simulator`: construction, properties, copies.
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -9,15 +9,15 @@ use super::errors::OrRaise;
 use super::scene;
 use uvms_gym::batch::{self, Precision, SimulatorOptions};
 
-/// Batched simulator of one scene, without any task.
+/// Batched simulator of one scene, without a task.
 ///
-/// Instances are independent: the result of each depends on its own state and inputs alone, bit for bit, whatever
-/// `num_envs`, the instance's place among the others and `threads`.
+/// Instances are independent: the result of each depends on its own state and inputs alone, bit for bit, and not on
+/// `num_envs`, the instance's place among the others or `threads`.
 ///
 /// N is `num_envs`, n the number of joints, m of thrusters, k of fins. SI units. World z up; body x forward, y left,
 /// z up; quaternions [w, x, y, z]; 6-vectors [linear; angular]: twists [v; omega] in body axes at the vehicle
-/// frame, absolute (not relative to the water), and wrenches [f; m] in body axes at the body's frame origin. Bodies
-/// with wrenches of their own are the vehicle and one per joint; a link's frame lies at its joint and moves with it.
+/// frame, absolute (not relative to the water), and wrenches [f; m] in body axes at the body's frame origin. External
+/// wrenches act on the vehicle and on one body per joint; a link's frame lies at its joint and moves with it.
 ///
 /// Parameters
 /// ----------
@@ -31,19 +31,19 @@ use uvms_gym::batch::{self, Precision, SimulatorOptions};
 ///     Name of an integrator: "mk4" (the default: Munthe-Kaas, order 4) or another that `integrators` lists.
 ///     [HC eqs. 14, 17, 18]
 /// dtype : str
-///     "float64", or "float32": twice as fast, with an accuracy of its own. Arrays are float64 either way.
+///     "float64", or "float32": twice as fast, less accurate. Arrays are float64 in both cases.
 /// threads : int or None
-///     Most threads; one per core where None. Few instances use fewer.
+///     Greatest number of threads; one per core where None. Few instances use fewer.
 /// gamma : float
 ///     Gain of the norm-restoring term of the quaternion integrators, 1/s. [HC eq. 14]
 /// tolerance : float
-///     For adaptive integrators ("mk54"): bound on the estimated error of each piece of a step, in m and rad for the
-///     pose, absolute and relative for twist, q and qd. Float32 comes down to about 1e-6; less counts as that.
+///     For adaptive integrators ("mk54"): bound on the estimated error of each sub-interval of a step, in m and rad
+///     for the pose, absolute and relative for twist, q and qd. Least value about 1e-6 in float32; smaller ones count as that.
 ///
 /// Raises
 /// ------
 /// SceneError
-///     The scene cannot be read, or no physical system can be like that.
+///     The scene cannot be read or is not physical.
 /// ValueError, TypeError
 ///     Another argument is out of range or of the wrong type.
 #[pyclass(module = "uvms_gym", name = "Simulator")]
@@ -51,7 +51,7 @@ pub struct Simulator {
     pub(super) inner: batch::Simulator,
 }
 
-/// A number of seconds or so.
+/// Number of an argument.
 pub(super) fn number(name: &str, given: Given, default: f64) -> PyResult<f64> {
     let Some(given) = given else { return Ok(default) };
     given.extract().map_err(|error: PyErr| {
@@ -142,27 +142,27 @@ impl Simulator {
         self.inner.options().gamma
     }
 
-    /// float: bound on the estimated error of a piece of a step, for adaptive integrators.
+    /// float: bound on the estimated error of a sub-interval of a step, for adaptive integrators.
     #[getter]
     fn tolerance(&self) -> f64 {
         self.inner.options().tolerance
     }
 
-    /// int: most threads that a step uses.
+    /// int: greatest number of threads of a step.
     #[getter]
     fn threads(&self) -> usize {
         self.inner.threads()
     }
 
-    /// str: instruction set of the kernel: "avx512", "avx2", "fma" or "plain"; the widest, but for one instance alone, for
-    /// which "fma" takes less time. The environment variable UVMS_INSTRUCTION_SET chooses another. All but "plain" give the same
+    /// str: instruction set of the kernels: "avx512", "avx2", "neon", "fma" or "plain"; the widest available, but "fma" for a
+    /// single instance, where it is faster. The environment variable UVMS_INSTRUCTION_SET chooses another. All but "plain" give the same
     /// results bit for bit.
     #[getter]
     fn instruction_set(&self) -> &'static str {
         self.inner.isa().name()
     }
 
-    /// dict: the complete scene, as `load_scene` gives it.
+    /// dict: the complete scene, in the form of `load_scene`.
     #[getter]
     fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         scene::to_python(self.inner.scene(), py)

@@ -1,4 +1,4 @@
-//! `uvms_gym.Simulator`: rates, stable steps, and warnings of unstable ones.
+//! `uvms_gym.Simulator`: modes, stable steps, and step warnings.
 
 use std::ffi::CString;
 
@@ -14,17 +14,17 @@ use super::simulator::Simulator;
 use uvms_gym::batch::stabilities;
 use uvms_gym::dynamics::Servos;
 
-/// Packages between the user's line and the step.
+/// Packages whose frames a warning skips.
 const BETWEEN: [&str; 3] = ["uvms_gym", "gymnasium", "stable_baselines3"];
 
-/// Warns at the line of the user's that led here.
+/// Issues a `StepWarning` at the user's line.
 pub fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
     let category = py.get_type::<StepWarning>();
     let message = CString::new(message.replace('\0', ""))?;
     PyErr::warn(py, &category, &message, users_level(py)?)
 }
 
-/// How many Python frames lie between here and the user's, as `warnings.warn` counts them.
+/// Stack level of the user's frame for `warnings.warn`.
 fn users_level(py: Python<'_>) -> PyResult<i32> {
     let mut frame = py.import(intern!(py, "sys"))?.call_method0(intern!(py, "_getframe"))?;
     let mut level = 1;
@@ -40,7 +40,7 @@ fn users_level(py: Python<'_>) -> PyResult<i32> {
     Ok(level)
 }
 
-/// One number for all axes, or one each.
+/// One speed for all axes, or one for each.
 fn speeds(given: Given) -> PyResult<Option<[f64; 6]>> {
     let Some(given) = given else { return Ok(None) };
     match read("speed", given)? {
@@ -54,34 +54,34 @@ fn speeds(given: Given) -> PyResult<Option<[f64; 6]>> {
 
 #[pymethods]
 impl Simulator {
-    /// The scene's modes: how fast small deviations decay, swing or grow, fastest first.
+    /// Modes of the scene: small deviations that decay, oscillate or grow; fastest first.
     ///
-    /// Eigenvalues of the linearized motion (drag, restoring, friction, servos, gyroscopic terms) at a spread of states:
+    /// Eigenvalues of the linearized motion (damping, restoring, friction, servos, gyroscopic terms) at a spread of states:
     /// at home and at 8 configurations within the limits of the joints, each at rest, with the vehicle at its expected
     /// speed through the water along each axis in turn, and with all joints at their speed limits (1 rad/s or
-    /// 0.25 m/s without). Besides, with each joint against each of its end stops, whose stiffness acts only there. Of the
-    /// modes that a coordinate has most of the kinetic energy of, the fastest is listed: the fastest decaying one,
-    /// growing one, and one at an end stop. All with the scene's own parameters, whatever `scale_parameters`.
+    /// 0.25 m/s without); and with each joint against each of its end stops, whose stiffness acts only there. For each
+    /// coordinate, of the modes in which it has most of the kinetic energy, the list has the fastest decaying one, the fastest
+    /// growing one, and the fastest one at an end stop. All without the factors of `scale_parameters`.
     ///
     /// Parameters
     /// ----------
     /// speed : float or array_like (6,)
-    ///     Expected speed, m/s and rad/s, along all axes or along each. Without: where full thrust along the axis balances
-    ///     the vehicle's drag, at most 5; 0 without thrust.
+    ///     Expected speed, m/s and rad/s, along all axes or along each. By default the speed at which full thrust along the
+    ///     axis balances the vehicle's damping, at most 5; 0 without thrust.
     /// joint_servos, vehicle_servo : bool
-    ///     Whether the servos of the joints and of the vehicle are on, where the scene has them.
+    ///     True where the servos of the joints and of the vehicle are on, if the scene has them.
     ///
     /// Returns
     /// -------
     /// list of dict
     ///     rate (complex, 1/s, one of each conjugate pair: deviations go as exp(rate t)), time_constant (1/|real part|,
-    ///     s), period (s; infinite where it does not swing), what (the coordinates that move, such as "joint 3
-    ///     (wrist)"), where (the state), end_stop (bool).
+    ///     s), period (s; infinite without oscillation), what (moving coordinates: "joint 3 (wrist)"), where (state of
+    ///     the linearization), end_stop (bool).
     ///
     /// Raises
     /// ------
     /// ValueError, TypeError
-    ///     A speed that is negative, not finite or no number.
+    ///     Speed that is negative, not finite or not a number.
     #[pyo3(
         signature = (speed=None, *, joint_servos=true, vehicle_servo=true),
         text_signature = "($self, speed=None, *, joint_servos=True, vehicle_servo=True)"
@@ -111,20 +111,20 @@ impl Simulator {
         Ok(list)
     }
 
-    /// Greatest stable step of each integrator, s, over all modes of the scene: up to it every step makes each of them
-    /// decay that decays by itself.
+    /// Greatest stable step of each integrator, s, over all modes of the scene: at smaller steps every physically decaying mode
+    /// decays.
     ///
-    /// That is |R(h rate)| <= 1 for the integrator's stability function R. An undamped oscillation may grow by 1 % per
-    /// second, which the methods of order 1 and 2 make it do at any step; where vehicle or joints are at speed, a
-    /// lightly damped one by its own rate over ten. Stable is not accurate: take a few times less. Larger steps of
-    /// this simulator's `dt` are warned of by `StepWarning`, end stops left out, as they act only at the limits.
+    /// Criterion: |R(h rate)| <= 1 for the integrator's stability function R. An undamped oscillation may grow by 1 % per
+    /// second, since the methods of order 1 and 2 amplify it at any step; where vehicle or joints are at speed, a lightly
+    /// damped one by a tenth of its rate. Accuracy needs a step a few times smaller. A `dt` of
+    /// this simulator above the stable step raises a `StepWarning`; end stops, which act only at the limits, do not count there.
     ///
     /// Parameters
     /// ----------
     /// speed, joint_servos, vehicle_servo
     ///     As for `modes`.
     /// end_stops : bool
-    ///     Whether joints run into their end stops.
+    ///     True where joints reach their end stops.
     ///
     /// Returns
     /// -------
@@ -134,7 +134,7 @@ impl Simulator {
     /// Raises
     /// ------
     /// ValueError, TypeError
-    ///     A speed that is negative, not finite or no number.
+    ///     Speed that is negative, not finite or not a number.
     #[pyo3(
         signature = (speed=None, *, joint_servos=true, vehicle_servo=true, end_stops=true),
         text_signature = "($self, speed=None, *, joint_servos=True, vehicle_servo=True, end_stops=True)"

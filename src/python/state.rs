@@ -1,4 +1,4 @@
-//! `uvms_gym.Simulator`: the state, in and out.
+//! `uvms_gym.Simulator`: reading and setting the state.
 
 use pyo3::prelude::*;
 
@@ -9,7 +9,7 @@ use uvms_gym::batch::States;
 use uvms_gym::system::{State, quaternion};
 
 impl Simulator {
-    /// Numbers of every instance's state as an array (N, ...).
+    /// Array (N, ...) of numbers of every instance's state.
     fn gather<'py, I: IntoIterator<Item = f64>>(
         &self,
         py: Python<'py>,
@@ -41,7 +41,7 @@ impl Simulator {
     }
 
     /// numpy.ndarray (N, 4): unit quaternion [w, x, y, z] of the vehicle, w >= 0, body to world. The quaternion
-    /// integrators give theirs as they keep it: of any sign, and only nearly of unit length. [HC eq. 14]
+    /// integrators return theirs unchanged: of either sign, and only approximately of unit length. [HC eq. 14]
     #[getter]
     fn quaternion<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let kept = |i| self.inner.kept_quaternion(i);
@@ -82,19 +82,19 @@ impl Simulator {
         self.gather(py, &[], |state, _| [state.time])
     }
 
-    /// numpy.ndarray (N,): dt times the fastest rate (1/s) that the motion of each instance excites, as the stages of
-    /// the last thirty steps or so show it. Explicit methods of order 4 are unstable beyond about 2.8, and inaccurate
-    /// well below. 0 before the first step after `set_state`, and for the integrators of one stage. Adaptive
-    /// integrators count with the pieces that they choose.
+    /// numpy.ndarray (N,): h*lambda, dt times the fastest rate (1/s) that the motion of each instance excites, estimated from
+    /// the stages of the last thirty steps or so. Explicit methods of order 4 are unstable beyond about 2.8, and inaccurate
+    /// well below. 0 before the first step after `set_state`, and for the integrators of one stage. For adaptive integrators
+    /// dt is the sub-interval that they choose.
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let instances = self.inner.instances();
         array(py, &[instances], (0..instances).map(|i| self.inner.stiffness(i)).collect())
     }
 
-    /// numpy.ndarray (N,): share of its speed that the last thirty steps or so of each instance got wrong: the velocity
-    /// error that the stages show, summed, by the greatest speed; or what spinning got wrong in ten seconds, if that is
-    /// more. The integrators of one stage count spinning alone; "mk54" keeps to its tolerance and has 0.
+    /// numpy.ndarray (N,): relative velocity error of the last thirty steps or so of each instance: the sum of the errors
+    /// estimated from the stages over the greatest speed; or the error of spinning in ten seconds, if that is greater.
+    /// Integrators of one stage have the error of spinning alone; "mk54" keeps to its tolerance and has 0.
     #[getter]
     fn step_error<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let instances = self.inner.instances();
@@ -113,7 +113,7 @@ impl Simulator {
         self.gather(py, &[3], |_, i| <[f64; 3]>::from(self.inner.flow(i).acceleration))
     }
 
-    /// Set parts of the state; what is left out stays as it is.
+    /// Set parts of the state; omitted parts keep their values.
     ///
     /// Each part has one row for all instances, or one per instance. Everything is checked before anything changes.
     ///
@@ -122,7 +122,7 @@ impl Simulator {
     /// position : array_like (3,) or (N, 3)
     ///     Vehicle origin in the world, m.
     /// rotation : array_like (3, 3) or (N, 3, 3)
-    ///     Body to world. May be off by 1e-6 per entry of R^T R; is made orthonormal.
+    ///     Body to world. Deviation of R^T R from I at most 1e-6 per entry; is made orthonormal.
     /// quaternion : array_like (4,) or (N, 4)
     ///     The same as [w, x, y, z]; is normalised. Excludes `rotation`.
     /// twist : array_like (6,) or (N, 6)
@@ -136,7 +136,7 @@ impl Simulator {
     /// time : float or array_like (N,)
     ///     Time, s.
     /// current : array_like (3,) or (N, 3)
-    ///     Velocity of the water in the world, m/s; steady, if it does not accelerate, until it is set again.
+    ///     Velocity of the water in the world, m/s; changes at `current_acceleration` until it is set again.
     /// current_acceleration : array_like (3,) or (N, 3)
     ///     Acceleration of the water in the world, m/s^2, uniform in space; the current changes by it. The pressure that
     ///     accelerates the water acts on the bodies too (Froude-Krylov force), beside added mass. Zero if the scene has no
@@ -145,10 +145,10 @@ impl Simulator {
     /// Raises
     /// ------
     /// ValueError
-    ///     A shape, a number that is not finite, no rotation, a zero quaternion, motion of a held vehicle, acceleration
-    ///     of water in a scene without gravity.
+    ///     Wrong shape, number not finite, invalid rotation, zero quaternion, motion of a held vehicle, acceleration of water
+    ///     in a scene without gravity.
     /// TypeError
-    ///     Something that is no array of real numbers.
+    ///     Argument that is not an array of real numbers.
     #[pyo3(signature = (
         position=None, rotation=None, quaternion=None, twist=None, q=None, qd=None, time=None, current=None,
         current_acceleration=None, thrust=None
