@@ -41,13 +41,13 @@ class Parameter(NamedTuple):
 def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
     """What is tuned, by the controller's name; gains on the vehicle have one factor per group of `axes`."""
     pd = (Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes))
-    lead = Parameter("lead", 0.01, 1.0, absolute=True, floor=True)
-    observer = Parameter("observer", 0.2, 20.0, ((0,), (1,)), absolute=True)
+    horizon = Parameter("prediction_horizon", 0.01, 1.0, absolute=True, floor=True)
+    observer = Parameter("observer_bandwidth", 0.2, 20.0, ((0,), (1,)), absolute=True)
     # What the observer takes for granted about disturbances.
     expected = (
-        Parameter("waves", 0.003, 3.0, ((0,), (1,)), absolute=True, floor=True),
-        Parameter("frequency", 0.3, 4.0, absolute=True),
-        Parameter("jolts", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
+        Parameter("wave_acceleration", 0.003, 3.0, ((0,), (1,)), absolute=True, floor=True),
+        Parameter("wave_frequency", 0.3, 4.0, absolute=True),
+        Parameter("acceleration_noise", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
     )
     weights = (
         Parameter("velocity", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
@@ -55,21 +55,25 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         Parameter("change", 1e-6, 0.1, ((0,), (1,)), absolute=True, floor=True),
     )
     resolved = (
-        *(Parameter(name, 0.1, 10.0) for name in ("error", "vehicle", "joint")),
-        *(Parameter(name, 0.02, 20.0) for name in ("home", "level", "arm")),
+        *(Parameter(name, 0.1, 10.0) for name in ("pose_gain", "twist_gain", "joint_gain")),
+        *(Parameter(name, 0.02, 20.0) for name in ("posture_gain", "levelling_gain", "arm_weight")),
     )
     return {
         "pd": pd,
         "pd-restoring": pd,
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
         "dob": (*pd, observer, *expected),
-        "dob-delay": (*pd, observer, *expected, lead),
-        "dob-calm": (*pd, observer, *expected, lead),
-        "computed-torque": (*pd, observer, *expected, lead),
+        "dob-delay": (*pd, observer, *expected, horizon),
+        "dob-calm": (*pd, observer, *expected, horizon),
+        "computed-torque": (*pd, observer, *expected, horizon),
         "mpc": (*weights, observer, *expected),
         "resolved": resolved,
-        "resolved-pid": (*resolved, Parameter("integral", 0.01, 10.0, absolute=True)),
-        "resolved-dob": (*resolved, observer._replace(groups=((0,), (1,), (2,))), lead),
+        "resolved-pid": (*resolved, Parameter("integral_gain", 0.01, 10.0, absolute=True)),
+        "resolved-dob": (
+            *resolved,
+            observer._replace(groups=((0,), (1,), (2,))),
+            horizon._replace(name="lag_compensation"),
+        ),
     }
 
 

@@ -126,11 +126,11 @@ class Tuner:
     def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter]) -> None:
         self._arena, self._entry, self._sought, self._calm = arena, CLASSICAL[name], sought, name in CALM
         own = self.controller({})
-        self._own = {p.name: np.asarray(_own(own, p.name), dtype=np.float64) for p in sought}
+        self._own = {p.name: np.asarray(own.gains[p.name], dtype=np.float64) for p in sought}
 
     def controller(self, gains: dict[str, Any]) -> Controller:
         """Make the controller with these gains."""
-        return self._entry.kind(self._arena.batch(FINAL_EPISODES), **{**self._entry.arguments, **gains})
+        return self._entry.kind(self._arena.batch(FINAL_EPISODES), **{**self._entry.gains, **gains})
 
     def gains(self, values: Floats) -> dict[str, Any]:
         """Keyword arguments of the controller, to four digits."""
@@ -310,7 +310,7 @@ def main(
             "env": env,
             "scene": arena.options["scene"],
             "period": place.name,
-            "controller": [name, CLASSICAL[name].arguments, known[name]],
+            "controller": [name, CLASSICAL[name].gains, known[name]],
             "budget": budget,
             "seed": seed,
             "base": gains,
@@ -337,11 +337,6 @@ def main(
         store(file, name, gains, record)
         _tell(name, gains, record)
     console.print(f"{file}", markup=False, soft_wrap=True)
-
-
-def _own(controller: Controller, name: str) -> Any:
-    """Value of a parameter that a controller has by itself."""
-    return controller.gains[name] if hasattr(controller, "gains") else getattr(controller, name)
 
 
 def _arena(env: str, scene: str, period: float | None, threads: int | None) -> Arena:

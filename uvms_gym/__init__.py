@@ -17,7 +17,18 @@ from uvms_gym._core import (
     scene_template,
     scenes,
 )
-from uvms_gym.controllers import DOB, MLP, MPC, PD, PID, ComputedTorque, PDRestoring, Residual, ResolvedMotion
+from uvms_gym.controllers import (
+    DOB,
+    MLP,
+    MPC,
+    PD,
+    PID,
+    ComputedTorque,
+    PDRestoring,
+    Residual,
+    ResolvedMotion,
+    StateWarning,
+)
 from uvms_gym.controllers.registry import make_controller
 from uvms_gym.disturbances import disturbances
 from uvms_gym.envs import register_envs
@@ -38,6 +49,7 @@ __all__ = [
     "Rollout",
     "SceneError",
     "Simulator",
+    "StateWarning",
     "StepWarning",
     "__version__",
     "disturbances",

@@ -10,12 +10,7 @@ from typing_extensions import disjoint_base
 __all__ = [
     "Controller",
     "Mlp",
-    "ModelControl",
-    "Mpc",
-    "Pd",
-    "Pid",
     "Renderer",
-    "ResolvedMotion",
     "Rollout",
     "SceneError",
     "Simulator",
@@ -25,6 +20,7 @@ __all__ = [
     "disturbances",
     "dump_scene",
     "estimate",
+    "gain_names",
     "import_urdf",
     "integrators",
     "lint_scene",
@@ -107,6 +103,9 @@ def import_urdf(
     tip: str | None = None,
 ) -> tuple[dict[str, Any], list[str]]:
     """A vehicle with the arm of a URDF file, and what should be known about it; see `uvms_gym.import_urdf`."""
+
+def gain_names(kind: str) -> list[str]:
+    """Names of the gains of a classical controller."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""
@@ -562,65 +561,8 @@ class Task:
 
     def paths(self, count: int) -> NDArray[np.float64]:
         """(N, count, 3) places all along the paths of the end effectors; count is 0 for tasks without."""
-    def no_control(self) -> Controller:
-        """No control: every action is 0."""
-
-    def pd(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
-        """The paper's PD with these gains (6 each), or with the scene's."""
-
-    def pid(self, kp: list[float] | None = None, kd: list[float] | None = None, ki: list[float] | None = None) -> Pid:
-        """The PD with an integral; its gains follow from the others where they are not given."""
-
-    def pd_restoring(self, kp: list[float] | None = None, kd: list[float] | None = None) -> Pd:
-        """The PD with restoring compensation."""
-
-    def model_control(
-        self,
-        law: str,
-        *,
-        kp: list[float] | None = None,
-        kd: list[float] | None = None,
-        observer: list[float] | None = None,
-        waves: list[float] | None = None,
-        frequency: float | None = None,
-        jolts: list[float] | None = None,
-        delay: int | None = None,
-        lead: float | None = None,
-    ) -> ModelControl:
-        """Feedback on an observer's estimate; the usual gains where they are not given, and the task's own delay.
-
-        `law` is "disturbance" or "computed-torque".
-        """
-
-    def mpc(
-        self,
-        *,
-        velocity: list[float] | None = None,
-        effort: list[float] | None = None,
-        change: list[float] | None = None,
-        observer: list[float] | None = None,
-        waves: list[float] | None = None,
-        frequency: float | None = None,
-        jolts: list[float] | None = None,
-        delay: int | None = None,
-    ) -> Mpc:
-        """Model-predictive control; the usual weights where they are not given, and the task's own delay."""
-
-    def resolved_motion(
-        self,
-        *,
-        error: float | None = None,
-        vehicle: float | None = None,
-        joint: float | None = None,
-        home: float | None = None,
-        level: float | None = None,
-        arm: float | None = None,
-        lead: float | None = None,
-        integral: float | None = None,
-        observer: list[float] | None = None,
-        delay: int | None = None,
-    ) -> ResolvedMotion:
-        """Resolved motion with these gains; the usual ones where they are not given."""
+    def controller(self, kind: str, gains: dict[str, float | list[float] | None]) -> Controller:
+        """A classical controller by its kind and its gains; defaults where a gain is None or missing."""
 
     def rollout(self, policy: Controller, trace: list[int] = ...) -> Rollout:
         """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
@@ -679,124 +621,24 @@ class Rollout:
 
 @disjoint_base
 class Controller:
-    """A controller that runs here: alone by `act`, or in a closed loop by `Task.run`."""
+    """A native controller: alone by `act`, or in a closed loop by `Task.run`."""
 
     @property
     def widths(self) -> list[int]:
         """Lengths of a row of observations, memory and actions."""
 
+    @property
+    def gains(self) -> dict[str, Any]:
+        """Gains by name: numbers and arrays."""
+
+    @property
+    def memory_layout(self) -> list[tuple[str, int]]:
+        """Name and length of each block of an instance's memory, in order."""
+
     def act(
         self, observations: NDArray[np.float32], memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Actions (n, a) for observations (n, d) and memory (n, m), and the memory after them."""
-
-@final
-class Pd(Controller):
-    """PD on the vehicle, `F = -kp e - kd V`."""
-
-    @property
-    def kp(self) -> list[float]:
-        """Proportional gains, N/m and N m/rad."""
-
-    @property
-    def kd(self) -> list[float]:
-        """Derivative gains, N s/m and N m s/rad."""
-
-@final
-class Pid(Controller):
-    """PD with an integral of the pose error."""
-
-    @property
-    def kp(self) -> list[float]:
-        """Proportional gains, N/m and N m/rad."""
-
-    @property
-    def kd(self) -> list[float]:
-        """Derivative gains, N s/m and N m s/rad."""
-
-    @property
-    def ki(self) -> list[float]:
-        """Integral gains, N/(m s) and N m/(rad s)."""
-
-@final
-class ModelControl(Controller):
-    """Feedback on what an observer tells that knows the nominal model."""
-
-    @property
-    def kp(self) -> list[float]:
-        """Proportional gains: N/m and N m/rad, or 1/s2 for computed torque."""
-
-    @property
-    def kd(self) -> list[float]:
-        """Derivative gains: N s/m and N m s/rad, or 1/s."""
-
-    @property
-    def observer(self) -> list[float]:
-        """Bandwidth of the observer, linear and angular, rad/s."""
-
-    @property
-    def waves(self) -> list[float]:
-        """Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2."""
-
-    @property
-    def frequency(self) -> float:
-        """Their angular frequency, rad/s."""
-
-    @property
-    def jolts(self) -> list[float]:
-        """White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second."""
-
-    @property
-    def delay(self) -> int:
-        """Age of measurements that is compensated, in control periods."""
-
-    @property
-    def lead(self) -> float:
-        """Time beyond the present that is predicted, s."""
-
-@final
-class Mpc(Controller):
-    """Linear model-predictive control."""
-
-    @property
-    def velocity(self) -> list[float]:
-        """Weights on velocities, linear and angular."""
-
-    @property
-    def effort(self) -> list[float]:
-        """Weights on wrenches, forces and moments."""
-
-    @property
-    def change(self) -> list[float]:
-        """Weights on their changes."""
-
-    @property
-    def observer(self) -> list[float]:
-        """Bandwidth of the observer, linear and angular, rad/s."""
-
-    @property
-    def waves(self) -> list[float]:
-        """Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2."""
-
-    @property
-    def frequency(self) -> float:
-        """Their angular frequency, rad/s."""
-
-    @property
-    def jolts(self) -> list[float]:
-        """White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second."""
-
-    @property
-    def delay(self) -> int:
-        """Age of measurements that is compensated, in control periods."""
-
-@final
-class ResolvedMotion(Controller):
-    """Resolved motion and inverse dynamics, for an end effector that follows a path."""
-
-    @property
-    def gains(self) -> dict[str, Any]:
-        """Gains by name, as `Task.resolved_motion` takes them."""
+        """Actions (n, a) for observations (n, d) and memory (n, m), and the updated memory."""
 
 @final
 class Mlp(Controller):
@@ -817,28 +659,28 @@ class Mlp(Controller):
     ) -> Mlp: ...
     @staticmethod
     def from_bytes(bytes: bytes) -> Mlp:
-        """The policy that a safetensors file holds."""
+        """The policy of a safetensors file."""
 
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
 
     def check(self, task: Task, *, residual: bool) -> None:
-        """Refuse a task that the policy is not for, alone or to correct a controller."""
+        """Refuse another task than the policy's, alone or as a residual policy."""
 
     def correcting(self, base: Controller, limit: float) -> Controller:
         """Give this network's corrections to a controller, of at most `limit`."""
 
     @property
     def residual(self) -> bool:
-        """Whether it says that it corrects a controller."""
+        """Whether it is a residual policy."""
 
     @property
     def history(self) -> int:
-        """Observations that it reads at once."""
+        """Number of stacked observations."""
 
     @property
     def sizes(self) -> list[int]:
-        """Entries of what it reads, and of all layers' results."""
+        """Entries of the input, and of all layers' results."""
 
     @property
     def activation(self) -> str:
@@ -846,8 +688,8 @@ class Mlp(Controller):
 
     @property
     def spec(self) -> dict[str, Any] | None:
-        """What the policy is for: task, scene, action, actions, control_period and observation."""
+        """Environment of the policy: task, scene, action, actions, control_period and observation."""
 
     @property
     def notes(self) -> dict[str, str]:
-        """What else is to be known of it."""
+        """Notes: seeds, steps, scores."""

@@ -71,7 +71,7 @@ class Rollout:
         if not isinstance(controller, Controller):
             raise TypeError(f"a rollout takes a controller of uvms_gym, not {type(controller).__name__}")
         self._env = inner
-        self._rollout = inner._native.rollout(controller.policy, list(trace))
+        self._rollout = inner._native.rollout(controller.native, list(trace))
 
     def run(self, steps: int, tick: Callable[[int], object] | None = None) -> None:
         """Run so many control periods; `tick` is told after each part how many it had.

@@ -60,12 +60,12 @@ impl ActionMap {
         self.kind
     }
 
-    /// BlockIndices of an action.
+    /// Entries of an action.
     pub fn len(&self) -> usize {
         self.vehicle_len() + self.torques.len()
     }
 
-    /// BlockIndices of the vehicle.
+    /// Entries of the vehicle.
     fn vehicle_len(&self) -> usize {
         match self.kind {
             ActionKind::Wrench | ActionKind::Residual => 6,

@@ -15,7 +15,7 @@ pub const ACTIONS: usize = THRUSTERS + JOINTS;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Actuation<T> {
     kind: ActionKind,
-    /// BlockIndices of an action.
+    /// Entries of an action.
     len: usize,
     thrusters: Vec<Drive<T>>,
     /// Whether a thruster hardly pushes one way, so that rounding alone may exceed its limit there.
@@ -117,7 +117,7 @@ impl<T: Real> Actuation<T> {
         }
     }
 
-    /// BlockIndices of an action.
+    /// Entries of an action.
     #[expect(clippy::len_without_is_empty, reason = "an action without entries is refused")]
     #[inline(always)]
     pub fn len(&self) -> usize {

@@ -1,15 +1,16 @@
-//! What all controllers have in common.
+//! The interface of all controllers.
 
+use super::gains::GainMap;
 use crate::error::ControlError;
 
-/// Lengths of the rows that a policy reads, remembers and writes.
+/// Lengths of the rows that a controller reads, remembers and writes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Widths {
-    /// BlockIndices of an observation.
+    /// Entries of an observation.
     pub observation: usize,
-    /// Numbers remembered per instance.
+    /// Numbers of memory per instance.
     pub memory: usize,
-    /// BlockIndices of an action.
+    /// Entries of an action.
     pub action: usize,
 }
 
@@ -33,7 +34,7 @@ impl Widths {
     }
 }
 
-/// A controller that turns rows of observations into rows of actions in [-1, 1], without randomness.
+/// Rows of observations to rows of actions in [-1, 1], without randomness.
 ///
 /// Rows are independent: the action of an instance depends on its own row and memory alone, bit for bit, whatever the
 /// number of rows.
@@ -41,22 +42,32 @@ pub trait Controller: Send + Sync {
     /// Lengths of the rows.
     fn widths(&self) -> Widths;
 
-    /// Writes actions (n x a) for finite observations (n x d), and brings the memory (n x m) up to date. The memory of
-    /// an instance is all 0 when its episode begins.
+    /// Gains by name; none by default.
+    fn gains(&self) -> GainMap {
+        GainMap::new()
+    }
+
+    /// Name and length of each block of an instance's memory, in order; none by default.
+    fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        Vec::new()
+    }
+
+    /// Writes actions (n x a) for finite observations (n x d), and updates the memory (n x m). The memory of an
+    /// instance is all 0 when its episode begins.
     ///
     /// # Errors
     /// `ControlError::Shape` if the lengths are no whole rows, or not equally many; nothing has changed then.
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError>;
 }
 
-/// No control: every action is 0.
+/// Zero action.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NoControl {
     widths: Widths,
 }
 
 impl NoControl {
-    /// NoControl for rows of these lengths.
+    /// Zero actions for rows of these lengths.
     pub fn new(widths: Widths) -> Self {
         Self { widths }
     }

@@ -1,17 +1,25 @@
-//! Control of one vehicle: thruster allocation, what an action means, and policies that choose one from observations
-//! alone: the paper's PD, PID, feedback on the nominal model, resolved motion, neural networks, and such that correct one of
-//! the others.
+//! Control of one vehicle: thruster allocation, the meaning of an action, and controllers from observations alone.
 
 mod action;
 mod actuation;
 mod allocation;
+mod computed_torque;
 mod controller;
+mod dob;
+mod gains;
+mod indices;
+mod kalman;
 mod mlp;
-mod model;
+mod model_based;
+mod mpc;
+mod observer;
 mod pd;
+mod pd_restoring;
 mod pid;
+mod plant;
 mod residual;
 mod resolved_motion;
+mod rows;
 
 #[cfg(test)]
 mod tests;
@@ -20,11 +28,16 @@ pub use action::{ActionKind, ActionMap, ActionRange};
 pub use actuation::{ACTIONS, Actuated, Actuation};
 pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
 pub use controller::{Controller, NoControl, Widths};
+pub use dob::FeedbackGains;
+pub use gains::{GainMap, gain_names, gain_value, merge};
+pub use indices::{ATTITUDE_LEVER, BlockIndices, ModelIndices, ObservationIndices};
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
-pub use model::{
-    Arm, Law, ModelControl, ModelGains, ModelIndices, Motion, Mpc, MpcGains, Observing, PdRestoring, Plant, Push,
-};
-pub use pd::{ObservationIndices, Pd};
-pub use pid::Pid;
+pub use model_based::ModelBased;
+pub use mpc::MpcGains;
+pub use observer::ObserverGains;
+pub use pd::Pd;
+pub use pd_restoring::PdRestoring;
+pub use pid::{Pid, PidGains};
+pub use plant::{AppliedWrenches, ArmMotion, Plant, VehicleMotion};
 pub use residual::{BASE_ACTION, Residual};
-pub use resolved_motion::{BlockIndices, MOST_DELAY, ResolvedGains, ResolvedMotion, TrackingIndices};
+pub use resolved_motion::{MAX_DELAY, ResolvedMotion, ResolvedMotionGains, TrackingIndices};

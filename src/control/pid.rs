@@ -1,54 +1,70 @@
-//! The paper's PD with an integral, from observations alone.
+//! PID station keeping.
+
+use serde::{Deserialize, Serialize};
 
 use super::controller::{Controller, Widths};
-use super::pd::check_gains;
-use super::{ACTIONS, Actuation, Pd};
+use super::gains::{self, GainMap};
+use super::indices::ObservationIndices;
+use super::{ACTIONS, ActionMap, Actuation, Pd};
+use crate::description::VehicleServo;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 
-/// Integral time over derivative time, `T_i / T_d`, where no integral gains are given.
+/// Integral time over derivative time, `T_i / T_d`, of the default integral gains.
 const INTEGRAL_RATIO: f64 = 2.0;
-/// An axis falls short where it misses more than this share of its limit: actions are rounded to f32.
+/// Share of an axis's limit beyond which a missing wrench counts as saturation: actions are rounded to f32.
 const MISSED: f64 = 1e-4;
 
-/// PID on the vehicle, `F = -kp e - kd V - ki z` with `z' = e`: [`Pd`] and an integral of the pose error, which takes
-/// out what a current or a weight leaves of it.
+/// Gains of [`Pid`], per body axis `[x y z; roll pitch yaw]`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct PidGains {
+    /// Proportional gains, N/m and N m/rad.
+    pub kp: [f64; 6],
+    /// Derivative gains, N s/m and N m s/rad.
+    pub kd: [f64; 6],
+    /// Integral gains, N/(m s) and N m/(rad s).
+    pub ki: [f64; 6],
+}
+
+impl PidGains {
+    /// Integral gains by `T_i = 2 T_d`: `ki = kp / T_i` with `T_d = kd / kp`, so `ki = kp^2 / (2 kd)`. On a critically
+    /// damped PD, as the scenes have it, the slowest poles then have a damping ratio of 0.69, and `ki` is an eighth of
+    /// the stability limit.
+    pub fn from_pd(VehicleServo { kp, kd }: VehicleServo) -> Self {
+        let rule = |k: usize| if kd[k] > 0.0 { kp[k] * kp[k] / (INTEGRAL_RATIO * kd[k]) } else { 0.0 };
+        Self { kp, kd, ki: std::array::from_fn(rule) }
+    }
+}
+
+/// PID on the vehicle, `F = -kp e - kd V - ki z` with `z' = e`: [`Pd`] and an integral of the pose error, which removes
+/// the steady-state offset under a current or a weight.
 ///
-/// The integral is the policy's memory, not the observation's leaky one, which by its leak holds no constant wrench
-/// without error. Against windup it waits (conditional integration) on every axis whose wrench the thrusters do not
-/// reach, for as long as the error would drive it further that way; the allocation tells what they reach.
+/// The integral is the controller's memory, not the observation's leaky one, which by its leak holds no constant wrench
+/// without error. Against windup it pauses (conditional integration) on every axis whose wrench the thrusters do not
+/// reach, for as long as the error would drive it further that way; the allocation gives the wrench that they reach.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pid {
     pd: Pd,
     actuation: Actuation<f64>,
-    ki: [f64; 6],
+    gains: PidGains,
     /// Control period, s.
     period: f64,
 }
 
 impl Pid {
-    /// A PID that acts every `period` s. Without integral gains `T_i = 2 T_d`: `ki = kp / T_i` with `T_d = kd / kp`, so
-    /// `ki = kp^2 / (2 kd)`. On a critically damped PD, as the scenes have it, the slowest poles then have a damping
-    /// ratio of 0.69, and `ki` is an eighth of what an axis stands.
+    /// A PID that acts every `period` s.
     ///
     /// # Errors
     /// `ControlError::Gain` for a gain that is not finite or is negative.
-    pub fn new(pd: Pd, ki: Option<[f64; 6]>, period: f64) -> Result<Self, ControlError> {
-        let (kp, kd) = (&pd.gains().kp, &pd.gains().kd);
-        let rule = |k: usize| if kd[k] > 0.0 { kp[k] * kp[k] / (INTEGRAL_RATIO * kd[k]) } else { 0.0 };
-        let ki = ki.unwrap_or_else(|| std::array::from_fn(rule));
-        check_gains("ki", &ki)?;
-        Ok(Self { actuation: Actuation::new(pd.actions()), pd, ki, period })
-    }
-
-    /// Its proportional and derivative part.
-    pub fn pd(&self) -> &Pd {
-        &self.pd
-    }
-
-    /// Integral gains, N/(m s) and N m/(rad s).
-    pub fn ki(&self) -> &[f64; 6] {
-        &self.ki
+    pub fn new(
+        indices: ObservationIndices,
+        gains: PidGains,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
+        gains::check(&gains)?;
+        let (actuation, servo) = (Actuation::new(&actions), VehicleServo { kp: gains.kp, kd: gains.kd });
+        Ok(Self { pd: Pd::new(indices, servo, actions)?, actuation, gains, period })
     }
 
     /// One action, and the integral that follows.
@@ -57,7 +73,7 @@ impl Pid {
         let actions = self.pd.actions();
         let mut wrench = self.pd.wrench(observation);
         for k in 0..6 {
-            wrench[k] -= self.ki[k] * integral[k];
+            wrench[k] -= self.gains.ki[k] * integral[k];
         }
         actions.normalise(&wrench, action);
         let mut entries = [0.0; ACTIONS];
@@ -65,9 +81,9 @@ impl Pid {
         let reached = self.actuation.act(&entries).wrench.to_array();
         let (error, limits) = (self.pd.error(observation), actions.allocation().wrench_limits());
         for k in 0..6 {
-            let short = (wrench[k] - reached[k]) * wrench[k].signum() > MISSED * limits[k];
+            let saturated = (wrench[k] - reached[k]) * wrench[k].signum() > MISSED * limits[k];
             let further = error[k] * wrench[k] < 0.0;
-            if !(short && further) {
+            if !(saturated && further) {
                 integral[k] += self.period * error[k];
             }
         }
@@ -79,15 +95,23 @@ impl Controller for Pid {
         Widths { memory: 6, ..self.pd.widths() }
     }
 
+    fn gains(&self) -> GainMap {
+        gains::to_map(&self.gains)
+    }
+
+    fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        vec![("integral", 6)]
+    }
+
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
         self.widths().rows(observations, memory, actions)?;
-        // An instruction set that cannot be had is not this one's to complain of.
+        // An unavailable instruction set is reported elsewhere.
         f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Rows { pid: self, observations, memory, actions });
         Ok(())
     }
 }
 
-/// Rows that are to be acted on: one by one, but with the machine's own multiply-add.
+/// Rows one by one, with the machine's own multiply-add.
 struct Rows<'a> {
     pid: &'a Pid,
     observations: &'a [f32],

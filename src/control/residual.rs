@@ -1,16 +1,16 @@
-//! Learned corrections to a controller.
+//! Residual policy: learned corrections to a controller.
 
 use std::sync::Arc;
 
 use super::controller::{Controller, Widths};
+use super::gains::GainMap;
 use super::{Mlp, PolicySpec};
 use crate::error::ControlError;
 
-/// Name of the block that a correcting network reads after the observation.
+/// Name of the block that a residual network reads after the observation.
 pub const BASE_ACTION: &str = "base_action";
 
-/// A controller and a network that corrects it: the network reads the observation and then the controller's action, and
-/// the action is `clip(base + limit * clip(network))`, each clip to [-1, 1]. `[Sil18]`
+/// A base controller and a residual network: the network reads the observation and the base's action, and the action is `clip(base + limit * clip(network))`, each clip to [-1, 1]. `[Sil18]`
 pub struct Residual {
     base: Arc<dyn Controller>,
     correction: Arc<Mlp>,
@@ -26,10 +26,10 @@ impl Residual {
         if !(0.0..=1.0).contains(&limit) {
             return Err(ControlError::Limit { name: "limit", value: limit });
         }
-        let (whole, own) = (base.widths(), correction.widths());
-        let (expected, takes) = (whole.observation + whole.action, whole.action);
-        if (own.observation, own.action) != (expected, takes) {
-            return Err(ControlError::Widths { got: own.observation, gives: own.action, expected, takes });
+        let (own, network) = (base.widths(), correction.widths());
+        let (expected, takes) = (own.observation + own.action, own.action);
+        if (network.observation, network.action) != (expected, takes) {
+            return Err(ControlError::Widths { got: network.observation, gives: network.action, expected, takes });
         }
         Ok(Self { base, correction, limit: limit as f32 })
     }
@@ -41,26 +41,36 @@ impl Controller for Residual {
         Widths { memory: base.memory + self.correction.widths().memory, ..base }
     }
 
+    fn gains(&self) -> GainMap {
+        self.base.gains()
+    }
+
+    fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        let mut layout = self.base.memory_layout();
+        layout.extend(self.correction.memory_layout());
+        layout
+    }
+
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
-        let Widths { observation, memory: remembered, action } = self.widths();
+        let Widths { observation, memory: width, action } = self.widths();
         self.widths().rows(observations, memory, actions)?;
         // A row of memory is the base's and then the network's.
-        let (split, mut theirs, mut own) = (self.base.widths().memory, Vec::new(), Vec::new());
-        for row in memory.chunks_exact(remembered.max(1)) {
-            theirs.extend_from_slice(&row[..split]);
-            own.extend_from_slice(&row[split..]);
+        let (split, mut base, mut network) = (self.base.widths().memory, Vec::new(), Vec::new());
+        for row in memory.chunks_exact(width.max(1)) {
+            base.extend_from_slice(&row[..split]);
+            network.extend_from_slice(&row[split..]);
         }
-        self.base.act(observations, &mut theirs, actions)?;
-        let mut seen = Vec::with_capacity(observations.len() + actions.len());
-        for (row, base) in observations.chunks_exact(observation).zip(actions.chunks_exact(action)) {
-            seen.extend_from_slice(row);
-            seen.extend_from_slice(base);
+        self.base.act(observations, &mut base, actions)?;
+        let mut inputs = Vec::with_capacity(observations.len() + actions.len());
+        for (row, action) in observations.chunks_exact(observation).zip(actions.chunks_exact(action)) {
+            inputs.extend_from_slice(row);
+            inputs.extend_from_slice(action);
         }
         let mut corrections = vec![0.0; actions.len()];
-        self.correction.act(&seen, &mut own, &mut corrections)?;
-        for (i, row) in memory.chunks_exact_mut(remembered.max(1)).enumerate() {
-            row[..split].copy_from_slice(&theirs[i * split..(i + 1) * split]);
-            row[split..].copy_from_slice(&own[i * (remembered - split)..(i + 1) * (remembered - split)]);
+        self.correction.act(&inputs, &mut network, &mut corrections)?;
+        for (i, row) in memory.chunks_exact_mut(width.max(1)).enumerate() {
+            row[..split].copy_from_slice(&base[i * split..(i + 1) * split]);
+            row[split..].copy_from_slice(&network[i * (width - split)..(i + 1) * (width - split)]);
         }
         for (a, correction) in actions.iter_mut().zip(corrections) {
             *a = (*a + self.limit * correction.clamp(-1.0, 1.0)).clamp(-1.0, 1.0);
@@ -70,14 +80,14 @@ impl Controller for Residual {
 }
 
 impl PolicySpec {
-    /// The spec of a network that corrects a controller in this environment.
+    /// Spec of a residual network in this environment.
     #[must_use]
     pub fn residual(mut self) -> Self {
         self.observation.push((BASE_ACTION.to_owned(), self.actions));
         self
     }
 
-    /// Whether it is that of a network that corrects a controller.
+    /// Whether the network is a residual one.
     pub fn is_residual(&self) -> bool {
         self.observation.last().is_some_and(|(name, _)| name == BASE_ACTION)
     }

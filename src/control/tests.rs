@@ -286,11 +286,12 @@ fn gains_that_push_away_are_refused() {
     let mut gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
     gains.kd[2] = -1.0;
     let refused = Pd::new(reading, gains, ActionMap::new(ActionKind::Wrench, allocation(), Vec::new()));
-    assert_eq!(refused, Err(ControlError::Gain { name: "kd", index: 2, value: -1.0 }));
+    assert_eq!(refused, Err(ControlError::Gain { name: "kd".into(), index: 2, value: -1.0 }));
 }
 
 fn pid(kind: ActionKind, ki: f64) -> Pid {
-    Pid::new(pd(kind), Some([ki; 6]), 0.1).unwrap()
+    let gains = PidGains { kp: [100.0; 6], kd: [30.0; 6], ki: [ki; 6] };
+    Pid::new(pd(kind).indices().clone(), gains, ActionMap::new(kind, allocation(), Vec::new()), 0.1).unwrap()
 }
 
 /// An observation of this error on one axis; its scale is 0.1.
@@ -357,9 +358,8 @@ fn integral_waits_while_its_axis_falls_short_and_turns_at_once() {
 fn integral_does_not_wind_up_on_an_axis_without_thrust() {
     let sides = [([0.0, 0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0]), ([0.0, -0.2, 0.0], [1.0, 0.0, 0.0], [-10.0, 20.0])];
     let map = ActionMap::new(ActionKind::Wrench, Allocation::new(&with_thrusters(&sides)).unwrap(), Vec::new());
-    let gains = VehicleServo { kp: [1.0; 6], kd: [1.0; 6] };
-    let pd = Pd::new(pd(ActionKind::Wrench).reading().clone(), gains, map).unwrap();
-    let pid = Pid::new(pd, Some([1.0; 6]), 0.1).unwrap();
+    let gains = PidGains { kp: [1.0; 6], kd: [1.0; 6], ki: [1.0; 6] };
+    let pid = Pid::new(pd(ActionKind::Wrench).indices().clone(), gains, map, 0.1).unwrap();
     let mut integral = [0.0; 6];
     held(&pid, &error_on(1, 0.3), 100, &mut integral);
     assert_eq!(integral, [0.0; 6]);
@@ -369,20 +369,43 @@ fn integral_does_not_wind_up_on_an_axis_without_thrust() {
 
 #[test]
 fn integral_gains_follow_from_the_others() {
-    let rule = *Pid::new(pd(ActionKind::Wrench), None, 0.1).unwrap().ki();
-    for ki in rule {
+    for ki in PidGains::from_pd(VehicleServo { kp: [100.0; 6], kd: [30.0; 6] }).ki {
         let (integral_time, derivative_time): (f64, f64) = (100.0 / ki, 30.0 / 100.0);
         assert!((integral_time - 2.0 * derivative_time).abs() < 1e-12);
     }
-    let refused = Pid::new(pd(ActionKind::Wrench), Some([f64::NAN; 6]), 0.1);
-    assert!(matches!(refused, Err(ControlError::Gain { name: "ki", index: 0, .. })));
+    let gains = PidGains { ki: [f64::NAN; 6], ..PidGains::default() };
+    let map = ActionMap::new(ActionKind::Wrench, allocation(), Vec::new());
+    let refused = Pid::new(pd(ActionKind::Wrench).indices().clone(), gains, map, 0.1);
+    assert!(matches!(refused, Err(ControlError::Gain { name, index: 0, .. }) if name == "ki"));
 }
 
 #[test]
-fn rest_is_no_action() {
+fn no_control_is_no_action() {
     let widths = Widths { observation: 12, memory: 0, action: 8 };
     let mut actions = [1.0; 24];
     NoControl::new(widths).act(&[0.5; 36], &mut [], &mut actions).unwrap();
     assert_eq!(actions, [0.0; 24]);
     assert!(NoControl::new(widths).act(&[0.5; 35], &mut [], &mut actions).is_err());
+}
+
+#[test]
+fn gains_are_merged_by_name_and_checked() {
+    let own = FeedbackGains { kp: [3.0; 6], ..FeedbackGains::default() };
+    let given = |text: &str| serde_json::from_str::<GainMap>(text).unwrap();
+    let merged = merge(&own, &given(r#"{"kd": [1, 2, 3, 4, 5, 6.5], "delay": 2, "wave_frequency": null}"#)).unwrap();
+    let observer = ObserverGains { delay: 2, ..ObserverGains::default() };
+    assert_eq!(merged, FeedbackGains { kd: [1.0, 2.0, 3.0, 4.0, 5.0, 6.5], observer, ..own.clone() });
+    for (text, error) in [
+        (r#"{"kq": 1}"#, "unknown gain 'kq'; known: kp, kd, observer_bandwidth,"),
+        (r#"{"kp": [1, 2]}"#, "gain kp is [1,2], but must be 6 numbers"),
+        (r#"{"kp": 1}"#, "gain kp is 1, but must be 6 numbers"),
+        (r#"{"prediction_horizon": [1]}"#, "gain prediction_horizon is [1], but must be a number"),
+        (r#"{"delay": 1.5}"#, "gain delay is 1.5, but must be a whole number"),
+        (r#"{"delay": -1}"#, "gain delay[0] = -1: must be finite and not negative"),
+        (r#"{"kp": [1, 1, 1, 1, 1, -0.5]}"#, "gain kp[5] = -0.5: must be finite and not negative"),
+    ] {
+        let refused = merge(&own, &given(text)).unwrap_err().to_string();
+        assert!(refused.starts_with(error), "{refused}");
+    }
+    assert!(matches!(gain_value("kp", &[1.0, f64::INFINITY], true), Err(ControlError::Gain { index: 1, .. })));
 }

@@ -17,20 +17,26 @@ pub enum ControlError {
     Model(String),
     /// Gain that is not finite or destabilises.
     #[error("gain {name}[{index}] = {value}: must be finite and not negative")]
-    Gain { name: &'static str, index: usize, value: f64 },
+    Gain { name: String, index: usize, value: f64 },
+    /// Name of no gain.
+    #[error("unknown gain '{name}'; known: {known}")]
+    UnknownGain { name: String, known: String },
+    /// Gain of another length or type.
+    #[error("gain {name} is {value}, but must be {expected}")]
+    GainShape { name: String, value: String, expected: String },
     /// Bound that is not a fraction of an actuator's limit.
     #[error("{name} is {value}, but must be in [0, 1]")]
     Limit { name: &'static str, value: f64 },
     /// Delay beyond the prediction.
     #[error("delay is {periods} control periods, but at most {most} are supported")]
-    Delay { periods: u32, most: u32 },
+    Delay { periods: usize, most: usize },
     /// Array of the wrong size.
     #[error("{what} has {got} numbers, but must have {expected}")]
     Shape { what: &'static str, got: usize, expected: usize },
     /// Instance out of range.
     #[error("instance is {instance}, but must be from 0 to below {instances}")]
     Instance { instance: usize, instances: usize },
-    /// Policy for observations or actions of another size.
+    /// Controller for observations or actions of another size.
     #[error(
         "the policy reads {got} observation entries and gives {gives} action entries, but the environment has {expected} and {takes}"
     )]

@@ -1,9 +1,9 @@
-//! `_core.Controller` and its kinds.
+//! `_core.Controller` and `_core.Mlp`.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -11,26 +11,18 @@ use pyo3::types::{PyBytes, PyDict};
 use super::errors::OrRaise;
 use super::task::{Rows, Task, name_of, one_of, rows};
 use uvms_gym::control::{
-    self, Activation, Law, Layer, ModelGains, MpcGains, Network, Normalisation, Observing, Output, PolicySpec,
-    Residual, ResolvedGains,
+    self, Activation, GainMap, Layer, Network, Normalisation, Output, PolicySpec, Residual, gain_value,
 };
-use uvms_gym::description::VehicleServo;
+use uvms_gym::task::ControllerKind;
 
 const ACTIVATIONS: [(&str, Activation); 3] =
     [("tanh", Activation::Tanh), ("relu", Activation::Relu), ("elu", Activation::Elu)];
-const LAWS: [(&str, Law); 2] = [("disturbance", Law::Disturbance), ("computed-torque", Law::ComputedTorque)];
 const OUTPUTS: [(&str, Output); 2] = [("clip", Output::Clip), ("tanh", Output::Tanh)];
 
-/// A controller that runs here: alone by `act`, or in a closed loop by `Task.run`.
+/// A native controller: alone by `act`, or in a closed loop by `Task.run`.
 #[pyclass(module = "uvms_gym._core", subclass, frozen)]
 pub struct Controller {
     pub(super) inner: Arc<dyn control::Controller>,
-}
-
-impl Controller {
-    fn of(policy: impl control::Controller + 'static) -> PyClassInitializer<Self> {
-        PyClassInitializer::from(Self { inner: Arc::new(policy) })
-    }
 }
 
 #[pymethods]
@@ -42,7 +34,30 @@ impl Controller {
         [observation, memory, action]
     }
 
-    /// Actions (n, a) for observations (n, d) and memory (n, m), and the memory after them.
+    /// Gains by name: numbers and arrays.
+    #[getter]
+    fn gains<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let result = PyDict::new(py);
+        for (name, value) in self.inner.gains() {
+            if let Some(list) = value.as_array() {
+                let numbers: Vec<f64> = list.iter().filter_map(|x| x.as_f64()).collect();
+                result.set_item(name, numbers.to_pyarray(py))?;
+            } else if let Some(whole) = value.as_u64() {
+                result.set_item(name, whole)?;
+            } else {
+                result.set_item(name, value.as_f64())?;
+            }
+        }
+        Ok(result)
+    }
+
+    /// Name and length of each block of an instance's memory, in order.
+    #[getter]
+    fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        self.inner.memory_layout()
+    }
+
+    /// Actions (n, a) for observations (n, d) and memory (n, m), and the updated memory.
     fn act<'py>(
         &self,
         py: Python<'py>,
@@ -69,199 +84,6 @@ impl Controller {
     }
 }
 
-/// PD on the vehicle, `F = -kp e - kd V`.
-#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
-pub struct Pd {
-    gains: VehicleServo,
-}
-
-#[pymethods]
-impl Pd {
-    /// Proportional gains, N/m and N m/rad.
-    #[getter]
-    fn kp(&self) -> [f64; 6] {
-        self.gains.kp
-    }
-
-    /// Derivative gains, N s/m and N m s/rad.
-    #[getter]
-    fn kd(&self) -> [f64; 6] {
-        self.gains.kd
-    }
-}
-
-/// PD with an integral of the pose error.
-#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
-pub struct Pid {
-    gains: VehicleServo,
-    ki: [f64; 6],
-}
-
-#[pymethods]
-impl Pid {
-    /// Proportional gains, N/m and N m/rad.
-    #[getter]
-    fn kp(&self) -> [f64; 6] {
-        self.gains.kp
-    }
-
-    /// Derivative gains, N s/m and N m s/rad.
-    #[getter]
-    fn kd(&self) -> [f64; 6] {
-        self.gains.kd
-    }
-
-    /// Integral gains, N/(m s) and N m/(rad s).
-    #[getter]
-    fn ki(&self) -> [f64; 6] {
-        self.ki
-    }
-}
-
-/// Feedback on what an observer tells that knows the nominal model.
-#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
-pub struct ModelControl {
-    gains: ModelGains,
-}
-
-#[pymethods]
-impl ModelControl {
-    /// Proportional gains: N/m and N m/rad, or 1/s2 for computed torque.
-    #[getter]
-    fn kp(&self) -> [f64; 6] {
-        self.gains.kp
-    }
-
-    /// Derivative gains: N s/m and N m s/rad, or 1/s.
-    #[getter]
-    fn kd(&self) -> [f64; 6] {
-        self.gains.kd
-    }
-
-    /// Bandwidth of the observer, linear and angular, rad/s.
-    #[getter]
-    fn observer(&self) -> [f64; 2] {
-        self.gains.observing.observer
-    }
-
-    /// Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2.
-    #[getter]
-    fn waves(&self) -> [f64; 2] {
-        self.gains.observing.waves
-    }
-
-    /// Their angular frequency, rad/s.
-    #[getter]
-    fn frequency(&self) -> f64 {
-        self.gains.observing.frequency
-    }
-
-    /// White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second.
-    #[getter]
-    fn jolts(&self) -> [f64; 2] {
-        self.gains.observing.jolts
-    }
-
-    /// Age of measurements that is compensated, in control periods.
-    #[getter]
-    fn delay(&self) -> usize {
-        self.gains.observing.delay
-    }
-
-    /// Time beyond the present that is predicted, s.
-    #[getter]
-    fn lead(&self) -> f64 {
-        self.gains.lead
-    }
-}
-
-/// Linear model-predictive control.
-#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
-pub struct Mpc {
-    gains: MpcGains,
-}
-
-#[pymethods]
-impl Mpc {
-    /// Weights on velocities, linear and angular.
-    #[getter]
-    fn velocity(&self) -> [f64; 2] {
-        self.gains.velocity
-    }
-
-    /// Weights on wrenches, forces and moments.
-    #[getter]
-    fn effort(&self) -> [f64; 2] {
-        self.gains.effort
-    }
-
-    /// Weights on their changes.
-    #[getter]
-    fn change(&self) -> [f64; 2] {
-        self.gains.change
-    }
-
-    /// Bandwidth of the observer, linear and angular, rad/s.
-    #[getter]
-    fn observer(&self) -> [f64; 2] {
-        self.gains.observing.observer
-    }
-
-    /// Deviation of accelerations that come and go, linear and angular, m/s2 and rad/s2.
-    #[getter]
-    fn waves(&self) -> [f64; 2] {
-        self.gains.observing.waves
-    }
-
-    /// Their angular frequency, rad/s.
-    #[getter]
-    fn frequency(&self) -> f64 {
-        self.gains.observing.frequency
-    }
-
-    /// White noise on accelerations, linear and angular, m/s2 and rad/s2 times the root of a second.
-    #[getter]
-    fn jolts(&self) -> [f64; 2] {
-        self.gains.observing.jolts
-    }
-
-    /// Age of measurements that is compensated, in control periods.
-    #[getter]
-    fn delay(&self) -> usize {
-        self.gains.observing.delay
-    }
-}
-
-/// Resolved motion and inverse dynamics, for an end effector that follows a path.
-#[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
-pub struct ResolvedMotion {
-    gains: ResolvedGains,
-}
-
-#[pymethods]
-impl ResolvedMotion {
-    /// Gains by name, as `Task.resolved_motion` takes them.
-    #[getter]
-    fn gains<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (gains, result) = (&self.gains, PyDict::new(py));
-        for (name, value) in [
-            ("error", gains.error),
-            ("vehicle", gains.vehicle),
-            ("joint", gains.joint),
-            ("home", gains.home),
-            ("level", gains.level),
-            ("arm", gains.arm),
-            ("lead", gains.lead),
-            ("integral", gains.integral),
-        ] {
-            result.set_item(name, value)?;
-        }
-        result.set_item("observer", gains.observer)?;
-        result.set_item("delay", gains.delay)?;
-        Ok(result)
-    }
-}
-
 /// A multilayer perceptron in single precision.
 #[pyclass(module = "uvms_gym._core", extends = Controller, frozen)]
 pub struct Mlp {
@@ -278,7 +100,7 @@ impl Mlp {
 #[pymethods]
 impl Mlp {
     /// Layers `W x + b` from weights (outputs, inputs) and biases; mean, variance, epsilon and clip of a normalisation;
-    /// and the task that the policy is for, alone or to correct a controller.
+    /// and the task of the policy, alone or as a residual policy.
     #[new]
     #[pyo3(signature = (weights, biases, *, activation, output, history, normalisation, task, residual, notes))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
@@ -313,12 +135,12 @@ impl Mlp {
         }
         let normalisation =
             normalisation.map(|(mean, variance, epsilon, clip)| Normalisation { mean, variance, epsilon, clip });
-        let spec = task.map(|task| spec(&task, residual));
+        let spec = task.map(|task| policy_spec(&task, residual));
         let network = Network { history, normalisation, layers, activation, output };
         Ok(Self::of(control::Mlp::new(network, spec, notes).or_raise()?))
     }
 
-    /// The policy that a safetensors file holds.
+    /// The policy of a safetensors file.
     #[staticmethod]
     fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Py<Self>> {
         Py::new(py, Self::of(control::Mlp::from_bytes(bytes).or_raise()?))
@@ -329,10 +151,10 @@ impl Mlp {
         Ok(PyBytes::new(py, &self.mlp.to_bytes().or_raise()?))
     }
 
-    /// Refuses a task that the policy is not for, alone or to correct a controller.
+    /// Refuses another task than the policy's, alone or as a residual policy.
     #[pyo3(signature = (task, *, residual))]
     fn check(&self, task: PyRef<'_, Task>, residual: bool) -> PyResult<()> {
-        self.mlp.check(&spec(&task, residual)).or_raise()
+        self.mlp.check(&policy_spec(&task, residual)).or_raise()
     }
 
     /// This network's corrections to a controller, of at most `limit`.
@@ -341,19 +163,19 @@ impl Mlp {
         Ok(Controller { inner })
     }
 
-    /// Whether it says that it residual a controller.
+    /// Whether it is a residual policy.
     #[getter]
     fn residual(&self) -> bool {
         self.mlp.spec().is_some_and(PolicySpec::is_residual)
     }
 
-    /// Observations that it reads at once.
+    /// Number of stacked observations.
     #[getter]
     fn history(&self) -> usize {
         self.mlp.network().history
     }
 
-    /// Entries of what it reads, and of all layers' results.
+    /// Entries of the input, and of all layers' results.
     #[getter]
     fn sizes(&self) -> Vec<usize> {
         self.mlp.network().sizes()
@@ -365,7 +187,7 @@ impl Mlp {
         name_of(self.mlp.network().activation, ACTIVATIONS)
     }
 
-    /// What the policy is for: task, scene, action, actions, control_period and observation.
+    /// Environment of the policy: task, scene, action, actions, control_period and observation.
     #[getter]
     fn spec<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(spec) = self.mlp.spec() else { return Ok(None) };
@@ -379,163 +201,47 @@ impl Mlp {
         Ok(Some(result))
     }
 
-    /// What else is to be known of it.
+    /// Notes: seeds, steps, scores.
     #[getter]
     fn notes(&self) -> BTreeMap<String, String> {
         self.mlp.notes().clone()
     }
 }
 
-fn spec(task: &Task, residual: bool) -> PolicySpec {
+fn policy_spec(task: &Task, residual: bool) -> PolicySpec {
     let spec = task.batch.task().policy_spec();
     if residual { spec.residual() } else { spec }
 }
 
-/// What policies need to know of the task.
-#[pymethods]
-impl Task {
-    /// No control: every action is 0.
-    fn no_control(&self, py: Python<'_>) -> PyResult<Py<Controller>> {
-        Py::new(py, Controller::of(self.batch.task().no_control()))
-    }
-
-    /// The paper's PD with these gains (6 each), or with the scene's.
-    #[pyo3(signature = (kp=None, kd=None))]
-    fn pd(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
-        let pd = self.batch.task().pd(Some(self.gains(kp, kd)?)).or_raise()?;
-        let gains = pd.gains().clone();
-        Py::new(py, Controller::of(pd).add_subclass(Pd { gains }))
-    }
-
-    /// The PD with restoring compensation.
-    #[pyo3(signature = (kp=None, kd=None))]
-    fn pd_restoring(&self, py: Python<'_>, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<Py<Pd>> {
-        let policy = self.batch.task().pd_restoring(Some(self.gains(kp, kd)?)).or_raise()?;
-        let gains = policy.pd().gains().clone();
-        Py::new(py, Controller::of(policy).add_subclass(Pd { gains }))
-    }
-
-    /// Feedback on an observer's estimate; the usual gains where they are not given, and the task's own delay.
-    #[pyo3(signature = (law, *, kp=None, kd=None, observer=None, waves=None, frequency=None, jolts=None, delay=None, lead=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
-    fn model_control(
-        &self,
-        py: Python<'_>,
-        law: &str,
-        kp: Option<[f64; 6]>,
-        kd: Option<[f64; 6]>,
-        observer: Option<[f64; 2]>,
-        waves: Option<[f64; 2]>,
-        frequency: Option<f64>,
-        jolts: Option<[f64; 2]>,
-        delay: Option<usize>,
-        lead: Option<f64>,
-    ) -> PyResult<Py<ModelControl>> {
-        let task = self.batch.task();
-        let law = one_of("law", law, LAWS)?;
-        let usual = task.model_gains(law, kp, kd).or_raise()?;
-        let observing = Observing {
-            observer: observer.unwrap_or(usual.observing.observer),
-            waves: waves.unwrap_or(usual.observing.waves),
-            frequency: frequency.unwrap_or(usual.observing.frequency),
-            jolts: jolts.unwrap_or(usual.observing.jolts),
-            delay: delay.unwrap_or(usual.observing.delay),
-        };
-        let gains = ModelGains { observing, lead: lead.unwrap_or(usual.lead), ..usual };
-        let policy = task.model_control(law, gains).or_raise()?;
-        Py::new(py, Controller::of(policy).add_subclass(ModelControl { gains }))
-    }
-
-    /// Model-predictive control; the usual weights where they are not given, and the task's own delay.
-    #[pyo3(signature = (*, velocity=None, effort=None, change=None, observer=None, waves=None, frequency=None, jolts=None, delay=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
-    fn mpc(
-        &self,
-        py: Python<'_>,
-        velocity: Option<[f64; 2]>,
-        effort: Option<[f64; 2]>,
-        change: Option<[f64; 2]>,
-        observer: Option<[f64; 2]>,
-        waves: Option<[f64; 2]>,
-        frequency: Option<f64>,
-        jolts: Option<[f64; 2]>,
-        delay: Option<usize>,
-    ) -> PyResult<Py<Mpc>> {
-        let task = self.batch.task();
-        let usual = MpcGains::usual(task.observing(true));
-        let observing = Observing {
-            observer: observer.unwrap_or(usual.observing.observer),
-            waves: waves.unwrap_or(usual.observing.waves),
-            frequency: frequency.unwrap_or(usual.observing.frequency),
-            jolts: jolts.unwrap_or(usual.observing.jolts),
-            delay: delay.unwrap_or(usual.observing.delay),
-        };
-        let gains = MpcGains {
-            velocity: velocity.unwrap_or(usual.velocity),
-            effort: effort.unwrap_or(usual.effort),
-            change: change.unwrap_or(usual.change),
-            observing,
-        };
-        Py::new(py, Controller::of(task.mpc(gains).or_raise()?).add_subclass(Mpc { gains }))
-    }
-
-    /// Resolved motion with these gains; the usual ones where they are not given.
-    #[pyo3(signature = (*, error=None, vehicle=None, joint=None, home=None, level=None, arm=None, lead=None,
-                        integral=None, observer=None, delay=None))]
-    #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
-    fn resolved_motion(
-        &self,
-        py: Python<'_>,
-        error: Option<f64>,
-        vehicle: Option<f64>,
-        joint: Option<f64>,
-        home: Option<f64>,
-        level: Option<f64>,
-        arm: Option<f64>,
-        lead: Option<f64>,
-        integral: Option<f64>,
-        observer: Option<[f64; 3]>,
-        delay: Option<u32>,
-    ) -> PyResult<Py<ResolvedMotion>> {
-        let usual = ResolvedGains::default();
-        let gains = ResolvedGains {
-            error: error.unwrap_or(usual.error),
-            vehicle: vehicle.unwrap_or(usual.vehicle),
-            joint: joint.unwrap_or(usual.joint),
-            home: home.unwrap_or(usual.home),
-            level: level.unwrap_or(usual.level),
-            arm: arm.unwrap_or(usual.arm),
-            lead: lead.unwrap_or(usual.lead),
-            integral: integral.unwrap_or(usual.integral),
-            observer: observer.unwrap_or(usual.observer),
-            delay: delay.unwrap_or(usual.delay),
-        };
-        let policy = self.batch.task().resolved_motion(Some(gains)).or_raise()?;
-        Py::new(py, Controller::of(policy).add_subclass(ResolvedMotion { gains }))
-    }
-
-    /// The PD with an integral; its gains follow from the others where they are not given.
-    #[pyo3(signature = (kp=None, kd=None, ki=None))]
-    fn pid(
-        &self,
-        py: Python<'_>,
-        kp: Option<[f64; 6]>,
-        kd: Option<[f64; 6]>,
-        ki: Option<[f64; 6]>,
-    ) -> PyResult<Py<Pid>> {
-        let pid = self.batch.task().pid(Some(self.gains(kp, kd)?), ki).or_raise()?;
-        let (gains, ki) = (pid.pd().gains().clone(), *pid.ki());
-        Py::new(py, Controller::of(pid).add_subclass(Pid { gains, ki }))
-    }
+/// A gain from Python; a float stands for whole numbers only where the gain is one.
+#[derive(FromPyObject)]
+enum Gain {
+    Whole(u32),
+    Number(f64),
+    List(Vec<f64>),
 }
 
+/// Names of the gains of a classical controller.
+#[pyfunction]
+pub fn gain_names(kind: &str) -> PyResult<Vec<String>> {
+    Ok(one_of("kind", kind, ControllerKind::ALL)?.gain_names())
+}
+
+#[pymethods]
 impl Task {
-    /// Gains as given, where they are; else the scene's.
-    fn gains(&self, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> PyResult<VehicleServo> {
-        if let (Some(kp), Some(kd)) = (kp, kd) {
-            return Ok(VehicleServo { kp, kd });
+    /// A classical controller by its kind and its gains; defaults where a gain is None or missing.
+    fn controller(&self, kind: &str, gains: BTreeMap<String, Option<Gain>>) -> PyResult<Controller> {
+        let kind = one_of("kind", kind, ControllerKind::ALL)?;
+        let mut map = GainMap::new();
+        for (name, gain) in gains {
+            let value = match gain {
+                None => None::<f64>.into(),
+                Some(Gain::Whole(number)) => number.into(),
+                Some(Gain::Number(number)) => gain_value(&name, &[number], false).or_raise()?,
+                Some(Gain::List(numbers)) => gain_value(&name, &numbers, true).or_raise()?,
+            };
+            map.insert(name, value);
         }
-        let own = self.batch.task().pd(None).or_raise()?.gains().clone();
-        Ok(VehicleServo { kp: kp.unwrap_or(own.kp), kd: kd.unwrap_or(own.kd) })
+        Ok(Controller { inner: self.batch.task().controller(kind, &map).or_raise()? })
     }
 }

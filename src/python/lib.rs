@@ -26,7 +26,7 @@ use pyo3::prelude::*;
 #[pymodule(name = "_core")]
 mod core {
     #[pymodule_export]
-    use super::controllers::{Controller, Mlp, ModelControl, Mpc, Pd, Pid, ResolvedMotion};
+    use super::controllers::{Controller, Mlp, gain_names};
     #[pymodule_export]
     use super::disturbance::disturbances;
     #[pymodule_export]

@@ -1,31 +1,139 @@
-//! Policies for tasks.
+//! Controllers for a task.
 
 use std::sync::Arc;
 
 use super::{Goal, Task};
 use crate::control::{
-    ActionKind, BlockIndices, Controller, Law, ModelControl, ModelGains, ModelIndices, Mpc, MpcGains, NoControl,
-    Observing, Pd, PdRestoring, Pid, Plant, PolicySpec, ResolvedGains, ResolvedMotion, TrackingIndices, Widths,
+    ActionKind, BlockIndices, Controller, FeedbackGains, GainMap, ModelBased, ModelIndices, MpcGains, NoControl,
+    ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion,
+    ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
 
+/// Classical controller.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ControllerKind {
+    /// Zero action.
+    None,
+    /// PD station keeping.
+    Pd,
+    /// PD with compensation of weight and buoyancy.
+    PdRestoring,
+    /// PD with an integral.
+    Pid,
+    /// PD with a disturbance observer.
+    Dob,
+    /// Computed torque with a disturbance observer.
+    ComputedTorque,
+    /// Model-predictive control with a disturbance observer.
+    Mpc,
+    /// Resolved motion of the end effector.
+    ResolvedMotion,
+}
+
+impl ControllerKind {
+    /// All kinds by name.
+    pub const ALL: [(&'static str, Self); 8] = [
+        ("none", Self::None),
+        ("pd", Self::Pd),
+        ("pd-restoring", Self::PdRestoring),
+        ("pid", Self::Pid),
+        ("dob", Self::Dob),
+        ("computed-torque", Self::ComputedTorque),
+        ("mpc", Self::Mpc),
+        ("resolved-motion", Self::ResolvedMotion),
+    ];
+
+    /// Names of its gains.
+    pub fn gain_names(self) -> Vec<String> {
+        match self {
+            Self::None => Vec::new(),
+            Self::Pd | Self::PdRestoring => gain_names(&VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }),
+            Self::Pid => gain_names(&PidGains::default()),
+            Self::Dob | Self::ComputedTorque => gain_names(&FeedbackGains::default()),
+            Self::Mpc => gain_names(&MpcGains::default()),
+            Self::ResolvedMotion => gain_names(&ResolvedMotionGains::default()),
+        }
+    }
+}
+
 impl Task {
-    /// No control.
+    /// A classical controller with these gains; defaults for those that are null or not given.
+    ///
+    /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque over the diagonal of the nominal
+    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors, but for DOB, where `null` stands
+    /// for it, and resolved motion, which have 0; the others by their structs.
+    ///
+    /// # Errors
+    /// `TaskError` for a controller of another task, actions that are corrections to a controller, a gain that is
+    /// unknown, misshaped, not finite or negative, or if there are no gains.
+    pub fn controller(&self, kind: ControllerKind, given: &GainMap) -> Result<Arc<dyn Controller>, TaskError> {
+        let (actions, period) = (self.actions().clone(), self.options().control_period());
+        if kind == ControllerKind::None {
+            // Without gains any is unknown.
+            merge(&GainMap::new(), given)?;
+            return Ok(Arc::new(self.no_control()));
+        }
+        self.refuse_residual()?;
+        if kind == ControllerKind::ResolvedMotion {
+            return Ok(Arc::new(self.resolved_motion(merge(&ResolvedMotionGains::default(), given)?)?));
+        }
+        let vehicle = self.vehicle_indices()?;
+        let indices = self.model_indices(&vehicle);
+        let scene = self.scene();
+        Ok(match kind {
+            ControllerKind::Pd => Arc::new(Pd::new(vehicle, merge(&self.servo(given)?, given)?, actions)?),
+            ControllerKind::PdRestoring => {
+                let pd = Pd::new(vehicle, merge(&self.servo(given)?, given)?, actions)?;
+                Arc::new(PdRestoring::new(pd, indices, scene))
+            }
+            ControllerKind::Pid => {
+                // The default integral gains follow from the others.
+                let pd: GainMap =
+                    given.iter().filter(|(name, _)| *name != "ki").map(|(n, v)| (n.clone(), v.clone())).collect();
+                let gains = merge(&PidGains::from_pd(merge(&self.servo(given)?, &pd)?), given)?;
+                Arc::new(Pid::new(vehicle, gains, actions, period)?)
+            }
+            ControllerKind::Dob => {
+                let delay = if given.get("delay").is_some_and(serde_json::Value::is_null) { self.delay() } else { 0 };
+                let observer = ObserverGains { delay, ..ObserverGains::default() };
+                let gains = merge(&FeedbackGains::new(self.servo(given)?, observer), given)?;
+                Arc::new(ModelBased::dob(gains, indices, scene, actions, period)?)
+            }
+            ControllerKind::ComputedTorque => {
+                let mut servo = self.servo(given)?;
+                let inertia = Plant::new(scene).inertia(self.home());
+                for gains in [&mut servo.kp, &mut servo.kd] {
+                    gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
+                }
+                let gains = merge(&FeedbackGains::new(servo, ObserverGains::filtering(self.delay())), given)?;
+                Arc::new(ModelBased::computed_torque(gains, indices, scene, actions, period)?)
+            }
+            ControllerKind::Mpc => {
+                let gains = merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?;
+                Arc::new(ModelBased::mpc(gains, indices, scene, actions, period)?)
+            }
+            ControllerKind::None | ControllerKind::ResolvedMotion => unreachable!("returned above"),
+        })
+    }
+
+    /// Zero actions.
     pub fn no_control(&self) -> NoControl {
         NoControl::new(Widths { observation: self.observation_len(), memory: 0, action: self.action_len() })
     }
 
-    /// Resolved motion, for an end effector that follows a path, with these gains or the usual ones.
+    /// The paper's PD for this task, with these gains or the scene's own (`vehicle.servo`).
     ///
     /// # Errors
-    /// `TaskError` for another task, where actions are corrections to it, or for a gain that is not finite or is negative.
-    pub fn resolved_motion(&self, gains: Option<ResolvedGains>) -> Result<ResolvedMotion, TaskError> {
+    /// `TaskError` if there are no gains, or one is not finite or is negative.
+    pub fn pd(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
         self.refuse_residual()?;
-        self.tracker(gains)
+        let gains = gains.map_or_else(|| self.servo(&GainMap::new()), Ok)?;
+        Ok(Pd::new(self.vehicle_indices()?, gains, self.actions().clone())?)
     }
 
-    /// What actions are corrections to, where they are: the PD with the scene's gains, or resolved motion.
+    /// The controller that actions correct, if they do: the PD with the scene's gains, or resolved motion.
     ///
     /// # Errors
     /// `TaskError` where there is no such controller.
@@ -34,136 +142,20 @@ impl Task {
             return Ok(None);
         }
         Ok(Some(match self.options().task {
-            Goal::StationKeep => Arc::new(self.feedback(None)?),
-            Goal::Track => Arc::new(self.tracker(None)?),
+            Goal::StationKeep => {
+                let indices = self.vehicle_indices()?;
+                Arc::new(Pd::new(indices, self.servo(&GainMap::new())?, self.actions().clone())?)
+            }
+            Goal::Track => Arc::new(self.resolved_motion(ResolvedMotionGains::default())?),
         }))
     }
 
-    fn tracker(&self, gains: Option<ResolvedGains>) -> Result<ResolvedMotion, TaskError> {
-        if self.options().task != Goal::Track {
-            return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
-        }
-        let find = |names: &[&str]| self.entries(names);
-        let spacing = self.options().preview.spacing;
-        let ahead = self
-            .layout()
-            .block("preview")
-            .filter(|_| spacing > 0.0)
-            .map(|block| (BlockIndices { offset: block.offset, scale: block.scale[..6].to_vec() }, spacing));
-        let reading = TrackingIndices {
-            width: self.observation_len(),
-            error: find(&["position_error", "attitude_error"]),
-            twist: find(&["linear_velocity", "angular_velocity"]),
-            up: find(&["up"]),
-            q: find(&["joint_position"]),
-            qd: find(&["joint_rate"]),
-            reference: find(&["reference_twist"]),
-            ahead,
-        };
-        let (gains, period) = (gains.unwrap_or_default(), self.options().control_period());
-        Ok(ResolvedMotion::new(&self.scene, reading, gains, self.actions().clone(), period)?)
-    }
-
-    /// BlockIndices of these blocks, which follow each other.
-    fn entries(&self, names: &[&str]) -> BlockIndices {
-        let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
-        let first = blocks
-            .next()
-            .map_or_else(BlockIndices::default, |b| BlockIndices { offset: b.offset, scale: b.scale.clone() });
-        blocks.fold(first, |mut entries, block| {
-            entries.scale.extend(&block.scale);
-            entries
-        })
-    }
-
-    /// Age of what sensors show, in control periods.
+    /// Age of the sensors' measurements, control periods.
     pub fn delay(&self) -> usize {
         self.disturbance().delay.as_ref().map_or(0, |delay| delay.in_periods(self.options().control_period()))
     }
 
-    fn model_reading(&self, pd: &Pd) -> ModelIndices {
-        ModelIndices {
-            vehicle: pd.reading().clone(),
-            arm: [self.entries(&["joint_position"]), self.entries(&["joint_rate"])],
-            reference: [self.entries(&["joint_reference"]), self.entries(&["joint_reference_rate"])],
-            home: self.home()[..self.joint_count()].to_vec(),
-        }
-    }
-
-    /// [`Self::pd`] less weight and buoyancy: see [`PdRestoring`].
-    ///
-    /// # Errors
-    /// As [`Self::pd`].
-    pub fn pd_restoring(&self, gains: Option<VehicleServo>) -> Result<PdRestoring, TaskError> {
-        let pd = self.pd(gains)?;
-        let reading = self.model_reading(&pd);
-        Ok(PdRestoring::new(pd, reading, self.scene()))
-    }
-
-    /// What controllers usually observe by: with a filter that expects waves, or measurements as they are.
-    pub fn observing(&self, filter: bool) -> Observing {
-        let delay = self.delay();
-        let (waves, jolts) = if filter { ([0.3; 2], [0.05, 0.3]) } else { ([0.0; 2], [0.0; 2]) };
-        Observing { observer: if filter { [8.0; 2] } else { [2.0; 2] }, waves, frequency: 1.0, jolts, delay }
-    }
-
-    /// Usual gains of [`Self::model_control`], with these gains of its feedback or such as the scene's PD has: for computed
-    /// torque over the diagonal of the nominal inertia at home.
-    ///
-    /// # Errors
-    /// `TaskError` if there are no gains.
-    pub fn model_gains(&self, law: Law, kp: Option<[f64; 6]>, kd: Option<[f64; 6]>) -> Result<ModelGains, TaskError> {
-        let mut own = match (kp, kd) {
-            (Some(kp), Some(kd)) => VehicleServo { kp, kd },
-            _ => self.pd(None)?.gains().clone(),
-        };
-        if law == Law::ComputedTorque {
-            let inertia = Plant::new(self.scene()).inertia(self.home());
-            for (gains, given) in [(&mut own.kp, kp), (&mut own.kd, kd)] {
-                if given.is_none() {
-                    gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
-                }
-            }
-        }
-        Ok(ModelGains {
-            kp: kp.unwrap_or(own.kp),
-            kd: kd.unwrap_or(own.kd),
-            observing: self.observing(law == Law::ComputedTorque),
-            lead: 0.0,
-        })
-    }
-
-    /// Feedback on the estimate of an observer that knows the nominal model: see [`ModelControl`].
-    ///
-    /// # Errors
-    /// As [`Self::pd`], and `ControlError::Gain` for other gains that are not finite or are negative.
-    pub fn model_control(&self, law: Law, gains: ModelGains) -> Result<ModelControl, TaskError> {
-        let pd = self.pd(Some(VehicleServo { kp: gains.kp, kd: gains.kd }))?;
-        let reading = self.model_reading(&pd);
-        let period = self.options().control_period();
-        Ok(ModelControl::new(law, gains, reading, self.scene(), self.actions().clone(), period)?)
-    }
-
-    /// Model-predictive control: see [`Mpc`].
-    ///
-    /// # Errors
-    /// As [`Self::pd`], and `ControlError::Gain` for a weight that is not finite or is negative.
-    pub fn mpc(&self, gains: MpcGains) -> Result<Mpc, TaskError> {
-        // Only what it reads counts of the PD.
-        let pd = self.pd(Some(VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }))?;
-        let reading = self.model_reading(&pd);
-        Ok(Mpc::new(gains, reading, self.scene(), self.actions().clone(), self.options().control_period())?)
-    }
-
-    /// [`Self::pd`] with an integral, whose gains follow from the others where `ki` does not give them: see [`Pid`].
-    ///
-    /// # Errors
-    /// `TaskError` if there are no gains, or one is not finite or is negative.
-    pub fn pid(&self, gains: Option<VehicleServo>, ki: Option<[f64; 6]>) -> Result<Pid, TaskError> {
-        Ok(Pid::new(self.pd(gains)?, ki, self.options().control_period())?)
-    }
-
-    /// What a policy for this task says that it is for.
+    /// Environment of a policy for this task.
     pub fn policy_spec(&self) -> PolicySpec {
         PolicySpec {
             task: self.options().task.name().into(),
@@ -172,6 +164,90 @@ impl Task {
             actions: self.action_len(),
             control_period: self.options().control_period(),
             observation: self.layout().blocks().iter().map(|block| (block.name.to_owned(), block.len())).collect(),
+        }
+    }
+
+    /// Refuses controllers where actions are corrections to one.
+    fn refuse_residual(&self) -> Result<(), TaskError> {
+        match self.options().action {
+            ActionKind::Residual => {
+                Err(self.unfit("its actions are corrections to a controller: use NoControl for that alone"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The scene's PD gains; 0 where both are given.
+    fn servo(&self, given: &GainMap) -> Result<VehicleServo, TaskError> {
+        let is_given = |name| given.get(name).is_some_and(|value| !value.is_null());
+        match &self.scene().vehicle.servo {
+            Some(servo) => Ok(servo.clone()),
+            None if is_given("kp") && is_given("kd") => Ok(VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }),
+            None => Err(self.unfit("it gives no gains (vehicle.servo) for the PD")),
+        }
+    }
+
+    fn resolved_motion(&self, gains: ResolvedMotionGains) -> Result<ResolvedMotion, TaskError> {
+        if self.options().task != Goal::Track {
+            return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
+        }
+        let block = |names: &[&str]| self.block_indices(names);
+        let spacing = self.options().preview.spacing;
+        let ahead = self
+            .layout()
+            .block("preview")
+            .filter(|_| spacing > 0.0)
+            .map(|block| (BlockIndices { offset: block.offset, scale: block.scale[..6].to_vec() }, spacing));
+        let indices = TrackingIndices {
+            width: self.observation_len(),
+            error: block(&["position_error", "attitude_error"]),
+            twist: block(&["linear_velocity", "angular_velocity"]),
+            up: block(&["up"]),
+            q: block(&["joint_position"]),
+            qd: block(&["joint_rate"]),
+            reference: block(&["reference_twist"]),
+            ahead,
+        };
+        let period = self.options().control_period();
+        Ok(ResolvedMotion::new(self.scene(), indices, gains, self.actions().clone(), period)?)
+    }
+
+    /// Indices of consecutive blocks.
+    fn block_indices(&self, names: &[&str]) -> BlockIndices {
+        let mut blocks = names.iter().filter_map(|name| self.layout().block(name));
+        let first = blocks
+            .next()
+            .map_or_else(BlockIndices::default, |b| BlockIndices { offset: b.offset, scale: b.scale.clone() });
+        blocks.fold(first, |mut indices, block| {
+            indices.scale.extend(&block.scale);
+            indices
+        })
+    }
+
+    fn vehicle_indices(&self) -> Result<ObservationIndices, TaskError> {
+        if self.options().task != Goal::StationKeep {
+            return Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"));
+        }
+        let six = |names: [&str; 2]| {
+            let mut found = names
+                .into_iter()
+                .filter_map(|name| self.layout().block(name))
+                .flat_map(|block| block.scale.iter().enumerate().map(|(k, scale)| (block.offset + k, *scale)));
+            std::array::from_fn(|_| found.next().expect("every layout holds these two blocks of three"))
+        };
+        Ok(ObservationIndices {
+            width: self.observation_len(),
+            error: six(["position_error", "attitude_error"]),
+            twist: six(["linear_velocity", "angular_velocity"]),
+        })
+    }
+
+    fn model_indices(&self, vehicle: &ObservationIndices) -> ModelIndices {
+        ModelIndices {
+            vehicle: vehicle.clone(),
+            arm: [self.block_indices(&["joint_position"]), self.block_indices(&["joint_rate"])],
+            reference: [self.block_indices(&["joint_reference"]), self.block_indices(&["joint_reference_rate"])],
+            home: self.home()[..self.joint_count()].to_vec(),
         }
     }
 }

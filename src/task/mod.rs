@@ -25,6 +25,7 @@ mod truth;
 #[cfg(test)]
 mod tests;
 
+pub use controllers::ControllerKind;
 pub use episode::{Episode, EpisodeRows};
 pub use kernel::{Command, TaskKernel};
 pub use layout::{Block, Layout};

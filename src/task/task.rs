@@ -12,8 +12,8 @@ use super::observation::layout;
 use super::options::{Goal, TaskOptions};
 use super::pose::Pose;
 use super::stance::Stance;
-use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation, ObservationIndices, Pd};
-use crate::description::{Joint, JointKind, Scene, VehicleServo};
+use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation};
+use crate::description::{Joint, JointKind, Scene};
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::system::{EndEffector, JOINTS, Joints, State};
@@ -193,12 +193,12 @@ impl Task {
         &self.rig.layout
     }
 
-    /// BlockIndices of an observation.
+    /// Entries of an observation.
     pub fn observation_len(&self) -> usize {
         self.rig.layout.len()
     }
 
-    /// BlockIndices of an action.
+    /// Entries of an action.
     pub fn action_len(&self) -> usize {
         self.rig.actions.len()
     }
@@ -230,25 +230,6 @@ impl Task {
         self.joints.len()
     }
 
-    /// The paper's PD for this task, with these gains or the scene's own (`vehicle.servo`).
-    ///
-    /// # Errors
-    /// `TaskError` if there are no gains, or one is not finite or is negative.
-    pub fn pd(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
-        self.refuse_residual()?;
-        self.feedback(gains)
-    }
-
-    /// Refuses controllers where actions are corrections to one.
-    pub(super) fn refuse_residual(&self) -> Result<(), TaskError> {
-        match self.options.action {
-            ActionKind::Residual => {
-                Err(self.unfit("its actions are corrections to a controller: use NoControl for that alone"))
-            }
-            _ => Ok(()),
-        }
-    }
-
     /// A refusal of something for this task.
     pub(super) fn unfit(&self, reason: &str) -> TaskError {
         TaskError::Scene { scene: self.scene.name.clone(), reason: reason.to_owned() }
@@ -258,29 +239,7 @@ impl Task {
         &self.rig.actions
     }
 
-    pub(super) fn feedback(&self, gains: Option<VehicleServo>) -> Result<Pd, TaskError> {
-        if self.options.task != Goal::StationKeep {
-            return Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"));
-        }
-        let Some(gains) = gains.or_else(|| self.scene.vehicle.servo.clone()) else {
-            return Err(self.unfit("it gives no gains (vehicle.servo) for the PD"));
-        };
-        let find = |names: [&str; 2]| {
-            let mut found = names
-                .into_iter()
-                .filter_map(|name| self.rig.layout.block(name))
-                .flat_map(|block| block.scale.iter().enumerate().map(|(k, scale)| (block.offset + k, *scale)));
-            std::array::from_fn(|_| found.next().expect("every layout holds these two blocks of three"))
-        };
-        let reading = ObservationIndices {
-            width: self.observation_len(),
-            error: find(["position_error", "attitude_error"]),
-            twist: find(["linear_velocity", "angular_velocity"]),
-        };
-        Ok(Pd::new(reading, gains, self.rig.actions.clone())?)
-    }
-
-    /// Refuses actions (n rows) that are misshaped or not finite. BlockIndices beyond [-1, 1] are clipped by [`Self::act`].
+    /// Refuses actions (n rows) that are misshaped or not finite. Entries beyond [-1, 1] are clipped by [`Self::act`].
     ///
     /// # Errors
     /// `ControlError::Shape` or `TaskError::Action`, with the instance and the entry.

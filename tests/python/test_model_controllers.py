@@ -1,5 +1,6 @@
 """Controllers that know the nominal model: restoring compensation, disturbance observer, computed torque, MPC."""
 
+import inspect
 import pickle
 from typing import Any
 
@@ -14,7 +15,7 @@ from uvms_gym.envs.station_keep import StationKeepVectorEnv
 OBSERVING: list[Any] = [DOB, ComputedTorque, MPC]
 KINDS: list[Any] = [PDRestoring, *OBSERVING]
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]
-FILTERED = {"waves": [0.3, 0.3], "jolts": [0.05, 0.3], "observer": [8.0, 8.0]}
+FILTERED = {"wave_acceleration": [0.3, 0.3], "acceleration_noise": [0.05, 0.3], "observer_bandwidth": [8.0, 8.0]}
 
 
 def run(env: StationKeepVectorEnv, controller: Any, steps: int, **reset: Any) -> tuple[np.ndarray, Any, Any]:
@@ -48,7 +49,7 @@ def test_a_constant_wrench_is_observed_as_it_is(kind: Any, options: Any, delay: 
 @pytest.mark.parametrize("kind", OBSERVING)
 def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any) -> None:
     env = pushed([0.0] * 6, 1)
-    controller = kind(env, observer=[2.0, 2.0])
+    controller = kind(env, observer_bandwidth=[2.0, 2.0])
     observation, _ = env.reset(seed=3)
     state, greatest = None, np.zeros(6)
     for _ in range(120):
@@ -124,7 +125,7 @@ def test_in_a_storm_each_does_better_than_the_one_before() -> None:
     env = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=256)
     errors = [
         np.sort(pose(env, controller))[64:192].mean()
-        for controller in (PD(env), DOB(env, observer=[1.0, 1.0]), ComputedTorque(env), MPC(env))
+        for controller in (PD(env), DOB(env, observer_bandwidth=[1.0, 1.0]), ComputedTorque(env), MPC(env))
     ]
     assert errors[1] < 0.8 * errors[0], errors
     assert errors[2] < 0.7 * errors[1], errors
@@ -135,22 +136,24 @@ def test_in_a_storm_each_does_better_than_the_one_before() -> None:
 def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
     env = gym.make("UVMS-StationKeep-Storm-v0")
     controller = kind(env)
+    pairs = ("observer_bandwidth", "wave_acceleration", "acceleration_noise")
     again = pickle.loads(pickle.dumps(controller))
     observation, _ = env.reset(seed=2)
     assert again.predict(observation)[0].tobytes() == controller.predict(observation)[0].tobytes()
-    own = {DOB: ("kp", "kd", "lead"), ComputedTorque: ("kp", "kd", "lead"), MPC: ("velocity", "effort", "change")}
+    feedback = ("kp", "kd", "prediction_horizon")
+    own = {DOB: feedback, ComputedTorque: feedback, MPC: ("velocity", "effort", "change")}
     if kind is PDRestoring:
         np.testing.assert_array_equal([again.kp, again.kd], [controller.kp, controller.kd])
     else:
-        for name in ("observer", "waves", "frequency", "jolts", "delay", *own[kind]):
+        for name in (*pairs, "wave_frequency", "delay", *own[kind]):
             np.testing.assert_array_equal(getattr(again, name), getattr(controller, name))
-        for name in ("observer", "waves", "jolts"):
+        for name in pairs:
             with pytest.raises(ValueError, match=rf"gain {name}\[1\] = -1"):
                 kind(env, **{name: [1.0, -1.0]})
-        with pytest.raises(ValueError, match="gain frequency"):
-            kind(env, frequency=float("nan"))
-        with pytest.raises(ValueError, match="must have"):
-            kind(env, observer=[1.0])
+        with pytest.raises(ValueError, match="gain wave_frequency"):
+            kind(env, wave_frequency=float("nan"))
+        with pytest.raises(ValueError, match=r"gain observer_bandwidth is \[1.0\], but must be 2 numbers"):
+            kind(env, observer_bandwidth=[1.0])
         with pytest.raises(ValueError, match="state has shape"):
             controller.disturbance(np.zeros(3))
     name, length = ("effort", 2) if kind is MPC else ("kp", 6)
@@ -173,3 +176,39 @@ def test_restoring_compensation_leaves_no_tilt() -> None:
         tilts.append(info["attitude_error"][0])
     assert tilts[0] > 0.05
     assert tilts[1] < 1e-3
+
+
+@pytest.mark.parametrize("kind", [*KINDS, uvms_gym.PID, uvms_gym.ResolvedMotion])
+def test_memory_has_names_and_gains_are_attributes(kind: Any) -> None:
+    controller = kind(scene="petasus-pum")
+    blocks = list(controller.memory_layout.values())
+    assert [block.start for block in blocks] == [0, *(block.stop for block in blocks)][: len(blocks)]
+    assert (blocks[-1].stop if blocks else 0) == controller.native.widths[1]
+    for name, value in controller.gains.items():
+        np.testing.assert_array_equal(getattr(controller, name), value)
+        assert f"{name}=" in repr(controller)
+    assert list(inspect.signature(kind).parameters) == ["env", *controller.gains, "options"]
+    with pytest.raises(AttributeError, match="no attribute 'kq'"):
+        _ = controller.kq
+    with pytest.raises(TypeError, match="unexpected argument 'kq'; gains: "):
+        kind(scene="petasus-pum", kq=1.0)
+    with pytest.raises(ValueError, match="must be a number or a list of numbers"):
+        kind(**{name: "large"})
+
+
+def test_a_forgotten_state_is_warned_of_once() -> None:
+    pid, rows = uvms_gym.PID(scene="petasus-pum"), np.zeros((2, 44), dtype=np.float32)
+    starts = np.ones(2, dtype=np.bool_)
+    _, state = pid.predict(rows)
+    for _ in range(2):
+        pid.predict(rows, state)
+        # A next episode.
+        pid.predict(rows)
+        pid.predict(rows, None, starts)
+        _, state = pid.predict(rows, None, True)
+    with pytest.warns(uvms_gym.StateWarning, match="PID has memory, but was called twice without its state"):
+        pid.predict(rows)
+    pid.predict(rows)
+    pd = PD(scene="petasus-pum")
+    pd.predict(rows)
+    pd.predict(rows)

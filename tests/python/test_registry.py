@@ -114,7 +114,7 @@ def test_a_policy_that_is_not_shipped_is_told_those_that_are(shipped: Path) -> N
     [
         ({"scene": "rexrov"}, "its scene is rexrov, the environment's bluerov2-heavy"),
         ({"substeps": 5}, "its control period is 0.050000000 s, the environment's 0.100000000 s"),
-        ({"residual": True}, "it corrects a controller, and is none by itself"),
+        ({"residual": True}, "this is a residual policy; load it with residual=True or through Residual"),
     ],
 )
 def test_a_shipped_policy_for_something_else_is_refused(shipped: Path, made: dict[str, Any], words: str) -> None:
@@ -126,7 +126,7 @@ def test_a_shipped_policy_for_something_else_is_refused(shipped: Path, made: dic
 def test_corrections_to_something_else_are_refused(shipped: Path) -> None:
     file = shipped / "ppo-pd-1.safetensors"
     network(residual=True, notes={"base": "pid"}).save(file)
-    assert message("ppo-pd", seed=1) == f"{file}: it corrects pid, not pd"
+    assert message("ppo-pd", seed=1) == f"{file}: its base is pid, but must be pd"
     network(residual=True, notes={"limit": "7"}).save(file)
     assert message("ppo-pd", seed=1) == f"{file}: limit is 7, but must be in [0, 1]"
 
@@ -151,7 +151,7 @@ def test_truncated_and_foreign_files_are_refused(shipped: Path) -> None:
         ("{", "no JSON: Expecting property name"),
         ("[1]", "holds no dict of controllers"),
         ('{"pd": 3}', "pd has no dict of gains"),
-        ('{"pd": {"gains": {"kp": [1, 2]}}}', "pd: gains have shape (2,), but must have (6,)"),
+        ('{"pd": {"gains": {"kp": [1, 2]}}}', "pd: gain kp is [1.0,2.0], but must be 6 numbers"),
         ('{"pd": {"gains": {"kq": [1]}}}', "pd: unknown gain 'kq'"),
         ('{"pd": {"gains": {"kp": [1, 1, 1, 1, 1, -1]}}}', "pd: "),
     ],

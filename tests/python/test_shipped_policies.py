@@ -88,7 +88,7 @@ def test_val_a_policy_is_what_torch_makes_of_its_file(path: Path) -> None:
         for name, at in header.items()
     }
     policy = MLP.load(path, residual=True)
-    d, history = policy.policy.widths[0], policy.history
+    d, history = policy.native.widths[0], policy.history
     rows = np.random.default_rng(0).normal(size=(500, d * history)).astype(np.float32)
     x = torch.from_numpy(rows)
     depth = len(inside["sizes"]) - 1

@@ -1,11 +1,11 @@
 """Controllers with the signature of Stable-Baselines3's policies. They run natively, alone or in a closed loop."""
 
-from uvms_gym.controllers.base import Controller
-from uvms_gym.controllers.feedback import PD, PID, NoControl
+from uvms_gym.controllers.base import Controller, StateWarning
+from uvms_gym.controllers.feedback import PD, PID, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP
-from uvms_gym.controllers.model import DOB, MPC, ComputedTorque, PDRestoring
+from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque
 from uvms_gym.controllers.residual import Residual
-from uvms_gym.controllers.resolved import ResolvedMotion
+from uvms_gym.controllers.resolved_motion import ResolvedMotion
 
 __all__ = [
     "DOB",
@@ -19,4 +19,5 @@ __all__ = [
     "PDRestoring",
     "Residual",
     "ResolvedMotion",
+    "StateWarning",
 ]

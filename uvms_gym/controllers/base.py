@@ -1,6 +1,8 @@
-"""What all controllers have in common."""
+"""Base classes of controllers."""
 
-from typing import Any, cast
+import inspect
+import warnings
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,14 +10,32 @@ from numpy.typing import ArrayLike, NDArray
 from uvms_gym import _core
 from uvms_gym.envs._arguments import Actions
 from uvms_gym.envs._base import TaskBase
-from uvms_gym.envs._options import Options
+from uvms_gym.envs._options import Options, native
+
+
+class StateWarning(UserWarning):
+    """A controller with memory was called twice without its state."""
 
 
 class Controller:
-    """What all controllers have in common: `predict`."""
+    """Base class of all controllers.
 
-    #: The controller itself.
-    policy: _core.Policy
+    Attributes
+    ----------
+    native : uvms_gym._core.Controller
+        The native controller, which `uvms_gym.Rollout` runs.
+    """
+
+    native: _core.Controller
+    _stateless = _warned = False
+
+    @property
+    def memory_layout(self) -> dict[str, slice]:
+        """Slices of a state by name; empty for a controller without memory."""
+        layout, first = {}, 0
+        for name, length in self.native.memory_layout:
+            layout[name] = slice(first, first := first + length)
+        return layout
 
     def predict(
         self, observation: ArrayLike, state: Any = None, episode_start: Any = None, deterministic: bool = True
@@ -26,10 +46,10 @@ class Controller:
         ----------
         observation : array_like (d,) or (n, d)
         state : array_like (m,) or (n, m), or None
-            What the controller remembers: the second result of the call before, None at the start of an episode. A
-            controller without memory (m = 0) does not look at it, and hands it back.
+            Memory of the controller: the second result of the previous call, None at the start of an episode. A
+            controller without memory (m = 0) ignores it, and returns it.
         episode_start : array_like of bool () or (n,), or None
-            Where it is True an episode begins, and the state of that row is forgotten.
+            True where an episode begins; the state of that row is reset.
         deterministic : bool
             Not used: there is no randomness.
 
@@ -42,15 +62,23 @@ class Controller:
         ------
         ValueError
             Observations or a state of another shape, or that are not finite.
+
+        Warns
+        -----
+        StateWarning
+            Once, where a controller with memory is called a second time in a row without its state, and
+            `episode_start` does not say that all rows begin an episode.
         """
         given = np.asarray(observation, dtype=np.float32)
         if given.ndim not in (1, 2):
             raise ValueError(f"observation has shape {given.shape}, but must have (d,) or (n, d)")
         rows = np.atleast_2d(given)
         _check_finite("observation", rows)
-        width = self.policy.widths[1]
+        width = self.native.widths[1]
         memory = np.zeros((len(rows), width))
-        if width and state is not None:
+        if width and state is None:
+            self._check_state(episode_start)
+        elif width:
             remembered = np.asarray(state, dtype=np.float64)
             if remembered.shape != (*given.shape[:-1], width):
                 raise ValueError(f"state has shape {remembered.shape}, but must have {(*given.shape[:-1], width)}")
@@ -59,26 +87,106 @@ class Controller:
                 kept &= ~np.asarray(episode_start, dtype=np.bool_)
             memory[kept] = np.atleast_2d(remembered)[kept]
             _check_finite("state", memory)
-        actions, memory = self.policy.act(rows, memory)
+            self._stateless = False
+        actions, memory = self.native.act(rows, memory)
         if given.ndim == 1:
             actions, memory = actions[0], memory[0]
         return actions, (memory if width else state)
+
+    def _check_state(self, episode_start: Any) -> None:
+        """Warn of a second call in a row without state in which no episode begins."""
+        if self._stateless and not self._warned and (episode_start is None or not np.all(episode_start)):
+            self._warned = True
+            warnings.warn(
+                f"{type(self).__name__} has memory, but was called twice without its state: every call counted as an "
+                "episode's first; pass the state of the previous call, `action, state = controller.predict(obs, state)`",
+                StateWarning,
+                stacklevel=3,
+            )
+        self._stateless = True
+
+
+class ClassicalController(Controller):
+    """Base class of classical controllers: gains as data, pickling, display.
+
+    Gains are keyword arguments, `gains` returns them, and each is an attribute, too. Their names and defaults are those
+    of the native controller.
+    """
+
+    #: Name of the native controller.
+    kind: ClassVar[str]
+    _task: ClassVar[str] = "station-keep"
+
+    def __init_subclass__(cls, **arguments: Any) -> None:
+        super().__init_subclass__(**arguments)
+        if "kind" in vars(cls):
+            cls._names = _core.gain_names(cls.kind)
+            keyword = inspect.Parameter.KEYWORD_ONLY
+            cls.__signature__ = inspect.Signature(
+                [
+                    inspect.Parameter("env", inspect.Parameter.POSITIONAL_OR_KEYWORD, default=None),
+                    *(inspect.Parameter(name, keyword, default=None) for name in cls._names),
+                    inspect.Parameter("options", inspect.Parameter.VAR_KEYWORD),
+                ]
+            )
+
+    _names: ClassVar[list[str]]
+    __signature__: ClassVar[inspect.Signature]
+
+    def __init__(self, env: Any = None, **arguments: Any) -> None:
+        name = type(self).__name__
+        gains = {key: arguments.pop(key) for key in self._names if key in arguments}
+        if unknown := arguments.keys() - Options.__annotations__.keys():
+            raise TypeError(f"{name}: unexpected argument {min(unknown)!r}; gains: {', '.join(self._names) or 'none'}")
+        if env is None:
+            arguments = {"task": self._task, **arguments}
+        # The disturbance tells the sensors' delay, which is a gain from here on.
+        options = options_of(name, env, cast(Options, arguments), "disturbance")
+        self.native = native(options).controller(self.kind, {key: _plain(key, gain) for key, gain in gains.items()})
+        self._options = {key: value for key, value in options.items() if key != "disturbance"}
+
+    @property
+    def gains(self) -> dict[str, Any]:
+        """Gains by name: the keyword arguments that make the controller again."""
+        return self.native.gains
+
+    def __getattr__(self, name: str) -> Any:
+        if name in type(self)._names:
+            return self.gains[name]
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def __repr__(self) -> str:
+        gains = (f"{name}={np.asarray(value).tolist()}" for name, value in self.gains.items())
+        return f"{type(self).__name__}({', '.join(gains)})"
+
+    def __reduce__(self) -> Any:
+        return _remade, (type(self), self._options, self.gains)
 
 
 def options_of(controller: str, env: Any, given: Options, *more: str) -> Options:
     """Options that matter to a controller, of an environment or as given; `more` of them to some."""
     if env is not None:
         if given:
-            raise TypeError(f"env tells the options: {', '.join(given)} cannot be given besides")
+            raise TypeError(f"pass either env or options, not both: {', '.join(given)}")
         inner = _unwrapped(controller, env)
         given = {**inner.options, "task": inner.task}
     matters = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", *more)
     return cast(Options, {key: value for key, value in given.items() if key in matters})
 
 
-def remade(kind: type[Any], options: Options, gains: dict[str, Any]) -> Any:
+def _remade(kind: type[Any], options: Options, gains: dict[str, Any]) -> Any:
     """Make a controller again after pickling."""
     return kind(**gains, **options)
+
+
+def _plain(name: str, gain: Any) -> Any:
+    """Gain as None, a number or a list of numbers."""
+    if gain is None:
+        return None
+    array = np.asarray(gain)
+    if array.ndim > 1 or array.dtype.kind not in "iuf":
+        raise ValueError(f"gain {name} is {gain!r}, but must be a number or a list of numbers")
+    return array.tolist()
 
 
 def _check_finite(name: str, rows: NDArray[Any]) -> None:

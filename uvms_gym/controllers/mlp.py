@@ -17,36 +17,36 @@ from uvms_gym.envs._options import Options, native
 class MLP(Controller):
     """A neural network: layers `W x + b` with an activation between them, in float32.
 
-    It says what a trained policy says with `deterministic=True`: the mean of its actions. Files are safetensors; they
-    tell what environment the policy is for (task, scene, kind of action, control period, names and sizes of the
-    observation's blocks), and are refused where it is another. A scene that is altered but keeps its name is the same.
+    Its action is that of a trained policy with `deterministic=True`: the mean. Files are safetensors; they hold the
+    environment of the policy (task, scene, kind of action, control period, names and sizes of the observation's blocks),
+    and are refused by another. A scene that is altered but keeps its name counts as the same.
 
     Parameters
     ----------
     env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
-        The `UVMS-StationKeep` environment that the policy is for.
+        Environment of the policy.
     weights : sequence of array_like (outputs, inputs)
-        One per layer, as torch has them.
+        One per layer, as in torch.
     biases : sequence of array_like (outputs,)
         One per layer.
     activation : str
         "tanh", "relu" or "elu", after every layer but the last.
     output : str
-        "clip": the last layer's numbers are clipped to [-1, 1]. "tanh": they are squashed by it, as SAC does.
+        "clip": the last layer's numbers are clipped to [-1, 1]. "tanh": they are squashed by it, as in SAC.
     mean, variance : array_like (inputs,) or None
-        What observations are normalised by first, as VecNormalize does it (its `obs_rms.mean` and `obs_rms.var`):
-        `clip((x - mean) / sqrt(variance + epsilon), -clip, clip)`. Nothing where None.
+        Normalisation of observations, as in VecNormalize (its `obs_rms.mean` and `obs_rms.var`):
+        `clip((x - mean) / sqrt(variance + epsilon), -clip, clip)`. None: no normalisation.
     epsilon, clip : float
-        As VecNormalize has them (`epsilon`, `clip_obs`).
+        As in VecNormalize (`epsilon`, `clip_obs`).
     history : int
-        Observations that it reads at once: the last ones, oldest first, and zeros in place of those before an episode's
-        first, as `VecFrameStack` has it. They are the controller's state, which `predict` takes and gives back.
+        Number of stacked observations: the last ones, oldest first, and zeros before an episode's first, as in
+        `VecFrameStack`. They are the controller's state, which `predict` takes and returns.
     residual : bool
-        Whether it corrects a controller, whose action it reads after the observation: see `Residual`.
+        Whether it is a residual policy: it reads a base controller's action after the observation. See `Residual`.
     notes : mapping of str to str, or None
-        What else is to be known: seeds, steps, scores.
+        Free text: seeds, steps, scores.
     **options
-        Without `env`: arguments of `StationKeepEnv` that tell what the policy is for. Without both it does not say so.
+        Without `env`: arguments of its environment, and `task`. Without both the policy's environment is unknown.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class MLP(Controller):
         `env` is something else, or options are given besides.
     """
 
-    policy: _core.Mlp
+    native: _core.Mlp
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class MLP(Controller):
         if (mean is None) != (variance is None):
             raise ValueError("give both mean and variance, or neither")
         given = None if mean is None else (_array("mean", mean, 1), _array("variance", variance, 1), epsilon, clip)
-        self.policy = _core.Mlp(
+        self.native = _core.Mlp(
             [_array(f"weights[{i}]", layer, 2) for i, layer in enumerate(weights)],
             [_array(f"biases[{i}]", layer, 1) for i, layer in enumerate(biases)],
             activation=activation,
@@ -100,7 +100,7 @@ class MLP(Controller):
             `model.policy.state_dict()` of Stable-Baselines3's PPO or A2C (a `MlpPolicy` on the CPU) or SAC, or
             `state_dict()` of an `nn.Sequential`: layers are taken in the order of their numbers.
         env, **arguments
-            As `MLP` has them; the activation is not in the arrays.
+            As for `MLP`; the activation is not in the arrays.
 
         Raises
         ------
@@ -128,20 +128,20 @@ class MLP(Controller):
     ) -> Self:
         """Read a policy from a safetensors file, and check that it is for `env` (or `options`), if given.
 
-        With `residual` it is to be one that corrects a controller, without it is not.
+        With `residual` it must be a residual policy, without it must not.
 
         Raises
         ------
         OSError
             The file cannot be read.
         ValueError
-            It holds no policy, or one for something else; the message names the difference.
+            It holds no policy, or one of another environment; the message names the difference.
         """
         task = _task(cls.__name__, env, options)
         try:
             policy = _core.Mlp.from_bytes(Path(file).read_bytes())
             if policy.residual and not residual:
-                raise ValueError("it corrects a controller, and is none by itself")
+                raise ValueError("this is a residual policy; load it with residual=True or through Residual")
             if task is not None:
                 policy.check(task, residual=residual)
         except ValueError as error:
@@ -156,37 +156,37 @@ class MLP(Controller):
         OSError
             The file cannot be written.
         """
-        Path(file).write_bytes(self.policy.to_bytes())
+        Path(file).write_bytes(self.native.to_bytes())
 
     @property
     def sizes(self) -> list[int]:
-        """Entries of what it reads, and of all layers' results."""
-        return self.policy.sizes
+        """Entries of the input, and of all layers' results."""
+        return self.native.sizes
 
     @property
     def spec(self) -> dict[str, Any] | None:
-        """What the policy is for: task, scene, action, actions, control_period and observation."""
-        return self.policy.spec
+        """Environment of the policy: task, scene, action, actions, control_period and observation."""
+        return self.native.spec
 
     @property
     def history(self) -> int:
-        """Observations that it reads at once."""
-        return self.policy.history
+        """Number of stacked observations."""
+        return self.native.history
 
     @property
     def residual(self) -> bool:
-        """Whether it says that it corrects a controller."""
-        return self.policy.residual
+        """Whether it is a residual policy."""
+        return self.native.residual
 
     @property
     def notes(self) -> dict[str, str]:
-        """What else is to be known of it."""
-        return self.policy.notes
+        """Notes: seeds, steps, scores."""
+        return self.native.notes
 
     @classmethod
     def _of(cls, policy: _core.Mlp) -> Self:
         self = cls.__new__(cls)
-        self.policy = policy
+        self.native = policy
         return self
 
     @classmethod
@@ -194,7 +194,7 @@ class MLP(Controller):
         return cls._of(_core.Mlp.from_bytes(data))
 
     def __reduce__(self) -> Any:
-        return self._unpacked, (self.policy.to_bytes(),)
+        return self._unpacked, (self.native.to_bytes(),)
 
 
 def _array(name: str, given: ArrayLike | None, dimensions: int) -> NDArray[np.float32]:
@@ -205,5 +205,5 @@ def _array(name: str, given: ArrayLike | None, dimensions: int) -> NDArray[np.fl
 
 
 def _task(controller: str, env: Any, given: Options) -> _core.Task | None:
-    """The task that a policy is for, if that is told."""
+    """Task of a policy, if it is given."""
     return native(options_of(controller, env, given)) if env is not None or given else None

@@ -1,82 +1,82 @@
-"""Controllers by name: classical ones with tuned gains, and learned ones with the policies that the package ships.
+"""Controllers by name: classical ones with tuned gains, and learned ones with shipped policies.
 
-What is shipped for a task, a scene and a control period lies in one folder, `pretrained/TASK/SCENE/PERIODs`: the tuned
-gains as `gains.json`, a policy of training seed S as `NAME-S.safetensors`.
+Tuned gains and policies for a task, a scene and a control period lie in one folder, `pretrained/TASK/SCENE/PERIODs`: the
+gains as `gains.json`, the policy of training seed S as `NAME-S.safetensors`.
 """
 
-import inspect
 import json
 import os
 import re
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, Unpack
 
+from uvms_gym import _core
 from uvms_gym.controllers.base import Controller, options_of
-from uvms_gym.controllers.feedback import PD, PID, NoControl
+from uvms_gym.controllers.feedback import PD, PID, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP
-from uvms_gym.controllers.model import DOB, MPC, ComputedTorque, PDRestoring
+from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque
 from uvms_gym.controllers.residual import Residual
-from uvms_gym.controllers.resolved import ResolvedMotion
+from uvms_gym.controllers.resolved_motion import ResolvedMotion
 from uvms_gym.envs._options import Options, native
 
-#: Where shipped policies and tuned gains lie.
+#: Folder of shipped policies and tuned gains.
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
-#: What stands before the file of a neural policy.
+#: Prefix of the file of a neural policy.
 MLP_PREFIX = "mlp:"
-#: What learned corrections are limited to where their file does not say it.
+#: Limit of learned corrections whose file has none.
 LIMIT = 0.3
 
-#: Tasks by the names that environments and policies have for them.
+#: Names of tasks in environments' ids.
 TASKS = {"station-keep": "UVMS-StationKeep", "ee-track": "UVMS-EETrack"}
 _STATION, _TRACK = (("station-keep",), ("ee-track",))
 _BOTH = (*_STATION, *_TRACK)
 
 
-class Classical(NamedTuple):
-    """A controller that needs no policy: its class, the tasks it is for, and arguments besides its gains."""
+class ClassicalEntry(NamedTuple):
+    """Classical controller: class, tasks, and gains of this variant."""
 
     kind: type[Any]
     tasks: tuple[str, ...] = _STATION
-    arguments: dict[str, Any] = {}  # noqa: RUF012 (never changed)
+    gains: dict[str, Any] = {}  # noqa: RUF012 (never changed)
 
 
-class Learned(NamedTuple):
-    """A controller of shipped policies: the tasks it is for, and what its policies correct."""
+class LearnedEntry(NamedTuple):
+    """Learned controller: tasks, and the base controller of residual policies."""
 
     tasks: tuple[str, ...]
     base: str | None = None
 
 
-CLASSICAL: dict[str, Classical] = {
-    "none": Classical(NoControl, _BOTH),
-    "pd": Classical(PD),
-    "pd-restoring": Classical(PDRestoring),
-    "pid": Classical(PID),
-    "dob": Classical(DOB),
-    "dob-delay": Classical(DOB, arguments={"delay": None}),
-    "dob-calm": Classical(DOB, arguments={"delay": None}),
-    "computed-torque": Classical(ComputedTorque),
-    "mpc": Classical(MPC),
-    "resolved": Classical(ResolvedMotion, _TRACK),
-    "resolved-pid": Classical(ResolvedMotion, _TRACK, {"integral": 0.5}),
-    "resolved-dob": Classical(ResolvedMotion, _TRACK, {"observer": (4.0, 4.0, 8.0), "delay": 1}),
+CLASSICAL: dict[str, ClassicalEntry] = {
+    "none": ClassicalEntry(NoControl, _BOTH),
+    "pd": ClassicalEntry(PD),
+    "pd-restoring": ClassicalEntry(PDRestoring),
+    "pid": ClassicalEntry(PID),
+    "dob": ClassicalEntry(DOB),
+    "dob-delay": ClassicalEntry(DOB, gains={"delay": None}),
+    "dob-calm": ClassicalEntry(DOB, gains={"delay": None}),
+    "computed-torque": ClassicalEntry(ComputedTorque),
+    "mpc": ClassicalEntry(MPC),
+    "resolved": ClassicalEntry(ResolvedMotion, _TRACK),
+    "resolved-pid": ClassicalEntry(ResolvedMotion, _TRACK, {"integral_gain": 0.5}),
+    "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, {"observer_bandwidth": (4.0, 4.0, 8.0), "delay": 1}),
 }
-LEARNED: dict[str, Learned] = {
-    "ppo": Learned(_BOTH),
-    "ppo-pd": Learned(_STATION, "pd"),
-    "ppo-dob": Learned(_STATION, "dob-delay"),
-    "ppo-resolved-dob": Learned(_TRACK, "resolved-dob"),
+LEARNED: dict[str, LearnedEntry] = {
+    "ppo": LearnedEntry(_BOTH),
+    "ppo-pd": LearnedEntry(_STATION, "pd"),
+    "ppo-dob": LearnedEntry(_STATION, "dob-delay"),
+    "ppo-resolved-dob": LearnedEntry(_TRACK, "resolved-dob"),
 }
-#: All controllers, of whatever task; `mlp:FILE` besides.
+#: All controllers of all tasks, without `mlp:FILE`.
 NAMES = (*CLASSICAL, *LEARNED)
 
 
 class Unavailable(ValueError):
-    """The controller is known, but nothing is shipped that it could be made of."""
+    """No policy is shipped for a known controller."""
 
 
 def names(task: str | None = None) -> tuple[str, ...]:
-    """Names of the controllers for a task ("station-keep" or "ee-track"), or of all."""
+    """Names of the controllers of a task ("station-keep" or "ee-track"), or of all tasks."""
     return tuple(name for name in NAMES if task is None or task in _entry(name).tasks)
 
 
@@ -88,27 +88,30 @@ def make_controller(
     seed: int | None = None,
     **options: Unpack[Options],
 ) -> Controller:
-    """Make a controller by its name.
+    """Make a controller by its name, with tuned gains or a shipped policy.
+
+    `make_controller("pd", env)` has tuned gains where the package ships them; `PD(env)`, and
+    `make_controller("pd", env, gains="scene")`, have those of the scene.
 
     Parameters
     ----------
     name : str
         One of `NAMES`, or `mlp:FILE`.
     env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
-        The environment that it is for.
+        Environment of the controller.
     gains : {"tuned", "scene"}
-        Gains of classical controllers: those that are shipped for this task, scene and control period, the class's own
-        where there are none; or its own in any case.
+        Gains of classical controllers. "tuned": those shipped for this task, scene and control period, the class's
+        defaults where none are; "scene": the class's defaults, which are the scene's `kp` and `kd`.
     seed : int or None
-        Training seed of the policy; None: the first that is shipped.
+        Training seed of the policy; None: the first shipped one.
     **options
         Without `env`: arguments of its environment, and `task` ("station-keep" or "ee-track").
 
     Raises
     ------
     ValueError
-        The name is not known for this task, the policy is for something else, or a file is broken. `Unavailable` where
-        no such policy is shipped; the message names what is.
+        An unknown name for this task, a policy of another environment, or a broken file. `Unavailable` where no such
+        policy is shipped; the message names those that are.
     TypeError
         `env` is something else, or options are given besides.
     OSError
@@ -116,7 +119,7 @@ def make_controller(
     """
     if gains not in ("tuned", "scene"):
         raise ValueError(f"gains is {gains!r}, but must be 'tuned' or 'scene'")
-    # Of the disturbance some controllers have to know the sensors' delay.
+    # Some controllers need the sensors' delay, which belongs to the disturbance.
     given = options_of("controller", env, options, "disturbance")
     task = given.get("task", "station-keep")
     if name.startswith(MLP_PREFIX):
@@ -131,18 +134,18 @@ def make_controller(
     correction = MLP.load(file, residual=True, **given)
     said = correction.notes.get("base", base)
     if said != base:
-        raise ValueError(f"{file}: it corrects {said}, not {base}")
+        raise ValueError(f"{file}: its base is {said}, but must be {base}")
     try:
-        # With the gains that it was trained with, whatever is tuned since.
-        kind, _, arguments = CLASSICAL[base]
-        corrected = kind(**{**arguments, **json.loads(correction.notes.get("base_gains", "{}"))}, **given)
+        # The gains of its training, not those tuned since.
+        kind, _, gains_of_variant = CLASSICAL[base]
+        corrected = kind(**{**gains_of_variant, **json.loads(correction.notes.get("base_gains", "{}"))}, **given)
         return Residual(corrected, correction, float(correction.notes.get("limit", LIMIT)))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{file}: {error}") from None
 
 
 def check_name(name: str, task: str) -> None:
-    """Refuse a name that no controller for a task has.
+    """Refuse a name that is not a controller of a task.
 
     Raises
     ------
@@ -155,21 +158,21 @@ def check_name(name: str, task: str) -> None:
 
 
 def seeds(name: str, env: Any = None, **options: Unpack[Options]) -> tuple[int, ...]:
-    """Training seeds of a learned controller's shipped policies for an environment; none of classical ones."""
+    """Training seeds of a learned controller's shipped policies for an environment; none for classical ones."""
     if name not in LEARNED:
         return ()
     return _shipped(options_of("controller", env, options)).get(name, ())
 
 
 def available(env: Any = None, **options: Unpack[Options]) -> tuple[str, ...]:
-    """Names of the controllers that there is all for: classical ones, and learned ones with a policy."""
+    """Controllers available for this task (gains or policy shipped)."""
     given = options_of("controller", env, options)
     shipped = _shipped(given)
     return tuple(name for name in names(given.get("task", "station-keep")) if name in CLASSICAL or name in shipped)
 
 
 def folder(env: Any = None, **options: Unpack[Options]) -> Path:
-    """Folder of what is shipped for an environment, whether it is there or not."""
+    """Folder of shipped gains and policies for an environment; it may not exist."""
     given = options_of("controller", env, options)
     made = native(given)
     task = TASKS[given.get("task", "station-keep")]
@@ -177,14 +180,14 @@ def folder(env: Any = None, **options: Unpack[Options]) -> Path:
 
 
 def tuned(name: str, env: Any = None, **options: Unpack[Options]) -> dict[str, Any] | None:
-    """Shipped gains of a classical controller: `gains` as its class takes them, and how they were found.
+    """Shipped gains of a classical controller: `gains` as its class takes them, and the record of their tuning.
 
-    None where there are none.
+    None where none are shipped.
 
     Raises
     ------
     OSError, ValueError
-        The file cannot be read, or is not as it should be.
+        The file cannot be read or is malformed.
     """
     file = folder(env, **options) / "gains.json"
     if not file.exists():
@@ -209,7 +212,7 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
     Raises
     ------
     Unavailable
-        There is none; the message names what there is.
+        None is shipped; the message names those that are.
     """
     given = options_of("controller", env, options)
     place, shipped = folder(**given), _shipped(given)
@@ -228,33 +231,27 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
 def _classical(name: str, given: Options, gains: str) -> Controller:
     entry = CLASSICAL.get(name)
     if entry is None:
-        raise Unavailable(f"there is no controller {name} to be corrected")
+        raise Unavailable(f"controller {name} cannot be a base")
     stored = tuned(name, **given) if gains == "tuned" else None
     if stored is None:
-        made: Controller = entry.kind(**entry.arguments, **given)
+        made: Controller = entry.kind(**entry.gains, **given)
         return made
     try:
-        # Whatever a class does not know it takes for an option of an environment.
-        if unknown := stored["gains"].keys() - _parameters(entry.kind):
+        # The class would take other names for options of an environment.
+        if unknown := stored["gains"].keys() - set(_core.gain_names(entry.kind.kind)):
             raise TypeError(f"unknown gain {min(unknown)!r}")
-        made = entry.kind(**{**entry.arguments, **stored["gains"]}, **given)
+        made = entry.kind(**{**entry.gains, **stored["gains"]}, **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
     return made
 
 
-def _parameters(kind: type[Any]) -> set[str]:
-    """Names of what a class and those that it is derived from take."""
-    made = (vars(base)["__init__"] for base in kind.__mro__[:-1] if "__init__" in vars(base))
-    return {name for function in made for name in inspect.signature(function).parameters}
-
-
-def _entry(name: str) -> Classical | Learned:
+def _entry(name: str) -> ClassicalEntry | LearnedEntry:
     return CLASSICAL[name] if name in CLASSICAL else LEARNED[name]
 
 
 def _shipped(given: Options) -> dict[str, tuple[int, ...]]:
-    """Training seeds of the policies that are shipped for these options, by the learned controllers' names."""
+    """Training seeds of the policies shipped for these options, by controller."""
     place = folder(**given)
     found: dict[str, list[int]] = {}
     # Policies are trained on wrenches.
@@ -269,6 +266,6 @@ def _action(given: Options) -> str:
 
 
 def _places() -> str:
-    """Say what policies are shipped for, whatever it is."""
+    """Environments that policies are shipped for, as text."""
     found = sorted({file.parent.relative_to(PRETRAINED) for file in PRETRAINED.glob("*/*/*s/*.safetensors")})
     return "those for " + "; ".join(" ".join(place.parts) for place in found) if found else "none"

@@ -7,7 +7,7 @@ from uvms_gym.controllers.mlp import MLP
 
 
 class Residual(Controller):
-    """A controller and a neural network that corrects it. [Sil18]
+    """A base controller and a residual policy that corrects it. [Sil18]
 
     The network reads the observation and then the controller's action; the action is
     `clip(base + limit * clip(network))`, each clip to [-1, 1].
@@ -15,9 +15,9 @@ class Residual(Controller):
     Parameters
     ----------
     base : Controller
-        What is corrected.
+        Base controller.
     correction : MLP
-        Of an environment with `residual=True`: it reads d + a entries and gives a.
+        Residual policy (`residual=True`): it reads d + a entries and gives a.
     limit : float
         Greatest correction of an entry of the action, in [0, 1].
 
@@ -29,7 +29,7 @@ class Residual(Controller):
 
     def __init__(self, base: Controller, correction: MLP, limit: float = 0.3) -> None:
         self.base, self.correction, self.limit = base, correction, float(limit)
-        self.policy = correction.policy.correcting(base.policy, self.limit)
+        self.native = correction.native.correcting(base.native, self.limit)
 
     def __reduce__(self) -> Any:
         return type(self), (self.base, self.correction, self.limit)

@@ -18,18 +18,19 @@ const KEY: &str = "uvms_gym";
 /// Version of the form.
 const FORM: &str = "mlp/1";
 
-/// What the metadata says.
+/// Metadata entry.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Header {
     form: String,
-    /// As the tensors say, too.
+    /// As the tensors' shapes.
     sizes: Vec<usize>,
     activation: Activation,
     output: Output,
     #[serde(default = "one")]
     history: usize,
     normalisation: Option<Bounds>,
+    // The key in shipped files, whose digests are recorded beside results.
     #[serde(rename = "purpose")]
     spec: Option<PolicySpec>,
     #[serde(default)]
@@ -40,7 +41,7 @@ fn one() -> usize {
     1
 }
 
-/// The numbers of a normalisation that are no tensors.
+/// Scalars of a normalisation.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Bounds {
@@ -85,10 +86,10 @@ impl Mlp {
         serialize(views, Some(std::iter::once((KEY.to_owned(), text)).collect())).map_err(|e| wrong(&e))
     }
 
-    /// The policy that a file holds.
+    /// The policy of a file.
     ///
     /// # Errors
-    /// `PolicyError::File` for what is no such file or has been cut off; otherwise as [`Mlp::new`].
+    /// `PolicyError::File` for another kind of file or a truncated one; otherwise as [`Mlp::new`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, PolicyError> {
         let file = |error: String| PolicyError::File(error);
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| file(e.to_string()))?;

@@ -6,7 +6,7 @@
 use super::network::{Activation, Network, Output};
 use crate::lane::{Kernel, Lane, tanh};
 
-/// Instances that go through the layers together: a multiple of twice the widest lane.
+/// Instances per panel: a multiple of twice the widest lane.
 const PANEL: usize = 32;
 /// Outputs computed side by side, so that every number read is used several times and the adders stay busy.
 const TILE: usize = 4;
@@ -18,7 +18,7 @@ const PAIR: usize = 2;
 #[repr(align(64))]
 struct Panel([f32; PANEL]);
 
-/// A layer with its weights in the order of their use; outputs are filled up with zeros to whole tiles.
+/// A layer with its weights in the order of their use; outputs are padded with zeros to whole tiles.
 #[derive(Debug, Clone)]
 struct PackedLayer {
     inputs: usize,
@@ -28,7 +28,7 @@ struct PackedLayer {
     weights: Vec<[f32; TILE]>,
 }
 
-/// A network made ready for the forward pass.
+/// A network packed for the forward pass.
 #[derive(Debug, Clone)]
 pub(super) struct Packed {
     inputs: usize,
@@ -41,7 +41,7 @@ pub(super) struct Packed {
 }
 
 impl Packed {
-    /// A network that was checked.
+    /// Packs a checked network.
     pub fn new(network: &Network) -> Self {
         let normalisation = network.normalisation.as_ref().map(|n| {
             let factor = |v: f32| (1.0 / (f64::from(v) + f64::from(n.epsilon)).sqrt()) as f32;
@@ -70,7 +70,7 @@ impl Packed {
         }
     }
 
-    /// Panels that hold the input or result of any layer.
+    /// Number of panels for the input or result of any layer.
     fn height(&self) -> usize {
         self.layers.iter().map(|layer| layer.inputs.max(layer.biases.len() * TILE)).max().unwrap_or(0)
     }
@@ -105,7 +105,7 @@ impl Kernel<f32> for Forward<'_> {
                     panel.0[j] = *x;
                 }
             }
-            // Lanes that hold instances, to whole pairs; what stands in the others is of no concern.
+            // Lanes that hold instances, to whole pairs; the others are not read.
             let used = (observations.len() / inputs).next_multiple_of(PAIR * L::LANES);
             if let Some((entries, clip)) = &self.packed.normalisation {
                 normalise::<L>(&mut input[..inputs], entries, *clip);

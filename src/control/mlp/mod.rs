@@ -15,7 +15,7 @@ use crate::error::{ControlError, PolicyError};
 use crate::lane::{Isa, Real};
 use forward::{Forward, Packed};
 
-/// A multilayer perceptron as a policy, in single precision: one lane per instance.
+/// Multilayer perceptron in single precision, one lane per instance.
 #[derive(Debug, Clone)]
 pub struct Mlp {
     network: Network,
@@ -26,7 +26,7 @@ pub struct Mlp {
 }
 
 impl Mlp {
-    /// The policy of a network; `spec` tells what it is for, `notes` are for people.
+    /// The policy of a network; `spec` is its environment, `notes` are free text.
     ///
     /// # Errors
     /// `PolicyError` where layers do not fit together or to the spec, or a number is not finite.
@@ -48,18 +48,17 @@ impl Mlp {
         &self.network
     }
 
-    /// What the policy is for, if it says so.
+    /// Environment of the policy, if known.
     pub fn spec(&self) -> Option<&PolicySpec> {
         self.spec.as_ref()
     }
 
-    /// What else is to be known of it: seeds, steps, scores.
+    /// Notes: seeds, steps, scores.
     pub fn notes(&self) -> &BTreeMap<String, String> {
         &self.notes
     }
 
-    /// Refuses an environment that the policy is not for. One that does not say what it is for needs but the right
-    /// numbers of entries.
+    /// Refuses another environment. Without a spec only the numbers of entries must match.
     ///
     /// # Errors
     /// `PolicyError` names the first difference.
@@ -81,6 +80,10 @@ impl Controller for Mlp {
     fn widths(&self) -> Widths {
         let (inputs, observation) = (self.network.inputs(), self.network.observation_len());
         Widths { observation, memory: inputs - observation, action: self.network.outputs() }
+    }
+
+    fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        vec![("history", self.widths().memory)]
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {

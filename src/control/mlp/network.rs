@@ -17,14 +17,14 @@ pub enum Activation {
     Elu,
 }
 
-/// What becomes of the last layer's numbers.
+/// Function after the last layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Output {
     /// Clipped to [-1, 1].
     #[default]
     Clip,
-    /// Their hyperbolic tangent, as SAC has it.
+    /// Hyperbolic tangent, as in SAC.
     Tanh,
 }
 
@@ -38,18 +38,18 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// BlockIndices of y.
+    /// Entries of y.
     pub fn outputs(&self) -> usize {
         self.biases.len()
     }
 
-    /// BlockIndices of x.
+    /// Entries of x.
     pub fn inputs(&self) -> usize {
         self.weights.len() / self.biases.len().max(1)
     }
 }
 
-/// What is done to observations first, as Stable-Baselines3's VecNormalize does it:
+/// Normalisation of observations, as in Stable-Baselines3's VecNormalize:
 /// `clip((x - mean) / sqrt(variance + epsilon), -clip, clip)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Normalisation {
@@ -59,17 +59,17 @@ pub struct Normalisation {
     pub variance: Vec<f32>,
     /// Added to the variance.
     pub epsilon: f32,
-    /// Greatest magnitude that is passed on.
+    /// Greatest magnitude of the result.
     pub clip: f32,
 }
 
 /// Layers with an activation between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Network {
-    /// Observations that it reads at once: the last ones, oldest first, and zeros in place of those before an episode's
-    /// first (as Stable-Baselines3's `VecFrameStack` has it). Usually 1.
+    /// Number of stacked observations: the last ones, oldest first, and zeros before an episode's first (as in
+    /// Stable-Baselines3's `VecFrameStack`). Usually 1.
     pub history: usize,
-    /// First of all.
+    /// Before the first layer.
     pub normalisation: Option<Normalisation>,
     /// At least one.
     pub layers: Vec<Layer>,
@@ -80,27 +80,27 @@ pub struct Network {
 }
 
 impl Network {
-    /// BlockIndices of an observation.
+    /// Entries of an observation.
     pub fn observation_len(&self) -> usize {
         self.inputs() / self.history.max(1)
     }
 
-    /// BlockIndices of what it reads.
+    /// Entries of its input.
     pub fn inputs(&self) -> usize {
         self.layers.first().map_or(0, Layer::inputs)
     }
 
-    /// BlockIndices of an action.
+    /// Entries of an action.
     pub fn outputs(&self) -> usize {
         self.layers.last().map_or(0, Layer::outputs)
     }
 
-    /// BlockIndices of what it reads, and of all layers' results.
+    /// Entries of its input, and of all layers' results.
     pub fn sizes(&self) -> Vec<usize> {
         std::iter::once(self.inputs()).chain(self.layers.iter().map(Layer::outputs)).collect()
     }
 
-    /// Refuses what is no network.
+    /// Refuses layers that do not fit together, and numbers that are not finite.
     pub(super) fn check(&self) -> Result<(), PolicyError> {
         if self.layers.is_empty() {
             return Err(PolicyError::NoLayers);

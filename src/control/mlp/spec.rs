@@ -1,11 +1,11 @@
-//! What a policy was made for, and whether that is what it is used on.
+//! Environment of a policy, and its check against another.
 
 use serde::{Deserialize, Serialize};
 
 use crate::control::ActionKind;
 use crate::error::PolicyError;
 
-/// The environment that a policy is for, as far as it matters to the policy.
+/// Environment of a policy.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicySpec {
@@ -13,9 +13,9 @@ pub struct PolicySpec {
     pub task: String,
     /// Name of the scene. A scene that is altered but keeps its name counts as the same.
     pub scene: String,
-    /// What the entries of an action stand for.
+    /// Meaning of the action.
     pub action: ActionKind,
-    /// BlockIndices of an action.
+    /// Entries of an action.
     pub actions: usize,
     /// Control period, s.
     pub control_period: f64,
@@ -24,7 +24,7 @@ pub struct PolicySpec {
 }
 
 impl PolicySpec {
-    /// BlockIndices of an observation.
+    /// Entries of an observation.
     pub fn observation_len(&self) -> usize {
         self.observation.iter().map(|(_, entries)| entries).sum()
     }
@@ -35,7 +35,7 @@ impl PolicySpec {
             Some((name, entries)) => format!("{name} ({entries})"),
             None => "nothing".to_owned(),
         };
-        // Not to the last digit: a period is a product, and may have been to a file and back.
+        // Not to the last digit: a period is a product, and may have passed through a file.
         let period = |spec: &Self| format!("{:.9} s", spec.control_period);
         let blocks = self.observation.len().max(environment.observation.len());
         let apart = (0..blocks).find(|&i| self.observation.get(i) != environment.observation.get(i));

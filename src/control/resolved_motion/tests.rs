@@ -31,28 +31,28 @@ fn scene() -> Scene {
     Scene::shipped("petasus-pum").unwrap()
 }
 
-fn policy(gains: ResolvedGains) -> Result<ResolvedMotion, ControlError> {
+fn policy(gains: ResolvedMotionGains) -> Result<ResolvedMotion, ControlError> {
     let allocation = Allocation::new(&scene().vehicle).unwrap();
     let actions = ActionMap::new(ActionKind::Wrench, allocation, JOINT_TORQUES.to_vec());
     ResolvedMotion::new(&scene(), reading(), gains, actions, PERIOD)
 }
 
-fn gains() -> ResolvedGains {
-    ResolvedGains { error: 1.5, vehicle: 4.0, joint: 6.0, ..ResolvedGains::default() }
+fn gains() -> ResolvedMotionGains {
+    ResolvedMotionGains { pose_gain: 1.5, twist_gain: 4.0, joint_gain: 6.0, ..ResolvedMotionGains::default() }
 }
 
 /// Vehicle and arm in still water, and the pose error for small motions.
 #[derive(Clone)]
 struct Plant {
     rotation: Rotation3<f64>,
-    now: Present,
+    now: TrackingState,
 }
 
 impl Plant {
     fn at_home() -> Self {
         let mut q = [0.0; JOINTS];
         scene().joints().zip(&mut q).for_each(|(joint, q)| *q = joint.home);
-        let now = Present {
+        let now = TrackingState {
             error: Vector6::zeros(),
             velocities: Velocities::zeros(),
             up: Vector3::z(),
@@ -129,7 +129,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
 
 #[test]
 fn without_errors_all_velocities_die_out_at_their_gains() {
-    let gains = ResolvedGains { home: 0.0, level: 0.0, ..ResolvedGains::default() };
+    let gains = ResolvedMotionGains { posture_gain: 0.0, levelling_gain: 0.0, ..ResolvedMotionGains::default() };
     let (policy, balance, mut draw) = (policy(gains).unwrap(), ClosedFormModel::new(&scene()).unwrap(), noise(3));
     for _ in 0..10 {
         let mut plant = Plant::at_home();
@@ -158,7 +158,13 @@ fn without_errors_all_velocities_die_out_at_their_gains() {
 
 #[test]
 fn rows_are_independent_and_remember_for_themselves() {
-    let gains = ResolvedGains { integral: 0.4, observer: [3.0, 3.0, 4.0], delay: 2, lead: 0.5, ..gains() };
+    let gains = ResolvedMotionGains {
+        integral_gain: 0.4,
+        observer_bandwidth: [3.0, 3.0, 4.0],
+        delay: 2,
+        lag_compensation: 0.5,
+        ..gains()
+    };
     let policy = policy(gains).unwrap();
     let (Widths { observation, memory, action }, mut draw) = (policy.widths(), noise(5));
     let mut together = (vec![0.0; 4 * memory], vec![0.0f32; 4 * action]);
@@ -179,7 +185,7 @@ fn rows_are_independent_and_remember_for_themselves() {
 #[test]
 fn options_at_zero_are_no_options() {
     assert_eq!(policy(gains()).unwrap().widths().memory, 0);
-    let integrating = ResolvedGains { integral: 1e-300, ..gains() };
+    let integrating = ResolvedMotionGains { integral_gain: 1e-300, ..gains() };
     let mut plant = Plant::at_home();
     plant.now.error[0] = 0.1;
     let (policy_plain, mut plain) = (policy(gains()).unwrap(), vec![0.0; 11]);
@@ -196,7 +202,7 @@ fn options_at_zero_are_no_options() {
 
 #[test]
 fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
-    let with = |observer, delay| ResolvedGains { observer, delay, ..gains() };
+    let with = |observer_bandwidth, delay| ResolvedMotionGains { observer_bandwidth, delay, ..gains() };
     let (_, plain, _) = closed_loop(&policy(gains()).unwrap(), Plant::at_home(), &load(), 0, 150);
     assert!(plain > 0.02, "{plain}");
     for delay in [0, 1, 2] {
@@ -213,7 +219,7 @@ fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
 
 #[test]
 fn the_integral_takes_out_what_a_constant_force_leaves_and_does_not_wind_up() {
-    let policy = policy(ResolvedGains { integral: 0.5, ..gains() }).unwrap();
+    let policy = policy(ResolvedMotionGains { integral_gain: 0.5, ..gains() }).unwrap();
     let (_, error, _) = closed_loop(&policy, Plant::at_home(), &load(), 0, 300);
     assert!(error < 2e-3, "{error}");
     // More than the thrusters reach.
@@ -233,26 +239,33 @@ fn the_integral_takes_out_what_a_constant_force_leaves_and_does_not_wind_up() {
 
 #[test]
 fn a_prediction_makes_up_for_the_delay() {
-    let fast = ResolvedGains { error: 2.5, vehicle: 5.0, joint: 6.0, ..gains() };
+    let fast = ResolvedMotionGains { pose_gain: 2.5, twist_gain: 5.0, joint_gain: 6.0, ..gains() };
     let mut start = Plant::at_home();
     start.now.error[1] = 0.1;
     start.now.velocities[0] = 0.2;
     let run = |delay, late| {
-        let policy = policy(ResolvedGains { delay, ..fast }).unwrap();
+        let policy = policy(ResolvedMotionGains { delay, ..fast }).unwrap();
         closed_loop(&policy, start.clone(), &Velocities::zeros(), late, 60).0
     };
-    let (prompt, blind, foreseen) = (run(0, 0), run(0, 3), run(3, 3));
-    assert!(foreseen < 3.0 * prompt.max(1e-4), "{foreseen} {prompt}");
-    assert!(blind > 10.0 * foreseen, "{blind} {foreseen}");
+    let (prompt, blind, predicted) = (run(0, 0), run(0, 3), run(3, 3));
+    assert!(predicted < 3.0 * prompt.max(1e-4), "{predicted} {prompt}");
+    assert!(blind > 10.0 * predicted, "{blind} {predicted}");
 }
 
 #[test]
 fn bad_gains_are_refused_by_name() {
     let refused = |gains| policy(gains).err().unwrap();
-    let gain = |name, index, value| ControlError::Gain { name, index, value };
-    assert_eq!(refused(ResolvedGains { integral: -1.0, ..gains() }), gain("integral", 0, -1.0));
-    assert_eq!(refused(ResolvedGains { lead: -0.5, ..gains() }), gain("lead", 0, -0.5));
-    assert_eq!(refused(ResolvedGains { observer: [1.0, -2.0, 0.0], ..gains() }), gain("observer", 1, -2.0));
-    assert!(matches!(refused(ResolvedGains { joint: f64::NAN, ..gains() }), ControlError::Gain { name: "joint", .. }));
-    assert_eq!(refused(ResolvedGains { delay: 11, ..gains() }), ControlError::Delay { periods: 11, most: MOST_DELAY });
+    let gain = |name: &str, index, value| ControlError::Gain { name: name.into(), index, value };
+    assert_eq!(refused(ResolvedMotionGains { integral_gain: -1.0, ..gains() }), gain("integral_gain", 0, -1.0));
+    assert_eq!(refused(ResolvedMotionGains { lag_compensation: -0.5, ..gains() }), gain("lag_compensation", 0, -0.5));
+    assert_eq!(
+        refused(ResolvedMotionGains { observer_bandwidth: [1.0, -2.0, 0.0], ..gains() }),
+        gain("observer_bandwidth", 1, -2.0)
+    );
+    let not_a_number = refused(ResolvedMotionGains { joint_gain: f64::NAN, ..gains() });
+    assert!(matches!(not_a_number, ControlError::Gain { name, .. } if name == "joint_gain"));
+    assert_eq!(
+        refused(ResolvedMotionGains { delay: 11, ..gains() }),
+        ControlError::Delay { periods: 11, most: MAX_DELAY }
+    );
 }

@@ -1,15 +1,17 @@
 //! Laws of the batch driver of station keeping.
 
+use std::sync::Arc;
+
 use crate::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
 use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, Tally, TaskBatch, Transition};
-use uvms_gym::control::{ActionKind, Controller};
+use uvms_gym::control::{ActionKind, Controller, GainMap};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::ClosedFormModel;
 use uvms_gym::error::{ControlError, TaskError};
 use uvms_gym::lane::Isa;
 use uvms_gym::system::EndEffector;
-use uvms_gym::task::{StartOverride, TaskOptions};
+use uvms_gym::task::{ControllerKind, StartOverride, TaskOptions};
 
 const SEEDS: [u64; 5] = [11, 3, 400, 7, u64::MAX];
 
@@ -390,6 +392,10 @@ fn the_pd_holds_station_and_no_action_does_not() {
     }
 }
 
+fn pid(batch: &TaskBatch) -> Arc<dyn Controller> {
+    batch.task().controller(ControllerKind::Pid, &GainMap::new()).unwrap()
+}
+
 /// What stepping with a policy's actions brings in so many periods.
 fn stepped(batch: &mut TaskBatch, policy: &dyn Controller, steps: u32) -> Vec<Tally> {
     let (n, widths) = (batch.instances(), policy.widths());
@@ -427,14 +433,14 @@ fn a_rollout_gives_what_stepping_gives_bit_for_bit() {
         for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
             let made = Made { instances: 131, max_steps: Some(9), autoreset, precision, ..Made::default() };
             let mut batch = made.batch();
-            let pid = batch.task().pid(None, None).unwrap();
-            let expected = stepped(&mut batch, &pid, 11);
+            let pid = pid(&batch);
+            let expected = stepped(&mut batch, &*pid, 11);
             for (threads, parts) in [(1, &[11][..]), (2, &[4, 0, 7])] {
                 let mut batch = Made { threads, ..made }.batch();
-                let mut rollout = Rollout::new(&pid, 131, &[130]).unwrap();
+                let mut rollout = Rollout::new(&*pid, 131, &[130]).unwrap();
                 batch.reset(&seeds(131), None, &[]).unwrap();
                 for steps in parts {
-                    batch.run(&pid, &mut rollout, *steps).unwrap();
+                    batch.run(&*pid, &mut rollout, *steps).unwrap();
                 }
                 assert_eq!(rollout.tallies(), expected);
                 assert_eq!(rollout.traces()[0].rewards.iter().sum::<f64>(), expected[130].reward);
@@ -447,14 +453,14 @@ fn a_rollout_gives_what_stepping_gives_bit_for_bit() {
 #[test]
 fn rollouts_that_do_not_fit_are_refused() {
     let mut batch = Made::default().batch();
-    let pid = batch.task().pid(None, None).unwrap();
-    let mut rollout = Rollout::new(&pid, 3, &[]).unwrap();
-    assert_eq!(batch.run(&pid, &mut rollout, 1), Err(TaskError::NotBegun { instance: 0 }));
+    let pid = pid(&batch);
+    let mut rollout = Rollout::new(&*pid, 3, &[]).unwrap();
+    assert_eq!(batch.run(&*pid, &mut rollout, 1), Err(TaskError::NotBegun { instance: 0 }));
     batch.reset(&seeds(3), None, &[]).unwrap();
-    let mut other = Rollout::new(&pid, 4, &[]).unwrap();
-    assert!(matches!(batch.run(&pid, &mut other, 1), Err(TaskError::Control(ControlError::Shape { .. }))));
+    let mut other = Rollout::new(&*pid, 4, &[]).unwrap();
+    assert!(matches!(batch.run(&*pid, &mut other, 1), Err(TaskError::Control(ControlError::Shape { .. }))));
     let mut rest = Rollout::new(&batch.task().no_control(), 3, &[]).unwrap();
-    let refused = batch.run(&pid, &mut rest, 1);
+    let refused = batch.run(&*pid, &mut rest, 1);
     assert!(matches!(refused, Err(TaskError::Control(ControlError::Shape { what: "memory", got: 0, expected: 18 }))));
     let small = TaskBatch::new(
         Scene::shipped("bluerov2-heavy").unwrap(),
@@ -463,9 +469,9 @@ fn rollouts_that_do_not_fit_are_refused() {
         Autoreset::Disabled,
         None,
     );
-    let narrow = small.unwrap().task().pid(None, None).unwrap();
-    let refused = batch.run(&narrow, &mut rollout, 1);
+    let narrow = self::pid(&small.unwrap());
+    let refused = batch.run(&*narrow, &mut rollout, 1);
     assert!(matches!(refused, Err(TaskError::Control(ControlError::Widths { got: 24, .. }))));
     assert_eq!(rollout.tallies(), [Tally::default(); 3]);
-    assert!(matches!(Rollout::new(&pid, 3, &[3]), Err(ControlError::Instance { instance: 3, instances: 3 })));
+    assert!(matches!(Rollout::new(&*pid, 3, &[3]), Err(ControlError::Instance { instance: 3, instances: 3 })));
 }

@@ -2,7 +2,7 @@
 
 use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
-use uvms_gym::control::{Arm, Motion, Plant, Push};
+use uvms_gym::control::{AppliedWrenches, ArmMotion, Plant, VehicleMotion};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::aba::Scratch;
 use uvms_gym::dynamics::{ClosedFormModel, CompositeBody, Loads};
@@ -56,25 +56,27 @@ fn a_system_as_one_body_is_the_closed_form_summed_up() {
 }
 
 /// A level scene's vehicle somewhere, and its arm.
-fn somewhere(seed: u64, scene: &Scene) -> (State, Motion<f64>, Arm<f64>) {
+fn somewhere(seed: u64, scene: &Scene) -> (State, VehicleMotion<f64>, ArmMotion<f64>) {
     let state = random_state(seed, scene);
     let error = Vector6::from_iterator(
         (state.rotation.tr_mul(&state.position)).iter().chain(rotation_vector(&state.rotation).iter()).copied(),
     );
-    let motion =
-        Motion { error: lie::Vector6::from_array(error.into()), twist: lie::Vector6::from_array(state.twist.into()) };
-    let arm = Arm { q: state.q, qd: state.qd };
+    let motion = VehicleMotion {
+        error: lie::Vector6::from_array(error.into()),
+        twist: lie::Vector6::from_array(state.twist.into()),
+    };
+    let arm = ArmMotion { q: state.q, qd: state.qd };
     (state, motion, arm)
 }
 
-fn push(seed: u64) -> Push<f64> {
+fn wrenches(seed: u64) -> AppliedWrenches<f64> {
     let mut random = Random::new(seed);
     let mut six = || lie::Vector6::from_array(std::array::from_fn(|_| random.between(-20.0, 20.0)));
-    Push { command: six(), thrust: six(), disturbance: six() }
+    AppliedWrenches { command: six(), thrust: six(), disturbance: six() }
 }
 
 /// The arm a little later, at steady rates.
-fn later(arm: &Arm<f64>, time: f64) -> Arm<f64> {
+fn later(arm: &ArmMotion<f64>, time: f64) -> ArmMotion<f64> {
     let mut then = *arm;
     then.q.iter_mut().zip(&arm.qd).for_each(|(q, qd)| *q += time * qd);
     then
@@ -87,16 +89,17 @@ fn predictions_start_as_the_closed_form_says() {
         (scene.vehicle.fins, scene.vehicle.tether) = (Vec::new(), None);
         scene.vehicle.set_thruster_lag(0.1);
         let (state, motion, arm) = somewhere(seed as u64, &scene);
-        let push = push(seed as u64);
+        let wrenches = wrenches(seed as u64);
         let time = 1e-6;
-        let then = Plant::new(&scene).advance(&motion, [&arm, &later(&arm, time)], &push, time, &mut Scratch::new());
+        let then =
+            Plant::new(&scene).predict(&motion, [&arm, &later(&arm, time)], &wrenches, time, &mut Scratch::new());
         let rate = (then.motion.twist - motion.twist).to_array();
         let balance = ClosedFormModel::new(&scene).unwrap();
         let form = balance.at(&state, Vector3::zeros());
         let mut accelerations = DVector::zeros(6 + form.joints());
         accelerations.rows_mut(0, 6).copy_from_slice(&rate.map(|x| x / time));
         let needed = form.inverse_dynamics(&accelerations, &Loads::default()).unwrap().wrench;
-        let given = push.thrust + push.disturbance;
+        let given = wrenches.thrust + wrenches.disturbance;
         let scale = (form.mass_matrix() * DMatrix::from_element(6 + form.joints(), 1, 1.0)).amax();
         let miss = (Vector6::from(given.to_array()) - needed).amax() / scale;
         assert!(miss < 3e-4, "{}: {miss}", scene.name);
@@ -109,13 +112,13 @@ fn predictions_are_of_second_order() {
     scene.vehicle.set_thruster_lag(0.1);
     let plant = Plant::new(&scene);
     let (_, motion, arm) = somewhere(3, &scene);
-    let push = push(3);
+    let wrenches = wrenches(3);
     let over = |time: f64, pieces: usize| {
-        let (mut motion, mut arm, mut push) = (motion, arm, push);
+        let (mut motion, mut arm, mut wrenches) = (motion, arm, wrenches);
         for _ in 0..pieces {
             let then = later(&arm, time / pieces as f64);
-            let reached = plant.advance(&motion, [&arm, &then], &push, time / pieces as f64, &mut Scratch::new());
-            (motion, push.thrust) = (reached.motion, reached.thrust);
+            let reached = plant.predict(&motion, [&arm, &then], &wrenches, time / pieces as f64, &mut Scratch::new());
+            (motion, wrenches.thrust) = (reached.motion, reached.thrust);
             arm = then;
         }
         motion

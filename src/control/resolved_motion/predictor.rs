@@ -1,60 +1,59 @@
-//! What runs along with resolved motion: a disturbance observer, and a prediction of the present from late measurements.
+//! Disturbance observer of resolved motion, and prediction of the present from delayed measurements.
 
 use nalgebra::{Cholesky, Const, Vector6};
 
-use super::{Present, ResolvedGains, ResolvedMotion};
+use super::{ResolvedMotion, ResolvedMotionGains, TrackingState};
 use crate::control::ActionMap;
 use crate::description::Scene;
 use crate::dynamics::{EquationsOfMotion, MassMatrix, PassiveTorque, VELOCITIES, Velocities};
 use crate::system::JOINTS;
 
-/// Velocities are within this, m/s and rad/s, as far as the model is concerned.
+/// Bound on predicted velocities, m/s and rad/s.
 const FASTEST: f64 = 20.0;
 
-/// The model that runs along, once per control period: over a period T and with the friction of joints taken at its end,
-/// as their motions are fast against it,
+/// Prediction once per control period T, implicit in the friction of joints, as their motions are fast against it,
 ///
 /// ```text
 /// nu- = nu + T (M + T D)^-1 (u - h + d)        nu := nu- + l1 (nu_m - nu-)        d := d + l2 (M + T D) (nu_m - nu-) / T
 /// ```
 ///
-/// where u is what was asked for within the actuators' limits, behind the thrusters' nominal lag, h what the nominal
-/// system takes in still water, d the generalized force that it does not account for, and nu_m the measured velocity.
+/// where u is the commanded effort within the actuators' limits, behind the thrusters' nominal lag, h the bias force of
+/// the nominal system in still water, d the disturbing generalized force, and nu_m the measured velocity.
 /// Both poles of the observer are `exp(-w T)` at a bandwidth w: `l1 = 1 - p^2`, `l2 = (1 - p)^2`.
-pub(super) struct Model {
+pub(super) struct Predictor {
     joints: usize,
-    /// Control periods that measurements are late by.
+    /// Age of measurements, control periods.
     delay: usize,
     /// l1 and l2 of each velocity.
     corrections: [[f64; 2]; VELOCITIES],
-    /// Greatest forces that are taken for disturbances.
+    /// Bounds on disturbances.
     greatest: Velocities,
-    /// Shares of the wrench at a period's start that are left of it at its end, and on average over it.
+    /// Decay of the gap between wrench and command over a period: at its end, and on average.
     lag: [f64; 2],
-    lead: f64,
+    lag_compensation: f64,
 }
 
-/// What the model makes of the present.
+/// Estimate of the present.
 pub(super) struct Estimate {
     /// d.
     pub disturbance: Velocities,
     /// Wrench of the thrusters now.
     wrench: Vector6<f64>,
-    /// nu- at the next measurement, and the wrench then, where they are known already.
+    /// nu- and the wrench at the next measurement, where they are predicted already.
     next: Option<(Velocities, Vector6<f64>)>,
-    /// The equations of motion now.
+    /// EquationsOfMotion of the present equations of motion.
     pub terms: EquationsOfMotion,
-    /// What joints make by themselves now.
+    /// Present passive torques of the joints.
     pub passive: [PassiveTorque; JOINTS],
     /// Whether the next measurement is of a later time than this one.
     moves: bool,
 }
 
-impl Model {
-    pub fn new(gains: &ResolvedGains, scene: &Scene, actions: &ActionMap, period: f64) -> Self {
+impl Predictor {
+    pub fn new(gains: &ResolvedMotionGains, scene: &Scene, actions: &ActionMap, period: f64) -> Self {
         let joints = actions.torques().len();
         let corrections = std::array::from_fn(|k| {
-            let bandwidth = gains.observer[(k / 3).min(2)];
+            let bandwidth = gains.observer_bandwidth[(k / 3).min(2)];
             let pole = (-bandwidth * period).exp();
             if bandwidth > 0.0 { [1.0 - pole * pole, (1.0 - pole) * (1.0 - pole)] } else { [1.0, 0.0] }
         });
@@ -67,37 +66,42 @@ impl Model {
         });
         let thrusters = scene.vehicle.thrusters.len();
         let mean = (0..thrusters).map(|i| scene.vehicle.lag(i)).sum::<f64>() / thrusters.max(1) as f64;
-        let left = if mean > 0.0 { (-period / mean).exp() } else { 0.0 };
-        let lag = [left, mean / period * (1.0 - left)];
-        Self { joints, delay: gains.delay as usize, corrections, greatest, lag, lead: gains.lead }
+        let end = if mean > 0.0 { (-period / mean).exp() } else { 0.0 };
+        let lag = [end, mean / period * (1.0 - end)];
+        Self { joints, delay: gains.delay, corrections, greatest, lag, lag_compensation: gains.lag_compensation }
     }
 
     fn size(&self) -> usize {
         6 + self.joints
     }
 
-    /// Numbers remembered: periods so far, nu-, d, the wrench of the thrusters, and efforts asked for, the latest first.
+    /// Numbers of memory: periods so far, nu-, d, the wrench of the thrusters, and commanded efforts, the latest first.
     pub fn memory(&self) -> usize {
         1 + (2 + self.delay) * self.size() + 6
     }
 
-    /// Takes what is measured into account, and moves `now` from when that was to the present.
-    pub fn estimate(&self, of: &ResolvedMotion, now: &mut Present, memory: &mut [f64]) -> Estimate {
+    pub fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        let n = self.size();
+        vec![("periods", 1), ("velocity", n), ("disturbance", n), ("thrust", 6), ("efforts", self.delay * n)]
+    }
+
+    /// Updates the estimate by a measurement, and predicts `now` from its instant to the present.
+    pub fn estimate(&self, of: &ResolvedMotion, now: &mut TrackingState, memory: &mut [f64]) -> Estimate {
         let size = self.size();
         let (count, memory) = memory.split_at_mut(1);
-        let (foreseen, memory) = memory.split_at_mut(size);
+        let (predicted, memory) = memory.split_at_mut(size);
         let (remembered, memory) = memory.split_at_mut(size);
         let (wrench, efforts) = memory.split_at_mut(6);
         let periods = count[0] as usize;
-        let mut disturbance = taken(remembered);
+        let mut disturbance = padded(remembered);
         let mut known = None;
         if periods > self.delay {
-            let miss = now.velocities - taken(foreseen);
+            let innovation = now.velocities - padded(predicted);
             for k in 0..size {
-                now.velocities[k] = foreseen[k] + self.corrections[k][0] * miss[k];
+                now.velocities[k] = predicted[k] + self.corrections[k][0] * innovation[k];
             }
             let (terms, passive) = of.terms(now);
-            let effect = self.inertia(of, &terms, &passive) * miss / of.period;
+            let effect = self.inertia(of, &terms, &passive) * innovation / of.period;
             for k in 0..size {
                 let limit = self.greatest[k];
                 disturbance[k] = (disturbance[k] + self.corrections[k][1] * effect[k]).clamp(-limit, limit);
@@ -110,7 +114,7 @@ impl Model {
         let past = periods.min(self.delay);
         for step in (0..past).rev() {
             let (terms, passive) = known.take().unwrap_or_else(|| of.terms(now));
-            let effort = taken(&efforts[step * size..][..size]);
+            let effort = padded(&efforts[step * size..][..size]);
             self.advance(of, now, &terms, &passive, &effort, &mut wrench, &disturbance, step as f64 + 0.5);
             if step + 1 == past {
                 next = Some((now.velocities, wrench));
@@ -124,17 +128,17 @@ impl Model {
     fn inertia(&self, of: &ResolvedMotion, terms: &EquationsOfMotion, passive: &[PassiveTorque; JOINTS]) -> MassMatrix {
         let mut inertia = terms.mass;
         for k in 0..self.joints {
-            inertia[(6 + k, 6 + k)] += of.period * of.falls(&passive[k]);
+            inertia[(6 + k, 6 + k)] += of.period * of.joint_damping(&passive[k]);
         }
         inertia
     }
 
-    /// A period passes under an effort, `before` periods before the present at its middle.
+    /// Prediction over a period under an effort; its middle is `before` periods before the present.
     #[expect(clippy::too_many_arguments, reason = "all of the model's state")]
     fn advance(
         &self,
         of: &ResolvedMotion,
-        now: &mut Present,
+        now: &mut TrackingState,
         terms: &EquationsOfMotion,
         passive: &[PassiveTorque; JOINTS],
         effort: &Velocities,
@@ -151,7 +155,7 @@ impl Model {
         for k in 0..self.joints {
             net[6 + k] += passive[k].torque;
         }
-        // Without a factor, which does not happen, all stays as it is.
+        // Without a factor, which does not happen, velocities stay.
         let factor: Option<Cholesky<f64, Const<VELOCITIES>>> = self.inertia(of, terms, passive).cholesky();
         let change = factor.map_or_else(Velocities::zeros, |factor| factor.solve(&net) * period);
         let mean = now.velocities + change * 0.5;
@@ -164,25 +168,25 @@ impl Model {
         now.up += now.up.cross(&omega) * period;
     }
 
-    /// Asks for more, by a share, of what the thrusters lag behind on average over the period.
-    pub fn lead(&self, estimate: &Estimate, effort: &mut Velocities) {
-        let ahead = self.lead * self.lag[1] / (1.0 - self.lag[1]);
+    /// Adds a share of the thrusters' mean lag over the period to the command.
+    pub fn compensate_lag(&self, estimate: &Estimate, effort: &mut Velocities) {
+        let ahead = self.lag_compensation * self.lag[1] / (1.0 - self.lag[1]);
         for k in 0..6 {
             effort[k] += ahead * (effort[k] - estimate.wrench[k]);
         }
     }
 
-    /// Remembers what was asked for, and what is to be measured next.
+    /// Stores the commanded effort, and the prediction of the next measurement.
     pub fn remember(
         &self,
         of: &ResolvedMotion,
-        now: &Present,
+        now: &TrackingState,
         effort: &Velocities,
         estimate: &Estimate,
         memory: &mut [f64],
     ) {
         let size = self.size();
-        let (foreseen, wrench) = estimate.next.unwrap_or_else(|| {
+        let (predicted, wrench) = estimate.next.unwrap_or_else(|| {
             let (mut later, mut wrench) = (now.clone(), estimate.wrench);
             self.advance(
                 of,
@@ -197,7 +201,7 @@ impl Model {
             (later.velocities, wrench)
         });
         memory[0] = (memory[0] + 1.0).min((self.delay + 1) as f64);
-        memory[1..][..size].copy_from_slice(&foreseen.as_slice()[..size]);
+        memory[1..][..size].copy_from_slice(&predicted.as_slice()[..size]);
         if estimate.moves {
             memory[1 + 2 * size..][..6].copy_from_slice(wrench.as_slice());
         }
@@ -209,8 +213,8 @@ impl Model {
     }
 }
 
-/// The first velocities or forces, 0 past them.
-fn taken(given: &[f64]) -> Velocities {
+/// Velocities or forces, padded with 0.
+fn padded(given: &[f64]) -> Velocities {
     let mut all = Velocities::zeros();
     all.iter_mut().zip(given).for_each(|(entry, x)| *entry = *x);
     all

@@ -1,0 +1,95 @@
+//! PD station keeping with a disturbance observer.
+
+use serde::{Deserialize, Serialize};
+
+use super::ActionMap;
+use super::gains;
+use super::indices::ModelIndices;
+use super::kalman::WaveTransition;
+use super::model_based::{Law, ModelBased};
+use super::observer::{Estimate, Observer, ObserverGains};
+use super::pd::feedback;
+use crate::description::{Scene, VehicleServo};
+use crate::dynamics::CompositeBody;
+use crate::error::ControlError;
+use crate::lane::Lane;
+use crate::lie::Vector6;
+
+/// Gains of DOB and of computed torque.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FeedbackGains {
+    /// Proportional gains, N/m and N m/rad; for computed torque 1/s2.
+    pub kp: [f64; 6],
+    /// Derivative gains, N s/m and N m s/rad; for computed torque 1/s.
+    pub kd: [f64; 6],
+    /// Gains of the observer.
+    #[serde(flatten)]
+    pub observer: ObserverGains,
+    /// Time beyond the present for which the model predicts before the feedback, s: the thrusters' lag.
+    pub prediction_horizon: f64,
+}
+
+impl FeedbackGains {
+    /// Default gains beside those of a PD.
+    pub fn new(VehicleServo { kp, kd }: VehicleServo, observer: ObserverGains) -> Self {
+        Self { kp, kd, observer, prediction_horizon: 0.0 }
+    }
+}
+
+/// `F = -kp e - kd V - f - d`: a PD on wrenches that compensates the force f of weight, buoyancy and damping, and the
+/// observed disturbance d.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Dob {
+    gains: FeedbackGains,
+    /// Transition of the waves from now to when a command acts.
+    wave: WaveTransition,
+}
+
+impl Dob {
+    pub fn new(gains: FeedbackGains, observer: &Observer) -> Self {
+        // A command acts half a period and a lag later.
+        let time = 0.5 * observer.period() + observer.plant().lag();
+        Self { wave: WaveTransition::over(gains.observer.wave_frequency, time), gains }
+    }
+
+    pub fn gains(&self) -> &FeedbackGains {
+        &self.gains
+    }
+
+    /// `-kp e - kd V`.
+    #[inline(always)]
+    pub fn feedback<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
+        feedback(&self.gains.kp, &self.gains.kd, &at.motion.error, &at.motion.twist)
+    }
+
+    /// Disturbance when the command acts.
+    #[inline(always)]
+    pub fn disturbance<L: Lane<Real = f64>>(&self, at: &Estimate<L>) -> Vector6<L> {
+        let [wave, _] = self.wave.after(at.disturbance.wave);
+        at.disturbance.slow + wave
+    }
+
+    /// Wrench for an estimate and the composite body at it.
+    #[inline(always)]
+    pub fn wrench<L: Lane<Real = f64>>(&self, at: &Estimate<L>, body: &CompositeBody<L>) -> Vector6<L> {
+        self.feedback(at) - body.force - self.disturbance(at)
+    }
+}
+
+impl ModelBased {
+    /// DOB for a checked scene, acting every `period` s.
+    ///
+    /// # Errors
+    /// `ControlError::Gain` for a gain that is not finite or is negative.
+    pub fn dob(
+        gains: FeedbackGains,
+        indices: ModelIndices,
+        scene: &Scene,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
+        gains::check(&gains)?;
+        let observer = Observer::new(gains.observer, gains.prediction_horizon, scene, period);
+        Ok(Self::new(Law::Dob(Dob::new(gains, &observer)), indices, observer, actions))
+    }
+}

@@ -1,0 +1,126 @@
+//! Feedback on a disturbance observer's estimate: the shell of DOB, computed torque and MPC.
+
+use nalgebra::DVector;
+
+use super::computed_torque::ComputedTorque;
+use super::controller::{Controller, Widths};
+use super::dob::Dob;
+use super::gains::{self, GainMap};
+use super::indices::ModelIndices;
+use super::mpc::{self, Mpc};
+use super::observer::Observer;
+use super::rows::{achieved_wrench, load, read, reset_diverged, rows_of, store, write_action, write_actions};
+use super::{ActionMap, Actuation};
+use crate::dynamics::CompositeBody;
+use crate::dynamics::aba::Scratch;
+use crate::error::ControlError;
+use crate::lane::{Isa, Kernel, Lane, Real};
+use crate::lie::Vector6;
+use crate::spatial::SpatialInertia;
+
+/// Control law on an estimate.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Law {
+    Dob(Dob),
+    ComputedTorque(ComputedTorque),
+    Mpc(Box<Mpc>),
+}
+
+impl Law {
+    /// Number of composite bodies that it needs: at the estimate, and a control period later.
+    fn bodies(&self) -> usize {
+        match self {
+            Law::Dob(_) => 1,
+            Law::ComputedTorque(_) | Law::Mpc(_) => 2,
+        }
+    }
+}
+
+/// A controller with a model: an observer and a control law.
+///
+/// One kernel for all laws: compile time goes into the observer, which is then instantiated once per instruction set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelBased {
+    pub(super) law: Law,
+    pub(super) indices: ModelIndices,
+    pub(super) observer: Observer,
+    pub(super) actions: ActionMap,
+    pub(super) actuation: Actuation<f64>,
+}
+
+impl ModelBased {
+    pub(super) fn new(law: Law, indices: ModelIndices, observer: Observer, actions: ActionMap) -> Self {
+        Self { law, indices, observer, actuation: Actuation::new(&actions), actions }
+    }
+}
+
+impl Controller for ModelBased {
+    fn widths(&self) -> Widths {
+        Widths { observation: self.indices.vehicle.width, memory: self.observer.memory(), action: self.actions.len() }
+    }
+
+    fn gains(&self) -> GainMap {
+        match &self.law {
+            Law::Dob(dob) => gains::to_map(dob.gains()),
+            Law::ComputedTorque(computed_torque) => gains::to_map(computed_torque.gains()),
+            Law::Mpc(mpc) => gains::to_map(mpc.gains()),
+        }
+    }
+
+    fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        self.observer.memory_layout()
+    }
+
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        self.widths().rows(observations, memory, actions)?;
+        f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Rows { control: self, observations, memory, actions });
+        Ok(())
+    }
+}
+
+struct Rows<'a> {
+    control: &'a ModelBased,
+    observations: &'a [f32],
+    memory: &'a mut [f64],
+    actions: &'a mut [f32],
+}
+
+impl Kernel<f64> for Rows<'_> {
+    #[inline(always)]
+    fn run<L: Lane<Real = f64>>(&mut self) {
+        let ModelBased { law, indices, observer, actions: map, actuation } = self.control;
+        let Widths { observation, memory: width, action } = self.control.widths();
+        let mut scratch = Scratch::new();
+        let mut memory = vec![L::zero(); width];
+        let groups = self.observations.chunks(L::LANES * observation);
+        let groups =
+            groups.zip(self.memory.chunks_mut(L::LANES * width)).zip(self.actions.chunks_mut(L::LANES * action));
+        for ((rows, remembered), actions) in groups {
+            load(remembered, width, &mut memory);
+            let measured = read::<L>(indices, rows);
+            let estimate = observer.observe(&measured, &mut memory, &mut scratch);
+            let mut bodies =
+                [CompositeBody { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
+                    2];
+            for (body, arm) in bodies.iter_mut().zip(&estimate.arms).take(law.bodies()) {
+                *body = observer.plant().composite_body(&estimate.motion, arm, &mut scratch);
+            }
+            match law {
+                Law::Dob(dob) => write_actions(map, dob.wrench(&estimate, &bodies[0]), actions),
+                Law::ComputedTorque(law) => {
+                    write_actions(map, law.wrench(&estimate, &bodies, observer.period()), actions);
+                }
+                Law::Mpc(mpc) => {
+                    let parameters = rows_of(&mpc::parameters(&estimate, &bodies, observer.period()));
+                    for (parameters, action) in parameters.iter().zip(actions.chunks_exact_mut(action)) {
+                        let parameters = DVector::from_column_slice(parameters.as_flattened());
+                        write_action(map, &mpc.plan(&parameters), action);
+                    }
+                }
+            }
+            observer.remember(&measured, achieved_wrench(actuation, actions), &mut memory);
+            store(&memory, remembered, width);
+            reset_diverged(remembered, width);
+        }
+    }
+}

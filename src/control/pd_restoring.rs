@@ -1,0 +1,70 @@
+//! PD station keeping with compensation of restoring forces.
+
+use super::Pd;
+use super::controller::{Controller, Widths};
+use super::gains::GainMap;
+use super::indices::ModelIndices;
+use super::plant::{Plant, VehicleMotion};
+use super::rows::{read, write_actions};
+use crate::description::Scene;
+use crate::dynamics::aba::Scratch;
+use crate::error::ControlError;
+use crate::lane::{Isa, Kernel, Lane, Real};
+use crate::lie::Vector6;
+use crate::system::JOINTS;
+
+/// `F = -kp e - kd V - f_g`: a PD less the weight and buoyancy f_g of vehicle, arm and payload at the measured attitude
+/// and joint coordinates. Targets are level, so the attitude error alone gives the direction of gravity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PdRestoring {
+    pd: Pd,
+    indices: ModelIndices,
+    plant: Plant,
+}
+
+impl PdRestoring {
+    /// For a checked scene.
+    pub fn new(pd: Pd, indices: ModelIndices, scene: &Scene) -> Self {
+        Self { pd, indices, plant: Plant::new(scene) }
+    }
+}
+
+impl Controller for PdRestoring {
+    fn widths(&self) -> Widths {
+        self.pd.widths()
+    }
+
+    fn gains(&self) -> GainMap {
+        self.pd.gains()
+    }
+
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        self.widths().rows(observations, memory, actions)?;
+        f64::dispatch(Isa::best().unwrap_or(Isa::Plain), &mut Rows { control: self, observations, actions });
+        Ok(())
+    }
+}
+
+struct Rows<'a> {
+    control: &'a PdRestoring,
+    observations: &'a [f32],
+    actions: &'a mut [f32],
+}
+
+impl Kernel<f64> for Rows<'_> {
+    #[inline(always)]
+    fn run<L: Lane<Real = f64>>(&mut self) {
+        let PdRestoring { pd, indices, plant } = self.control;
+        let Widths { observation, action, .. } = pd.widths();
+        let mut scratch = Scratch::new();
+        let groups = self.observations.chunks(L::LANES * observation);
+        for (rows, actions) in groups.zip(self.actions.chunks_mut(L::LANES * action)) {
+            let measured = read::<L>(indices, rows);
+            let mut arm = measured.arm;
+            arm.qd = [L::zero(); JOINTS];
+            let at_rest = VehicleMotion { twist: Vector6::zero(), ..measured.motion };
+            let force = plant.composite_body(&at_rest, &arm, &mut scratch).force;
+            write_actions(pd.actions(), pd.feedback(&measured.motion.error, &measured.motion.twist) - force, actions);
+        }
+    }
+}

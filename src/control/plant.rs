@@ -1,0 +1,197 @@
+//! Nominal model of vehicle and arm in still water, in lanes: predictions for controllers.
+
+use nalgebra::Matrix6;
+
+use crate::description::Scene;
+use crate::dynamics::CompositeBody;
+use crate::dynamics::aba::Scratch;
+use crate::lane::{Lane, Param, Shared};
+use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotation_vector};
+use crate::spatial::SpatialInertia;
+use crate::system::{JOINTS, System, compile};
+
+/// Longest step of a prediction, s.
+const STEP: f64 = 0.1;
+
+/// Pose error and twist of the vehicle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VehicleMotion<L> {
+    /// Pose error `[R^T (r - r_d); log(R_d^T R)]`.
+    pub error: Vector6<L>,
+    /// Body twist.
+    pub twist: Vector6<L>,
+}
+
+/// Joint coordinates and rates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ArmMotion<L> {
+    /// rad or m.
+    pub q: [L; JOINTS],
+    /// rad/s or m/s.
+    pub qd: [L; JOINTS],
+}
+
+impl<L: Lane> ArmMotion<L> {
+    /// `self * s + b`
+    #[inline(always)]
+    pub fn scale_add(&self, s: L, b: &Self) -> Self {
+        let mut sum = *b;
+        for i in 0..JOINTS {
+            sum.q[i] = self.q[i].mul_add(s, sum.q[i]);
+            sum.qd[i] = self.qd[i].mul_add(s, sum.qd[i]);
+        }
+        sum
+    }
+
+    /// `self - b`
+    #[inline(always)]
+    pub fn less(&self, b: &Self) -> Self {
+        b.scale_add(L::c(-1.0), self)
+    }
+}
+
+/// Wrenches on the vehicle over a time step, N and N m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AppliedWrenches<L> {
+    /// Command to the thrusters.
+    pub command: Vector6<L>,
+    /// Thrusters' wrench at the start; it follows the command with their lag.
+    pub thrust: Vector6<L>,
+    /// Disturbance: force that the model lacks.
+    pub disturbance: Vector6<L>,
+}
+
+/// The nominal model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plant {
+    system: System<Shared<f64>>,
+    /// Mean time constant of the thrusters, s.
+    lag: f64,
+}
+
+impl Plant {
+    /// Of a checked scene.
+    pub fn new(scene: &Scene) -> Self {
+        let count = scene.vehicle.thrusters.len();
+        let lag = (0..count).map(|i| scene.vehicle.lag(i)).sum::<f64>() / count.max(1) as f64;
+        Self { system: compile(scene).system, lag }
+    }
+
+    /// Number of joints.
+    pub fn joints(&self) -> usize {
+        self.system.chain().len()
+    }
+
+    /// Mean time constant of the thrusters, s.
+    pub fn lag(&self) -> f64 {
+        self.lag
+    }
+
+    /// Composite inertia of vehicle and arm at these joint coordinates.
+    pub fn inertia(&self, q: &[f64; JOINTS]) -> Matrix6<f64> {
+        let at = VehicleMotion { error: Vector6::zero(), twist: Vector6::zero() };
+        let arm = ArmMotion { q: *q, qd: [0.0; JOINTS] };
+        let inertia = self.composite_body(&at, &arm, &mut Scratch::new()).inertia;
+        Matrix6::from_fn(|i, k| inertia.entry(i, k))
+    }
+
+    /// Gravity in vehicle axes. Targets are level, so that the attitude error alone gives it.
+    #[inline(always)]
+    fn gravity<L: Lane<Real = f64>>(&self, error: Vector6<L>) -> Vector3<L> {
+        let rotation = exp_se3(Vector6 { linear: Vector3::zero(), angular: error.angular }).rotation;
+        let [x, y, z] = self.system.gravity;
+        rotation.apply_transposed(Vector3([x.get(), y.get(), z.get()]))
+    }
+
+    /// Vehicle and arm as one composite body.
+    #[inline(always)]
+    pub fn composite_body<L: Lane<Real = f64>>(
+        &self,
+        at: &VehicleMotion<L>,
+        arm: &ArmMotion<L>,
+        scratch: &mut Scratch<L>,
+    ) -> CompositeBody<L> {
+        let gravity = self.gravity(at.error);
+        CompositeBody::of(&self.system, gravity, at.twist, (&arm.q, &arm.qd), scratch)
+    }
+
+    /// Prediction over `time` (s), while the arm moves from one motion to the other. Momentum by Heun's method, thruster
+    /// lag exactly, poses along the mean twist.
+    #[inline(always)]
+    pub fn predict<L: Lane<Real = f64>>(
+        &self,
+        from: &VehicleMotion<L>,
+        [arm, arm_then]: [&ArmMotion<L>; 2],
+        wrenches: &AppliedWrenches<L>,
+        time: f64,
+        scratch: &mut Scratch<L>,
+    ) -> Prediction<L> {
+        let steps = (time / STEP - 1e-6).ceil().max(1.0);
+        let h = time / steps;
+        let (end, mean) = lag_decay(h, self.lag);
+        let moved = arm_then.less(arm);
+        let mut predicted = Prediction { motion: *from, thrust: wrenches.thrust, inertia: SpatialInertia::zero() };
+        for step in 0..steps as usize {
+            let gap = predicted.thrust - wrenches.command;
+            let wrench = gap.scale_add(L::c(mean), wrenches.command) + wrenches.disturbance;
+            predicted.thrust = gap.scale_add(L::c(end), wrenches.command);
+            let arms = [step as f64, step as f64 + 1.0];
+            let [arm, arm_then] =
+                [moved.scale_add(L::c(arms[0] / steps), arm), moved.scale_add(L::c(arms[1] / steps), arm)];
+            let start = predicted.motion;
+            let (mut momentum, mut first_rate, mut joints) = (Vector6::zero(), Vector6::zero(), Vector6::zero());
+            // At the start; with the arm's later position, for the inertia; and after the Euler step.
+            for stage in 0..3 {
+                let arm = if stage == 0 { &arm } else { &arm_then };
+                let at = if stage == 2 { predicted.motion } else { start };
+                let body = self.composite_body(&at, arm, scratch);
+                let rate = body.force + wrench - body.momentum_transport(at.twist);
+                let impulse = match stage {
+                    0 => {
+                        (momentum, first_rate) = (body.momentum, rate);
+                        continue;
+                    }
+                    1 => {
+                        (predicted.inertia, joints) = (body.inertia, body.joint_momentum(at.twist));
+                        first_rate.scale(L::c(h))
+                    }
+                    _ => (first_rate + rate).scale(L::c(0.5 * h)),
+                };
+                predicted.motion = start.after(predicted.inertia.solve(momentum + impulse - joints), h);
+            }
+        }
+        predicted
+    }
+}
+
+/// Predicted motion after a time step.
+#[derive(Debug, Clone, Copy)]
+pub struct Prediction<L> {
+    /// Vehicle.
+    pub motion: VehicleMotion<L>,
+    /// Thrusters' wrench, N and N m.
+    pub thrust: Vector6<L>,
+    /// Composite inertia of vehicle and arm.
+    pub inertia: SpatialInertia<L>,
+}
+
+impl<L: Lane<Real = f64>> VehicleMotion<L> {
+    /// Motion after h seconds along the mean of the present twist and the final one.
+    #[inline(always)]
+    fn after(&self, twist: Vector6<L>, h: f64) -> Self {
+        let step = exp_se3((self.twist + twist).scale(L::c(0.5 * h)));
+        let rotation = exp_se3(Vector6 { linear: Vector3::zero(), angular: self.error.angular }).rotation;
+        let pose = Pose { rotation, position: rotation.apply(self.error.linear) }.times(&step);
+        let linear = pose.rotation.apply_transposed(pose.position);
+        Self { error: Vector6 { linear, angular: rotation_vector(&pose.rotation) }, twist }
+    }
+}
+
+/// Decay of the gap between thrust and command over a time: its remaining share at the end, and its mean.
+pub(super) fn lag_decay(time: f64, lag: f64) -> (f64, f64) {
+    if lag <= 0.0 || time <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let end = (-time / lag).exp();
+    (end, (1.0 - end) * lag / time)
+}

@@ -1,0 +1,67 @@
+//! Gains of resolved motion.
+
+use serde::{Deserialize, Serialize};
+
+use crate::control::gains;
+use crate::error::ControlError;
+
+/// Greatest delay that is compensated, control periods.
+pub const MAX_DELAY: usize = 10;
+
+/// Gains of [`ResolvedMotion`](super::ResolvedMotion).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ResolvedMotionGains {
+    /// Pose error to the end effector's commanded twist, 1/s.
+    pub pose_gain: f64,
+    /// Error of the vehicle's twist to its acceleration, 1/s.
+    pub twist_gain: f64,
+    /// Error of the joints' rates to their accelerations, 1/s.
+    pub joint_gain: f64,
+    /// Distance of the joints from home to their rates, in the null space of the end effector's motion, 1/s.
+    pub posture_gain: f64,
+    /// Tilt of the vehicle to its rates, in the same null space, 1/s.
+    pub levelling_gain: f64,
+    /// Mobility of the joints over the vehicle's: at 1 an arm of length 1 m takes as much of a motion.
+    pub arm_weight: f64,
+    /// Share of the thrusters' nominal lag over a period that is compensated; only with an observer or a delay.
+    pub lag_compensation: f64,
+    /// Integral of the pose error, over `pose_gain`, 1/s; 0 for none.
+    pub integral_gain: f64,
+    /// Bandwidths of the disturbance observer: of forces and moments on the vehicle, and of torques on joints, rad/s; 0
+    /// for none.
+    pub observer_bandwidth: [f64; 3],
+    /// Age of measurements that the prediction compensates, control periods, at most [`MAX_DELAY`].
+    pub delay: usize,
+}
+
+impl Default for ResolvedMotionGains {
+    fn default() -> Self {
+        Self {
+            pose_gain: 2.5,
+            twist_gain: 6.0,
+            joint_gain: 10.0,
+            posture_gain: 0.5,
+            levelling_gain: 0.5,
+            arm_weight: 2.0,
+            lag_compensation: 0.0,
+            integral_gain: 0.0,
+            observer_bandwidth: [0.0; 3],
+            delay: 0,
+        }
+    }
+}
+
+impl ResolvedMotionGains {
+    pub(super) fn check(&self) -> Result<(), ControlError> {
+        gains::check(self)?;
+        match self.delay {
+            periods if periods > MAX_DELAY => Err(ControlError::Delay { periods, most: MAX_DELAY }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether an observer or a prediction is needed.
+    pub(super) fn predicts(&self) -> bool {
+        self.delay > 0 || self.observer_bandwidth.iter().any(|bandwidth| *bandwidth > 0.0)
+    }
+}

@@ -1,0 +1,137 @@
+//! Rows of observations and memory to lanes, and wrenches in lanes to rows of actions.
+
+use nalgebra as na;
+
+use super::indices::{BlockIndices, ModelIndices};
+use super::plant::{ArmMotion, VehicleMotion};
+use super::{ACTIONS, ActionMap, Actuation};
+use crate::lane::Lane;
+use crate::lie::Vector6;
+use crate::system::JOINTS;
+
+/// Upper bound of the lanes of f64.
+const WIDEST: usize = 16;
+
+/// Measurement at a row of observations.
+#[derive(Debug, Clone, Copy)]
+pub struct Measurement<L> {
+    /// Vehicle.
+    pub motion: VehicleMotion<L>,
+    /// Arm.
+    pub arm: ArmMotion<L>,
+    /// Joint references for the next control instant; not delayed.
+    pub reference: ArmMotion<L>,
+}
+
+/// Entry `offset` of each row, times its scale; rows past the last repeat it.
+#[inline(always)]
+fn column<L: Lane<Real = f64>>(rows: &[f32], width: usize, (offset, scale): (usize, f64)) -> L {
+    let (mut all, last) = ([0.0; WIDEST], rows.len() / width - 1);
+    for lane in 0..L::LANES {
+        all[lane] = f64::from(rows[lane.min(last) * width + offset]) * scale;
+    }
+    L::load(&all)
+}
+
+/// Resets rows of memory that are not finite: predictions may diverge with a vehicle that does.
+pub(super) fn reset_diverged(memory: &mut [f64], width: usize) {
+    for row in memory.chunks_exact_mut(width) {
+        if !row.iter().fold(true, |finite, x| finite & x.is_finite()) {
+            row.fill(0.0);
+        }
+    }
+}
+
+/// Rows of f64 as lanes.
+#[inline(always)]
+pub(super) fn load<L: Lane<Real = f64>>(rows: &[f64], width: usize, to: &mut [L]) {
+    let last = rows.len() / width - 1;
+    for k in 0..width {
+        let mut all = [0.0; WIDEST];
+        for lane in 0..L::LANES {
+            all[lane] = rows[lane.min(last) * width + k];
+        }
+        to[k] = L::load(&all);
+    }
+}
+
+/// Lanes as rows of f64.
+#[inline(always)]
+pub(super) fn store<L: Lane<Real = f64>>(from: &[L], rows: &mut [f64], width: usize) {
+    let count = rows.len() / width;
+    for k in 0..width {
+        let mut all = [0.0; WIDEST];
+        from[k].store(&mut all);
+        for lane in 0..count {
+            rows[lane * width + k] = all[lane];
+        }
+    }
+}
+
+/// A block of the arm.
+#[inline(always)]
+fn joints<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32], [q, qd]: &[BlockIndices; 2]) -> ArmMotion<L> {
+    let mut arm = ArmMotion { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };
+    let width = indices.vehicle.width;
+    for (i, home) in indices.home.iter().enumerate() {
+        let coordinate: L = column(rows, width, (q.offset + i, q.scale[i]));
+        arm.q[i] = coordinate + L::c(*home);
+        arm.qd[i] = column(rows, width, (qd.offset + i, qd.scale[i]));
+    }
+    arm
+}
+
+/// Measurements of a group of rows.
+#[inline(always)]
+pub(super) fn read<L: Lane<Real = f64>>(indices: &ModelIndices, rows: &[f32]) -> Measurement<L> {
+    let (mut error, mut twist) = ([L::zero(); 6], [L::zero(); 6]);
+    for k in 0..6 {
+        error[k] = column(rows, indices.vehicle.width, indices.vehicle.error[k]);
+        twist[k] = column(rows, indices.vehicle.width, indices.vehicle.twist[k]);
+    }
+    Measurement {
+        motion: VehicleMotion { error: Vector6::from_array(error), twist: Vector6::from_array(twist) },
+        arm: joints(indices, rows, &indices.arm),
+        reference: joints(indices, rows, &indices.reference),
+    }
+}
+
+/// Vectors of six lanes by row.
+#[inline(always)]
+pub(super) fn rows_of<L: Lane<Real = f64>, const K: usize>(lanes: &[[L; 6]; K]) -> [[[f64; 6]; K]; WIDEST] {
+    let mut rows = [[[0.0; 6]; K]; WIDEST];
+    for (k, six) in lanes.iter().enumerate() {
+        for (i, x) in six.iter().enumerate() {
+            let mut all = [0.0; WIDEST];
+            x.store(&mut all);
+            for lane in 0..L::LANES {
+                rows[lane][k][i] = all[lane];
+            }
+        }
+    }
+    rows
+}
+
+/// Writes the action of a wrench, 0 where a prediction has diverged.
+pub(super) fn write_action(map: &ActionMap, wrench: &na::Vector6<f64>, action: &mut [f32]) {
+    map.normalise(&wrench.map(|x| if x.is_finite() { x } else { 0.0 }), action);
+}
+
+/// Writes the actions of these wrenches.
+#[inline(always)]
+pub(super) fn write_actions<L: Lane<Real = f64>>(map: &ActionMap, wrench: Vector6<L>, actions: &mut [f32]) {
+    let rows = rows_of(&[wrench.to_array()]);
+    for (row, action) in rows.iter().zip(actions.chunks_exact_mut(map.len())) {
+        write_action(map, &na::Vector6::from(row[0]), action);
+    }
+}
+
+/// Wrench of these actions within the thrusters' limits.
+#[inline(always)]
+pub(super) fn achieved_wrench<L: Lane<Real = f64>>(actuation: &Actuation<f64>, actions: &[f32]) -> Vector6<L> {
+    let mut entries = [L::zero(); ACTIONS];
+    for k in 0..actuation.len() {
+        entries[k] = column(actions, actuation.len(), (k, 1.0));
+    }
+    actuation.act(&entries).wrench
+}

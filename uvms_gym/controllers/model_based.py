@@ -1,0 +1,138 @@
+"""Classical feedback with the scene's nominal model: disturbance observer, computed torque, MPC."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uvms_gym.controllers.base import ClassicalController
+
+
+class ModelBased(ClassicalController):
+    """Base class of controllers with a disturbance observer."""
+
+    def disturbance(self, state: ArrayLike) -> NDArray[np.float64]:
+        """Disturbing wrench in a state of `predict`, (6,) or (n, 6), N and N m, body axes.
+
+        It is the wrench that the model does not explain, at the instant of the latest measurements.
+
+        Raises
+        ------
+        ValueError
+            A state of another shape.
+        """
+        memory, width = np.asarray(state, dtype=np.float64), self.native.widths[1]
+        if memory.ndim not in (1, 2) or memory.shape[-1] != width:
+            raise ValueError(f"state has shape {memory.shape}, but must have (n, {width})")
+        layout = self.memory_layout
+        return memory[..., layout["slow_disturbance"]] + memory[..., layout["wave_disturbance"]]
+
+
+class DOB(ModelBased):
+    """PD with a disturbance observer, `F = -kp e - kd V - f(e, V, q) - d`.
+
+    The observer predicts the momentum h of vehicle and arm, rigid and added, by the scene's nominal model:
+    `h' = f + F + d - V x* h` with weight, buoyancy and damping f in still water and the wrench F of the controller's own
+    actions, within the thrusters' limits and through their lag. The innovation of h from one measurement to the next is
+    attributed to the disturbance, `d += (1 - exp(-w T)) (h - h_predicted) / T` at a bandwidth w, and d is compensated as
+    f is.
+
+    With `wave_acceleration` or `acceleration_noise` a steady Kalman filter weighs pose and velocity measurements
+    (standard deviations 5 mm, 5 mrad, 0.01 m/s and 0.01 rad/s) against the prediction, and separates the slow part of
+    the disturbance from its wave part.
+
+    The estimate and the latest actions are its state; without it, every call of `predict` counts as an episode's first.
+
+    Parameters
+    ----------
+    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
+        As for `PD`; it determines the control period, the thrusters' lag and the age of measurements, too.
+    kp, kd : array_like (6,) or None
+        As for `PD`.
+    observer_bandwidth : array_like (2,) or None
+        Bandwidth, linear and angular, rad/s; 0: no observer. 2 by default.
+    wave_acceleration : array_like (2,) or None
+        Standard deviation of wave accelerations, m/s2 and rad/s2. 0 by default.
+    wave_frequency : float or None
+        Angular frequency of the waves, rad/s. 1 by default.
+    acceleration_noise : array_like (2,) or None
+        White noise on accelerations, m/s2 and rad/s2 times the root of a second. 0 by default.
+    delay : int or None
+        Age of measurements in control periods, which is compensated: the observer works at the instant of the
+        measurements, and the model predicts from there to the present, with the actions since. 0 by default; None: that
+        of the environment's sensors.
+    prediction_horizon : float or None
+        Time beyond the present for which the model predicts before the feedback, s: the thrusters' lag. 0 by default.
+    **options
+        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
+        the delay of `disturbance` matter.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As for `PD`.
+    """
+
+    kind = "dob"
+
+
+class ComputedTorque(ModelBased):
+    """Computed torque: the model's inverse dynamics of vehicle and arm, with the observer of `DOB`. [HC eq. 13]
+
+    `F = M a + (h(q+, q'+) - h(q, q')) / T + V x* h - f - d` with `a = -kp e - kd V`: the composite inertia M at the
+    arm's position, the momentum h at the arm's references for the next control instant, weight, buoyancy and damping f
+    of the scene's nominal model in still water, and the observed disturbance d.
+
+    Parameters
+    ----------
+    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
+        As for `DOB`.
+    kp, kd : array_like (6,) or None
+        Gains per body axis, 1/s2 and 1/s. Where None: the scene's, over the diagonal of M at home.
+    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon
+        As for `DOB`; by default 8, 0.3, 1, (0.05, 0.3) and 0.
+    delay : int or None
+        As for `DOB`; that of the environment's sensors by default.
+    **options
+        As for `DOB`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As for `PD`.
+    """
+
+    kind = "computed-torque"
+
+
+class MPC(ModelBased):
+    """Linear model-predictive control, with the observer of `DOB`.
+
+    It plans the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them, at the least cost within the
+    thrusters' limits: squares of pose errors (1 rad as 0.5 m), of velocities, of the wrench beyond the compensation of
+    disturbances (over its limits) and of its changes; beyond the plan, the cost of linear feedback. The model is linear:
+    nominal inertia with the arm at home, and thrusters through their lag; forces and the disturbance keep their present
+    values, waves continue. A plan without limits that keeps within them is optimal; otherwise a quadratic program is
+    solved (Clarabel).
+
+    Parameters
+    ----------
+    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
+        As for `DOB`.
+    velocity : array_like (2,) or None
+        Weights on velocities, linear and angular, s2. 0.02 by default.
+    effort, change : array_like (2,) or None
+        Weights on wrenches over their limits, forces and moments, and on their changes from one move to the next, m2.
+        (0.03, 0.06) and (0.01, 0.02) by default.
+    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise
+        As for `ComputedTorque`.
+    delay : int or None
+        As for `ComputedTorque`.
+    **options
+        As for `DOB`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As for `PD`.
+    """
+
+    kind = "mpc"
