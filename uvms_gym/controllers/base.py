@@ -99,7 +99,7 @@ class Controller:
             self._warned = True
             warnings.warn(
                 f"{type(self).__name__} has memory, but was called twice without its state: every call counted as an "
-                "episode's first; pass the state of the previous call, `action, state = controller.predict(obs, state)`",
+                "episode's first; pass the previous call's state, `action, state = controller.predict(obs, state)`",
                 StateWarning,
                 stacklevel=3,
             )

@@ -18,8 +18,8 @@ class MLP(Controller):
     """A neural network: layers `W x + b` with an activation between them, in float32.
 
     Its action is that of a trained policy with `deterministic=True`: the mean. Files are safetensors; they hold the
-    environment of the policy (task, scene, kind of action, control period, names and sizes of the observation's blocks),
-    and are refused by another. A scene that is altered but keeps its name counts as the same.
+    policy's environment (task, scene, kind of action, control period, names and sizes of the observation's blocks), and
+    are refused by another. A scene that is altered but keeps its name counts as the same.
 
     Parameters
     ----------

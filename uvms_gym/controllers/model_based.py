@@ -30,10 +30,10 @@ class DOB(ModelBased):
     """PD with a disturbance observer, `F = -kp e - kd V - f(e, V, q) - d`.
 
     The observer predicts the momentum h of vehicle and arm, rigid and added, by the scene's nominal model:
-    `h' = f + F + d - V x* h` with weight, buoyancy and damping f in still water and the wrench F of the controller's own
-    actions, within the thrusters' limits and through their lag. The innovation of h from one measurement to the next is
-    attributed to the disturbance, `d += (1 - exp(-w T)) (h - h_predicted) / T` at a bandwidth w, and d is compensated as
-    f is.
+    `h' = f + F + d - V x* h` with weight, buoyancy and damping f in still water and the wrench F of the controller's
+    own actions, within the thrusters' limits and through their lag. The innovation of h from one measurement to the
+    next is attributed to the disturbance, `d += (1 - exp(-w T)) (h - h_predicted) / T` at a bandwidth w, and d is
+    compensated as f is.
 
     With `wave_acceleration` or `acceleration_noise` a steady Kalman filter weighs pose and velocity measurements
     (standard deviations 5 mm, 5 mrad, 0.01 m/s and 0.01 rad/s) against the prediction, and separates the slow part of
@@ -108,10 +108,10 @@ class MPC(ModelBased):
 
     It plans the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them, at the least cost within the
     thrusters' limits: squares of pose errors (1 rad as 0.5 m), of velocities, of the wrench beyond the compensation of
-    disturbances (over its limits) and of its changes; beyond the plan, the cost of linear feedback. The model is linear:
-    nominal inertia with the arm at home, and thrusters through their lag; forces and the disturbance keep their present
-    values, waves continue. A plan without limits that keeps within them is optimal; otherwise a quadratic program is
-    solved (Clarabel).
+    disturbances (over its limits) and of its changes; beyond the plan, the cost of linear feedback. The model is
+    linear: nominal inertia with the arm at home, and thrusters through their lag; forces and the disturbance keep their
+    present values, waves continue. A plan without limits that keeps within them is optimal; otherwise a quadratic
+    program is solved (Clarabel).
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Controllers by name: classical ones with tuned gains, and learned ones with shipped policies.
 
-Tuned gains and policies for a task, a scene and a control period lie in one folder, `pretrained/TASK/SCENE/PERIODs`: the
-gains as `gains.json`, the policy of training seed S as `NAME-S.safetensors`.
+Tuned gains and policies for a task, a scene and a control period lie in one folder, `pretrained/TASK/SCENE/PERIODs`:
+the gains as `gains.json`, the policy of training seed S as `NAME-S.safetensors`.
 """
 
 import json

@@ -7,14 +7,14 @@ class ResolvedMotion(ClassicalController):
     """Resolved motion and inverse dynamics for `UVMS-EETrack`, from observations alone. [Whi69]
 
     The end effector's commanded twist is the reference's less `pose_gain` times the pose error and its integral. A
-    damped and weighted pseudo-inverse of its Jacobian distributes it among vehicle and joints; in its null space the arm
-    returns home and the vehicle levels. Inverse dynamics of the scene's nominal model in still water turns the error of
-    these velocities, and the reference's acceleration, into a wrench and torques.
+    damped and weighted pseudo-inverse of its Jacobian distributes it among vehicle and joints; in its null space the
+    arm returns home and the vehicle levels. Inverse dynamics of the scene's nominal model in still water turns the
+    error of these velocities, and the reference's acceleration, into a wrench and torques.
 
     With `observer_bandwidth` the forces and torques that the nominal model lacks (currents, waves, a payload, other
     parameters) are estimated from the measured velocities under the actions, and compensated. With `delay` the
-    controller acts on a prediction of the present from delayed measurements, by the same model and its own past actions.
-    Both assume that actions are carried out as given, and need the controller's state.
+    controller acts on a prediction of the present from delayed measurements, by the same model and its own past
+    actions. Both assume that actions are carried out as given, and need the controller's state.
 
     Parameters
     ----------
