@@ -12,7 +12,7 @@
 //! urdf          arms from URDF files
 //! system        compile(description), state
 //! dynamics      equations of motion: dynamical balance in closed form, ABA, RNEA, CRBA, linearization
-//! integrate     Munthe-Kaas methods, a linearly implicit one, rivals
+//! integrate     Munthe-Kaas methods, a linearly implicit one, baseline methods
 //! render        pictures
 //! control       thruster allocation; policies: PD, PID, feedback on the nominal model, resolved motion, neural networks
 //! task          tasks: sampling, observation, reward

@@ -152,7 +152,7 @@ class Simulator:
         """Gain of the quaternion integrators, 1/s. [HC eq. 14]"""
     @property
     def tolerance(self) -> float:
-        """Bound on the estimated error of a piece of a step, for adaptive integrators."""
+        """Bound on the estimated error of a sub-interval of a step, for adaptive integrators."""
     @property
     def threads(self) -> int:
         """Most threads that a step uses."""

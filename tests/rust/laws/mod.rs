@@ -8,7 +8,7 @@ mod joints;
 mod links;
 mod momentum;
 mod order;
-mod rivals;
+mod baselines;
 mod stiffness;
 mod table1;
 

@@ -1,4 +1,4 @@
-//! Table 1 of Han & Chung: the free body that spins about z, and its rivals. See NOTATION.md on what the table prints.
+//! Table 1 of Han & Chung: the free body that spins about z, and baseline methods. See NOTATION.md on what the table prints.
 
 use std::f64::consts::TAU;
 
@@ -58,7 +58,7 @@ fn val_quaternion_by_rk4_is_near_for_any_moderate_gain() {
 }
 
 #[test]
-fn val_printed_yaw_of_the_rival_appears_at_the_edge_of_stability_or_with_euler() {
+fn val_printed_yaw_of_the_baseline_appears_at_the_edge_of_stability_or_with_euler() {
     let [edge, _] = yaws("quaternion-rk4", 27.2, by_quaternion);
     let [euler, _] = yaws("quaternion-euler", 0.24, by_rotation);
     println!("RK4, gamma = 27.2: {edge:.4}; Euler, gamma = 0.24: {euler:.4}");

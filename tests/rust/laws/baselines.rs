@@ -1,4 +1,4 @@
-//! What the rivals are known for.
+//! Known failures of the baseline methods.
 
 use nalgebra::{Matrix6, Rotation3, Vector3, Vector6};
 use uvms_gym::batch::Inputs;
