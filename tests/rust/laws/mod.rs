@@ -1,6 +1,7 @@
 //! Laws of physics and of convergence, on whole simulated motions.
 
 mod adaptive;
+mod baselines;
 mod bodies;
 mod energy;
 mod flow;
@@ -8,7 +9,6 @@ mod joints;
 mod links;
 mod momentum;
 mod order;
-mod baselines;
 mod stiffness;
 mod table1;
 
