@@ -35,8 +35,8 @@ impl Simulator {
     ///     rotation) in the world, m, or the pose. Evaluated at every stage: F = -kp e - kd V with the absolute body twist
     ///     V and the pose error e = [R^T (r - r_d); vee(R_d^T R - R^T R_d) / 2], m and rad (attitude error "vee": the sine
     ///     of the angle, about its axis; 0 again at half a turn). The controller `PD` acts once per control period on
-    ///     observations, whose attitude error is log(R_d^T R) (attitude error "log": the angle, about its axis). Both
-    ///     agree to second order in the angle.
+    ///     observations, whose attitude error is log(R_d^T R) (attitude error "log": the angle, about its axis). They
+    ///     differ by about a sixth of the cube of the angle.
     /// fin : array_like (k,) or (N, k)
     ///     Deflection per fin, rad; saturates at its limits. Without it the fins stand as the scene has them.
     /// substeps : int
