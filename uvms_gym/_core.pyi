@@ -285,7 +285,13 @@ class Simulator:
     def mass_matrix(self) -> NDArray[np.float64]:
         """(N, 6 + n, 6 + n) M, added mass included. [HC eq. 13]"""
     def bias(self) -> NDArray[np.float64]:
-        """(N, 6 + n) the vector C [V; q']: no drag, no restoring, no acceleration of the water. [HC eq. 13]"""
+        """(N, 6 + n) the vector C [V; q']: no damping, no restoring, no acceleration of the water. [HC eq. 13]"""
+    def equations(self, nu: ArrayLike | None = None, *, axes: str = "flu") -> dict[str, NDArray[np.float64]]:
+        """Fossen's M nu' + C(nu) nu + D(nu) nu + g(eta) = tau, nu relative to the water. [F21 sections 6.3, 10.3]
+
+        nu (N, 6 + n), by default the present [V_r; q']; M (N, 6 + n, 6 + n); C_nu, D_nu, g (N, 6 + n). `axes` is "flu"
+        or "ned" (x forward, y starboard, z down).
+        """
     def wrench_influence(self) -> NDArray[np.float64]:
         """(N, 6 + n, 6 (n + 1)) W. [HC eq. 13]"""
     def torque_influence(self) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-//! The closed form of a scene at a state: M, C [V; q'], W, L, the wrenches and torques that enter it, and its solve.
+//! Closed form of a scene at a state: M, C [V; q'], W, L, the wrenches and torques that enter it, and its solution.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3, Vector6};
 
@@ -8,16 +8,16 @@ use crate::description::{Arm, Scene, Thruster};
 use crate::error::DynamicsError;
 use crate::system::{Flow, JOINTS, State};
 
-/// A scene as systems composed of systems; made once, evaluated at any state.
+/// Composed model of a scene, built once and evaluated at any state.
 #[derive(Debug, Clone)]
 pub struct ClosedFormModel {
     /// Vehicle, arm and payload.
     pub system: Composite,
-    /// The arm with its payload as a free-base system of its own, base frame first. `[HC eq. 28]`
+    /// The arm with its payload as a separate free-base system, base frame first. `[HC eq. 28]`
     pub arm: Option<Composite>,
     /// T_TCM, (6, thrusters): wrench on the vehicle per thrust. `[HC eq. 25]`
     pub thruster_configuration: DMatrix<f64>,
-    /// Whether the vehicle is held. `[HC eq. 27]`
+    /// True if the vehicle is fixed in the world. `[HC eq. 27]`
     pub fixed: bool,
     /// Fins and tether.
     pub appendages: Appendages,
@@ -27,10 +27,10 @@ pub struct ClosedFormModel {
 }
 
 impl ClosedFormModel {
-    /// Composes the scene.
+    /// Composes vehicle, arm and payload of a scene.
     ///
     /// # Errors
-    /// [`DynamicsError::Joints`] where the scene has more joints than a [`State`] holds.
+    /// [`DynamicsError::Joints`] for a scene with more joints than a [`State`] holds.
     pub fn new(scene: &Scene) -> Result<Self, DynamicsError> {
         let rigid = |body| Composite::rigid_body(DenseBody::new(body, &scene.water));
         let payload = scene.payload.as_ref().map(|payload| (Pose::from_frame(&payload.frame), rigid(&payload.body)));
@@ -72,7 +72,7 @@ impl ClosedFormModel {
         })
     }
 
-    /// The closed form at `state` in a flow of the water, or in a steady current (world axes, m/s).
+    /// Closed form at `state` in a flow of the water or a steady current (world axes, m/s).
     pub fn at(&self, state: &State, flow: impl Into<Flow>) -> ClosedForm<'_> {
         let n = self.system.joints();
         let flow = flow.into();
@@ -109,7 +109,7 @@ fn thruster_configuration(thrusters: &[Thruster]) -> DMatrix<f64> {
     map
 }
 
-/// What is applied to the system; an empty slice stands for zeros.
+/// Applied thrusts, wrenches, torques and fin deflections; an empty slice stands for zeros.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Loads<'a> {
     /// Thrust per thruster, N, within its limits.
@@ -118,7 +118,7 @@ pub struct Loads<'a> {
     pub external: &'a [Vector6<f64>],
     /// Actuator torque per joint, N m or N, within its effort.
     pub joint_command: &'a [f64],
-    /// Deflection per fin, rad; those without command where there are none.
+    /// Deflection per fin, rad; an empty slice stands for the scene's deflections.
     pub fins: &'a [f64],
 }
 
@@ -156,7 +156,7 @@ pub struct JointTorques {
     pub sum: DVector<f64>,
 }
 
-/// How well an acceleration satisfies the equations of motion.
+/// Residual of the equations of motion at an acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Residual {
     /// `|M a + c - f|`.
@@ -165,15 +165,16 @@ pub struct Residual {
     pub scale: f64,
 }
 
-/// `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state; M, C, W and L are in `equations`, whose columns of W
-/// are per body, screwed ones apart. `[HC eqs. 13, 31, 34]`
+/// `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state. `[HC eqs. 13, 31, 34]`
+///
+/// `equations` holds M, C, W and L, with columns of W for every body, those fixed to another one included.
 #[derive(Debug, Clone)]
 pub struct ClosedForm<'a> {
     pub(super) model: &'a ClosedFormModel,
     pub(super) equations: Equations<'a>,
-    /// Bodies of `equations` that move on their own: the vehicle, and one per joint.
+    /// Indices of the moving bodies in `equations`: the vehicle, and one per joint.
     pub(super) moving: Vec<usize>,
-    /// Vehicle in the world.
+    /// Pose of the vehicle in the world.
     pub(super) pose: Pose,
     pub(super) q: DVector<f64>,
     pub(super) qd: DVector<f64>,
@@ -191,12 +192,13 @@ impl ClosedForm<'_> {
         &self.equations.mass_matrix
     }
 
-    /// The product `C [V; q']`, (6+n): rigid and added mass, current included; no drag, no restoring, no acceleration of the water.
+    /// The product `C [V; q']`, (6+n): rigid and added mass, current included; no damping, no restoring, no acceleration of
+    /// the water.
     pub fn bias(&self) -> &DVector<f64> {
         &self.equations.bias
     }
 
-    /// W, (6+n, 6(n+1)): columns per moving body, vehicle first.
+    /// W, (6+n, 6(n+1)): six columns per moving body, vehicle first.
     pub fn wrench_influence(&self) -> DMatrix<f64> {
         let columns: Vec<usize> = self.moving.iter().flat_map(|k| 6 * k..6 * k + 6).collect();
         self.equations.wrench_influence.select_columns(&columns)
@@ -210,7 +212,7 @@ impl ClosedForm<'_> {
     /// Wrenches on the moving bodies.
     ///
     /// # Errors
-    /// [`DynamicsError::Length`] where `loads.thrust`, `loads.fins` or `loads.external` fit neither the scene nor "none".
+    /// [`DynamicsError::Length`] for a nonempty `thrust`, `fins` or `external` whose length does not match the scene.
     pub fn body_wrenches(&self, loads: &Loads) -> Result<BodyWrenches, DynamicsError> {
         let thrusters = self.model.thruster_configuration.ncols();
         let thrust = DVector::from_vec(filled("thrust", loads.thrust, thrusters, 0.0)?);
@@ -240,14 +242,24 @@ impl ClosedForm<'_> {
 
     /// Weight and buoyancy per moving body. `[HC eq. 24]`
     pub fn restoring(&self) -> Vec<Vector6<f64>> {
+        self.restoring_in(&self.model.gravity)
+    }
+
+    /// Weight and buoyancy per moving body under `gravity` (world axes, m/s2).
+    pub(super) fn restoring_in(&self, gravity: &Vector3<f64>) -> Vec<Vector6<f64>> {
         self.merged(|k| {
             let rotation = self.world_pose(k).rotation;
-            self.equations.bodies[k].body.restoring(&rotation.tr_mul(&self.model.gravity))
+            self.equations.bodies[k].body.restoring(&rotation.tr_mul(gravity))
         })
     }
 
-    /// Per moving body, what the acceleration a_c of the water exerts: its pressure gradient (Froude-Krylov) and
-    /// added mass, of which V_r' holds `-[R^T a_c; 0]`.
+    /// Viscous and Coulomb friction of the joints, (n), N m or N.
+    pub(super) fn friction(&self) -> DVector<f64> {
+        DVector::from_fn(self.joints(), |i, _| friction(self.equations.joints[i], self.qd[i]))
+    }
+
+    /// Wrench of the water's acceleration a_c per moving body: pressure gradient (Froude-Krylov) and added mass, whose V_r'
+    /// contains `-[R^T a_c; 0]`.
     pub fn flow_acceleration(&self) -> Vec<Vector6<f64>> {
         self.merged(|k| {
             let rotation = self.world_pose(k).rotation;
@@ -258,12 +270,12 @@ impl ClosedForm<'_> {
     /// Torques on the joints.
     ///
     /// # Errors
-    /// [`DynamicsError::Length`] where `loads.joint_command` fits neither the scene nor "none".
+    /// [`DynamicsError::Length`] for a nonempty `joint_command` whose length does not match the scene.
     pub fn joint_torques(&self, loads: &Loads) -> Result<JointTorques, DynamicsError> {
         let n = self.joints();
         let command = DVector::from_vec(filled("joint command", loads.joint_command, n, 0.0)?);
         let joints = &self.equations.joints;
-        let friction = DVector::from_fn(n, |i, _| friction(joints[i], self.qd[i]));
+        let friction = self.friction();
         let end_stop = DVector::from_fn(n, |i, _| {
             let stop = EndStop::new(joints[i], self.q[i], self.qd[i]);
             stop.elastic + stop.damping
@@ -275,17 +287,17 @@ impl ClosedForm<'_> {
     /// `W F + L tau`, (6+n).
     ///
     /// # Errors
-    /// [`DynamicsError::Length`] where a load fits neither the scene nor "none".
+    /// [`DynamicsError::Length`] for a nonempty load whose length does not match the scene.
     pub fn generalized_force(&self, loads: &Loads) -> Result<DVector<f64>, DynamicsError> {
         let wrenches = self.body_wrenches(loads)?.sum;
         let stacked = DVector::from_iterator(6 * wrenches.len(), wrenches.iter().flatten().copied());
         Ok(self.wrench_influence() * stacked + self.torque_influence() * self.joint_torques(loads)?.sum)
     }
 
-    /// `[V'; q'']`, (6+n): forward dynamics by Cholesky's factorisation of M; V' = 0 where the vehicle is held.
+    /// Forward dynamics by Cholesky factorisation of M: `[V'; q'']`, (6+n), with V' = 0 for a fixed vehicle.
     ///
     /// # Errors
-    /// [`DynamicsError::NotPositiveDefinite`] where M has no such factorisation, [`DynamicsError::Length`] as
+    /// [`DynamicsError::NotPositiveDefinite`] for an M without Cholesky factorisation, [`DynamicsError::Length`] as in
     /// [`Self::generalized_force`].
     pub fn accelerations(&self, loads: &Loads) -> Result<DVector<f64>, DynamicsError> {
         let first = self.first_free_row();
@@ -298,10 +310,10 @@ impl ClosedForm<'_> {
         Ok(accelerations)
     }
 
-    /// How well `accelerations`, (6+n), satisfies the equations of motion; the joints' rows where the vehicle is held.
+    /// Residual of the equations of motion at `accelerations`, (6+n); of the joints' rows only for a fixed vehicle.
     ///
     /// # Errors
-    /// [`DynamicsError::Length`] as [`Self::generalized_force`], or where `accelerations` has another length than 6+n.
+    /// [`DynamicsError::Length`] as in [`Self::generalized_force`], or for `accelerations` of another length than 6+n.
     pub fn residual(&self, accelerations: &DVector<f64>, loads: &Loads) -> Result<Residual, DynamicsError> {
         self.check_size("acceleration", accelerations)?;
         let first = self.first_free_row();
@@ -321,7 +333,7 @@ impl ClosedForm<'_> {
         if self.model.fixed { 6 } else { 0 }
     }
 
-    /// Body `k` of `equations` in the world.
+    /// Pose of body `k` of `equations` in the world.
     pub(super) fn world_pose(&self, k: usize) -> Pose {
         self.pose * self.equations.bodies[k].pose
     }
@@ -332,7 +344,7 @@ impl ClosedForm<'_> {
         relative_twist(&self.equations.bodies[k].twist, &water)
     }
 
-    /// Wrenches of all bodies of `equations`, added up per moving body in its frame.
+    /// Wrenches of all bodies of `equations`, summed per moving body in its frame.
     fn merged(&self, wrench: impl Fn(usize) -> Vector6<f64>) -> Vec<Vector6<f64>> {
         let mut per_body = vec![Vector6::zeros(); self.equations.bodies.len()];
         for (k, motion) in self.equations.bodies.iter().enumerate() {
@@ -342,7 +354,7 @@ impl ClosedForm<'_> {
     }
 }
 
-/// `given`, or zeros where nothing is given.
+/// `given`, or zeros if it is empty.
 fn filled<T: Clone>(what: &'static str, given: &[T], expected: usize, zero: T) -> Result<Vec<T>, DynamicsError> {
     match given.len() {
         0 => Ok(vec![zero; expected]),

@@ -1,30 +1,30 @@
-//! Systems composed of systems.
+//! Principle of dynamical balance: equations of motion of systems composed of systems. `[P05]`
 //!
 //! A system with base twist V and joints q obeys `W F + L tau = M [V'; q''] + b`, where `b` is the product
-//! `C [V; q']` `[HC eq. 13]`. A parent p and a child c of that form are loaded onto one another at body k of the
-//! parent by the velocity constraint `[HC eq. 29]`
+//! `C [V; q']` `[HC eq. 13]`. A parent p and a child c of this form are joined at body k of the parent by the
+//! velocity constraint `[HC eq. 29]`
 //!
 //! ```text
 //! V_c = Ad^-1 V_k + E q0'      V_c' = Ad^-1 V_k' + E q0'' - ad_(E q0') V_c
 //! ```
 //!
-//! (no E and q0 under fixed loading, eq. 32; the last term is the moving joint frame's). Because `V_k = W_k^T nu_p`,
-//! the parts' velocities are linear in the whole's, `nu_p = J_p nu` and `nu_c = J_c nu`. Their d'Alembertian wrenches
-//! `F* = W F + L tau - M nu' - b` balance in the dual of that constraint `[HC eqs. 30, 33]`,
+//! without E and q0 under fixed loading (eq. 32); the last term is that of the moving joint frame. Because `V_k = W_k^T nu_p`,
+//! the velocities of both parts are linear in those of the composite, `nu_p = J_p nu` and `nu_c = J_c nu`. Their d'Alembertian
+//! wrenches `F* = W F + L tau - M nu' - b` balance in the dual of the constraint `[HC eqs. 30, 33]`,
 //!
 //! ```text
-//! F_p* = -W_k Ad^-T F_c*    tau_0 = -E^T F_c*    tau_c* = 0,    that is    J_p^T F_p* + J_c^T F_c* + [0; tau_0; 0] = 0,
+//! F_p* = -W_k Ad^-T F_c*    tau_0 = -E^T F_c*    tau_c* = 0,    hence    J_p^T F_p* + J_c^T F_c* + [0; tau_0; 0] = 0,
 //! ```
 //!
-//! which is of the same form again, with `M = J_p^T M_p J_p + J_c^T M_c J_c`, `b = J_p^T b_p + J_c^T (b_c + M_c J_c' nu)`,
-//! `W = [J_p^T W_p, J_c^T W_c]` and `L = [J_p^T L_p, e_0, J_c^T L_c]`: so the result can be loaded further, in any order.
+//! which has the same form, with `M = J_p^T M_p J_p + J_c^T M_c J_c`, `b = J_p^T b_p + J_c^T (b_c + M_c J_c' nu)`,
+//! `W = [J_p^T W_p, J_c^T W_c]` and `L = [J_p^T L_p, e_0, J_c^T L_c]`. Composites can therefore be composed in any order.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, Vector3, Vector6};
 
 use super::dense::{DenseBody, Pose, ad, joint_axis, joint_pose};
 use crate::description::Joint;
 
-/// A rigid body, or two systems loaded onto one another. Bodies and joints are numbered parent first.
+/// A rigid body, or a parent loaded with a child. Bodies and joints are numbered parent first.
 #[derive(Debug, Clone)]
 pub struct Composite {
     node: Node,
@@ -44,7 +44,8 @@ impl Composite {
         Self { node: Node::Body(Box::new(body)), bodies: 1, joints: 0 }
     }
 
-    /// `child` screwed onto body `at` of this system, its base frame at `mount` in that body's frame. `[HC eqs. 32-34]`
+    /// Fixed loading: `child` fixed to body `at` of this system, its base frame at `mount` in that body's frame.
+    /// `[HC eqs. 32-34]`
     ///
     /// # Panics
     /// If this system has no body `at`.
@@ -52,8 +53,8 @@ impl Composite {
         self.load(at, mount, None, child)
     }
 
-    /// `child` carried by body `at` of this system through a joint q0 whose frame is relative to `mount`, in that body's
-    /// frame. `[HC eqs. 29-31]`
+    /// Joint loading: `child` on body `at` of this system through a joint q0, whose frame is relative to `mount` in that
+    /// body's frame. `[HC eqs. 29-31]`
     ///
     /// # Panics
     /// If this system has no body `at`.
@@ -70,7 +71,7 @@ impl Composite {
         }
     }
 
-    /// Number of bodies, each with its own columns of W.
+    /// Number of bodies; each has six columns of W.
     pub fn bodies(&self) -> usize {
         self.bodies
     }
@@ -80,8 +81,8 @@ impl Composite {
         self.joints
     }
 
-    /// The equations of motion at base twist `twist` (6, base frame), joint coordinates and rates `q`, `qd` (n each), in
-    /// water that moves at `water` (base axes, m/s).
+    /// Equations of motion at base twist `twist` (6, base frame), joint coordinates and rates `q`, `qd` (n each), in water
+    /// moving at `water` (base axes, m/s).
     ///
     /// # Panics
     /// If `q` or `qd` do not have n entries.
@@ -136,11 +137,11 @@ pub struct BodyMotion<'a> {
     pub pose: Pose,
     /// Its absolute body twist V_k.
     pub twist: Vector6<f64>,
-    /// `W_k'^T nu`: what its acceleration has beyond `W_k^T nu'`.
+    /// `W_k'^T nu`, the velocity product in its acceleration `W_k^T nu' + W_k'^T nu`.
     pub drift: Vector6<f64>,
-    /// The moving body it belongs to: itself, or the body it is screwed to.
+    /// The moving body it belongs to: itself, or the body it is fixed to.
     pub carrier: usize,
-    /// Its frame in that body's frame.
+    /// Its frame in the frame of the moving body.
     pub in_carrier: Pose,
 }
 
@@ -187,7 +188,7 @@ impl<'a> Equations<'a> {
         self.wrench_influence.fixed_columns::<6>(6 * k).transpose()
     }
 
-    /// The principle of dynamical balance: the module's docs.
+    /// Composition by the principle of dynamical balance, as in the module's documentation.
     fn load(self, loading: &Loading<'a>, child: Self) -> Self {
         let (parent, at) = (self, loading.at);
         let (size_p, size_c) = (parent.bias.len(), child.bias.len());
@@ -204,7 +205,7 @@ impl<'a> Equations<'a> {
         }
         jacobian_c.view_mut((6, size_p + own), (n_c, n_c)).fill_with_identity();
 
-        // J_c' nu, whose joint rows are 0.
+        // J_c' nu; its joint rows are 0.
         let carrier = &parent.bodies[at];
         let drift = to_child * carrier.drift - ad(&loading.joint_twist()) * child.bodies[0].twist;
         let mut drift_c = DVector::zeros(size_c);
@@ -226,13 +227,13 @@ impl<'a> Equations<'a> {
         let drifts: Vec<_> = (0..child.bodies.len()).map(|k| child.body_jacobian(k) * &drift_c).collect();
         let mut bodies = parent.bodies;
         bodies.extend(child.bodies.into_iter().zip(drifts).map(|(body, drift)| {
-            // What was screwed to the child's base is now screwed to what the base is screwed to.
-            let screwed = own == 0 && body.carrier == 0;
+            // Bodies fixed to the child's base now belong to the moving body of the parent.
+            let fixed = own == 0 && body.carrier == 0;
             BodyMotion {
                 pose: base * body.pose,
                 drift: body.drift + drift,
-                carrier: if screwed { carrier } else { first + body.carrier },
-                in_carrier: if screwed { in_carrier * body.in_carrier } else { body.in_carrier },
+                carrier: if fixed { carrier } else { first + body.carrier },
+                in_carrier: if fixed { in_carrier * body.in_carrier } else { body.in_carrier },
                 ..body
             }
         }));

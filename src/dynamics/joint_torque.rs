@@ -1,11 +1,11 @@
-//! Torque at a joint: actuator, friction, end stops.
+//! Joint torque of actuator, servo, friction and end stops, in lanes.
 
 use std::hint::cold_path;
 
 use crate::lane::{Lane, Param, get_all, inverse_sqrt};
 use crate::system::JointTerms;
 
-/// Torque along +q. `command` is the actuator's, `target` the servo's `(q_d, q_d')` if it is on.
+/// Torque along +q, N m or N. `command` is that of the actuator, `target` the servo's `(q_d, q_d')` if it is on.
 #[inline(always)]
 pub fn joint_torque<L: Lane, P: Param<L>, B>(
     joint: &JointTerms<P, B>,
@@ -41,9 +41,9 @@ pub fn joint_torque<L: Lane, P: Param<L>, B>(
     torque
 }
 
-/// The torque that holds if the joint keeps its rate for a time `h`, which the servo's `target` is ahead by; and by how much
-/// it falls for each unit of acceleration over that time: `h (d + h k)` with secants d and k of the torque in rate and
-/// coordinate. Neither is ever negative.
+/// Torque at the coordinate after a time `h` at the present rate, with the servo's `target` at that time; and its decrease
+/// per unit of acceleration over that time, `h (d + h k)` with the secants d and k of the torque in rate and coordinate.
+/// d and k are never negative.
 #[inline(always)]
 pub fn implicit_joint_torque<L: Lane, P: Param<L>, B>(
     joint: &JointTerms<P, B>,
@@ -61,7 +61,7 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>, B>(
         falls = h.mul_add(kp, kd) * h;
     }
     if let Some(effort) = joint.effort {
-        // Beyond the effort, the line from there to where the demand vanishes.
+        // Beyond the effort, the secant from the present demand to where the demand vanishes.
         let effort = effort.get();
         let demand = torque.abs();
         falls = falls * L::select(effort.lt(demand), effort / demand, L::c(1.0));

@@ -16,7 +16,7 @@ impl ClosedForm<'_> {
         self.moving.iter().map(|&k| self.equations.bodies[k].twist).collect()
     }
 
-    /// The end effector in the world: of the last link, else of the arm's base, else the vehicle.
+    /// Pose of the end effector in the world: on the last link, else on the arm's base, else the vehicle's pose.
     pub fn end_effector_pose(&self) -> Pose {
         let (carrier, end_effector) = self.model.end_effector;
         self.world_pose(carrier) * end_effector

@@ -1,4 +1,4 @@
-//! Linearization by dual numbers: the articulated-body form differentiates itself, exact to rounding.
+//! Linearization by dual numbers through the articulated-body algorithm, exact to rounding. `[PC05]`
 
 use nalgebra::{DMatrix, Vector3};
 
@@ -8,7 +8,7 @@ use crate::lane::{Dual, Shared};
 use crate::lie::{self, Matrix3, Vector6};
 use crate::system::{Flow, JOINTS, State, System};
 
-/// `z' = A z + B u` about a motion, in `z = [xi; dq; dV; dq']`, `u = [dF; dtau]`.
+/// Linearization `z' = A z + B u` about a motion, with `z = [xi; dq; dV; dq']` and `u = [dF; dtau]`.
 ///
 /// `xi` is the pose error in body axes, `T = T_0 exp xi`; V is the absolute body twist, F the wrench on the vehicle.
 /// About a moving frame `xi' = dV - ad_V0 xi`.
@@ -20,7 +20,7 @@ pub struct Linearization {
     pub b: DMatrix<f64>,
 }
 
-/// A direction to differentiate along.
+/// Direction of differentiation.
 #[derive(Clone, Copy, PartialEq)]
 enum Direction {
     Turn(usize),
@@ -31,7 +31,8 @@ enum Direction {
     Torque(usize),
 }
 
-/// Linearizes a system about a state under held loads and deflections of fins; servos count as off, saturated actuators as stuck.
+/// Linearizes a system about a state under constant loads and fin deflections. Servos are off; a saturated actuator has
+/// derivative 0.
 pub fn linearize(
     system: &System<Shared<f64>>,
     state: &State,
@@ -66,7 +67,7 @@ pub fn linearize(
     Linearization { a, b }
 }
 
-/// Derivative of `[V'; q'']` along a direction.
+/// Derivative of `[V'; q'']` along `direction`.
 fn accelerations_along(
     system: &System<Shared<f64>>,
     state: &State,

@@ -195,7 +195,7 @@ impl<L: Lane> Link<L> {
 }
 
 impl<P: Copy> JointPlacement<P> {
-    /// A twist of the parent, in the joint's frame at zero.
+    /// Twist at the joint's frame at zero from the parent's.
     #[inline(always)]
     fn twist_from_parent<L: Lane>(&self, twist: Vector6<L>) -> Vector6<L>
     where
@@ -213,7 +213,7 @@ impl<P: Copy> JointPlacement<P> {
         }
     }
 
-    /// A vector of the parent, in the joint's axes at zero, and a twist of the parent, in the joint's frame at zero.
+    /// Vector in the joint's axes at zero and twist at the joint's frame at zero, from those of the parent.
     #[inline(always)]
     fn both_from_parent<L: Lane>(&self, v: Vector3<L>, twist: Vector6<L>) -> (Vector3<L>, Vector6<L>)
     where
@@ -233,7 +233,7 @@ impl<P: Copy> JointPlacement<P> {
         }
     }
 
-    /// An inertia in the joint's frame at zero, in the parent's.
+    /// Inertia in the parent's frame from that in the joint's frame at zero.
     #[inline(always)]
     pub(super) fn inertia_to_parent<L: Lane>(&self, inertia: &SpatialInertia<L>) -> SpatialInertia<L>
     where
@@ -251,7 +251,7 @@ impl<P: Copy> JointPlacement<P> {
         }
     }
 
-    /// A wrench in the joint's frame at zero, in the parent's.
+    /// Wrench at the parent's frame from that at the joint's frame at zero.
     #[inline(always)]
     pub(super) fn wrench_to_parent<L: Lane>(&self, wrench: Vector6<L>) -> Vector6<L>
     where

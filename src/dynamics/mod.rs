@@ -9,6 +9,7 @@
 //! | `serial_chain`, `crba`, `rnea` | mass matrix by composite bodies, bias by Newton and Euler: for controllers | f64, no allocation |
 //! | `dynamical_balance` | the principle of dynamical balance: composition of M, C, W, L | dense f64 |
 //! | `closed_form` | `W F + L tau = M [V'; q''] + C [V; q']` of a scene at a state, with its solve | dense f64 |
+//! | `fossen` | `M nu' + C(nu) nu + D(nu) nu + g(eta) = tau` from the closed form | dense f64 |
 //! | `kinematics`, `inverse_dynamics`, `energy`, `momentum` | results of the closed form | dense f64 |
 //!
 //! The dense closed form is built from the scene and shares no arithmetic with the lane kernels, which are built from the
@@ -22,6 +23,7 @@ mod crba;
 pub mod dense;
 mod dynamical_balance;
 mod energy;
+mod fossen;
 mod inverse_dynamics;
 mod joint_torque;
 mod kinematics;
@@ -36,6 +38,7 @@ pub use closed_form::{BodyWrenches, ClosedForm, ClosedFormModel, JointTorques, L
 pub use composite_body::CompositeBody;
 pub use dynamical_balance::{BodyMotion, Composite, Equations};
 pub use energy::{Energy, Power, relative_to_water};
+pub use fossen::FossenForm;
 pub use inverse_dynamics::GeneralizedForce;
 pub use linearize::{Linearization, linearize};
 pub use modes::{Modes, Servos};

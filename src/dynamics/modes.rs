@@ -23,7 +23,7 @@ impl Servos {
 }
 
 impl Linearization {
-    /// The same motion under servos whose targets move along with it: `u = -kp [xi; dq] - kd [dV; dq']`.
+    /// Adds servos whose targets follow the motion: `u = -kp [xi; dq] - kd [dV; dq']`.
     pub fn with_servos(mut self, system: &System<Shared<f64>>, servos: Servos) -> Self {
         let rates = self.b.ncols();
         let mut close = |k: usize, kp: f64, kd: f64| {
@@ -83,7 +83,7 @@ pub struct Modes {
 }
 
 impl Modes {
-    /// Rates, 1/s: small deviations go as `exp(rate t)`. Empty where a coefficient is not finite.
+    /// Eigenvalues, 1/s: small deviations vary as `exp(rate t)`. Empty if a coefficient is not finite.
     pub fn rates(&self) -> Vec<Complex<f64>> {
         if self.matrix.is_empty() || !self.matrix.iter().all(|x| x.is_finite()) {
             return Vec::new();
@@ -96,7 +96,7 @@ impl Modes {
     /// Shares of `[V; q']` in the kinetic energy of the mode of this rate; they sum to 1 in any units.
     pub fn shares(&self, rate: Complex<f64>) -> Vec<f64> {
         let n = self.matrix.nrows();
-        // Inverse iteration next to the eigenvalue.
+        // Inverse iteration with a shift next to the eigenvalue.
         let near = rate + Complex::new(1e-9, 1e-9) * rate.norm();
         let shifted = self.matrix.map(|x| Complex::new(x, 0.0)) - DMatrix::identity(n, n) * near;
         let factored = shifted.lu();

@@ -3,6 +3,7 @@
 mod arrays;
 mod controllers;
 mod disturbance;
+mod equations;
 mod errors;
 mod inputs;
 mod integrators;

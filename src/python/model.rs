@@ -18,7 +18,7 @@ type Arrays<'py> = PyResult<Bound<'py, PyDict>>;
 
 impl Simulator {
     /// K arrays (N, ...) from rows that `f` works out per instance.
-    fn each<'py, const K: usize>(
+    pub(super) fn each<'py, const K: usize>(
         &self,
         py: Python<'py>,
         shapes: [&[usize]; K],
@@ -67,7 +67,7 @@ impl Simulator {
     }
 
     /// One row of `width` finite numbers per instance.
-    fn finite_rows(&self, name: &'static str, given: &Bound<'_, PyAny>, width: usize) -> PyResult<Vec<f64>> {
+    pub(super) fn finite_rows(&self, name: &'static str, given: &Bound<'_, PyAny>, width: usize) -> PyResult<Vec<f64>> {
         let rows = rows(name, given, self.inner.instances(), &[width])?;
         self.inner.check_rows(name, &rows, width).or_raise()?;
         Ok(rows)
@@ -78,7 +78,7 @@ impl Simulator {
     }
 }
 
-fn dict<'py, const K: usize>(py: Python<'py>, names: [&str; K], arrays: [Array<'py>; K]) -> Arrays<'py> {
+pub(super) fn dict<'py, const K: usize>(py: Python<'py>, names: [&str; K], arrays: [Array<'py>; K]) -> Arrays<'py> {
     let dict = PyDict::new(py);
     for (name, array) in names.into_iter().zip(arrays) {
         dict.set_item(name, array)?;
@@ -87,7 +87,7 @@ fn dict<'py, const K: usize>(py: Python<'py>, names: [&str; K], arrays: [Array<'
 }
 
 /// Entries row by row.
-fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
+pub(super) fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
     matrix.transpose().as_slice().to_vec()
 }
 
@@ -116,8 +116,8 @@ impl Simulator {
         self.every(py, &[width, width], |form| by_rows(form.mass_matrix()))
     }
 
-    /// The vector C [V; q']: rigid bodies and added mass, current included; no drag, no restoring, no acceleration of the
-    /// water. [HC eq. 13]
+    /// The vector C [V; q'] of the absolute velocities: rigid bodies and added mass, current included; no damping, no
+    /// restoring, no acceleration of the water. [HC eq. 13] `equations` gives Fossen's terms, damping and restoring included.
     ///
     /// Returns
     /// -------

@@ -1,4 +1,4 @@
-//! Wrenches of fins and tether, densely: by angles, as the laws are stated.
+//! Wrenches of fins and tether, by angles of attack as the laws are stated.
 
 use nalgebra::{Matrix3, Rotation3, Unit, Vector3, Vector6};
 
@@ -14,7 +14,7 @@ pub struct Appendages {
 }
 
 impl Appendages {
-    /// Those of `vehicle` in `water`.
+    /// Fins and tether of `vehicle` in `water`.
     pub fn new(vehicle: &Vehicle, water: &Water) -> Self {
         Self { density: water.density, fins: vehicle.fins.clone(), tether: vehicle.tether.clone() }
     }
@@ -29,7 +29,7 @@ impl Appendages {
         self.fins.iter().map(|fin| fin.deflection).collect()
     }
 
-    /// Wrench of the fins so deflected, at the vehicle's twist through the water; vehicle frame.
+    /// Wrench of the fins at `deflections`, rad, and the vehicle's twist relative to the water; vehicle frame, N and N m.
     pub fn fin_wrench(&self, deflections: &[f64], relative: &Vector6<f64>) -> Vector6<f64> {
         self.fins.iter().zip(deflections).map(|(fin, deflection)| self.one_fin(fin, *deflection, relative)).sum()
     }
@@ -60,7 +60,7 @@ impl Appendages {
         force_at(&((across * lift - ahead * drag) * pressure), &fin.position)
     }
 
-    /// Wrench of the tether at the vehicle's twist through the water; `gravity` in vehicle axes.
+    /// Wrench of the tether at the vehicle's twist relative to the water; `gravity` in vehicle axes, m/s2.
     pub fn tether_wrench(&self, relative: &Vector6<f64>, gravity: &Vector3<f64>) -> Vector6<f64> {
         let Some(tether) = &self.tether else { return Vector6::zeros() };
         let v = linear(relative) + angular(relative).cross(&tether.position);

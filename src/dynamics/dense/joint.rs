@@ -1,11 +1,11 @@
-//! One joint: the motion it allows and the torques it makes by itself.
+//! Joint kinematics, friction, actuator torque and end stops.
 
 use nalgebra::{Vector3, Vector6};
 
 use super::se3::{Pose, stack};
 use crate::description::{Joint, JointKind};
 
-/// The joint matrix E: twist of the child in the child's own frame per joint rate. `[HC eq. 9]`
+/// Joint matrix E: twist of the child in its own frame per joint rate. `[HC eq. 9]`
 pub fn joint_axis(joint: &Joint) -> Vector6<f64> {
     match joint.kind {
         JointKind::Revolute => stack(&Vector3::zeros(), &joint.axis),
@@ -13,7 +13,7 @@ pub fn joint_axis(joint: &Joint) -> Vector6<f64> {
     }
 }
 
-/// Child frame in the parent frame at joint coordinate `q`.
+/// Pose of the child frame in the parent frame at joint coordinate `q`.
 pub fn joint_pose(joint: &Joint, q: f64) -> Pose {
     let motion = match joint.kind {
         JointKind::Revolute => Pose::turn(&joint.axis, q),
@@ -29,7 +29,7 @@ pub fn friction(joint: &Joint, qd: f64) -> f64 {
     -(friction.viscous * qd + friction.coulomb * direction)
 }
 
-/// Torque of the actuator, N m or N: `command` and the servo's towards `target` `(q_d, q_d')`, together within its effort.
+/// Actuator torque, N m or N: `command` plus the servo's torque towards `target` `(q_d, q_d')`, limited to the effort.
 pub fn actuator_torque(joint: &Joint, q: f64, qd: f64, command: f64, target: Option<(f64, f64)>) -> f64 {
     let servo = match (&joint.servo, target) {
         (Some(servo), Some((position, rate))) => servo.kp * (position - q) + servo.kd * (rate - qd),
@@ -39,20 +39,20 @@ pub fn actuator_torque(joint: &Joint, q: f64, qd: f64, command: f64, target: Opt
     (command + servo).min(effort).max(-effort)
 }
 
-/// End stop of a joint that is beyond a limit by the signed excess `p`: elastic torque `-stiffness p`, damping torque
-/// `-damping |p| qd`, and the elastic energy `stiffness p^2 / 2`.
+/// End stop of a joint beyond a limit by the signed excess `p`: elastic torque `-stiffness p`, damping torque
+/// `-damping |p| qd` and elastic energy `stiffness p^2 / 2`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EndStop {
-    /// N m or N.
+    /// Elastic torque, N m or N.
     pub elastic: f64,
-    /// N m or N.
+    /// Damping torque, N m or N.
     pub damping: f64,
-    /// J.
+    /// Elastic energy, J.
     pub energy: f64,
 }
 
 impl EndStop {
-    /// The end stop of `joint` at `(q, qd)`.
+    /// End stop of `joint` at `(q, qd)`.
     pub fn new(joint: &Joint, q: f64, qd: f64) -> Self {
         let Some(limits) = &joint.limits else { return Self::default() };
         let p = (q - limits.upper).max(0.0) + (q - limits.lower).min(0.0);

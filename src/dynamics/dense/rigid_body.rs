@@ -1,16 +1,16 @@
-//! One rigid body in water: inertia, bias, drag and restoring wrenches, densely.
+//! Rigid body in water: inertia, bias, damping and restoring wrenches.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::se3::{Pose, ad, angular, blocks, cross, force_at, linear, stack};
 use crate::description::{Body, Water};
 
-/// A body's constants in its own frame.
+/// Constants of a body in its own frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DenseBody {
     /// Rigid inertia A about the frame origin, kg, kg m, kg m2. `[HC eq. 5]`
     pub rigid: Matrix6<f64>,
-    /// Added mass A_A, moved to the body frame as inertia. `[HC eq. 22]`
+    /// Added mass A_A at the body frame. `[HC eq. 22]`
     pub added: Matrix6<f64>,
     mass: f64,
     center_of_mass: Vector3<f64>,
@@ -23,7 +23,7 @@ pub struct DenseBody {
 }
 
 impl DenseBody {
-    /// The constants of `body` in `water`.
+    /// Constants of `body` in `water`.
     pub fn new(body: &Body, water: &Water) -> Self {
         let c = cross(&body.center_of_mass);
         let m = body.mass;
@@ -42,7 +42,7 @@ impl DenseBody {
         }
     }
 
-    /// A frame without mass.
+    /// Massless body: a mere frame.
     pub fn massless() -> Self {
         Self {
             rigid: Matrix6::zeros(),
@@ -62,19 +62,19 @@ impl DenseBody {
         self.rigid + self.added
     }
 
-    /// Everything of `A V' + B V + A_A V_r' + B_A V_r` that is not `(A + A_A) V'`; `water` is the current in body axes.
+    /// Bias wrench: `A V' + B V + A_A V_r' + B_A V_r` less `(A + A_A) V'`; `water` is the current in body axes, m/s.
     ///
-    /// `B V = -ad_V^T A V`, and likewise for added mass with `V_r`, whose derivative under a current that is
-    /// constant in the world is `V_r' = V' + [omega x R^T v_c; 0]`.
+    /// `B V = -ad_V^T A V` and `B_A V_r = -ad_V_r^T A_A V_r`. Under a current that is constant in the world,
+    /// `V_r' = V' + [omega x R^T v_c; 0]`.
     pub fn bias(&self, twist: &Vector6<f64>, water: &Vector3<f64>) -> Vector6<f64> {
         let relative = relative_twist(twist, water);
         let turning = stack(&angular(twist).cross(water), &Vector3::zeros());
         self.added * turning - ad(twist).tr_mul(&(self.rigid * twist)) - ad(&relative).tr_mul(&(self.added * relative))
     }
 
-    /// Drag `-(D_L V_r + D_Q (V_r * |V_r|))` of the twist through the water, a wrench at the body frame. `[HC eq. 22]`
+    /// Damping wrench `-(D_L V_r + D_Q (V_r * |V_r|))` of the twist relative to the water, at the body frame. `[HC eq. 22]`
     ///
-    /// The law holds in the frame that its coefficients were given for, so the twist goes there and the wrench back.
+    /// The law holds in the frame of its coefficients: the twist is transformed to it, and the wrench back.
     pub fn damping(&self, relative: &Vector6<f64>) -> Vector6<f64> {
         let there = self.hydrodynamic.adjoint_inverse() * relative;
         let squared = there.component_mul(&there.abs());
@@ -82,14 +82,14 @@ impl DenseBody {
         self.hydrodynamic.wrench_to_parent(&-resistance)
     }
 
-    /// Weight at the centre of mass and buoyancy at the centre of buoyancy; `gravity` in body axes. `[HC eq. 24]`
+    /// Weight at the centre of mass and buoyancy at the centre of buoyancy; `gravity` in body axes, m/s2. `[HC eq. 24]`
     pub fn restoring(&self, gravity: &Vector3<f64>) -> Vector6<f64> {
         force_at(&(gravity * self.mass), &self.center_of_mass)
             - force_at(&(gravity * self.displaced), &self.center_of_buoyancy)
     }
 
-    /// Pressure gradient of water that accelerates, at the centre of buoyancy, and pull of added mass;
-    /// `acceleration` in body axes.
+    /// Wrench of the water's acceleration: pressure gradient at the centre of buoyancy, and added mass; `acceleration` in body
+    /// axes, m/s2.
     pub fn flow_acceleration(&self, acceleration: &Vector3<f64>) -> Vector6<f64> {
         force_at(&(acceleration * self.displaced), &self.center_of_buoyancy)
             + self.added * stack(acceleration, &Vector3::zeros())

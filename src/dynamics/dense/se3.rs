@@ -1,4 +1,4 @@
-//! SE(3) as dense f64 matrices: slow, plain, and independent of the lane kernel that it checks.
+//! SE(3) as dense f64 matrices, independent of the lane kernels.
 
 use std::ops::Mul;
 
@@ -16,44 +16,44 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// The frame itself.
+    /// Identity.
     pub fn identity() -> Self {
         Self { rotation: Matrix3::identity(), position: Vector3::zeros() }
     }
 
-    /// A constant frame of a scene: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
+    /// Constant frame of a scene: `R = Rz(yaw) Ry(pitch) Rx(roll)`.
     pub fn from_frame(frame: &Frame) -> Self {
         Self { rotation: frame.rotation(), position: frame.position }
     }
 
-    /// Turned by `angle` (rad) about the unit vector `axis` through the origin.
+    /// Rotation by `angle` (rad) about the unit vector `axis` through the origin.
     pub fn turn(axis: &Vector3<f64>, angle: f64) -> Self {
         let rotation = Rotation3::from_axis_angle(&Unit::new_unchecked(*axis), angle);
         Self { rotation: rotation.into_inner(), position: Vector3::zeros() }
     }
 
-    /// Moved by `displacement`, m.
+    /// Translation by `displacement`, m.
     pub fn shift(displacement: Vector3<f64>) -> Self {
         Self { rotation: Matrix3::identity(), position: displacement }
     }
 
-    /// The parent in this frame.
+    /// Inverse: pose of the parent in this frame.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
         Self { rotation, position: -(rotation * self.position) }
     }
 
-    /// `Ad = [[R, [r] R], [0, R]]`: twists of this frame to twists of the parent. `[HC eq. 8]`
+    /// `Ad = [[R, [r] R], [0, R]]`, which takes twists of this frame to the parent's. `[HC eq. 8]`
     pub fn adjoint(&self) -> Matrix6<f64> {
         blocks(self.rotation, cross(&self.position) * self.rotation, Matrix3::zeros(), self.rotation)
     }
 
-    /// `Ad^-1`: twists of the parent to twists of this frame. `[HC eq. 7]`
+    /// `Ad^-1`, which takes twists of the parent to this frame's. `[HC eq. 7]`
     pub fn adjoint_inverse(&self) -> Matrix6<f64> {
         self.inverse().adjoint()
     }
 
-    /// `Ad^-T F`: a wrench at this frame, moved to the parent frame. `[HC eq. 12]`
+    /// `Ad^-T F`: the wrench at the parent frame of a wrench at this frame. `[HC eq. 12]`
     pub fn wrench_to_parent(&self, wrench: &Vector6<f64>) -> Vector6<f64> {
         self.adjoint_inverse().tr_mul(wrench)
     }
@@ -67,7 +67,7 @@ impl Mul for Pose {
     }
 }
 
-/// `[a]`, the matrix of `a x`.
+/// Cross-product matrix `[a]`: `[a] b = a x b`.
 pub fn cross(a: &Vector3<f64>) -> Matrix3<f64> {
     a.cross_matrix()
 }
@@ -78,30 +78,30 @@ pub fn ad(twist: &Vector6<f64>) -> Matrix6<f64> {
     blocks(omega, cross(&linear(twist)), Matrix3::zeros(), omega)
 }
 
-/// First three entries of a 6-vector.
+/// Linear part: the first three entries of a 6-vector.
 #[inline]
 pub fn linear(x: &Vector6<f64>) -> Vector3<f64> {
     x.fixed_rows::<3>(0).into_owned()
 }
 
-/// Last three entries of a 6-vector.
+/// Angular part: the last three entries of a 6-vector.
 #[inline]
 pub fn angular(x: &Vector6<f64>) -> Vector3<f64> {
     x.fixed_rows::<3>(3).into_owned()
 }
 
-/// `[linear; angular]`.
+/// 6-vector `[linear; angular]`.
 #[inline]
 pub fn stack(linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(linear.x, linear.y, linear.z, angular.x, angular.y, angular.z)
 }
 
-/// The wrench at the origin of `force` acting at `point`.
+/// Wrench at the origin of a `force` acting at `point`.
 pub fn force_at(force: &Vector3<f64>, point: &Vector3<f64>) -> Vector6<f64> {
     stack(force, &point.cross(force))
 }
 
-/// `[[a, b], [c, d]]`.
+/// 6x6 matrix `[[a, b], [c, d]]` of 3x3 blocks.
 pub fn blocks(a: Matrix3<f64>, b: Matrix3<f64>, c: Matrix3<f64>, d: Matrix3<f64>) -> Matrix6<f64> {
     let mut m = Matrix6::zeros();
     m.fixed_view_mut::<3, 3>(0, 0).copy_from(&a);

@@ -4,6 +4,7 @@ use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, OMatrix};
 
 mod composition;
+mod fossen;
 mod ledger;
 mod motion;
 mod solve;
