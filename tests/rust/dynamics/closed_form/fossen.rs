@@ -126,7 +126,7 @@ fn val_ned_axes_change_signs_of_rows_and_columns() {
 /// The example of the notation page gives the terms that the page states, and the shipped scene's.
 #[test]
 fn val_documented_example_is_the_shipped_vehicle() {
-    let page = include_str!("../../../docs/fossen-notation.md");
+    let page = include_str!("../../../../docs/fossen-notation.md");
     let table = page.split("```toml").nth(1).and_then(|rest| rest.split("```").next()).unwrap();
     let text = format!("name = \"example\"\n[water]\ndensity = 1000.0\ngravity = [0.0, 0.0, -9.81]\n{table}");
     let (scene, shipped) = (Scene::from_toml_str(&text, "example").unwrap(), Scene::shipped("bluerov2-heavy").unwrap());
