@@ -74,7 +74,7 @@ impl Simulator {
     }
 
     fn loads(&self, arguments: &InputArguments) -> PyResult<Vec<AppliedLoads>> {
-        Ok(self.inner.applied_loads(&arguments.read(&self.inner)?.inputs()).or_raise()?)
+        self.inner.applied_loads(&arguments.read(&self.inner)?.inputs()).or_raise()
     }
 }
 

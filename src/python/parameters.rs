@@ -86,6 +86,6 @@ impl Simulator {
             }
         }
         let factors: Vec<_> = factors.into_iter().map(Factors::from_array).collect();
-        Ok(self.inner.set_factors(&factors).or_raise()?)
+        self.inner.set_factors(&factors).or_raise()
     }
 }

@@ -48,13 +48,13 @@ pub fn load_scene<'py>(scene: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>>
 /// The scene that an argument means.
 pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Scene> {
     if let Ok(name) = given.cast::<PyString>() {
-        return Ok(Scene::load(text(name, "scene")?).or_raise()?);
+        return Scene::load(text(name, "scene")?).or_raise();
     }
     if given.is_instance_of::<PyDict>() {
-        return Ok(Scene::from_value(value(given, "", 0)?, DICT).or_raise()?);
+        return Scene::from_value(value(given, "", 0)?, DICT).or_raise();
     }
     if given.hasattr(intern!(given.py(), "__fspath__"))? {
-        return Ok(Scene::from_file(given.extract::<PathBuf>()?).or_raise()?);
+        return Scene::from_file(given.extract::<PathBuf>()?).or_raise();
     }
     let kind = given.get_type().name()?.to_string();
     Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {kind}")))

@@ -285,6 +285,6 @@ impl Simulator {
     }
 
     fn __setstate__(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
-        Ok(self.inner.load(&read("state", state)?.1).or_raise()?)
+        self.inner.load(&read("state", state)?.1).or_raise()
     }
 }

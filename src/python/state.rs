@@ -191,7 +191,7 @@ impl Simulator {
             current: current.as_deref(),
             current_acceleration: current_acceleration.as_deref(),
         };
-        Ok(self.inner.set_states(&states).or_raise()?)
+        self.inner.set_states(&states).or_raise()
     }
 
     /// Put all instances at the scene's home: level at the world origin, at rest at time 0, joints at home, in the

@@ -209,7 +209,7 @@ impl Task {
     /// Continues from what `__getstate__` of a batch with the same arguments gave.
     fn __setstate__(&mut self, state: (Bound<'_, PyAny>, Bound<'_, PyAny>)) -> PyResult<()> {
         let (physics, episodes) = (arrays::read("physics", &state.0)?.1, arrays::read("episodes", &state.1)?.1);
-        Ok(self.batch.load(&Saved { physics, episodes }).or_raise()?)
+        self.batch.load(&Saved { physics, episodes }).or_raise()
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {

@@ -186,8 +186,9 @@ impl<'a, T: Real> Step<'a, T> {
     fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<ScaledSystem<L>>>) {
         let has_payload =
             |system: &ScaledSystem<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
-        let fits = |system: &Box<ScaledSystem<L>>| has_payload(system) == self.payload_attachment.is_some();
-        let pooled = self.unscaled.and_then(|_| self.system_pool.take().filter(fits));
+        let pooled = self.unscaled.and_then(|_| {
+            self.system_pool.take().filter(|pooled| has_payload(pooled) == self.payload_attachment.is_some())
+        });
         let make = || Box::new(self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment));
         (self.memory(), needed.then(|| pooled.unwrap_or_else(make)))
     }
