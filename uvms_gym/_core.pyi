@@ -305,7 +305,7 @@ class Simulator:
         pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
         fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N, n + 1, 6) each: drag, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
+        """(N, n + 1, 6) each: damping, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
     def joint_torques(
         self, *, joint_torque: ArrayLike | None = None, joint_target: ArrayLike | None = None
     ) -> dict[str, NDArray[np.float64]]:
@@ -323,7 +323,7 @@ class Simulator:
         pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
         fin: ArrayLike | None = None,
     ) -> dict[str, NDArray[np.float64]]:
-        """(N,) each: drag, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
+        """(N,) each: damping, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
     def momentum(self) -> NDArray[np.float64]:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
     def momentum_terms(self) -> dict[str, NDArray[np.float64]]:
@@ -365,7 +365,7 @@ class Simulator:
     ) -> None:
         """Set factors, () or (N,), on each instance's parameters, and its payload, kg; they stay through `reset`."""
     def trim(self) -> dict[str, NDArray[np.float64]]:
-        """What holds the system at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
+        """Trim at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
     def modes(
         self, speed: ArrayLike | None = None, *, joint_servos: bool = True, vehicle_servo: bool = True
     ) -> list[_Mode]:

@@ -29,7 +29,7 @@ pub struct Ahead<L> {
     /// Step size, s. [`Instant::time`] is that of the end of the step.
     pub h: L,
     /// True if [`Instant::wrench`] includes that of the vehicle's servo.
-    pub station: bool,
+    pub vehicle_servo: bool,
 }
 
 /// `A + h D + h^2 K` of a body, and its bias wrench at the pose after a time h at the present twist.
@@ -67,7 +67,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     qdd: &mut [L; JOINTS],
 ) {
     let Instant { gravity, twist, q, qd, wrench, held_rate, time, .. } = *at;
-    let Ahead { h, station } = ahead;
+    let Ahead { h, vehicle_servo } = ahead;
     let joints = system.chain();
     let links = &mut scratch.links[..joints.len()];
     joint_screws(joints, true, q, links);
@@ -111,7 +111,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         let (I, p) = effective(&system.vehicle, h, twist, gravity);
         let mut I_A = I.plus(&I_children);
         let mut force = (wrench - (p + p_children)).to_array();
-        if let (true, Some(gains)) = (station, &system.vehicle_servo) {
+        if let (true, Some(gains)) = (vehicle_servo, &system.vehicle_servo) {
             let rate = twist.to_array();
             for i in 0..6 {
                 let spring = gains.kp[i].get() * h;

@@ -14,14 +14,13 @@ impl Simulator {
     ///
     /// `z = [xi; dq; dV; dq']` with the pose error xi (6) in body axes, `T = T_0 exp xi`, and the absolute body twist
     /// V; `u = [dF; dtau]` with the wrench F (6) on the vehicle, body axes at its origin, and the joint torques tau.
-    /// About a moving vehicle `xi' = dV - ad_V0 xi`. Servos count as off, saturated actuators as stuck,
-    /// thrusters with a lag as settled.
-    /// By dual numbers through the articulated-body form. [PC05]
+    /// About a moving vehicle `xi' = dV - ad_V0 xi`. Servos are off, a saturated actuator has derivative 0,
+    /// thrusters with a lag are settled. Differentiated by dual numbers through the articulated-body algorithm. [PC05]
     ///
     /// Parameters
     /// ----------
     /// thrust, wrench, joint_torque, external, fin
-    ///     Inputs of the motion that it is about, as in `step`.
+    ///     Inputs of the motion of reference, as in `step`.
     ///
     /// Returns
     /// -------

@@ -1,4 +1,4 @@
-//! `uvms_gym.Simulator`: kinematics, books and the closed form at the present states.
+//! `uvms_gym.Simulator`: closed form, kinematics, energy and momentum at the present states.
 
 use nalgebra::{DMatrix, DVector, Vector6};
 use pyo3::prelude::*;
@@ -17,7 +17,7 @@ use uvms_gym::error::DynamicsError;
 type Arrays<'py> = PyResult<Bound<'py, PyDict>>;
 
 impl Simulator {
-    /// K arrays (N, ...) from rows that `f` works out per instance.
+    /// K arrays (N, ...) from rows that `f` computes per instance.
     pub(super) fn each<'py, const K: usize>(
         &self,
         py: Python<'py>,
@@ -111,6 +111,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6 + n, 6 + n)
+    ///     Rows and columns of the body twist, about the vehicle's origin, then of the joints; kg, kg m and kg m2.
     fn mass_matrix<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let width = 6 + self.inner.joints();
         self.every(py, &[width, width], |form| by_rows(form.mass_matrix()))
@@ -122,6 +123,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6 + n)
+    ///     N and N m.
     fn bias<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         self.every(py, &[6 + self.inner.joints()], |form| form.bias().as_slice().to_vec())
     }
@@ -148,13 +150,13 @@ impl Simulator {
 
     /// Wrenches on the moving bodies (vehicle first) in body axes at their frame origins, N and N m. [HC eqs. 21, 26]
     ///
-    /// The arguments are those of `step`; `external` in the result is `wrench`, `external` and the vehicle's servo.
+    /// Arguments as in `step`. `external` in the result sums `wrench`, `external` and the wrench of the vehicle's servo.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n + 1, 6)
-    ///     damping, restoring (weight and buoyancy), flow (the water's acceleration: Froude-Krylov and added mass), thrust
-    ///     (what acts at this instant), fins, tether, external, and their sum F.
+    ///     damping, restoring (weight and buoyancy), flow (acceleration of the water: Froude-Krylov and added mass), thrust
+    ///     (thrust at this instant), fins, tether, external, and sum, the total F.
     #[pyo3(signature = (*, thrust=None, wrench=None, external=None, pose_target=None, fin=None))]
     fn body_wrenches<'py>(
         &self,
@@ -183,12 +185,12 @@ impl Simulator {
 
     /// Torques at the joints along +q, N m or N.
     ///
-    /// The arguments are those of `step`.
+    /// Arguments as in `step`.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n)
-    ///     command (actuators with their servos, within effort), friction, end_stop, and their sum tau.
+    ///     command (actuators with their servos, limited to the effort), friction, end_stop, and sum, the total tau.
     #[pyo3(signature = (*, joint_torque=None, joint_target=None))]
     fn joint_torques<'py>(&self, py: Python<'py>, joint_torque: Given, joint_target: Given) -> Arrays<'py> {
         let loads = self.loads(&InputArguments { joint_torque, joint_target, ..Default::default() })?;
@@ -203,8 +205,8 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     kinetic_rigid (bodies, by absolute twists), kinetic_added (the water that they set in motion, by twists
-    ///     relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops), total.
+    ///     kinetic_rigid (bodies, by absolute twists), kinetic_added (water set in motion, by twists relative to it),
+    ///     potential (weight and buoyancy; 0 at the world origin), elastic (end stops), total.
     fn energy<'py>(&self, py: Python<'py>) -> Arrays<'py> {
         let names = ["kinetic_rigid", "kinetic_added", "potential", "elastic", "total"];
         self.named(py, names, &[], |_, form| {
@@ -213,15 +215,15 @@ impl Simulator {
         })
     }
 
-    /// Powers put into the system, W, by absolute twists; in still water their sum is the rate of the total energy.
+    /// Powers put into the system by absolute twists, W. In still water their sum is the rate of the total energy.
     ///
-    /// The arguments are those of `step`; `external` in the result is that of `wrench`, `external` and the vehicle's servo.
+    /// Arguments as in `step`. `external` in the result sums `wrench`, `external` and the wrench of the vehicle's servo.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     damping (of the bodies), friction, end_stop (damping), flow (the water's acceleration), thrust, fins, tether (its weight included),
-    ///     external, joint_command, total.
+    ///     damping (of the bodies), friction, end_stop (damping), flow (acceleration of the water), thrust, fins, tether (its
+    ///     weight included), external, joint_command, total.
     #[pyo3(signature = (
         *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None
     ))]
@@ -275,9 +277,9 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray
-    ///     rigid (N, 6): of the bodies, by absolute twists; added (N, 6): impulse of the water, by twists relative to
-    ///     it; total (N, 6): their sum; rigid_scale and total_scale (N, 2): sum over bodies of the magnitudes of their
-    ///     linear and angular momentum, which a drift is measured against.
+    ///     rigid (N, 6): momentum of the bodies, by absolute twists; added (N, 6): impulse of the water, by twists relative
+    ///     to it; total (N, 6): their sum; rigid_scale and total_scale (N, 2): sum over bodies of the magnitudes of their
+    ///     linear and angular momentum, the scale for drifts.
     fn momentum_terms<'py>(&self, py: Python<'py>) -> Arrays<'py> {
         let names = ["rigid", "added", "total", "rigid_scale", "total_scale"];
         let arrays = self.each(py, [&[6], &[6], &[6], &[2], &[2]], |_, form| {
@@ -293,6 +295,7 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, n + 1, 4, 4)
+    ///     Homogeneous matrices, body to world, m.
     fn body_poses<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         self.every(py, &[self.inner.joints() + 1, 4, 4], |form| form.body_poses().iter().flat_map(pose_rows).collect())
     }
@@ -302,11 +305,12 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, 4, 4)
+    ///     Homogeneous matrices, end effector to world, m.
     fn end_effector_pose<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         self.every(py, &[4, 4], |form| pose_rows(&form.end_effector_pose()))
     }
 
-    /// Body Jacobian: absolute body twist of the end effector per [V; q']. [MLS94]
+    /// Body Jacobian of the end effector: its absolute body twist per [V; q']. [MLS94]
     ///
     /// Returns
     /// -------
@@ -316,7 +320,8 @@ impl Simulator {
         self.every(py, &[6, width], |form| form.jacobian().transpose().as_slice().to_vec())
     }
 
-    /// What gives an acceleration, on top of drag, restoring, joint friction, `thrust` and `external`.
+    /// Inverse dynamics: vehicle wrench and actuator torques that give an acceleration, on top of damping, restoring, joint
+    /// friction, `thrust` and `external`. [HC eq. 13]
     ///
     /// Parameters
     /// ----------
@@ -328,9 +333,9 @@ impl Simulator {
     /// Returns
     /// -------
     /// wrench : numpy.ndarray (N, 6)
-    ///     On the vehicle in body axes at its origin, N and N m; from the mooring where the vehicle is held.
+    ///     Wrench on the vehicle in body axes at its origin, N and N m; supplied by the mooring of a fixed vehicle.
     /// joint_torque : numpy.ndarray (N, n)
-    ///     Of the actuators, N m or N, whatever their effort.
+    ///     Actuator torques, N m or N, not limited to their efforts.
     #[pyo3(signature = (acceleration, *, thrust=None, external=None))]
     fn inverse_dynamics<'py>(
         &self,
@@ -350,15 +355,16 @@ impl Simulator {
         Ok((wrench, torque))
     }
 
-    /// What holds the system at rest at its present pose and joint coordinates, in its current.
+    /// Trim: wrench, thrusts and torques that hold the system at rest at its present pose and joint coordinates, in its
+    /// current.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray
-    ///     wrench (N, 6): needed on the vehicle, in body axes at its origin, N and N m; thrust (N, m): its
-    ///     allocation, N; joint_torque (N, n): needed of the actuators, N m or N, whatever their effort; residual (N, 6):
-    ///     the part of the wrench that the thrusters cannot provide. A held vehicle needs none of them: its mooring provides
-    ///     the wrench.
+    ///     wrench (N, 6): required on the vehicle, in body axes at its origin, N and N m; thrust (N, m): its allocation, N;
+    ///     joint_torque (N, n): required of the actuators, N m or N, not limited to their efforts; residual (N, 6): the
+    ///     part of the wrench that the thrusters cannot provide, N and N m. The mooring of a fixed vehicle provides the
+    ///     wrench: its thrust and residual are 0.
     fn trim<'py>(&self, py: Python<'py>) -> Arrays<'py> {
         let (simulator, allocation) = (&self.inner, self.inner.allocation());
         let shapes: [&[usize]; 4] = [&[6], &[allocation.count()], &[simulator.joints()], &[6]];
@@ -377,13 +383,13 @@ impl Simulator {
         dict(py, ["wrench", "thrust", "joint_torque", "residual"], arrays)
     }
 
-    /// Thrusts that come closest to a wrench on the vehicle, in weighted least squares; where one would exceed its
-    /// limits, all are scaled down together, so that the wrench keeps its direction.
+    /// Allocation of a wrench on the vehicle to the thrusters by weighted least squares. If a thrust would exceed its limits,
+    /// all are scaled down together, so that the wrench keeps its direction.
     ///
     /// Parameters
     /// ----------
     /// wrench : array_like (6,) or (N, 6)
-    ///     In body axes at the vehicle's origin, N and N m.
+    ///     Wrench in body axes at the vehicle's origin, N and N m.
     ///
     /// Returns
     /// -------

@@ -11,7 +11,7 @@ use uvms_gym::dynamics::Servos;
 
 #[pymethods]
 impl Simulator {
-    /// Step all instances under inputs that are held meanwhile; absent ones are zero.
+    /// Step all instances under inputs held constant over the call; absent ones are zero.
     ///
     /// Each input has one row for all instances, or one per instance. Everything is checked before anything changes.
     /// The GIL is released; Ctrl-C interrupts between steps.
@@ -19,10 +19,10 @@ impl Simulator {
     /// Parameters
     /// ----------
     /// thrust : array_like (m,) or (N, m)
-    ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25] Where the scene gives thrusters dynamics it is a
-    ///     command, which each thrust follows by its lag: once per step of `dt`, exactly, a step's mean acting in it.
+    ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25] For thrusters with dynamics it is the command, which
+    ///     each thrust follows with its lag: integrated exactly once per step of `dt`, in which its mean acts.
     /// wrench : array_like (6,) or (N, 6)
-    ///     Wrench on the vehicle [f; m] in body axes at its origin, N and N m; besides the thrust, without limits.
+    ///     Wrench on the vehicle [f; m] in body axes at its origin, N and N m; in addition to the thrust, without limits.
     /// joint_torque : array_like (n,) or (N, n)
     ///     Actuator torque along +q, N m or N; saturates, together with the servo's, at the joint's effort.
     /// joint_target : array_like (n,), (N, n) or (N, n, k), k <= 4
@@ -38,23 +38,23 @@ impl Simulator {
     ///     observations, whose attitude error is log(R_d^T R) (attitude error "log": the angle, about its axis). They
     ///     differ by about a sixth of the cube of the angle.
     /// fin : array_like (k,) or (N, k)
-    ///     Deflection per fin, rad; saturates at its limits. Without it the fins stand as the scene has them.
+    ///     Deflection per fin, rad; saturates at its limits. Without it, the scene's deflections.
     /// substeps : int
     ///     Number of steps of `dt`.
     ///
     /// Raises
     /// ------
     /// ValueError
-    ///     A shape, a number that is not finite, a pose_target for a scene without vehicle servo.
+    ///     Wrong shape, number that is not finite, or `pose_target` for a scene without vehicle servo.
     /// TypeError
-    ///     Something that is no array of real numbers.
+    ///     Input that is not an array of real numbers.
     ///
     /// Warns
     /// -----
     /// StepWarning
-    ///     Once per simulator: before the first step with the servos that make `dt` unstable for a mode of the scene (see
-    ///     `modes`). And once after the first call in which the motion of an instance left what the integrator follows
-    ///     (`stiffness` beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05), or its state became infinite or NaN.
+    ///     Once per simulator before the first step with servos for which `dt` is unstable in a mode of the scene (see
+    ///     `modes`), and once after the first call in which an instance was integrated inaccurately (`stiffness` beyond 2.0
+    ///     for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05) or became infinite or NaN.
     #[pyo3(
         signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=None),
         text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1)"
@@ -92,12 +92,14 @@ impl Simulator {
         }
     }
 
-    /// Accelerations [V'; q''] under the inputs of `step`, by articulated bodies; the state stays as it is.
+    /// Forward dynamics by the articulated-body algorithm: accelerations [V'; q''] under the inputs of `step`. The state is
+    /// unchanged. [RF08 ch. 7]
     ///
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6 + n)
-    ///     Rate of the absolute body twist and of the joint rates, m/s2 and rad/s2. V' = 0 where the vehicle is held.
+    ///     Rate of the absolute body twist and of the joint rates, m/s2 and rad/s2. V' = 0 for a fixed
+    ///     vehicle.
     #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn forward_dynamics<'py>(

@@ -154,7 +154,7 @@ impl<L: Lane, B: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
     ) {
         let system = self.reload_system();
         let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
-        let ahead = Ahead { h, station: self.station.is_some() };
+        let ahead = Ahead { h, vehicle_servo: self.station.is_some() };
         let Rates { twist, qd } = rates;
         implicit_accelerations(system, &instant, ahead, self.loads, self.scratch, twist, qd);
     }

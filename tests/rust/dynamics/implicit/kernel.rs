@@ -74,7 +74,7 @@ impl Case {
         match h {
             None => accelerations(&system, &at, &loads, &mut scratch, &mut rate, &mut qdd),
             Some(h) => {
-                let ahead = Ahead { h, station: self.station };
+                let ahead = Ahead { h, vehicle_servo: self.station };
                 implicit_accelerations(&system, &at, ahead, &loads, &mut scratch, &mut rate, &mut qdd);
             }
         }
