@@ -678,7 +678,7 @@ class Mlp(Controller):
 
     @property
     def residual(self) -> bool:
-        """Whether it is a residual policy."""
+        """True for a residual policy."""
 
     @property
     def history(self) -> int:

@@ -1,25 +1,25 @@
-//! What an action in [-1, 1] means to thrusters and joints.
+//! Meaning of an action in [-1, 1]: wrenches, thrusts and joint torques.
 
 use nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
 
 use super::allocation::{AXES, Allocation};
 
-/// What the entries of an action stand for.
+/// Meaning of an action's entries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ActionKind {
-    /// A body wrench over the wrench limits, through the allocation: 6 entries.
+    /// Body wrench over the wrench limits, through the allocation: 6 entries.
     #[default]
     Wrench,
-    /// Each thrust over the thruster's limit on that side: m entries.
+    /// Thrust of each thruster over its limit on that side: m entries.
     Thrusters,
-    /// As a wrench, but a correction to what a classical controller does.
+    /// As a wrench, added to a classical controller's action.
     Residual,
 }
 
 impl ActionKind {
-    /// Name for people and files.
+    /// Name in messages and files.
     pub fn name(self) -> &'static str {
         match self {
             ActionKind::Wrench => "wrench",
@@ -34,28 +34,28 @@ impl ActionKind {
 pub struct ActionRange {
     /// Axis of the wrench, name of the thruster or of the joint.
     pub name: String,
-    /// What -1 and +1 ask for; 0 asks for 0, and each side is linear.
+    /// Physical values of -1 and +1; 0 is 0, and each side is linear.
     pub limits: [f64; 2],
     /// N or N m.
     pub unit: &'static str,
 }
 
-/// The map between actions and thrusts of one vehicle, and torques of its joints, in both directions.
+/// Map between actions and the thrusts and joint torques of one vehicle, in both directions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ActionMap {
     kind: ActionKind,
     allocation: Allocation,
-    /// Torque of 1, per joint that is acted on; they come after the vehicle's entries.
+    /// Torque of 1, per actuated joint; their entries follow the vehicle's.
     torques: Vec<f64>,
 }
 
 impl ActionMap {
-    /// Actions of this kind for this vehicle, and for joints with these greatest torques, N m or N.
+    /// Actions of this kind for this vehicle, and joints with these torque limits, N m or N.
     pub fn new(kind: ActionKind, allocation: Allocation, torques: Vec<f64>) -> Self {
         Self { kind, allocation, torques }
     }
 
-    /// What the entries of an action stand for.
+    /// Meaning of an action's entries.
     pub fn kind(&self) -> ActionKind {
         self.kind
     }
@@ -73,17 +73,17 @@ impl ActionMap {
         }
     }
 
-    /// Torque of 1, per joint that is acted on, N m or N.
+    /// Torque of 1, per actuated joint, N m or N.
     pub fn torques(&self) -> &[f64] {
         &self.torques
     }
 
-    /// Whether there is nothing to act with.
+    /// True for an action without entries.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The allocation behind it.
+    /// Thruster allocation.
     pub fn allocation(&self) -> &Allocation {
         &self.allocation
     }
@@ -104,13 +104,13 @@ impl ActionMap {
         }
     }
 
-    /// The action, clipped to [-1, 1], that asks for `wrench` and no torques; 0 along what cannot be actuated.
+    /// Action of `wrench` and zero torques, clipped to [-1, 1]; 0 along unactuated axes.
     #[inline(always)]
     pub fn normalise(&self, wrench: &Vector6<f64>, action: &mut [f32]) {
         self.normalise_all(wrench, &[], action);
     }
 
-    /// As [`Self::normalise`], with the first of the joints' torques, N m or N.
+    /// As [`Self::normalise`], with torques of the first joints, N m or N.
     #[inline(always)]
     pub fn normalise_all(&self, wrench: &Vector6<f64>, torques: &[f64], action: &mut [f32]) {
         let over = |value: f64, limit: f64| if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 };

@@ -1,4 +1,4 @@
-//! From actions to thrusts and their wrench, in lanes.
+//! Actions to thrusts, their wrench and joint torques, in lanes.
 
 use nalgebra::Vector6 as Vector;
 
@@ -11,18 +11,18 @@ use crate::system::JOINTS;
 /// Greatest number of entries of an action.
 pub const ACTIONS: usize = THRUSTERS + JOINTS;
 
-/// The numbers by which a group of instances acts: those of an [`ActionMap`], as far as the kernel reads them.
+/// An [`ActionMap`] in the kernel's precision.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Actuation<T> {
     kind: ActionKind,
     /// Entries of an action.
     len: usize,
-    thrusters: Vec<Drive<T>>,
-    /// Whether a thruster hardly pushes one way, so that rounding alone may exceed its limit there.
-    lopsided: bool,
-    /// Torque of 1, per joint that is acted on, N m or N; the joints' entries come last.
+    thrusters: Vec<ThrusterTerms<T>>,
+    /// True where a thruster has almost no thrust one way, so that rounding alone may exceed its limit there.
+    one_sided: bool,
+    /// Torque of 1, per actuated joint, N m or N; the joints' entries come last.
     torques: Vec<T>,
-    /// Share of its torque from which on a joint counts as at its limit.
+    /// Share of its torque limit from which a joint counts as saturated.
     near: T,
     /// 1 / number of thrusters and joints.
     share: T,
@@ -30,25 +30,25 @@ pub struct Actuation<T> {
 
 /// One thruster.
 #[derive(Debug, Clone, PartialEq)]
-struct Drive<T> {
-    /// Unsaturated thrust per entry of an action that is a wrench, N.
+struct ThrusterTerms<T> {
+    /// Unsaturated thrust per entry of a wrench action, N.
     demand: [T; 6],
     /// Least and greatest thrust, N.
     limits: [T; 2],
-    /// One over each: infinite where that is 0.
+    /// Their inverses; infinite for 0.
     inverse: [T; 2],
-    /// One over the greatest thrust in either direction; 0 where that is 0.
+    /// Inverse of the greatest thrust in either direction; 0 for 0.
     relative: T,
-    /// Magnitude that counts as full thrust in either direction, N.
+    /// Magnitude from which a thrust counts as saturated, in either direction, N.
     full: [T; 2],
     /// Wrench per thrust: column of T_tcm.
     wrench: [T; 6],
 }
 
-/// Share of its greatest thrust that a thruster must reach on either side for rounding not to matter.
-const LOPSIDED: f64 = 1e-3;
+/// Share of its greatest thrust below which a limit is within rounding.
+const ONE_SIDED: f64 = 1e-3;
 
-impl<T: Real> Drive<T> {
+impl<T: Real> ThrusterTerms<T> {
     /// A thrust over its limit.
     #[inline(always)]
     fn ratio<L: Lane<Real = T>>(&self, thrust: L) -> L {
@@ -57,25 +57,25 @@ impl<T: Real> Drive<T> {
     }
 }
 
-/// What an action comes to.
+/// Thrusts and torques of an action.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Actuated<L> {
     /// Thrusts within their limits, N; 0 past the vehicle's thrusters.
     pub thrusts: [L; THRUSTERS],
     /// Their body wrench `T_tcm T` at the vehicle origin, N and N m. `[HC eq. 25]`
     pub wrench: Vector6<L>,
-    /// Torques of the joints that are acted on, N m or N; 0 for all others.
+    /// Torques of the actuated joints, N m or N; 0 for all others.
     pub torques: [L; JOINTS],
-    /// Means over thrusters and these joints, of the square of the relative thrust or torque `|T| / T_max`,
+    /// Mean square of the relative thrusts and torques `|T| / T_max`.
     pub square: L,
-    /// of its power 3/2, as shaft power grows with thrust,
+    /// Mean of their power 3/2, as shaft power grows with thrust.
     pub power: L,
-    /// and share of those that push as hard as they can.
+    /// Share of saturated thrusters and joints.
     pub saturation: L,
 }
 
 impl<L: Lane> Actuated<L> {
-    /// Nothing: memory to work in.
+    /// Zeros: memory to work in.
     #[inline(always)]
     pub fn none() -> Self {
         let zero = L::zero();
@@ -85,7 +85,7 @@ impl<L: Lane> Actuated<L> {
 }
 
 impl<T: Real> Actuation<T> {
-    /// Of actions of this kind, for this vehicle.
+    /// The numbers of an action map.
     pub fn new(map: &ActionMap) -> Self {
         let allocation = map.allocation();
         let number = T::from_f64;
@@ -93,9 +93,9 @@ impl<T: Real> Actuation<T> {
         // Rounding leaves a full thrust a little short of its limit.
         let near = 1.0 - f64::max(1e-9, 4.0 * T::EPSILON);
         let least = if T::SINGLE { f64::from(f32::MIN_POSITIVE) } else { f64::MIN_POSITIVE };
-        let drive = |i: usize| {
+        let thruster = |i: usize| {
             let ([lower, upper], range) = (allocation.limits(i), allocation.range(i));
-            Drive {
+            ThrusterTerms {
                 demand: allocation.pseudo_inverse(i).component_mul(&wrench_limits).map(number).into(),
                 limits: [lower, upper].map(number),
                 inverse: [-1.0 / lower.abs(), 1.0 / upper.abs()].map(number),
@@ -108,9 +108,9 @@ impl<T: Real> Actuation<T> {
         Self {
             kind: map.kind(),
             len: map.len(),
-            thrusters: (0..count).map(drive).collect(),
-            lopsided: (0..count)
-                .any(|i| allocation.limits(i).into_iter().any(|x| x.abs() < LOPSIDED * allocation.range(i))),
+            thrusters: (0..count).map(thruster).collect(),
+            one_sided: (0..count)
+                .any(|i| allocation.limits(i).into_iter().any(|x| x.abs() < ONE_SIDED * allocation.range(i))),
             torques: torques.iter().copied().map(number).collect(),
             near: number(near),
             share: number(1.0 / (count + torques.len()).max(1) as f64),
@@ -129,39 +129,39 @@ impl<T: Real> Actuation<T> {
     fn excess<L: Lane<Real = T>>(&self, thrusts: &[L; THRUSTERS]) -> L {
         let (zero, one) = (L::zero(), L::c(1.0));
         let mut excess = one;
-        if self.lopsided {
+        if self.one_sided {
             let mut greatest = zero;
-            for (i, drive) in self.thrusters.iter().enumerate() {
-                greatest = greatest.max((thrusts[i] * L::splat(drive.relative)).abs());
+            for (i, thruster) in self.thrusters.iter().enumerate() {
+                greatest = greatest.max((thrusts[i] * L::splat(thruster.relative)).abs());
             }
-            // What is rounding limits nothing.
+            // Rounding limits nothing.
             let noise = greatest * L::c(ROUNDING.max(4.0 * T::EPSILON));
-            for (i, drive) in self.thrusters.iter().enumerate() {
-                let counts = noise.lt((thrusts[i] * L::splat(drive.relative)).abs());
-                excess = L::select(counts, drive.ratio(thrusts[i]), one).max(excess);
+            for (i, thruster) in self.thrusters.iter().enumerate() {
+                let counts = noise.lt((thrusts[i] * L::splat(thruster.relative)).abs());
+                excess = L::select(counts, thruster.ratio(thrusts[i]), one).max(excess);
             }
         } else {
-            for (i, drive) in self.thrusters.iter().enumerate() {
-                excess = drive.ratio(thrusts[i]).max(excess);
+            for (i, thruster) in self.thrusters.iter().enumerate() {
+                excess = thruster.ratio(thrusts[i]).max(excess);
             }
         }
         excess
     }
 
-    /// What is left of thrusts that do not reach the water in full, by what does of each; they count as asked for.
+    /// Scales the thrusts by the remaining gain of each thruster; effort counts them as commanded.
     #[inline(always)]
-    pub fn weaken<L: Lane<Real = T>>(&self, actuated: &mut Actuated<L>, gains: &[L; THRUSTERS]) {
+    pub fn scale_thrusts<L: Lane<Real = T>>(&self, actuated: &mut Actuated<L>, gains: &[L; THRUSTERS]) {
         let mut wrench = [L::zero(); 6];
-        for (i, drive) in self.thrusters.iter().enumerate() {
+        for (i, thruster) in self.thrusters.iter().enumerate() {
             actuated.thrusts[i] = actuated.thrusts[i] * gains[i];
             for k in 0..6 {
-                wrench[k] = actuated.thrusts[i].mul_add(L::splat(drive.wrench[k]), wrench[k]);
+                wrench[k] = actuated.thrusts[i].mul_add(L::splat(thruster.wrench[k]), wrench[k]);
             }
         }
         actuated.wrench = Vector6::from_array(wrench);
     }
 
-    /// What an action comes to, its entries in [-1, 1]: as [`super::Allocation::allocate`] has it, to rounding.
+    /// Thrusts and torques of an action with entries in [-1, 1]: as [`super::Allocation::allocate`], to rounding.
     #[inline(always)]
     pub fn act<L: Lane<Real = T>>(&self, action: &[L; ACTIONS]) -> Actuated<L> {
         let mut actuated = Actuated::none();
@@ -169,8 +169,8 @@ impl<T: Real> Actuation<T> {
         actuated
     }
 
-    /// The same into memory that holds [`Actuated::none`] or what another action came to: to fill so much of it for each
-    /// group of instances would show.
+    /// As [`Self::act`], into memory that holds [`Actuated::none`] or another action's result: filling all of it for each
+    /// group of instances would cost measurable time.
     #[inline(always)]
     pub fn act_into<L: Lane<Real = T>>(&self, action: &[L; ACTIONS], actuated: &mut Actuated<L>) {
         let (zero, one) = (L::zero(), L::c(1.0));
@@ -179,10 +179,10 @@ impl<T: Real> Actuation<T> {
         match self.kind {
             ActionKind::Wrench | ActionKind::Residual => {
                 for i in 0..count {
-                    let drive = &self.thrusters[i];
-                    let mut thrust = action[0] * L::splat(drive.demand[0]);
+                    let thruster = &self.thrusters[i];
+                    let mut thrust = action[0] * L::splat(thruster.demand[0]);
                     for k in 1..6 {
-                        thrust = action[k].mul_add(L::splat(drive.demand[k]), thrust);
+                        thrust = action[k].mul_add(L::splat(thruster.demand[k]), thrust);
                     }
                     thrusts[i] = thrust;
                 }
@@ -204,12 +204,12 @@ impl<T: Real> Actuation<T> {
         let mut wrench = [zero; 6];
         let (mut square, mut power, mut saturation) = (zero, zero, zero);
         for i in 0..count {
-            let (drive, thrust) = (&self.thrusters[i], thrusts[i]);
+            let (thruster, thrust) = (&self.thrusters[i], thrusts[i]);
             for k in 0..6 {
-                wrench[k] = thrust.mul_add(L::splat(drive.wrench[k]), wrench[k]);
+                wrench[k] = thrust.mul_add(L::splat(thruster.wrench[k]), wrench[k]);
             }
-            let (size, [lower, upper]) = (thrust.abs(), drive.full);
-            let u = size * L::splat(drive.relative);
+            let (size, [lower, upper]) = (thrust.abs(), thruster.full);
+            let u = size * L::splat(thruster.relative);
             square = u.mul_add(u, square);
             power = u.mul_add(u.sqrt(), power);
             let full = L::select(zero.lt(thrust), L::splat(upper), L::splat(lower));

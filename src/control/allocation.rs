@@ -1,4 +1,4 @@
-//! Thruster allocation: from a body wrench to thrusts and back.
+//! Thruster allocation: body wrench to thrusts, and thrusts to body wrench.
 
 use nalgebra::{Matrix6xX, Vector6};
 
@@ -9,13 +9,14 @@ pub use crate::system::{THRUSTERS, Thrusts};
 /// Names of the six axes of a body wrench.
 pub const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 
-/// Singular values below this share of the greatest count as 0: such an axis would take a million times the thrust.
+/// Singular values below this share of the greatest count as 0: along such an axis a force takes a million times the
+/// thrust.
 const RANK_TOLERANCE: f64 = 1e-6;
 
-/// Wrenches beyond this (N, N m) saturate any thrusters.
+/// Wrench that saturates any thrusters, N and N m.
 const HUGE: f64 = 1e100;
 
-/// Relative thrusts below this share of the greatest are rounding: they are left out, or saturate nothing.
+/// Relative thrusts below this share of the greatest count as rounding: they are dropped, or saturate nothing.
 pub(super) const ROUNDING: f64 = 1e-12;
 
 /// Weighted least-squares allocation of a body wrench to the thrusters of one vehicle.
@@ -35,7 +36,7 @@ pub struct Allocation {
 }
 
 impl Allocation {
-    /// The allocation of a vehicle's thrusters.
+    /// Allocation to a vehicle's thrusters.
     ///
     /// # Errors
     /// `ControlError` names the thruster whose limits exclude 0 or whose geometry is not a direction at a place, or
@@ -125,7 +126,7 @@ impl Allocation {
         (0..self.count).map(|i| if self.range(i) > 0.0 { thrusts[i] / self.range(i) } else { 0.0 })
     }
 
-    /// Share of thrusters that push as hard as they can, 0 to 1.
+    /// Share of thrusters at their limit, 0 to 1.
     pub fn saturation(&self, thrusts: &Thrusts) -> f64 {
         let full = |&i: &usize| {
             let limit = self.limits[i][usize::from(thrusts[i] > 0.0)].abs();
@@ -139,7 +140,7 @@ impl Allocation {
         (0..self.count).map(|i| self.configuration[i] * thrusts[i]).sum()
     }
 
-    /// Thrusts of least weighted effort that come closest to `wrench`, whatever the limits.
+    /// Thrusts of least weighted effort that come closest to `wrench`, without limits.
     pub fn unsaturated(&self, wrench: &Vector6<f64>) -> Thrusts {
         std::array::from_fn(|i| self.pseudo_inverse[i].dot(wrench))
     }
@@ -150,8 +151,8 @@ impl Allocation {
         // Far beyond all limits only the direction counts, and a shorter wrench cannot overflow.
         let shrink = (HUGE / wrench.amax()).min(1.0);
         let thrusts = self.unsaturated(&(wrench * shrink));
-        let factor = self.room(&thrusts).min(1.0);
-        // The clamp removes what rounding leaves beyond a limit.
+        let factor = self.scale_to_limits(&thrusts).min(1.0);
+        // The clamp removes rounding beyond a limit.
         std::array::from_fn(|i| (factor * thrusts[i]).clamp(self.limits[i][0], self.limits[i][1]))
     }
 
@@ -166,8 +167,8 @@ impl Allocation {
         AXES.into_iter().zip(self.wrench_limits).filter(|(_, limit)| *limit == 0.0).map(|(axis, _)| axis).collect()
     }
 
-    /// Greatest factor by which the thrusts stay within their limits.
-    fn room(&self, thrusts: &Thrusts) -> f64 {
+    /// Greatest factor that keeps the thrusts within their limits.
+    fn scale_to_limits(&self, thrusts: &Thrusts) -> f64 {
         let noise = ROUNDING * self.relative(thrusts).fold(0.0, |a: f64, u| a.max(u.abs()));
         (0..self.count)
             .filter(|&i| thrusts[i].abs() > noise * self.range(i))
@@ -182,6 +183,6 @@ impl Allocation {
         if missed > RANK_TOLERANCE * row[axis] {
             return 0.0;
         }
-        self.room(&thrusts).min(self.room(&thrusts.map(|t| -t)))
+        self.scale_to_limits(&thrusts).min(self.scale_to_limits(&thrusts.map(|t| -t)))
     }
 }

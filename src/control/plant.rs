@@ -70,7 +70,7 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// Of a checked scene.
+    /// Nominal model of a checked scene.
     pub fn new(scene: &Scene) -> Self {
         let count = scene.vehicle.thrusters.len();
         let lag = (0..count).map(|i| scene.vehicle.lag(i)).sum::<f64>() / count.max(1) as f64;

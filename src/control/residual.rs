@@ -87,7 +87,7 @@ impl PolicySpec {
         self
     }
 
-    /// Whether the network is a residual one.
+    /// True for a residual network.
     pub fn is_residual(&self) -> bool {
         self.observation.last().is_some_and(|(name, _)| name == BASE_ACTION)
     }

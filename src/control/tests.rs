@@ -30,7 +30,7 @@ fn allocation() -> Allocation {
     Allocation::new(&heavy()).unwrap()
 }
 
-/// What an action comes to.
+/// Thrusts and torques of an action.
 fn actuated(map: &ActionMap, action: &[f32]) -> Actuated<f64> {
     let mut entries = [0.0; ACTIONS];
     entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
@@ -173,7 +173,7 @@ fn one_sided_and_dead_thrusters_stay_within_their_limits() {
     assert!(a.relative(&dead).all(|u| u == 0.0));
 }
 
-/// What the kernel makes of an action, in this precision.
+/// Thrusts of an action by the kernel, in this precision.
 fn in_lanes<T: Real>(map: &ActionMap, action: &[f64]) -> [f64; THRUSTERS] {
     let mut entries = [T::default(); ACTIONS];
     entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = T::from_f64(*a));

@@ -163,7 +163,7 @@ impl Mlp {
         Ok(Controller { inner })
     }
 
-    /// Whether it is a residual policy.
+    /// True for a residual policy.
     #[getter]
     fn residual(&self) -> bool {
         self.mlp.spec().is_some_and(PolicySpec::is_residual)

@@ -28,7 +28,7 @@ impl<T: Real> TaskKernel<T> {
     /// Leaves of ideal thrusters' thrusts what `forcing` does.
     #[inline(always)]
     pub fn weaken<L: Lane<Real = T>>(&self, forcing: &Forcing<L>, actuated: &mut Actuated<L>) {
-        self.actuation.weaken(actuated, &forcing.gains);
+        self.actuation.scale_thrusts(actuated, &forcing.gains);
     }
 
     /// Notes what there is to tell of a disturbance.

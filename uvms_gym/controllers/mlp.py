@@ -42,7 +42,7 @@ class MLP(Controller):
         Number of stacked observations: the last ones, oldest first, and zeros before an episode's first, as in
         `VecFrameStack`. They are the controller's state, which `predict` takes and returns.
     residual : bool
-        Whether it is a residual policy: it reads a base controller's action after the observation. See `Residual`.
+        True for a residual policy: it reads a base controller's action after the observation. See `Residual`.
     notes : mapping of str to str, or None
         Free text: seeds, steps, scores.
     **options
@@ -175,7 +175,7 @@ class MLP(Controller):
 
     @property
     def residual(self) -> bool:
-        """Whether it is a residual policy."""
+        """True for a residual policy."""
         return self.native.residual
 
     @property

@@ -33,7 +33,7 @@ def policy_of(
     history : int
         Observations that it reads at once.
     residual : bool
-        Whether it corrects a controller (`uvms_gym.Residual`).
+        True for a residual policy (`uvms_gym.Residual`).
     notes : mapping of str to str, or None
         What goes into the policy's file.
 

@@ -60,7 +60,7 @@ impl ResolvedMotionGains {
         }
     }
 
-    /// Whether an observer or a prediction is needed.
+    /// True if an observer or a prediction is needed.
     pub(super) fn predicts(&self) -> bool {
         self.delay > 0 || self.observer_bandwidth.iter().any(|bandwidth| *bandwidth > 0.0)
     }

@@ -45,7 +45,7 @@ pub(super) struct Estimate {
     pub terms: EquationsOfMotion,
     /// Present passive torques of the joints.
     pub passive: [PassiveTorque; JOINTS],
-    /// Whether the next measurement is of a later time than this one.
+    /// True if the next measurement is of a later time than this one.
     moves: bool,
 }
 
