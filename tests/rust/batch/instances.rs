@@ -179,7 +179,7 @@ fn digest_of_a_run() {
 fn result_is_the_same_on_every_fused_width() {
     let digest_on = |isa: Isa| {
         let output = std::process::Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "digest_of_a_run", "--nocapture"])
+            .args(["--exact", "batch::instances::digest_of_a_run", "--nocapture"])
             .env("UVMS_INSTRUCTION_SET", isa.name())
             .output()
             .unwrap();

@@ -93,7 +93,7 @@ fn whole_steps_have_the_same_bits_on_all_fused_widths() {
     let command = |isa: Isa| {
         let mut command = Command::new(std::env::current_exe().unwrap());
         command
-            .args(["--exact", "steps::digests_of_whole_steps", "--nocapture"])
+            .args(["--exact", "lane::steps::digests_of_whole_steps", "--nocapture"])
             .env("UVMS_INSTRUCTION_SET", isa.name());
         std::thread::spawn(move || command.output().unwrap())
     };
