@@ -175,14 +175,14 @@ def test_every_controller_survives_pickling_and_treats_rows_alike() -> None:
         again, _ = pickle.loads(pickle.dumps(controller)).predict(rows)
         np.testing.assert_array_equal(again, expected)
         for i in (0, 5, 36):
-            alone, memory = controller.predict(rows[i])
+            alone, memory = controller.predict(rows[i], None, True)
             np.testing.assert_array_equal(alone, expected[i])
             if state is not None:
                 np.testing.assert_array_equal(memory, state[i])
         with pytest.raises(ValueError, match="must be finite"):
             controller.predict(np.full((2, 24), np.nan))
         with pytest.raises(ValueError, match="entries"):
-            controller.predict(np.zeros((2, 23)))
+            controller.predict(np.zeros((2, 23)), None, True)
 
 
 def test_the_integral_is_the_state_and_episodes_begin_without() -> None:

@@ -68,9 +68,11 @@ ELSEWHERE = {
     r"7control.*(allocate|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
     r"^r[a-z0-9]+$": "one of these through a register",
 }
-# What controllers on a model may call besides those: they plan once in a control period.
+# Modules of controllers with a model.
+MODEL = r"7control(3mpc|4rows|5plant|8observer|11model_based)"
+# What these controllers may call besides those: they plan once in a control period.
 PLANNING = {
-    r"7control5model": "plans, and what they ask for",
+    MODEL: "plans, actions of wrenches, decay of lags",
     r"^(exp|ceil|floor|fma)$": "decays of observers",
     r"^(calloc|malloc|free|realloc|posix_memalign)$|5alloc7raw_vec|rotate_right": "memory of a call",
     r"lane\.\.x86.*3abs": "a lane's magnitude",
@@ -155,8 +157,8 @@ def steps(dtype: str, lanes: str) -> list[Function]:
 
 
 def plans(function: Function) -> bool:
-    """Whether it is a controller on a model."""
-    return any("7control5model" in call for call in module().calls(function))
+    """True for a controller with a model."""
+    return any(re.search(MODEL, call) for call in module().calls(function))
 
 
 def others(function: Function, allowed: dict[str, str]) -> dict[str, int]:

@@ -90,7 +90,8 @@ def test_rows_do_not_depend_on_each_other_nor_on_their_number(kind: Any) -> None
     for step in range(12):
         action, after = controller.predict(observation, state)
         for row in range(13):
-            one, one_after = controller.predict(observation[row], None if step == 0 or state is None else state[row])
+            before = None if step == 0 or state is None else state[row]
+            one, one_after = controller.predict(observation[row], before, step == 0)
             assert one.tobytes() == action[row].tobytes()
             if after is not None:
                 assert one_after.tobytes() == after[row].tobytes()

@@ -335,7 +335,7 @@ def test_pd_gains_are_the_scenes_or_the_users():
             uvms_gym.PD(scene=SMALL, kp=kp)
     with pytest.raises(ValueError, match="entries"):
         other.predict(np.zeros(7, dtype=np.float32))
-    with pytest.raises(TypeError, match="besides"):
+    with pytest.raises(TypeError, match="pass either env or options, not both: scene"):
         uvms_gym.PD(StationKeepEnv(scene=SMALL), scene=SMALL)
 
 
