@@ -16,6 +16,7 @@ __all__ = [
     "Simulator",
     "StepWarning",
     "Task",
+    "ATTITUDE_LEVER",
     "__version__",
     "disturbances",
     "dump_scene",
@@ -30,6 +31,8 @@ __all__ = [
 ]
 
 __version__: str
+ATTITUDE_LEVER: float
+"""Lever by which an attitude error counts in the pose error, m/rad."""
 
 @type_check_only
 class _Integrator(TypedDict):
@@ -57,6 +60,12 @@ class _Mode(TypedDict):
     what: str
     where: str
     end_stop: bool
+
+def tasks() -> list[tuple[str, str]]:
+    """Tasks: name and environment."""
+
+def task_defaults(task: str) -> dict[str, Any]:
+    """Default options of the task of that name, as plain values."""
 
 def scenes() -> list[str]:
     """Names of the scenes that come with the package."""
@@ -471,7 +480,11 @@ class Task:
     """
 
     INFO: ClassVar[list[str]]
-    """Names of the measures, in the order of the rows of `info`."""
+    """Names of the metrics that all tasks share, in the order of the rows of `info`."""
+
+    @property
+    def metric_names(self) -> list[str]:
+        """Names of the metrics, in the order of the rows of `info`."""
 
     def __new__(
         cls,

@@ -5,13 +5,16 @@
 //! Rooms, each above those before it: `storage` (memory and loads), `stepping` (kernels and threads), `monitoring` (quality
 //! of the steps), `episodes` (tasks around the physics).
 
+mod episodes;
 mod monitoring;
 mod options;
 mod simulator;
 mod stepping;
 mod storage;
-mod task;
 
+pub use episodes::{
+    Autoreset, Beginning, Final, Outputs, Rollout, RolloutStats, Saved, StepResult, TaskBatch, Trace, Transition,
+};
 pub use monitoring::modal_analysis::{ModalAnalysis, Mode, UnstableStep, stabilities};
 pub use monitoring::step_monitor::InaccurateStep;
 pub use monitoring::step_quality::{ERROR_LIMIT, StepQuality, StepViolation};
@@ -20,4 +23,3 @@ pub use simulator::Simulator;
 pub use simulator::applied_loads::AppliedLoads;
 pub use simulator::states::States;
 pub use storage::inputs::Inputs;
-pub use task::{Autoreset, Beginning, Final, Outputs, Rollout, Saved, Tally, TaskBatch, Trace, Transition, Verdict};

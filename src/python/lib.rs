@@ -45,11 +45,12 @@ mod core {
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]
-    use super::task::Task;
+    use super::task::{Task, task_defaults, tasks};
     use pyo3::prelude::*;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("ATTITUDE_LEVER", uvms_gym::task::ATTITUDE_LEVER)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

@@ -5,7 +5,6 @@ use pyo3::prelude::*;
 
 use super::task::{Row, Rows};
 use uvms_gym::batch::Outputs;
-use uvms_gym::task::INFO;
 
 /// Arrays of past steps. Those that nobody holds any more are written to again: to make new ones and to fill them with zeros
 /// would take some hundredths of a step.
@@ -41,14 +40,14 @@ impl Past {
     /// Sets of arrays that are kept: what a step brought is mostly held until the next one has returned.
     const MOST: usize = 2;
 
-    /// Arrays for a step of `n` instances with observations of `width` entries. Their contents are those of another step, but
+    /// Arrays for a step of `n` instances with `width` entries of an observation and `metrics` metrics. Their contents are those of another step, but
     /// for `truncated`, where nothing is.
-    pub fn take<'py>(&mut self, py: Python<'py>, n: usize, width: usize) -> PyResult<Sheets<'py>> {
+    pub fn take<'py>(&mut self, py: Python<'py>, [n, width, metrics]: [usize; 3]) -> PyResult<Sheets<'py>> {
         #[expect(deprecated, reason = "what takes its place reads raw pointers")]
         let held_here_alone = |array: &Py<PyAny>| array.get_refcnt(py) == 1;
         let free = self.0.iter().position(|kept| kept.iter().all(held_here_alone));
-        let again = free.and_then(|k| Sheets::again(py, &self.0.remove(k), n, width));
-        let sheets = again.unwrap_or_else(|| Sheets::new(py, n, width));
+        let again = free.and_then(|k| Sheets::again(py, &self.0.remove(k), [n, width, metrics]));
+        let sheets = again.unwrap_or_else(|| Sheets::new(py, [n, width, metrics]));
         sheets.truncated.readwrite().as_slice_mut()?.fill(false);
         Ok(sheets)
     }
@@ -63,18 +62,18 @@ impl Past {
 }
 
 impl<'py> Sheets<'py> {
-    fn new(py: Python<'py>, n: usize, width: usize) -> Self {
+    fn new(py: Python<'py>, [n, width, metrics]: [usize; 3]) -> Self {
         Self {
             observations: PyArray2::zeros(py, [n, width], false),
             rewards: PyArray1::zeros(py, n, false),
             terminated: PyArray1::zeros(py, n, false),
             truncated: PyArray1::zeros(py, n, false),
-            info: PyArray2::zeros(py, [INFO, n], false),
+            info: PyArray2::zeros(py, [metrics, n], false),
         }
     }
 
     /// Those that were kept, if they still are what they were.
-    fn again(py: Python<'py>, kept: &Kept, n: usize, width: usize) -> Option<Self> {
+    fn again(py: Python<'py>, kept: &Kept, [n, width, metrics]: [usize; 3]) -> Option<Self> {
         let [observations, rewards, terminated, truncated, info] = kept.each_ref().map(|array| array.bind(py));
         let sheets = Self {
             observations: observations.cast().ok()?.clone(),
@@ -85,7 +84,7 @@ impl<'py> Sheets<'py> {
         };
         let row = [n];
         let fits = sheets.observations.shape() == [n, width]
-            && sheets.info.shape() == [INFO, n]
+            && sheets.info.shape() == [metrics, n]
             && sheets.observations.is_c_contiguous()
             && sheets.info.is_c_contiguous()
             && [sheets.rewards.shape(), sheets.terminated.shape(), sheets.truncated.shape()] == [&row; 3];

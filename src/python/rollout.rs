@@ -11,7 +11,7 @@ use super::controllers::Controller;
 use super::errors::OrRaise;
 use super::stability::warn;
 use super::task::{Row, Rows, Task, refused, rows};
-use uvms_gym::batch::{self, Tally};
+use uvms_gym::batch::{self, RolloutStats};
 use uvms_gym::control;
 use uvms_gym::task::INFO;
 
@@ -20,6 +20,8 @@ use uvms_gym::task::INFO;
 pub struct Rollout {
     rollout: batch::Rollout,
     policy: Arc<dyn control::Controller>,
+    /// Number of metrics.
+    metrics: usize,
 }
 
 #[pymethods]
@@ -27,43 +29,43 @@ impl Rollout {
     /// Control periods that count, (N,).
     #[getter]
     fn steps<'py>(&self, py: Python<'py>) -> Row<'py, u32> {
-        self.each(py, |tally| tally.steps)
+        self.each(py, |stats| stats.steps)
     }
 
     /// Sum of the rewards, (N,).
     #[getter]
     fn returns<'py>(&self, py: Python<'py>) -> Row<'py, f64> {
-        self.each(py, |tally| tally.reward)
+        self.each(py, |stats| stats.reward)
     }
 
     /// Episodes that ended for a reason within the task, (N,).
     #[getter]
     fn terminated<'py>(&self, py: Python<'py>) -> Row<'py, bool> {
-        self.each(py, |tally| tally.terminated)
+        self.each(py, |stats| stats.terminated)
     }
 
     /// Episodes that ended because their time did, (N,).
     #[getter]
     fn truncated<'py>(&self, py: Python<'py>) -> Row<'py, bool> {
-        self.each(py, |tally| tally.truncated)
+        self.each(py, |stats| stats.truncated)
     }
 
     /// Sums of the measures, (k, N).
     #[getter]
     fn sums<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
-        self.measures(py, |tally| &tally.sums)
+        self.measures(py, |stats| &stats.sums)
     }
 
     /// Sums of their squares, (k, N).
     #[getter]
     fn squares<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
-        self.measures(py, |tally| &tally.squares)
+        self.measures(py, |stats| &stats.squares)
     }
 
     /// The measures after the last control period that counts, (k, N).
     #[getter]
     fn last<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
-        self.measures(py, |tally| &tally.last)
+        self.measures(py, |stats| &stats.last)
     }
 
     /// Records of the chosen instances, in ascending order: instance, observations (T, d), actions (T, a), rewards (T,)
@@ -85,18 +87,18 @@ impl Rollout {
 
     /// Counts anew from here on; the policy forgets nothing.
     fn count_anew(&mut self) {
-        self.rollout.count_anew();
+        self.rollout.pop_stats();
     }
 }
 
 impl Rollout {
-    fn each<'py, T: numpy::Element>(&self, py: Python<'py>, of: impl Fn(&Tally) -> T) -> Row<'py, T> {
-        PyArray1::from_iter(py, self.rollout.tallies().iter().map(of))
+    fn each<'py, T: numpy::Element>(&self, py: Python<'py>, of: impl Fn(&RolloutStats) -> T) -> Row<'py, T> {
+        PyArray1::from_iter(py, self.rollout.stats().iter().map(of))
     }
 
-    fn measures<'py>(&self, py: Python<'py>, of: impl Fn(&Tally) -> &[f64; INFO]) -> Rows<'py, f64> {
-        let tallies = self.rollout.tallies();
-        Array2::from_shape_fn((INFO, tallies.len()), |(k, i)| of(&tallies[i])[k]).into_pyarray(py)
+    fn measures<'py>(&self, py: Python<'py>, of: impl Fn(&RolloutStats) -> &[f64; INFO]) -> Rows<'py, f64> {
+        let stats = self.rollout.stats();
+        Array2::from_shape_fn((self.metrics, stats.len()), |(k, i)| of(&stats[i])[k]).into_pyarray(py)
     }
 }
 
@@ -106,13 +108,18 @@ impl Task {
     #[pyo3(signature = (policy, trace=Vec::new()))]
     fn rollout(&self, policy: PyRef<'_, Controller>, trace: Vec<usize>) -> PyResult<Rollout> {
         let policy = policy.inner.clone();
-        Ok(Rollout { rollout: batch::Rollout::new(&*policy, self.batch.instances(), &trace).or_raise()?, policy })
+        let metrics = self.batch.task().metric_names().len();
+        Ok(Rollout {
+            rollout: batch::Rollout::new(&*policy, self.batch.instances(), &trace).or_raise()?,
+            policy,
+            metrics,
+        })
     }
 
     /// So many control periods of all instances under the rollout's policy, from where they stand. Instances whose
     /// episode is over wait.
     fn run(&mut self, py: Python<'_>, mut rollout: PyRefMut<'_, Rollout>, steps: u32) -> PyResult<()> {
-        let (batch, Rollout { rollout, policy }) = (&mut self.batch, &mut *rollout);
+        let (batch, Rollout { rollout, policy, .. }) = (&mut self.batch, &mut *rollout);
         if let Some(unstable) = batch.warn_of_step() {
             warn(py, &unstable.to_string())?;
         }

@@ -5,7 +5,6 @@ use numpy::{IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonly
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
@@ -17,7 +16,7 @@ use super::simulator::Simulator;
 use super::stability::warn;
 use uvms_gym::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
 use uvms_gym::error::TaskError;
-use uvms_gym::task::{INFO, Outcome, StartOverride, TaskOptions, truth_layout};
+use uvms_gym::task::{INFO, METRICS, Metrics, StartOverride, TASKS, TaskOptions, privileged_layout};
 
 const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
@@ -41,13 +40,32 @@ type OneStep<'py> = (Row<'py, f32>, f64, bool, bool, Bound<'py, PyDict>);
 pub struct Task {
     pub(super) batch: TaskBatch,
     past: Past,
+    info: InfoForm,
+}
+
+/// Tasks: name and environment.
+#[pyfunction]
+pub fn tasks() -> Vec<(&'static str, &'static str)> {
+    TASKS.to_vec()
+}
+
+/// Default options of the task of that name, as plain values.
+#[pyfunction]
+pub fn task_defaults<'py>(py: Python<'py>, task: &str) -> PyResult<Bound<'py, PyDict>> {
+    let options = TaskOptions::of(task).or_raise()?;
+    let values = scene::object(&options.to_value().or_raise()?, py)?;
+    let values = values.cast_into::<PyDict>()?;
+    for absent in ["disturbance", "randomize", "thruster_lag"] {
+        values.set_item(absent, py.None())?;
+    }
+    Ok(values)
 }
 
 #[pymethods]
 impl Task {
     /// Names of the measures, in the order of the rows of `info`.
     #[classattr]
-    const INFO: [&'static str; INFO] = Outcome::INFO;
+    const INFO: [&'static str; METRICS] = Metrics::NAMES;
 
     #[new]
     #[pyo3(signature = (
@@ -56,6 +74,7 @@ impl Task {
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn new(
+        py: Python<'_>,
         scene: &Bound<'_, PyAny>,
         options: &Bound<'_, PyDict>,
         num_envs: usize,
@@ -75,7 +94,14 @@ impl Task {
             ..SimulatorOptions::default()
         };
         let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps).or_raise()?;
-        Ok(Self { batch, past: Past::default() })
+        let info = InfoForm::new(py, batch.task().metric_names())?;
+        Ok(Self { batch, past: Past::default(), info })
+    }
+
+    /// Names of the metrics, in the order of the rows of `info`.
+    #[getter]
+    fn metric_names(&self) -> Vec<&'static str> {
+        self.batch.task().metric_names().to_vec()
     }
 
     /// Number of instances N.
@@ -133,13 +159,13 @@ impl Task {
 
     /// What observations do not tell: true state, flow, parameters and target, (N, m).
     fn privileged<'py>(&self, py: Python<'py>) -> PyResult<Rows<'py, f64>> {
-        rows(py, self.batch.truth(), self.batch.instances())
+        rows(py, self.batch.privileged(), self.batch.instances())
     }
 
     /// Names and lengths of the parts of a row of `privileged`.
     #[getter]
     fn privileged_layout(&self) -> Vec<(&'static str, usize)> {
-        truth_layout(self.batch.task().joint_count()).into()
+        privileged_layout(self.batch.task().joint_count()).into()
     }
 
     /// Starts episodes: of all instances, or of those that `mask` picks. Keywords give what is not to be drawn, (N, .).
@@ -155,7 +181,7 @@ impl Task {
         let mask = mask.map(|mask| mask.as_array().to_vec());
         let starts = self.starts(given)?;
         let begun = self.batch.reset(&seeds, mask.as_deref(), &starts).map_err(refused)?;
-        Ok((self.observations(py, begun.observations)?, rows(py, begun.info, INFO)?))
+        Ok((self.observations(py, begun.observations)?, rows(py, begun.info, self.info.len())?))
     }
 
     /// One control period of all instances under `actions` (N, a).
@@ -167,7 +193,7 @@ impl Task {
         }
         let actions = copied(actions)?;
         let (n, width) = (self.batch.instances(), self.batch.task().observation_len());
-        let sheets = self.past.take(py, n, width)?;
+        let sheets = self.past.take(py, [n, width, self.info.len()])?;
         let finals = self.step_into(py, &actions, sheets.open()?.outputs()?)?;
         self.past.keep(&sheets);
         let finals = if finals.is_empty() {
@@ -175,8 +201,8 @@ impl Task {
         } else {
             let instances: Array1<i64> = finals.iter().map(|end| end.instance as i64).collect();
             let last: Vec<f32> = finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
-            let info = Array2::from_shape_fn((INFO, finals.len()), |(k, i)| finals[i].info[k]);
-            let truth = rows(py, finals.iter().flat_map(|end| end.truth.iter().copied()).collect(), finals.len())?;
+            let info = Array2::from_shape_fn((self.info.len(), finals.len()), |(k, i)| finals[i].info[k]);
+            let truth = rows(py, finals.iter().flat_map(|end| end.privileged.iter().copied()).collect(), finals.len())?;
             Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py), truth))
         };
         let Sheets { observations, rewards, terminated, truncated, info } = sheets;
@@ -193,10 +219,10 @@ impl Task {
         let mut observation = vec![0.0; self.batch.task().observation_len()];
         let (mut reward, mut flags, mut info) = ([0.0], [[false]; 2], [0.0; INFO]);
         let each = flags.each_mut().map(|flag| &mut flag[..]);
-        self.step_into(py, &action, Outputs::new(&mut observation, &mut reward, each, &mut info))?;
+        self.step_into(py, &action, Outputs::new(&mut observation, &mut reward, each, &mut info[..self.info.len()]))?;
         let observation = PyArray1::from_slice(py, &observation);
         let [[terminated], [truncated]] = flags;
-        Ok((observation, reward[0], terminated, truncated, named(py, &info)?))
+        Ok((observation, reward[0], terminated, truncated, self.info.fill(py, &info)?))
     }
 
     /// Everything that makes the batch go on as if it had not been interrupted: two arrays (N, .).
@@ -367,20 +393,30 @@ pub(super) fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count:
     }
 }
 
-/// Measures of one instance, by name.
-fn named<'py>(py: Python<'py>, info: &[f64; INFO]) -> PyResult<Bound<'py, PyDict>> {
-    static NAMES: PyOnceLock<[Py<PyString>; INFO]> = PyOnceLock::new();
-    static FORM: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
-    let names = NAMES.get_or_init(py, || Outcome::INFO.map(|name| PyString::intern(py, name).unbind()));
-    // A copy of what has all names already does not grow.
-    let form = FORM.get_or_try_init(py, || {
-        let form = PyDict::new(py);
-        names.iter().try_for_each(|name| form.set_item(name, 0.0))?;
-        PyResult::Ok(form.unbind())
-    })?;
-    let named = form.bind(py).copy()?;
-    for (name, value) in names.iter().zip(info) {
-        named.set_item(name, value)?;
+/// Form of the `info` of one instance: its names and a dict that has them all.
+struct InfoForm {
+    names: Vec<Py<PyString>>,
+    blank: Py<PyDict>,
+}
+
+impl InfoForm {
+    fn new(py: Python<'_>, names: &[&str]) -> PyResult<Self> {
+        let names: Vec<_> = names.iter().map(|name| PyString::intern(py, name).unbind()).collect();
+        let blank = PyDict::new(py);
+        names.iter().try_for_each(|name| blank.set_item(name, 0.0))?;
+        Ok(Self { names, blank: blank.unbind() })
     }
-    Ok(named)
+
+    fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// A dict of these values. The copy of a dict that has all names already does not grow.
+    fn fill<'py>(&self, py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyDict>> {
+        let info = self.blank.bind(py).copy()?;
+        for (name, value) in self.names.iter().zip(values) {
+            info.set_item(name, value)?;
+        }
+        Ok(info)
+    }
 }

@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
-use super::{Goal, Task};
+use super::definition::BaseController;
+use super::ee_track::EETrack;
+use super::registry::TaskKind;
+use super::task::Task;
 use crate::control::{
-    ActionKind, BlockIndices, Controller, FeedbackGains, GainMap, ModelBased, ModelIndices, MpcGains, NoControl,
-    ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion,
+    ActionKind, ActionMap, BlockIndices, Controller, FeedbackGains, GainMap, ModelBased, ModelIndices, MpcGains,
+    NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion,
     ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
 };
 use crate::description::VehicleServo;
@@ -103,7 +106,7 @@ impl Task {
             }
             ControllerKind::ComputedTorque => {
                 let mut servo = self.servo(given)?;
-                let inertia = Plant::new(scene).inertia(self.home());
+                let inertia = Plant::new(scene).inertia(&self.model().home);
                 for gains in [&mut servo.kp, &mut servo.kd] {
                     gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
                 }
@@ -141,12 +144,12 @@ impl Task {
         if self.options().action != ActionKind::Residual {
             return Ok(None);
         }
-        Ok(Some(match self.options().task {
-            Goal::StationKeep => {
+        Ok(Some(match self.options().task.base() {
+            BaseController::Pd => {
                 let indices = self.vehicle_indices()?;
                 Arc::new(Pd::new(indices, self.servo(&GainMap::new())?, self.actions().clone())?)
             }
-            Goal::Track => Arc::new(self.resolved_motion(ResolvedMotionGains::default())?),
+            BaseController::ResolvedMotion => Arc::new(self.resolved_motion(ResolvedMotionGains::default())?),
         }))
     }
 
@@ -158,13 +161,22 @@ impl Task {
     /// Environment of a policy for this task.
     pub fn policy_spec(&self) -> PolicySpec {
         PolicySpec {
-            task: self.options().task.name().into(),
+            task: self.options().task.environment().into(),
             scene: self.scene_name().into(),
             action: self.options().action,
             actions: self.action_len(),
             control_period: self.options().control_period(),
             observation: self.layout().blocks().iter().map(|block| (block.name.to_owned(), block.len())).collect(),
         }
+    }
+
+    /// Error of a controller that does not fit this task.
+    fn unfit(&self, reason: &str) -> TaskError {
+        TaskError::Scene { scene: self.scene_name().to_owned(), reason: reason.to_owned() }
+    }
+
+    fn actions(&self) -> &ActionMap {
+        &self.model().actions
     }
 
     /// Refuses controllers where actions are corrections to one.
@@ -188,11 +200,11 @@ impl Task {
     }
 
     fn resolved_motion(&self, gains: ResolvedMotionGains) -> Result<ResolvedMotion, TaskError> {
-        if self.options().task != Goal::Track {
+        let TaskKind::EETrack(EETrack { preview, .. }) = &self.options().task else {
             return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
-        }
+        };
         let block = |names: &[&str]| self.block_indices(names);
-        let spacing = self.options().preview.spacing;
+        let spacing = preview.spacing;
         let ahead = self
             .layout()
             .block("preview")
@@ -225,7 +237,7 @@ impl Task {
     }
 
     fn vehicle_indices(&self) -> Result<ObservationIndices, TaskError> {
-        if self.options().task != Goal::StationKeep {
+        if self.options().task.base() != BaseController::Pd {
             return Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"));
         }
         let six = |names: [&str; 2]| {
@@ -247,7 +259,7 @@ impl Task {
             vehicle: vehicle.clone(),
             arm: [self.block_indices(&["joint_position"]), self.block_indices(&["joint_rate"])],
             reference: [self.block_indices(&["joint_reference"]), self.block_indices(&["joint_reference_rate"])],
-            home: self.home()[..self.joint_count()].to_vec(),
+            home: self.model().home[..self.joint_count()].to_vec(),
         }
     }
 }

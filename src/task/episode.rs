@@ -1,94 +1,115 @@
-//! What an episode has drawn, and what it remembers between its control instants. The physical state is not in here.
+//! Memory of an episode: its draws and its state between control instants. The physical state is not part of it.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::disturbance::{Disturbance, DisturbanceRows, Site};
-use super::options::Goal;
+use super::disturbance::DisturbanceRows;
+use super::model::TaskModel;
 use super::path::{PATH, path_places};
 use super::pose::Pose;
 use super::random::EpisodeKey;
-use super::reference::{JointReference, ReferencePoint};
+use super::reference::{JointReferenceRows, ReferencePoint};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie;
 
-/// Where the numbers of an episode lie in a table that has a column per instance: first row of each.
+/// Allocates rows one after the other.
+#[derive(Debug, Default)]
+pub struct RowAllocator(usize);
+
+impl RowAllocator {
+    /// First of `count` further rows.
+    pub fn take(&mut self, count: usize) -> usize {
+        self.0 += count;
+        self.0 - count
+    }
+}
+
+/// Rows of the reference path of an end effector.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PathRows {
+    /// Velocity and angular velocity of the target in world axes, 6.
+    pub motion: usize,
+    /// The path, [`PATH`].
+    pub path: usize,
+}
+
+impl PathRows {
+    /// Allocates them.
+    pub fn new(rows: &mut RowAllocator) -> Self {
+        Self { motion: rows.take(6), path: rows.take(PATH) }
+    }
+}
+
+/// Rows that a task adds to those of all tasks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TaskRows {
+    /// References of joints that follow one.
+    pub joints: Option<JointReferenceRows>,
+    /// Path of the end effector.
+    pub path: Option<PathRows>,
+    /// First of the task's own rows.
+    pub own: usize,
+}
+
+/// Rows of an episode's numbers in a table with a column per instance: first row of each quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct EpisodeRows {
-    /// What is to be done.
-    pub goal: Goal,
     /// Number of joints.
     pub joints: usize,
     /// Entries of an action.
     pub actions: usize,
-    /// Pose to hold, or to be at now: rotation by rows (9), position (3).
+    /// Target at the current control instant: rotation by rows (9), position (3).
     pub target: usize,
-    /// Its velocity and angular velocity in world axes, 6; only where there is a path.
-    pub motion: usize,
-    /// Path of the end effector, [`PATH`]; only where it follows one.
-    pub path: usize,
     /// Current in world axes, 3.
     pub current: usize,
-    /// Joint references, [`JointReference::LEN`] per joint; as the next two, only where the joints follow them.
-    pub reference: usize,
-    /// Value and rate of each joint's reference at the current control instant,
-    pub now: usize,
-    /// and at the next one.
-    pub next: usize,
-    /// The last action, as clipped.
+    /// Rows of the task.
+    pub task: TaskRows,
+    /// The previous action, as clipped.
     pub action: usize,
-    /// Square of its change, 1.
+    /// Squared norm of its change, 1.
     pub change: usize,
-    /// Means over the actuators, 3: square and power 3/2 of relative thrust, share at full thrust.
+    /// Means over the actuators, 3: square and power 3/2 of relative thrust, fraction at full thrust.
     pub effort: usize,
     /// Leaky integral of the pose error, 6.
     pub integral: usize,
-    /// Running means of the measures (of the squares of the first four), 7.
+    /// Running means of the metrics (of the squares of the four errors), 7.
     pub means: usize,
-    /// Whether the pose was off its tolerances at the last instant (1) or not (0), and for how long the last time it was, s.
-    pub astray: usize,
-    /// What disturbances remember, if they change within episodes.
+    /// Recovery, 2: out of tolerance at the last control instant (1) or not (0), and duration of the last departure, s.
+    pub recovery: usize,
+    /// Memory of disturbances that change within episodes.
     pub disturbance: Option<DisturbanceRows>,
-    /// Rows in all.
+    /// Number of rows.
     pub rows: usize,
 }
 
 impl EpisodeRows {
-    /// With room for a disturbance.
-    pub(super) fn with(self, disturbance: &Disturbance, site: &Site) -> Self {
-        let disturbance = disturbance.rows(site, self.rows);
-        Self { disturbance, rows: disturbance.map_or(self.rows, |rows| rows.end), ..self }
-    }
-
-    /// For this number of joints and of entries of an action.
-    pub fn new(goal: Goal, joints: usize, actions: usize) -> Self {
-        let tracks = goal == Goal::Track;
-        let (following, path) = if tracks { (0, 1) } else { (joints, 0) };
-        let mut rows = 0;
-        let mut take = |count: usize| {
-            rows += count;
-            rows - count
-        };
-        Self {
-            goal,
+    /// Rows for a scene, with those that the task takes.
+    pub(super) fn new(model: &TaskModel, task: impl FnOnce(&mut RowAllocator) -> TaskRows) -> Self {
+        let (joints, actions) = (model.joints.len(), model.actions.len());
+        let mut rows = RowAllocator::default();
+        let (target, current, task) = (rows.take(12), rows.take(3), task(&mut rows));
+        let this = Self {
             joints,
             actions,
-            target: take(12),
-            motion: take(6 * path),
-            path: take(PATH * path),
-            current: take(3),
-            reference: take(JointReference::<f64>::LEN * following),
-            now: take(2 * following),
-            next: take(2 * following),
-            action: take(actions),
-            change: take(1),
-            effort: take(3),
-            integral: take(6),
-            means: take(7),
-            astray: take(2),
+            target,
+            current,
+            task,
+            action: rows.take(actions),
+            change: rows.take(1),
+            effort: rows.take(3),
+            integral: rows.take(6),
+            means: rows.take(7),
+            recovery: rows.take(2),
             disturbance: None,
-            rows: take(0),
-        }
+            rows: rows.take(0),
+        };
+        let disturbance = model.disturbance.rows(&model.context, this.rows);
+        Self { disturbance, rows: disturbance.map_or(this.rows, |rows| rows.end), ..this }
+    }
+
+    /// First of the rows that an action needs, up to [`Self::integral`].
+    pub fn first_for_action(&self) -> usize {
+        self.task.joints.map_or(self.action, |joints| joints.now)
     }
 
     #[inline(always)]
@@ -107,37 +128,6 @@ impl EpisodeRows {
         memory.set_all(self.target, &[x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]]);
         memory.set_all(self.target + 9, &target.position.0);
     }
-
-    #[inline(always)]
-    pub(super) fn reference<T: Real, L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        joint: usize,
-    ) -> JointReference<L> {
-        JointReference::from_array(memory.get_all(self.reference + JointReference::<L>::LEN * joint))
-    }
-
-    #[inline(always)]
-    pub(super) fn point<T: Real, L: Lane<Real = T>>(
-        &self,
-        memory: &Rows<'_, T>,
-        row: usize,
-        joint: usize,
-    ) -> ReferencePoint<L> {
-        let [value, rate] = memory.get_all(row + 2 * joint);
-        ReferencePoint { value, rate }
-    }
-
-    #[inline(always)]
-    pub(super) fn set_point<T: Real, L: Lane<Real = T>>(
-        &self,
-        memory: &mut Rows<'_, T>,
-        row: usize,
-        joint: usize,
-        point: &ReferencePoint<L>,
-    ) {
-        memory.set_all(row + 2 * joint, &[point.value, point.rate]);
-    }
 }
 
 /// One episode of one instance, outside of any batch.
@@ -150,14 +140,14 @@ pub struct Episode {
 }
 
 impl Episode {
-    /// An episode at its start, in which nothing was drawn.
+    /// An episode at its start, before anything is drawn.
     pub fn blank(key: EpisodeKey, rows: EpisodeRows) -> Self {
         let mut this = Self { key, step: 0, rows, numbers: vec![0.0; rows.rows] };
         this.set_target(&Pose::default());
         this
     }
 
-    /// From its parts, as a batch has them; `numbers` by the rows.
+    /// From its parts, as a batch holds them; `numbers` by the rows.
     pub fn from_parts(key: EpisodeKey, step: u32, rows: EpisodeRows, numbers: Vec<f64>) -> Self {
         assert_eq!(numbers.len(), rows.rows, "numbers of an episode");
         Self { key, step, rows, numbers }
@@ -168,17 +158,17 @@ impl Episode {
         self.key
     }
 
-    /// Control periods done.
+    /// Completed control periods.
     pub fn step(&self) -> u32 {
         self.step
     }
 
-    /// All it remembers, by the rows.
+    /// All numbers, by the rows.
     pub fn numbers(&self) -> &[f64] {
         &self.numbers
     }
 
-    /// Pose to hold, or to be at now.
+    /// Target at the current control instant.
     pub fn target(&self) -> Pose {
         let numbers = &self.numbers[self.rows.target..];
         Pose { position: Vector3::from_column_slice(&numbers[9..12]), rotation: Matrix3::from_row_slice(&numbers[..9]) }
@@ -189,25 +179,23 @@ impl Episode {
         Vector3::from_column_slice(&self.numbers[self.rows.current..][..3])
     }
 
-    /// The last action, as clipped; 0 before the first.
+    /// The previous action, as clipped; 0 before the first.
     pub fn action(&self) -> &[f64] {
         &self.numbers[self.rows.action..][..self.rows.actions]
     }
 
-    /// Places all along the path of the end effector, the first and the last the same; none without a path.
+    /// Equally spaced places along the path of the end effector, the first and the last the same; none without a path.
     pub fn path(&self, count: usize) -> Vec<[f64; 3]> {
-        if self.rows.goal != Goal::Track {
-            return Vec::new();
-        }
+        let Some(rows) = self.rows.task.path else { return Vec::new() };
         let mut numbers = self.numbers.clone();
         let around = (0..count).map(|k| k as f64 / (count - 1).max(1) as f64);
-        path_places(&Rows::of_one(&mut numbers), self.rows.path, around)
+        path_places(&Rows::of_one(&mut numbers), rows.path, around)
     }
 
-    /// Joint reference at the current control instant, one point per joint that follows one.
+    /// Joint references at the current control instant, one point per joint that follows one.
     pub fn reference(&self) -> Vec<ReferencePoint> {
-        let points = self.numbers[self.rows.now..self.rows.next].chunks_exact(2);
-        points.map(|point| ReferencePoint { value: point[0], rate: point[1] }).collect()
+        let points = self.rows.task.joints.map_or(&[][..], |rows| &self.numbers[rows.now..rows.next]);
+        points.chunks_exact(2).map(|point| ReferencePoint { value: point[0], rate: point[1] }).collect()
     }
 
     pub(super) fn set_target(&mut self, target: &Pose) {
@@ -221,8 +209,8 @@ impl Episode {
         Rows::of_one(&mut self.numbers)
     }
 
-    /// The episode as plain numbers, for saving: [`Episode::from_numbers`] gives it back bit for bit. Integers are cut
-    /// into halves of 32 bits, so every number is finite.
+    /// The episode as plain numbers, for saving; [`Episode::from_numbers`] restores it bit for bit. Integers are split into
+    /// halves of 32 bits, so every number is finite.
     pub fn to_numbers(&self) -> Vec<f64> {
         let EpisodeKey { seed, episode } = self.key;
         let halves = |x: u64| [f64::from(x as u32), f64::from((x >> 32) as u32)];
@@ -230,10 +218,10 @@ impl Episode {
         head.into_iter().chain([f64::from(self.step)]).chain(self.numbers.iter().copied()).collect()
     }
 
-    /// The episode that [`Episode::to_numbers`] wrote.
+    /// The episode of [`Episode::to_numbers`].
     ///
     /// # Errors
-    /// `TaskError::Saved` if there are too many or too few numbers, or one is not of the kind that stands there.
+    /// `TaskError::Saved` for a wrong number of numbers, one that is not finite, or a count that is not whole.
     pub fn from_numbers(rows: EpisodeRows, numbers: &[f64]) -> Result<Self, TaskError> {
         const HEAD: usize = 5;
         let expected = HEAD + rows.rows;
@@ -246,7 +234,7 @@ impl Episode {
         let (head, rest) = numbers.split_at(HEAD);
         let whole = |x: f64| {
             let n = x as u32;
-            if f64::from(n) == x { Ok(n) } else { Err(TaskError::Saved(format!("{x} is no count"))) }
+            if f64::from(n) == x { Ok(n) } else { Err(TaskError::Saved(format!("{x} is not a count"))) }
         };
         let join = |k: usize| Ok::<u64, TaskError>(u64::from(whole(head[k])?) | u64::from(whole(head[k + 1])?) << 32);
         let key = EpisodeKey { seed: join(0)?, episode: join(2)? };

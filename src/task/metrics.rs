@@ -1,161 +1,143 @@
-//! What an episode reports after every control period.
-
-use nalgebra::Vector3;
+//! Metrics of an episode at a control instant: the entries of `info`.
 
 use crate::lane::Lane;
 
-/// Terms of the reward, each with its weight; the reward is their sum.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct RewardTerms {
-    /// Pose error.
-    pub pose: f64,
-    /// Effort.
-    pub effort: f64,
-    /// Change of the action.
-    pub rate: f64,
-    /// Divergence.
-    pub diverged: f64,
+/// Declares a struct of metrics in lanes, with the names and the array of its fields in their order.
+macro_rules! metrics {
+    ($(#[$meta:meta])* $visibility:vis struct $name:ident { $($(#[$doc:meta])* $field:ident),* $(,)? }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Default)]
+        $visibility struct $name<L> {
+            $($(#[$doc])* pub $field: L,)*
+        }
+
+        impl $name<()> {
+            /// Names of the fields, in order.
+            pub const NAMES: [&'static str; [$(stringify!($field)),*].len()] = [$(stringify!($field)),*];
+        }
+
+        impl<L: $crate::lane::Lane> $name<L> {
+            /// Zero in every field.
+            #[inline(always)]
+            pub fn zero() -> Self {
+                Self { $($field: L::zero(),)* }
+            }
+
+            /// The fields in the order of `NAMES`.
+            #[inline(always)]
+            pub fn to_array(self) -> [L; $name::<()>::NAMES.len()] {
+                [$(self.$field),*]
+            }
+        }
+    };
 }
 
-/// Measures at a control instant, and their running means over the episode's instants so far (the start excluded).
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Metrics {
-    /// Distance of the vehicle, or of the end effector that follows a path, from where it is to be, m.
-    pub position_error: f64,
-    /// Angle likewise, rad.
-    pub attitude_error: f64,
-    /// Distance of the end effector from its path, or from where target and joint reference would have it, m.
-    pub end_effector_position_error: f64,
-    /// Angle of the end effector likewise, rad.
-    pub end_effector_attitude_error: f64,
-    /// Mean over thrusters, and joints that are acted on, of `(|T_i| / T_max)^1.5`, as shaft power grows with thrust: 1 is all at full power.
-    pub effort: f64,
-    /// Share of them at their limit.
-    pub saturation: f64,
-    /// Root mean square or, for the last two, mean of the six above, in their order.
-    pub running: [f64; 6],
-    /// Current in world axes, m/s.
-    pub current: Vector3<f64>,
-    /// Whether both errors are within their tolerances.
-    pub success: bool,
-    /// Share of the instants so far at which they were.
-    pub mean_success: f64,
-    /// For how long they have not been, s: since they last left their tolerances, up to now or to when they came back.
-    /// What an episode needs from its start counts too.
-    pub recovery_time: f64,
-    /// Force of other disturbances than the water, N.
-    pub disturbance_force: f64,
-    /// Payload, kg.
-    pub payload: f64,
-    /// What is left of the thrust of the weakest thruster.
-    pub thruster_gain: f64,
+metrics! {
+    /// Metrics of all tasks, with the reward's terms. Running means extend over the episode's control instants so far, the
+    /// start excluded.
+    pub struct Metrics {
+        /// Distance of the task's frame (vehicle or end effector) from its target, m.
+        position_error,
+        /// Angle between the task's frame and its target, rad.
+        attitude_error,
+        /// Distance of the end effector from its target, m.
+        end_effector_position_error,
+        /// Angle between the end effector and its target, rad.
+        end_effector_attitude_error,
+        /// Mean over thrusters and driven joints of `(|T_i| / T_max)^1.5`: shaft power relative to full power.
+        effort,
+        /// Fraction of thrusters and driven joints at their limit.
+        saturation,
+        /// Root mean square of `position_error`, m.
+        rms_position_error,
+        /// Root mean square of `attitude_error`, rad.
+        rms_attitude_error,
+        /// Root mean square of `end_effector_position_error`, m.
+        rms_end_effector_position_error,
+        /// Root mean square of `end_effector_attitude_error`, rad.
+        rms_end_effector_attitude_error,
+        /// Mean of `effort`.
+        mean_effort,
+        /// Mean of `saturation`.
+        mean_saturation,
+        /// Current, world x axis, m/s.
+        current_x,
+        /// Current, world y axis, m/s.
+        current_y,
+        /// Current, world z axis, m/s.
+        current_z,
+        /// Weighted reward term of the pose error.
+        reward_pose,
+        /// Weighted reward term of the actuators' mean square.
+        reward_effort,
+        /// Weighted reward term of the action's change.
+        reward_rate,
+        /// 1 where both errors are within their tolerances, else 0.
+        success,
+        /// Mean of `success`.
+        mean_success,
+        /// Duration of the current, or of the last, departure from the tolerances, s. The approach at an episode's start
+        /// counts as a departure.
+        recovery_time,
+        /// 1 where the state left its bounds or is not finite, else 0.
+        diverged,
+        /// Weighted reward term of divergence.
+        reward_diverged,
+        /// Force of disturbances other than the water, N.
+        disturbance_force,
+        /// Payload, kg.
+        payload,
+        /// Remaining thrust gain of the weakest thruster, in [0, 1].
+        thruster_gain,
+    }
 }
 
-/// What a control period brought.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Number of metrics that all tasks share.
+pub const METRICS: usize = Metrics::NAMES.len();
+/// Greatest number of a task's own metrics.
+pub const OWN_METRICS: usize = 4;
+/// Greatest number of metrics of a task.
+pub const INFO: usize = METRICS + OWN_METRICS;
+
+/// Result of a control period for a group of instances.
+#[derive(Debug, Clone, Copy)]
+pub struct Evaluation<L: Lane> {
+    /// Sum of the reward's terms.
+    pub reward: L,
+    /// Metrics of all tasks.
+    pub metrics: Metrics<L>,
+    /// The task's own metrics; zeros past the last.
+    pub own: [L; OWN_METRICS],
+    /// Instances whose state is finite and within its bounds.
+    pub in_bounds: L::Mask,
+    /// Instances whose episode continues.
+    pub continues: L::Mask,
+}
+
+/// [`Evaluation`] of one instance.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Sum of the terms.
+    /// Sum of the reward's terms.
     pub reward: f64,
-    /// Terms of the reward.
-    pub terms: RewardTerms,
-    /// The episode is over. Running out of time is not the task's business.
+    /// End of the episode. Truncation by time belongs to the driver of the episodes.
     pub terminated: bool,
-    /// The state left its bounds or the real numbers; the only reason to terminate.
+    /// The state left its bounds or is not finite.
     pub diverged: bool,
-    /// Measures.
-    pub metrics: Metrics,
+    /// Metrics of all tasks.
+    pub metrics: Metrics<f64>,
+    /// The task's own metrics.
+    pub own: Vec<f64>,
 }
 
 impl Outcome {
-    /// Names of [`Outcome::info`], the same at every step.
-    pub const INFO: [&'static str; 26] = [
-        "position_error",
-        "attitude_error",
-        "end_effector_position_error",
-        "end_effector_attitude_error",
-        "effort",
-        "saturation",
-        "rms_position_error",
-        "rms_attitude_error",
-        "rms_end_effector_position_error",
-        "rms_end_effector_attitude_error",
-        "mean_effort",
-        "mean_saturation",
-        "current_x",
-        "current_y",
-        "current_z",
-        "reward_pose",
-        "reward_effort",
-        "reward_rate",
-        "success",
-        "mean_success",
-        "recovery_time",
-        "diverged",
-        "reward_diverged",
-        "disturbance_force",
-        "payload",
-        "thruster_gain",
-    ];
-
-    /// All measures and reward terms, in the order of [`Outcome::INFO`].
-    pub fn info(&self) -> [f64; INFO] {
-        let (m, t) = (&self.metrics, &self.terms);
-        let instant = [
-            m.position_error,
-            m.attitude_error,
-            m.end_effector_position_error,
-            m.end_effector_attitude_error,
-            m.effort,
-            m.saturation,
-        ];
-        let mut info = [0.0; INFO];
-        info[..6].copy_from_slice(&instant);
-        info[6..12].copy_from_slice(&m.running);
-        info[12..15].copy_from_slice(m.current.as_slice());
-        info[15..18].copy_from_slice(&[t.pose, t.effort, t.rate]);
-        let flag = |yes: bool| f64::from(u8::from(yes));
-        let last = [flag(m.success), m.mean_success, m.recovery_time, flag(self.diverged), t.diverged];
-        info[18..23].copy_from_slice(&last);
-        info[23..].copy_from_slice(&[m.disturbance_force, m.payload, m.thruster_gain]);
-        info
+    /// With this number of the task's own metrics.
+    pub(super) fn new(evaluation: &Evaluation<f64>, own: usize) -> Self {
+        let &Evaluation { reward, metrics, in_bounds, continues, .. } = evaluation;
+        Self { reward, terminated: !continues, diverged: !in_bounds, metrics, own: evaluation.own[..own].to_vec() }
     }
-}
 
-impl From<&Judgement<f64>> for Outcome {
-    fn from(judgement: &Judgement<f64>) -> Self {
-        let info = &judgement.info;
-        let metrics = Metrics {
-            position_error: info[0],
-            attitude_error: info[1],
-            end_effector_position_error: info[2],
-            end_effector_attitude_error: info[3],
-            effort: info[4],
-            saturation: info[5],
-            running: std::array::from_fn(|k| info[6 + k]),
-            current: Vector3::new(info[12], info[13], info[14]),
-            success: info[18] != 0.0,
-            mean_success: info[19],
-            recovery_time: info[20],
-            disturbance_force: info[23],
-            payload: info[24],
-            thruster_gain: info[25],
-        };
-        let terms = RewardTerms { pose: info[15], effort: info[16], rate: info[17], diverged: info[22] };
-        let diverged = !judgement.sound;
-        Self { reward: judgement.reward, terms, terminated: diverged, diverged, metrics }
+    /// All metrics, in the order of [`super::Task::metric_names`].
+    pub fn info(&self) -> Vec<f64> {
+        self.metrics.to_array().into_iter().chain(self.own.iter().copied()).collect()
     }
-}
-
-/// Number of measures and reward terms.
-pub const INFO: usize = Outcome::INFO.len();
-
-/// [`Outcome`] of a group of instances.
-#[derive(Debug, Clone, Copy)]
-pub struct Judgement<L: Lane> {
-    /// Sum of the reward's terms.
-    pub reward: L,
-    /// Measures and terms, in the order of [`Outcome::INFO`].
-    pub info: [L; INFO],
-    /// Where the state is within its bounds.
-    pub sound: L::Mask,
 }

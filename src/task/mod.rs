@@ -1,40 +1,57 @@
-//! Tasks: sampling, references, observation, reward.
+//! Tasks: sampling of episodes, references, observations, metrics and rewards.
 //!
-//! Everything is per instance and depends on the task, the seed and the number of the episode alone. What happens at every
-//! control instant is written in lanes; episodes are drawn one by one, in f64.
+//! A task is a type that implements [`TaskDefinition`] in one file (`station_keep`, `ee_track`) and is listed in `registry`.
+//! All results are per instance and depend on the task, the seed and the number of the episode alone. The steps at a control
+//! instant are written in lanes ([`TaskKernel`]), compiled once per task and precision; episodes are drawn one by one in f64.
 
-mod authority;
+mod arm_reference;
+mod bounds;
 mod controllers;
+mod definition;
 pub mod disturbance;
-mod disturbed;
+mod drives;
+mod ee_track;
 mod episode;
 mod kernel;
-mod layout;
 mod metrics;
+mod model;
 mod observation;
+mod observe;
 mod options;
 mod path;
+mod payload;
 mod pose;
+mod privileged;
 mod random;
 mod reference;
-mod stance;
+mod registry;
+mod reward;
+mod scalar;
+mod stage_state;
 mod start;
+mod station_keep;
 mod task;
-mod truth;
 
 #[cfg(test)]
 mod tests;
 
 pub use controllers::ControllerKind;
+pub use definition::{BaseController, Frame, TaskDefinition, TaskKernel};
+pub use ee_track::{EETrack, PREVIEW, Preview};
 pub use episode::{Episode, EpisodeRows};
-pub use kernel::{Command, TaskKernel};
-pub use layout::{Block, Layout};
-pub use metrics::{INFO, Judgement, Metrics, Outcome, RewardTerms};
-pub use options::{Goal, PREVIEW, Preview, RewardWeights, StartOverride, TaskOptions, Tolerance};
+pub use kernel::Command;
+pub use metrics::{Evaluation, INFO, METRICS, Metrics, OWN_METRICS, Outcome};
+pub use observation::{Block, Layout};
+pub use options::{Options, StartOverride, Tolerance};
 pub use path::{PATH, PathKind, PathPoint, path_advance, path_places, path_point};
+pub use payload::grasp_impulse;
 pub use pose::{Pose, PoseError};
+pub use privileged::{privileged, privileged_layout};
 pub use random::{EpisodeKey, Purpose, Stream};
 pub use reference::{JointReference, METRES_PER_RADIAN, ReferencePoint, hermite};
-pub use stance::Stance;
+pub(crate) use registry::dispatch_task;
+pub use registry::{TASKS, TaskKind, TaskOptions};
+pub use reward::{ATTITUDE_LEVER, RewardWeights};
+pub use stage_state::StageState;
+pub use station_keep::StationKeep;
 pub use task::{DEFAULT_HORIZON, Task};
-pub use truth::{truth, truth_layout};

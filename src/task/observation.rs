@@ -1,50 +1,137 @@
-//! What tasks show of an episode, and the bounds beyond which it has diverged.
+//! Observations: layout, blocks that several tasks share, and the writer.
 
-use super::layout::Layout;
-use super::options::{Goal, TaskOptions};
-use super::pose::Pose;
+use std::f64::consts::PI;
+use std::iter::Zip;
+use std::slice::{ChunksExactMut, Iter};
+
+use super::bounds::{POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND};
 use super::reference::METRES_PER_RADIAN;
-use super::task::Task;
 use crate::description::{Joint, JointKind};
-use crate::system::State;
-
-/// Distance from the target beyond which an episode has diverged, m.
-pub(super) const POSITION_BOUND: f64 = 10.0;
-/// Likewise linear speed (m/s), angular speed (rad/s) and joint rate (rad/s or m/s).
-pub(super) const SPEED_BOUND: f64 = 10.0;
-pub(super) const TURN_BOUND: f64 = 20.0;
-pub(super) const RATE_BOUND: f64 = 20.0;
+use crate::lane::{Lane, Real};
+use crate::lie::Vector3;
 
 /// Physical values of 1 in an observation, in metres, radians and seconds.
-const ERROR_SCALE: f64 = 0.1;
-const TWIST_SCALE: f64 = 0.2;
-const JOINT_SCALE: f64 = 0.5;
-const INTEGRAL_SCALE: f64 = 0.2;
-/// Joint coordinates are shown within this angle of home, rad, or within twice the joint's travel.
-const JOINT_SHOWN: f64 = 10.0;
-
+pub(super) const ERROR_SCALE: f64 = 0.1;
+pub(super) const TWIST_SCALE: f64 = 0.2;
+pub(super) const JOINT_SCALE: f64 = 0.5;
+pub(super) const INTEGRAL_SCALE: f64 = 0.2;
+/// Joint coordinates are observed within this angle of home, rad, or within twice the joint's travel.
+const JOINT_BOUND: f64 = 10.0;
 /// Greatest entry of a unit vector: rounding included.
-const UP_BOUND: f64 = 1.001;
+pub(super) const UNIT_BOUND: f64 = 1.001;
 
-/// Leak of the integral of the pose error, 1/s: `I' = e - LEAK I`.
-pub(super) const LEAK: f64 = 0.1;
+/// A named run of entries in a row of observations.
+///
+/// An entry is the physical value over its scale, clipped to its bound on either side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Block {
+    /// Key, unique in the layout.
+    pub name: &'static str,
+    /// First entry.
+    pub offset: usize,
+    /// Physical value of 1, per entry.
+    pub scale: Vec<f64>,
+    /// Greatest magnitude, in scaled units, per entry.
+    pub bound: Vec<f64>,
+    /// Unit of the physical value.
+    pub unit: &'static str,
+    /// One sentence for people.
+    pub description: &'static str,
+}
 
-impl Task {
-    /// The first bound that a state reaches, if any: name, value and bound.
-    pub(super) fn violation(&self, target: &Pose, state: &State) -> Option<(&'static str, f64, f64)> {
-        let n = self.joints.len();
-        let twist = &state.twist;
-        let bounded = [
-            ("distance from the target", (self.frame(state).position - target.position).norm(), POSITION_BOUND),
-            ("linear speed", twist.fixed_rows::<3>(0).norm(), SPEED_BOUND),
-            ("angular speed", twist.fixed_rows::<3>(3).norm(), TURN_BOUND),
-        ];
-        let attitude = state.rotation.iter().map(|x| ("attitude", x.abs(), f64::INFINITY));
-        let rates = state.qd[..n].iter().map(|x| ("joint rate", x.abs(), RATE_BOUND));
-        let joints = state.q[..n].iter().map(|x| ("joint coordinate", x.abs(), f64::INFINITY));
-        let mut all = bounded.into_iter().chain(attitude).chain(rates).chain(joints);
-        all.find(|(_, value, bound)| value.is_nan() || value >= bound)
+impl Block {
+    /// Number of entries.
+    pub fn len(&self) -> usize {
+        self.scale.len()
     }
+
+    /// Whether there is no entry; a layout holds no such block.
+    pub fn is_empty(&self) -> bool {
+        self.scale.is_empty()
+    }
+}
+
+/// Layout of an observation: blocks in order, without gaps.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Layout {
+    blocks: Vec<Block>,
+    scale: Vec<f64>,
+    bound: Vec<f32>,
+}
+
+impl Layout {
+    /// Appends a block with a (scale, greatest physical magnitude) per entry; without entries, nothing.
+    pub(super) fn push(
+        &mut self,
+        name: &'static str,
+        unit: &'static str,
+        description: &'static str,
+        entries: &[(f64, f64)],
+    ) {
+        if entries.is_empty() {
+            return;
+        }
+        let scale: Vec<f64> = entries.iter().map(|e| e.0).collect();
+        let bound: Vec<f64> = entries.iter().map(|e| e.1 / e.0).collect();
+        let offset = self.len();
+        self.scale.extend(&scale);
+        self.bound.extend(bound.iter().map(|b| *b as f32));
+        self.blocks.push(Block { name, offset, scale, bound, unit, description });
+    }
+
+    /// Blocks, in order.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
+    }
+
+    /// The block of that name.
+    pub fn block(&self, name: &str) -> Option<&Block> {
+        self.blocks.iter().find(|b| b.name == name)
+    }
+
+    /// Entries of a row.
+    pub fn len(&self) -> usize {
+        self.scale.len()
+    }
+
+    /// Whether a row has no entry.
+    pub fn is_empty(&self) -> bool {
+        self.scale.is_empty()
+    }
+
+    /// Greatest magnitude of each entry: a row lies in `[-bound, bound]`.
+    pub fn bound(&self) -> &[f32] {
+        &self.bound
+    }
+
+    /// One over the scale, and the bound, of each entry.
+    pub(super) fn scaling(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+        self.scale.iter().zip(&self.bound).map(|(scale, bound)| [1.0 / scale, f64::from(*bound)])
+    }
+}
+
+/// Scale and greatest magnitude per entry of a pose error: position, attitude.
+pub(super) const POSE_ERROR: [(f64, f64); 2] = [(ERROR_SCALE, POSITION_BOUND), (ERROR_SCALE, PI)];
+/// The same of a twist: linear, angular.
+pub(super) const TWIST: [(f64, f64); 2] = [(TWIST_SCALE, SPEED_BOUND), (TWIST_SCALE, TURN_BOUND)];
+
+/// Six entries from one (scale, bound) for the first three and one for the others.
+pub(super) fn six([first, last]: [(f64, f64); 2]) -> [(f64, f64); 6] {
+    [first, first, first, last, last, last]
+}
+
+/// Scale and bound of joint coordinates, and of joint rates.
+pub(super) fn joint_entries(joints: &[Joint]) -> [Vec<(f64, f64)>; 2] {
+    let unit = |joint: &Joint| match joint.kind {
+        JointKind::Revolute => 1.0,
+        JointKind::Prismatic => METRES_PER_RADIAN,
+    };
+    let coordinate = |joint: &Joint| {
+        let travel = joint.limits.as_ref().map_or(0.0, |l| l.upper - l.lower);
+        (JOINT_SCALE * unit(joint), (JOINT_BOUND * unit(joint)).max(2.0 * travel))
+    };
+    let rate = |joint: &Joint| (JOINT_SCALE * unit(joint), RATE_BOUND);
+    [joints.iter().map(coordinate).collect(), joints.iter().map(rate).collect()]
 }
 
 /// Greatest distance of each joint coordinate from home.
@@ -53,62 +140,61 @@ pub(super) fn joint_bounds(layout: &Layout) -> Vec<f64> {
     block.into_iter().flat_map(|b| b.bound.iter().zip(&b.scale).map(|(bound, scale)| bound * scale)).collect()
 }
 
-/// Blocks of an observation for these joints and this number of action entries.
-pub(super) fn layout(options: &TaskOptions, joints: &[Joint], actions: usize) -> Layout {
-    use std::f64::consts::PI;
-    let joint_entries = |entry: &dyn Fn(&Joint, f64) -> (f64, f64)| -> Vec<(f64, f64)> {
-        let unit = |joint: &Joint| match joint.kind {
-            JointKind::Revolute => 1.0,
-            JointKind::Prismatic => METRES_PER_RADIAN,
-        };
-        joints.iter().map(|joint| entry(joint, unit(joint))).collect()
-    };
-    let coordinates = joint_entries(&|joint, unit| {
-        let travel = joint.limits.as_ref().map_or(0.0, |l| l.upper - l.lower);
-        (JOINT_SCALE * unit, (JOINT_SHOWN * unit).max(2.0 * travel))
-    });
-    let rates = joint_entries(&|_, unit| (JOINT_SCALE * unit, RATE_BOUND));
-    let integral = [[(INTEGRAL_SCALE, POSITION_BOUND / LEAK); 3], [(INTEGRAL_SCALE, PI / LEAK); 3]].concat();
-    let tracks = options.task == Goal::Track;
-    let [position, attitude] = if tracks {
-        ["R_e^T (r_e - r_d), end-effector axes", "rotation vector log(R_d^T R_e), end-effector axes"]
-    } else {
-        ["R^T (r - r_d), body axes", "rotation vector log(R_d^T R), body axes"]
-    };
+/// Writer of an observation's entries, in order.
+pub struct ObservationWriter<'a, T> {
+    /// Scale and bound of the remaining entries, and their places.
+    places: Zip<Iter<'a, [T; 2]>, ChunksExactMut<'a, f32>>,
+}
 
-    let mut layout = Layout::default();
-    layout.push("position_error", "m", position, &[(ERROR_SCALE, POSITION_BOUND); 3]);
-    layout.push("attitude_error", "rad", attitude, &[(ERROR_SCALE, PI); 3]);
-    layout.push(
-        "linear_velocity",
-        "m/s",
-        "absolute velocity of the vehicle origin, body axes",
-        &[(TWIST_SCALE, SPEED_BOUND); 3],
-    );
-    layout.push("angular_velocity", "rad/s", "absolute angular velocity, body axes", &[(TWIST_SCALE, TURN_BOUND); 3]);
-    if tracks {
-        layout.push("up", "1", "direction against gravity, body axes", &[(1.0, UP_BOUND); 3]);
+impl<'a, T: Real> ObservationWriter<'a, T> {
+    /// For entries of `lanes` instances each, with these scales and bounds.
+    #[inline(always)]
+    pub(super) fn new(scaling: &'a [[T; 2]], entries: &'a mut [f32], lanes: usize) -> Self {
+        Self { places: scaling.iter().zip(entries.chunks_exact_mut(lanes)) }
     }
-    layout.push("joint_position", "rad or m", "joint coordinates relative to home", &coordinates);
-    layout.push("joint_rate", "rad/s or m/s", "joint rates", &rates);
-    if tracks {
-        let (speed, ahead) = (options.reference_speed, f64::from(options.preview.points) * options.preview.spacing);
-        let motion = [[(TWIST_SCALE, SPEED_BOUND); 3], [(TWIST_SCALE, TURN_BOUND); 3]].concat();
-        layout.push("reference_twist", "m/s and rad/s", "velocities of the reference, end-effector axes", &motion);
-        let point = [[(ERROR_SCALE, POSITION_BOUND + 1.01 * speed * ahead); 3], [(ERROR_SCALE, PI); 3]].concat();
-        layout.push(
-            "preview",
-            "m and rad",
-            "both errors against each point of the reference ahead",
-            &point.repeat(options.preview.points as usize),
-        );
-    } else {
-        let next = "reference at the next control instant, relative to home";
-        layout.push("joint_reference", "rad or m", next, &coordinates);
-        let rate = "rate of the reference at the next control instant";
-        layout.push("joint_reference_rate", "rad/s or m/s", rate, &rates);
+
+    /// Writes the next three entries.
+    #[inline(always)]
+    pub fn put_vector<L: Lane<Real = T>>(&mut self, values: Vector3<L>) {
+        for k in 0..3 {
+            self.put(values.0[k]);
+        }
     }
-    layout.push("previous_action", "1", "the last action, as clipped", &vec![(1.0, 1.0); actions]);
-    layout.push("error_integral", "m s and rad s", "leaky integral of both errors, I' = e - 0.1 I", &integral);
-    layout
+
+    /// Writes the next entry, scaled and clipped. Infinite values become their bound and NaN the upper bound, so that an
+    /// invalid state never reads like one on target.
+    #[inline(always)]
+    pub fn put<L: Lane<Real = T>>(&mut self, value: L) {
+        let Some((&[by, bound], entry)) = self.places.next() else { unreachable!("more entries than the layout has") };
+        let bound = L::splat(bound);
+        (value * L::splat(by)).min(bound).max(-bound).store_single(entry);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_follow_each_other_without_gaps() {
+        let mut layout = Layout::default();
+        layout.push("a", "m", "", &[(0.5, 10.0), (2.0, 10.0)]);
+        layout.push("nothing", "m", "", &[]);
+        layout.push("b", "m", "", &[(1.0, 3.0); 3]);
+        assert_eq!((layout.len(), layout.blocks().len()), (5, 2));
+        assert_eq!(layout.block("b").unwrap().offset, 2);
+        assert_eq!(layout.bound(), [20.0, 5.0, 3.0, 3.0, 3.0]);
+        assert_eq!(layout.scaling().next(), Some([2.0, 20.0]));
+    }
+
+    #[test]
+    fn entries_are_scaled_clipped_and_never_invalid() {
+        let mut row = [0.0; 5];
+        let scaling = [[2.0, 20.0], [0.5, 5.0], [1.0, 3.0], [1.0, 3.0], [1.0, 3.0]];
+        let mut writer = ObservationWriter::new(&scaling, &mut row, 1);
+        for value in [1.0, -100.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            writer.put(value);
+        }
+        assert_eq!(row, [2.0, -5.0, 3.0, 3.0, -3.0]);
+    }
 }

@@ -1,39 +1,36 @@
-//! What a user may choose about a task.
+//! Options that all tasks share, and starts of episodes.
 
 use serde::{Deserialize, Serialize};
-use toml::Value;
 
+use super::bounds::POSITION_BOUND;
 use super::disturbance::{Disturbance, Parameters};
-use super::path::PathKind;
+use super::reward::RewardWeights;
 use crate::control::ActionKind;
 use crate::error::TaskError;
 
-/// Most points that are seen ahead.
-pub const PREVIEW: usize = 8;
-
-/// Options of a task; each has a default.
+/// Options of a task; each has a default. `K` holds the task's own options.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TaskOptions {
-    /// What is to be done.
-    pub task: Goal,
-    /// What the entries of an action stand for.
+#[serde(deny_unknown_fields)]
+pub struct Options<K> {
+    /// The task, with its own options.
+    #[serde(skip)]
+    pub task: K,
+    /// Meaning of the entries of an action.
     pub action: ActionKind,
     /// Physics step, s.
     pub dt: f64,
     /// Physics steps per control period.
     pub substeps: u32,
-    /// Greatest speed of the drawn current, m/s, where no disturbance is given. It comes on top of the scene's own
-    /// current.
+    /// Greatest speed of the drawn current, m/s, without a disturbance. It adds to the scene's own current.
     pub max_current: f64,
-    /// What disturbs episodes; a steady current where it is absent. Plain values have it as JSON.
-    #[serde(with = "as_json", skip_serializing_if = "Option::is_none")]
+    /// Disturbance of the episodes; without it a steady current. As JSON among plain values.
+    #[serde(default, with = "as_json", skip_serializing_if = "Option::is_none")]
     pub disturbance: Option<Disturbance>,
     /// Factors on the scene's parameters, in place of those of the disturbance.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub randomize: Option<Parameters>,
     /// Time constant of all thrusters, s, in place of the scene's.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thruster_lag: Option<f64>,
     /// Greatest initial distance from the target, m.
     pub start_distance: f64,
@@ -41,42 +38,14 @@ pub struct TaskOptions {
     pub start_angle: f64,
     /// Greatest distance of a drawn target from the world origin, m; 0 for a target at the origin.
     pub target_distance: f64,
-    /// Greatest turn of a drawn target about the vertical, either way, rad; 0 for identity attitude.
+    /// Greatest heading of a drawn target about the vertical, either way, rad; 0 for identity attitude.
     pub target_turn: f64,
-    /// Greatest swing of the arm's reference about home, rad (a quarter of it in metres for prismatic joints).
-    pub arm_amplitude: f64,
     /// Reward weights.
     pub reward: RewardWeights,
     /// Errors below which a pose counts as reached.
     pub tolerance: Tolerance,
-    /// Greatest correction to the classical controller's action, where that is what actions are; 1 is an actuator's limit.
+    /// Greatest correction to the base controller's action with residual actions; 1 is an actuator's limit.
     pub residual: f64,
-    /// Kind of path that an end effector follows.
-    pub reference: PathKind,
-    /// Its amplitude or radius, m; 50 to 100 % of it are drawn.
-    pub reference_size: f64,
-    /// Its greatest speed, m/s; 50 to 100 % of it are drawn.
-    pub reference_speed: f64,
-    /// Its greatest amplitude of turns about the vertical, rad; less than a third of it out of the horizontal.
-    pub reference_turn: f64,
-    /// Points seen ahead.
-    pub preview: Preview,
-}
-
-/// Points of a reference that are seen ahead.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Preview {
-    /// Their number.
-    pub points: u32,
-    /// Time between them, and from now to the first, s.
-    pub spacing: f64,
-}
-
-impl Default for Preview {
-    fn default() -> Self {
-        Self { points: 3, spacing: 0.2 }
-    }
 }
 
 /// Errors below which a pose counts as reached.
@@ -95,10 +64,10 @@ impl Default for Tolerance {
     }
 }
 
-impl Default for TaskOptions {
+impl<K: Default> Default for Options<K> {
     fn default() -> Self {
         Self {
-            task: Goal::StationKeep,
+            task: K::default(),
             action: ActionKind::Wrench,
             dt: 0.01,
             substeps: 5,
@@ -110,79 +79,38 @@ impl Default for TaskOptions {
             start_angle: 0.05,
             target_distance: 0.0,
             target_turn: 0.0,
-            arm_amplitude: 0.4,
             reward: RewardWeights::default(),
             tolerance: Tolerance::default(),
             residual: 0.3,
-            reference: PathKind::Mixed,
-            reference_size: 0.4,
-            reference_speed: 0.2,
-            reference_turn: 0.4,
-            preview: Preview::default(),
         }
     }
 }
 
-/// What a task asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Goal {
-    /// The vehicle holds a pose while its arm moves.
-    #[default]
-    StationKeep,
-    /// The end effector follows a path; vehicle and joints are acted on.
-    #[serde(rename = "ee-track")]
-    Track,
-}
-
-impl Goal {
-    /// Name, as Gymnasium knows it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Goal::StationKeep => "UVMS-StationKeep",
-            Goal::Track => "UVMS-EETrack",
+impl<K> Options<K> {
+    /// The same options with those of a task in place of `self.task`.
+    pub(super) fn with_task<Q>(self, task: Q) -> Options<Q> {
+        let Self { action, dt, substeps, max_current, disturbance, randomize, thruster_lag, .. } = self;
+        let Self { start_distance, start_angle, target_distance, target_turn, reward, tolerance, residual, .. } = self;
+        Options {
+            task,
+            action,
+            dt,
+            substeps,
+            max_current,
+            disturbance,
+            randomize,
+            thruster_lag,
+            start_distance,
+            start_angle,
+            target_distance,
+            target_turn,
+            reward,
+            tolerance,
+            residual,
         }
     }
-}
 
-/// Weights of the reward's terms.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RewardWeights {
-    /// Of the pose error.
-    pub pose: f64,
-    /// Of the mean squared relative thrust.
-    pub effort: f64,
-    /// Of the mean squared change of the action.
-    pub rate: f64,
-    /// What divergence costs.
-    pub diverged: f64,
-}
-
-impl Default for RewardWeights {
-    fn default() -> Self {
-        Self { pose: 0.1, effort: 0.02, rate: 0.1, diverged: 0.0 }
-    }
-}
-
-impl TaskOptions {
-    /// From plain values, such as Python has them.
-    ///
-    /// # Errors
-    /// `TaskError::Options` for a key that there is not, or a value of the wrong kind.
-    pub fn from_value(value: Value) -> Result<Self, TaskError> {
-        serde_path_to_error::deserialize(value).map_err(|error| TaskError::Options(error.to_string()))
-    }
-
-    /// As plain values.
-    ///
-    /// # Errors
-    /// `TaskError::Options`, which does not happen.
-    pub fn to_value(&self) -> Result<Value, TaskError> {
-        Value::try_from(self).map_err(|error| TaskError::Options(error.to_string()))
-    }
-
-    /// What disturbs episodes.
+    /// Disturbance of the episodes.
     pub fn disturbance(&self) -> Disturbance {
         let given = self.disturbance.clone().unwrap_or_else(|| Disturbance::steady(self.max_current));
         match &self.randomize {
@@ -196,55 +124,42 @@ impl TaskOptions {
         self.dt * f64::from(self.substeps)
     }
 
-    /// Refuses values that make no task.
+    /// Refuses shared options out of their ranges.
     pub(super) fn check(&self) -> Result<(), TaskError> {
-        let refuse = |name, value, allowed| Err(TaskError::Option { name, value, allowed });
-        if !(self.dt > 0.0 && self.dt <= 1.0) {
-            return refuse("dt", self.dt, "in (0, 1] s");
-        }
-        if self.substeps == 0 || self.substeps > 10_000 {
-            return refuse("substeps", f64::from(self.substeps), "1 to 10000");
-        }
-        for (name, value) in [
+        check_range("dt", self.dt, self.dt > 0.0 && self.dt <= 1.0, "in (0, 1] s")?;
+        let substeps = f64::from(self.substeps);
+        check_range("substeps", substeps, (1..=10_000).contains(&self.substeps), "1 to 10000")?;
+        check_non_negative(&[
             ("max_current", self.max_current),
             ("start_angle", self.start_angle),
             ("target_distance", self.target_distance),
             ("target_turn", self.target_turn),
-            ("arm_amplitude", self.arm_amplitude),
-            ("reward.pose", self.reward.pose),
-            ("reward.effort", self.reward.effort),
-            ("reward.rate", self.reward.rate),
-            ("reward.diverged", self.reward.diverged),
-            ("tolerance.position", self.tolerance.position),
-            ("tolerance.attitude", self.tolerance.attitude),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return refuse(name, value, "finite and >= 0");
-            }
+        ])?;
+        check_non_negative(&self.reward.named())?;
+        let Tolerance { position, attitude } = self.tolerance;
+        check_non_negative(&[("tolerance.position", position), ("tolerance.attitude", attitude)])?;
+        check_range("residual", self.residual, (0.0..=1.0).contains(&self.residual), "in [0, 1]")?;
+        if let Some(lag) = self.thruster_lag {
+            check_range("thruster_lag", lag, (0.0..=10.0).contains(&lag), "in [0, 10] s")?;
         }
-        for (name, value, greatest, allowed) in [
-            ("residual", self.residual, 1.0, "in [0, 1]"),
-            ("reference_size", self.reference_size, 5.0, "in [0, 5] m"),
-            ("reference_speed", self.reference_speed, 2.0, "in [0, 2] m/s"),
-            ("reference_turn", self.reference_turn, 0.6, "in [0, 0.6] rad"),
-            ("preview.points", f64::from(self.preview.points), PREVIEW as f64, "0 to 8"),
-            ("preview.spacing", self.preview.spacing, 10.0, "in [0, 10] s"),
-        ] {
-            if !(0.0..=greatest).contains(&value) {
-                return refuse(name, value, allowed);
-            }
-        }
-        if let Some(lag) = self.thruster_lag.filter(|lag| !(0.0..=10.0).contains(lag)) {
-            return refuse("thruster_lag", lag, "in [0, 10] s");
-        }
-        if !(self.start_distance >= 0.0 && self.start_distance < super::observation::POSITION_BOUND) {
-            return refuse("start_distance", self.start_distance, "in [0, 10) m");
-        }
-        Ok(())
+        let distance = self.start_distance;
+        check_range("start_distance", distance, (0.0..POSITION_BOUND).contains(&distance), "in [0, 10) m")
     }
 }
 
-/// Parts of an episode's start that are given rather than drawn. World axes unless said otherwise.
+/// Refuses an option whose value is not `valid`.
+pub(super) fn check_range(name: &'static str, value: f64, valid: bool, allowed: &'static str) -> Result<(), TaskError> {
+    if valid { Ok(()) } else { Err(TaskError::Option { name, value, allowed }) }
+}
+
+/// Refuses numbers that are not finite or are negative.
+pub(super) fn check_non_negative(values: &[(&'static str, f64)]) -> Result<(), TaskError> {
+    values
+        .iter()
+        .try_for_each(|&(name, value)| check_range(name, value, value.is_finite() && value >= 0.0, "finite and >= 0"))
+}
+
+/// Given parts of an episode's start; the others are drawn. World axes unless said otherwise.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StartOverride {
@@ -264,7 +179,7 @@ pub struct StartOverride {
     pub target_attitude: Option<[f64; 4]>,
     /// Steady current, m/s, the scene's own included.
     pub current: Option<[f64; 3]>,
-    /// Disturbance in place of the task's; it has no components that the task's has not.
+    /// Disturbance in place of the task's, with no components beyond the task's.
     pub disturbance: Option<Disturbance>,
 }
 

@@ -1,6 +1,6 @@
-//! Paths that an end effector is to follow, with attitude.
+//! Reference paths of an end effector: position and attitude.
 //!
-//! One formula covers all kinds, so that instances on different ones share a kernel:
+//! One formula covers all kinds, so that instances on different kinds share a kernel:
 //!
 //! ```text
 //! X(theta) = shift + sum_(h = 1, 2) (a_h sin(h theta) + b_h cos(h theta)) + sum_k c_k B(K theta / 2 pi - k)
@@ -14,7 +14,6 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-use super::options::TaskOptions;
 use super::pose::Pose;
 use super::random::Stream;
 use crate::lane::{Lane, Real, Rows, sin_cos};
@@ -24,19 +23,32 @@ use crate::lie::{self, exp_se3};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PathKind {
-    /// The end effector's pose at home.
+    /// A fixed pose: the end effector's at home.
     Point,
     /// Back and forth along a line.
     Line,
     /// A circle.
     Circle,
-    /// A lying eight.
+    /// A figure eight.
     FigureEight,
     /// A closed spline through random places.
     Spline,
-    /// One of the others, drawn for each episode.
+    /// One of the other kinds, drawn for each episode.
     #[default]
     Mixed,
+}
+
+/// Range that paths are drawn from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathRange {
+    /// Kind of path.
+    pub kind: PathKind,
+    /// Greatest amplitude or radius, m; 50 to 100 % of it are drawn.
+    pub size: f64,
+    /// Greatest speed, m/s; 50 to 100 % of it are drawn.
+    pub speed: f64,
+    /// Greatest amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
+    pub rotation: f64,
 }
 
 /// Time over which a path gathers speed, s.
@@ -47,14 +59,14 @@ const HARMONICS: usize = 2;
 const KNOTS: usize = 8;
 /// Radius of the ball that the spline's control points are drawn from, over the path's size: the curve stays well within.
 const KNOT_RADIUS: f64 = 1.5;
-/// Greatest turn out of the horizontal, over that about the vertical.
+/// Greatest rotation out of the horizontal, relative to that about the vertical.
 const TILT: f64 = 0.3;
-/// Greatest turning speed, rad/s.
+/// Greatest angular speed, rad/s.
 const TURN_SPEED: f64 = 0.3;
-/// Places at which the greatest speed is looked for.
+/// Phases at which the greatest speed is searched.
 const SAMPLES: u32 = 256;
 
-/// Where the numbers of a path lie, from its first row on.
+/// Numbers of a path: offsets from its first row.
 const BASE: usize = 0;
 const SHIFT: usize = BASE + 9;
 const PHASE: usize = SHIFT + 6;
@@ -77,7 +89,7 @@ pub struct PathPoint<L> {
     pub turning: lie::Vector3<L>,
 }
 
-/// The path in rows from `row` on, `ahead` periods from now, of which `frequency` make a second.
+/// Point of the path in rows from `row` on, `ahead` periods from now; `frequency` is the number of periods per second.
 #[inline(always)]
 pub fn path_point<T: Real, L: Lane<Real = T>>(
     memory: &Rows<'_, T>,
@@ -100,7 +112,7 @@ pub fn path_point<T: Real, L: Lane<Real = T>>(
     }
 }
 
-/// Places all along the closed path in rows from `row` on, each this many times around from its start.
+/// Places along the closed path in rows from `row` on, at these numbers of turns from its start.
 pub fn path_places(memory: &Rows<'_, f64>, row: usize, around: impl Iterator<Item = f64>) -> Vec<[f64; 3]> {
     let place = |turns: f64| {
         let ([x, y, z, ..], _) = coordinates::<f64, f64>(memory, row, TAU * turns);
@@ -109,7 +121,7 @@ pub fn path_places(memory: &Rows<'_, f64>, row: usize, around: impl Iterator<Ite
     around.map(place).collect()
 }
 
-/// Moves the path in rows from `row` on by a period.
+/// Advances the path in rows from `row` on by a period.
 #[inline(always)]
 pub fn path_advance<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize) {
     let one = L::c(1.0);
@@ -121,7 +133,7 @@ pub fn path_advance<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: u
     memory.set(row + PROGRESS, progress.min(one));
 }
 
-/// Phase, and what it grows by in a period at that time.
+/// Phase, and its growth per period at that time.
 #[inline(always)]
 fn phase<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, ahead: L) -> (L, L) {
     let [phase, reach, progress, rate] = memory.get_all(row + PHASE);
@@ -175,12 +187,12 @@ fn coordinates<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, pha
     (x, slope)
 }
 
-/// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the greatest amplitude of turns
-/// out of the horizontal, rad, `period` the control period, s.
+/// Draws the numbers of a path that starts at rest at `start`; `up` is the vertical, `tilt` the greatest amplitude of
+/// rotation out of the horizontal, rad, `period` the control period, s.
 ///
-/// It goes at 50 to 100 % of the greatest speed where it is fastest, and turns by at most [`TURN_SPEED`].
+/// Its greatest speed is 50 to 100 % of that of the range, its angular speed at most [`TURN_SPEED`].
 pub(super) fn draw_path(
-    options: &TaskOptions,
+    range: &PathRange,
     start: &Pose,
     up: &Vector3<f64>,
     tilt: f64,
@@ -188,7 +200,7 @@ pub(super) fn draw_path(
     draw: &Stream,
 ) -> [f64; PATH] {
     let kinds = [PathKind::Point, PathKind::Line, PathKind::Circle, PathKind::FigureEight, PathKind::Spline];
-    let kind = match options.reference {
+    let kind = match range.kind {
         PathKind::Mixed => kinds[(draw.uniform(0) * kinds.len() as f64) as usize],
         kind => kind,
     };
@@ -197,16 +209,15 @@ pub(super) fn draw_path(
     numbers[BASE..SHIFT].copy_from_slice(rotation.as_slice());
     numbers[RATE] = period / RAMP;
 
-    let size = options.reference_size * draw.uniform_in(1, 0.5, 1.0);
+    let size = range.size * draw.uniform_in(1, 0.5, 1.0);
     let along = draw.unit_vector(2);
     let other = draw.unit_vector(3);
     let across = along.cross(&other).try_normalize(1e-9).unwrap_or_else(|| along.cross(up));
     // About the vertical, and less out of it.
-    let greatest = tilt.min(TILT * options.reference_turn);
+    let greatest = tilt.min(TILT * range.rotation);
     let turn = |at: u32| {
         let axis = draw.unit_vector(at);
-        (axis - up * axis.dot(up)) * greatest
-            + up * draw.uniform_in(at + 1, -options.reference_turn, options.reference_turn)
+        (axis - up * axis.dot(up)) * greatest + up * draw.uniform_in(at + 1, -range.rotation, range.rotation)
     };
     let six = |x: Vector3<f64>, w: Vector3<f64>| Vector6::new(x.x, x.y, x.z, w.x, w.y, w.z);
     let zero = Vector3::zeros();
@@ -238,7 +249,7 @@ pub(super) fn draw_path(
         fastest = fastest.max(slope.fixed_rows::<3>(0).norm());
         turning = turning.max(slope.fixed_rows::<3>(3).norm());
     }
-    let speed = options.reference_speed * draw.uniform_in(40, 0.5, 1.0);
+    let speed = range.speed * draw.uniform_in(40, 0.5, 1.0);
     let pace = (speed / fastest).min(TURN_SPEED / turning);
     numbers[REACH] = if pace.is_finite() { pace * RAMP } else { 0.0 };
     let phase = draw.uniform_in(41, -PI, PI);
@@ -258,8 +269,8 @@ mod tests {
     const KINDS: [PathKind; 6] =
         [PathKind::Point, PathKind::Line, PathKind::Circle, PathKind::FigureEight, PathKind::Spline, PathKind::Mixed];
 
-    fn options(reference: PathKind) -> TaskOptions {
-        TaskOptions { reference, ..TaskOptions::default() }
+    fn range(kind: PathKind) -> PathRange {
+        PathRange { kind, size: 0.4, speed: 0.2, rotation: 0.4 }
     }
 
     fn start() -> Pose {
@@ -269,7 +280,7 @@ mod tests {
 
     fn drawn(reference: PathKind, seed: u64, period: f64) -> [f64; PATH] {
         let stream = Stream::new(EpisodeKey { seed, episode: 0 }, Purpose::Reference);
-        draw_path(&options(reference), &start(), &Vector3::z(), 1.0, period, &stream)
+        draw_path(&range(reference), &start(), &Vector3::z(), 1.0, period, &stream)
     }
 
     fn at(path: &[f64; PATH], ahead: f64) -> PathPoint<f64> {
@@ -314,9 +325,9 @@ mod tests {
     #[test]
     fn paths_stay_within_their_size_and_speed_and_all_but_points_move() {
         for (kind, seed) in KINDS.into_iter().flat_map(|kind| (0..20).map(move |seed| (kind, seed))) {
-            let (path, options) = (drawn(kind, seed, 1.0), options(kind));
+            let (path, range) = (drawn(kind, seed, 1.0), range(kind));
             // Of two points of a spline within the convex hull of its control points.
-            let distance = 2.0 * KNOT_RADIUS * options.reference_size;
+            let distance = 2.0 * KNOT_RADIUS * range.size;
             let (mut fastest, mut before) = (0.0f64, at(&path, 0.0));
             for k in 0..800 {
                 let point = at(&path, 0.05 * f64::from(k));
@@ -327,9 +338,9 @@ mod tests {
                 assert!(vector(point.velocity - before.velocity).norm() < 0.025, "{kind:?} {seed} {k}");
                 before = point;
             }
-            assert!(fastest <= options.reference_speed * 1.001, "{kind:?} {seed}: {fastest}");
+            assert!(fastest <= range.speed * 1.001, "{kind:?} {seed}: {fastest}");
             if !matches!(kind, PathKind::Point | PathKind::Mixed) {
-                assert!(fastest > 0.15 * options.reference_speed, "{kind:?} {seed}: {fastest}");
+                assert!(fastest > 0.15 * range.speed, "{kind:?} {seed}: {fastest}");
             }
         }
     }

@@ -1,4 +1,4 @@
-//! Poses of rigid frames in the world, and how far apart they are.
+//! Poses of rigid frames in the world, and their errors.
 
 use nalgebra as na;
 
@@ -27,6 +27,11 @@ impl Pose {
         Self { position: state.position, rotation: state.rotation }
     }
 
+    /// Rotation by a vector, rad, at the origin.
+    pub fn turn(vector: na::Vector3<f64>) -> Self {
+        Self { rotation: na::Rotation3::from_scaled_axis(vector).into_inner(), ..Self::default() }
+    }
+
     /// The same for the kernel.
     pub fn in_lanes(&self) -> lie::Pose<f64> {
         let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| self.rotation[(i, k)]));
@@ -34,7 +39,7 @@ impl Pose {
     }
 }
 
-/// Error of a pose with respect to a target pose: what has to shrink to zero.
+/// Error of a pose with respect to a target pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseError<L> {
     /// `R^T (r - r_d)`, body axes, m.
@@ -48,7 +53,7 @@ pub struct PoseError<L> {
 }
 
 impl<L: Lane> PoseError<L> {
-    /// Of `pose` from `target`.
+    /// Error of `pose` from `target`.
     #[inline(always)]
     pub fn of(pose: &lie::Pose<L>, target: &lie::Pose<L>) -> Self {
         let turn = target.rotation.transposed().times(&pose.rotation);

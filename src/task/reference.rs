@@ -1,10 +1,11 @@
-//! Seeded smooth joint references.
+//! Seeded smooth joint references, and their rows in an episode's memory.
 
 use std::f64::consts::TAU;
 
 use super::random::Stream;
 use crate::description::{Joint, JointKind};
-use crate::lane::{Lane, sin_cos};
+use crate::lane::{Lane, Real, Rows, sin_cos};
+use crate::system::JOINTS;
 
 /// Time over which a reference leaves rest, s.
 const RAMP: f64 = 3.0;
@@ -16,7 +17,7 @@ const FREQUENCIES: [[f64; 2]; 2] = [[0.05, 0.1], [0.1, 0.2]];
 const SHARES: [f64; 2] = [0.7, 0.3];
 /// A swinging reference stays this share of the joint's travel away from either limit.
 const MARGIN: f64 = 0.05;
-/// A prismatic joint travels this many metres where a revolute one turns one radian.
+/// Travel of a prismatic joint where a revolute one turns one radian, m.
 pub const METRES_PER_RADIAN: f64 = 0.25;
 /// Draws that one joint takes.
 const DRAWS: u32 = 5;
@@ -30,11 +31,11 @@ pub struct ReferencePoint<L = f64> {
     pub rate: L,
 }
 
-/// Reference of one joint, told from the current control instant on:
+/// Reference of one joint from the current control instant on:
 /// `q_d = q_0 + s(x) (c - q_0 + sum_k a_k sin(phi_k))`, where x and the phases grow steadily from period to period.
 ///
 /// The ramp s goes from 0 to 1 with zero slope and curvature at its ends, so the reference starts at rest; as s <= 1, it
-/// stays between `q_0` and `c -+ (a_1 + a_2)`. All of it is slowed down where the joint's greatest speed asks for that.
+/// stays between `q_0` and `c -+ (a_1 + a_2)`. It is slowed down where it would exceed the joint's greatest speed.
 /// Phases are kept within a turn, so that no length of an episode blurs them, even in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointReference<L = f64> {
@@ -42,9 +43,9 @@ pub struct JointReference<L = f64> {
     phase: [L; 2],
     /// x, at most 1.
     progress: L,
-    /// What the phases grow by in a period, rad.
+    /// Growth of the phases per period, rad.
     pace: [L; 2],
-    /// What x grows by in a period.
+    /// Growth of x per period.
     ramp: L,
     /// q_0.
     start: L,
@@ -126,13 +127,13 @@ impl<L: Lane> JointReference<L> {
         [p, r, x, v, w, self.ramp, self.start, self.shift, a, b]
     }
 
-    /// The first of them: those that a period changes.
+    /// The leading numbers, which change from period to period.
     #[inline(always)]
     pub fn moving(&self) -> [L; 3] {
         [self.phase[0], self.phase[1], self.progress]
     }
 
-    /// Where it is `ahead` periods from now, of which `frequency` make a second.
+    /// Point `ahead` periods from now; `frequency` is the number of periods per second.
     #[inline(always)]
     pub fn point(&self, ahead: L, frequency: L) -> ReferencePoint<L> {
         let one = L::c(1.0);
@@ -151,7 +152,7 @@ impl<L: Lane> JointReference<L> {
         ReferencePoint { value: s.mul_add(swing, self.start), rate: rate * frequency }
     }
 
-    /// A period passes.
+    /// Advances by one period.
     #[inline(always)]
     pub fn advance(&mut self) {
         self.progress = (self.progress + self.ramp).min(L::c(1.0));
@@ -160,6 +161,108 @@ impl<L: Lane> JointReference<L> {
             self.phase[k] = (phase * L::c(1.0 / TAU)).round().neg_mul_add(L::c(TAU), phase);
         }
     }
+}
+
+/// Rows of the references of joints that follow one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct JointReferenceRows {
+    /// Number of joints.
+    pub joints: usize,
+    /// References, [`JointReference::LEN`] per joint.
+    pub reference: usize,
+    /// Value and rate of each at the current control instant.
+    pub now: usize,
+    /// Value and rate of each at the next control instant.
+    pub next: usize,
+}
+
+impl JointReferenceRows {
+    /// Allocates rows for `joints` joints by `take`, which gives the first of so many rows.
+    pub fn new(joints: usize, mut take: impl FnMut(usize) -> usize) -> Self {
+        Self {
+            joints,
+            reference: take(JointReference::<f64>::LEN * joints),
+            now: take(2 * joints),
+            next: take(2 * joints),
+        }
+    }
+
+    /// Draws the references of `joints` from `q` on, with factors on amplitude (rad) and speed: see
+    /// [`JointReference::draw`].
+    pub fn draw(
+        &self,
+        memory: &mut Rows<'_, f64>,
+        joints: &[Joint],
+        q: &[f64],
+        range: [f64; 2],
+        period: f64,
+        stream: &Stream,
+    ) {
+        for (i, joint) in joints.iter().enumerate() {
+            let reference = JointReference::draw(joint, q[i], range, period, stream, i as u32);
+            memory.set_all(self.reference + JointReference::<f64>::LEN * i, &reference.to_array());
+        }
+    }
+
+    /// Sets the points of the first control instants from the references; `frequency` is one over the control period.
+    #[inline(always)]
+    pub fn begin<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, frequency: L) {
+        for i in 0..self.joints {
+            let reference: JointReference<L> = self.reference(memory, i);
+            for (row, ahead) in [(self.now, 0.0), (self.next, 1.0)] {
+                let point = reference.point(L::c(ahead), frequency);
+                set_point(memory, row, i, &point);
+            }
+        }
+    }
+
+    /// Moves the references to the next control instant.
+    #[inline(always)]
+    pub fn advance<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, frequency: L) {
+        for i in 0..self.joints {
+            let mut reference: JointReference<L> = self.reference(memory, i);
+            reference.advance();
+            let now = point::<T, L>(memory, self.next, i);
+            set_point(memory, self.now, i, &now);
+            set_point(memory, self.next, i, &reference.point(L::c(1.0), frequency));
+            memory.set_all(self.reference + JointReference::<L>::LEN * i, &reference.moving());
+        }
+    }
+
+    /// Servo targets over the coming control period, per joint: see [`hermite`].
+    #[inline(always)]
+    pub fn targets<T: Real, L: Lane<Real = T>>(
+        &self,
+        memory: &Rows<'_, T>,
+        frequency: L,
+        targets: &mut [[L; 4]; JOINTS],
+    ) {
+        for i in 0..self.joints {
+            let (now, next) = (point(memory, self.now, i), point(memory, self.next, i));
+            targets[i] = hermite(&now, &next, frequency);
+        }
+    }
+
+    #[inline(always)]
+    fn reference<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, joint: usize) -> JointReference<L> {
+        JointReference::from_array(memory.get_all(self.reference + JointReference::<L>::LEN * joint))
+    }
+}
+
+#[inline(always)]
+fn point<T: Real, L: Lane<Real = T>>(memory: &Rows<'_, T>, row: usize, joint: usize) -> ReferencePoint<L> {
+    let [value, rate] = memory.get_all(row + 2 * joint);
+    ReferencePoint { value, rate }
+}
+
+#[inline(always)]
+fn set_point<T: Real, L: Lane<Real = T>>(
+    memory: &mut Rows<'_, T>,
+    row: usize,
+    joint: usize,
+    point: &ReferencePoint<L>,
+) {
+    memory.set_all(row + 2 * joint, &[point.value, point.rate]);
 }
 
 /// The cubic `c0 + c1 t + c2 t^2 + c3 t^3` in the time t that meets both points, a period apart, in value and rate;

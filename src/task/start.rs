@@ -1,16 +1,15 @@
 //! How episodes start.
 
-use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
 
-use super::disturbance::{Column, Disturbance};
+use super::bounds::violation;
+use super::disturbance::{Column, Disturbance, DisturbanceKernel};
 use super::episode::Episode;
 use super::observation::joint_bounds;
-use super::options::{Goal, StartOverride};
-use super::path::{PATH, draw_path};
+use super::options::StartOverride;
 use super::pose::Pose;
 use super::random::{EpisodeKey, Purpose, Stream};
-use super::reference::JointReference;
-use super::stance::Stance;
+use super::stage_state::StageState;
 use super::task::Task;
 use crate::error::{ControlError, TaskError};
 use crate::system::{Factors, State};
@@ -27,7 +26,7 @@ impl Task {
     /// `TaskError` for a joint array of the wrong length, a number that is not finite, a quaternion of length zero, and
     /// a start that would count as diverged.
     pub fn begin_with(&self, key: EpisodeKey, given: &StartOverride) -> Result<(Episode, State), TaskError> {
-        let n = self.joints.len();
+        let n = self.joint_count();
         for (what, values) in [("q", &given.q), ("qd", &given.qd)] {
             if let Some(values) = values.as_ref().filter(|v| v.len() != n) {
                 return Err(ControlError::Shape { what, got: values.len(), expected: n }.into());
@@ -48,7 +47,7 @@ impl Task {
                 return Err(TaskError::Start { name, value: *value, allowed: "finite".into() });
             }
         }
-        for ((q, home), bound) in given.q.iter().flatten().zip(self.home()).zip(joint_bounds(self.layout())) {
+        for ((q, home), bound) in given.q.iter().flatten().zip(&self.model().home).zip(joint_bounds(self.layout())) {
             if (q - home).abs() > bound {
                 let allowed = format!("within {bound} of home ({home}), beyond which it is not observed");
                 return Err(TaskError::Start { name: "q", value: *q, allowed });
@@ -61,11 +60,12 @@ impl Task {
             }
         }
         if let Some(disturbance) = &given.disturbance {
-            disturbance.check(self.site())?;
-            self.disturbance().check_room(disturbance, self.site().period)?;
+            disturbance.check(&self.model().context)?;
+            self.disturbance().check_room(disturbance, self.options().control_period())?;
         }
         let (episode, state) = self.start(key, given);
-        match self.violation(&episode.target(), &state) {
+        let frame = self.kernel().frame(self.model(), &state);
+        match violation(&frame, &episode.target(), &state, n) {
             Some((name, value, bound)) => {
                 Err(TaskError::Start { name, value, allowed: format!("below {bound}, where a run has diverged") })
             }
@@ -74,9 +74,9 @@ impl Task {
     }
 
     fn start(&self, key: EpisodeKey, given: &StartOverride) -> (Episode, State) {
-        let options = &self.options;
-        let turn = |vector: Vector3<f64>| Rotation3::from_scaled_axis(vector).into_inner();
-        let [_, _, up] = self.level;
+        let options = self.options();
+        let model = self.model();
+        let [_, _, up] = model.level;
         let disturbance = given.disturbance.as_ref().unwrap_or(self.disturbance());
         let arm = disturbance.arm.unwrap_or_default();
 
@@ -85,75 +85,50 @@ impl Task {
             position: given
                 .target_position
                 .map_or_else(|| draw.unit_vector(0) * (options.target_distance * draw.uniform(1)), Vector3::from),
-            rotation: given
-                .target_attitude
-                .map_or_else(|| turn(up * draw.uniform_in(2, -options.target_turn, options.target_turn)), rotation),
+            rotation: given.target_attitude.map_or_else(
+                || Pose::turn(up * draw.uniform_in(2, -options.target_turn, options.target_turn)).rotation,
+                rotation,
+            ),
         };
 
         let draw = Stream::new(key, Purpose::Current);
         let current = given.current.map(Vector3::from).unwrap_or_else(|| {
-            let (own, steady) = (self.scene.water.current, disturbance.current.as_ref());
-            steady.map_or(own, |steady| own + steady.draw(&draw, self.site()))
+            let (own, steady) = (model.scene.water.current, disturbance.current.as_ref());
+            steady.map_or(own, |steady| own + steady.draw(&draw, &model.context))
         });
 
-        let draw = Stream::new(key, Purpose::Start);
-        let position = given.position.map_or_else(
-            || target.position + draw.unit_vector(0) * (options.start_distance * draw.uniform(1)),
-            Vector3::from,
-        );
-        let attitude = given.attitude.map_or_else(
-            || target.rotation * turn(draw.unit_vector(2) * (options.start_angle * draw.uniform(3))),
-            rotation,
-        );
+        let drawn = self.kernel().start_pose(model, &target, &Stream::new(key, Purpose::Start));
+        let position = given.position.map_or(drawn.position, Vector3::from);
+        let attitude = given.attitude.map_or(drawn.rotation, rotation);
         let twist = given.twist.map_or_else(Vector6::zeros, Vector6::from);
-        let mut state = State { position, rotation: attitude, twist, q: *self.home(), ..State::default() };
+        let mut state = State { position, rotation: attitude, twist, q: model.home, ..State::default() };
         state.q.iter_mut().zip(given.q.iter().flatten()).for_each(|(q, x)| *q = *x);
         state.qd.iter_mut().zip(given.qd.iter().flatten()).for_each(|(qd, x)| *qd = *x);
 
-        let draw = Stream::new(key, Purpose::Reference);
-        let mut episode = Episode::blank(key, *self.kernel().rows());
+        let kernel = self.kernel();
+        let mut episode = Episode::blank(key, *kernel.rows());
         episode.set_target(&target);
-        let (rows, period) = (episode.rows, options.control_period());
+        let current_row = episode.rows.current;
         let mut memory = episode.memory();
-        memory.set_all::<f64, 3>(rows.current, &current.into());
-        if options.task == Goal::Track {
-            let start = self.end_effector(&target, self.home());
-            let path = draw_path(options, &start, &up, self.tilt, period, &draw);
-            memory.set_all::<f64, PATH>(rows.path, &path);
+        memory.set_all::<f64, 3>(current_row, &current.into());
+        kernel.sample(model, key, (&target, &state), [arm.amplitude, arm.speed], &mut memory);
+        if let Some(kernel) = kernel.disturbance() {
+            kernel.begin(&mut Column::of_one(&mut episode.numbers), key, &current, disturbance);
         }
-        let following = if options.task == Goal::Track { 0 } else { self.joints.len() };
-        for (i, joint) in self.joints.iter().take(following).enumerate() {
-            let amplitude = options.arm_amplitude * arm.amplitude;
-            let reference = JointReference::draw(joint, state.q[i], [amplitude, arm.speed], period, &draw, i as u32);
-            memory.set_all(rows.reference + JointReference::<f64>::LEN * i, &reference.to_array());
+        kernel.begin(&mut episode.memory());
+        kernel.measure_start(&mut episode.memory(), &StageState::from(&state));
+        if let Some(sensors) = kernel.disturbance().and_then(DisturbanceKernel::sensors) {
+            sensors.fill(&mut Column::of_one(&mut episode.numbers));
         }
-        self.kernel().aim::<f64>(&mut memory);
-        self.unleash(&mut episode, &state, &current, disturbance);
         (episode, state)
     }
 
-    /// Draws what disturbs the episode, and measures its start.
-    fn unleash(&self, episode: &mut Episode, state: &State, current: &Vector3<f64>, disturbance: &Disturbance) {
-        let (kernel, key) = (self.kernel(), episode.key());
-        let Some(weather) = kernel.weather() else { return };
-        weather.begin(&mut Column::of_one(&mut episode.numbers), key, current, disturbance);
-        let stance = Stance::from(state);
-        let mut memory = episode.memory();
-        let forcing = weather.force(&memory, &stance.pose, &stance.twist);
-        kernel.show(weather, &mut memory, &forcing);
-        let error = kernel.error(&memory, &stance);
-        kernel.measure(&mut memory, &stance, &error, true);
-        if let Some(sensors) = weather.sensors() {
-            sensors.fill(&mut Column::of_one(&mut episode.numbers));
-        }
-    }
-
-    /// Factors on the scene's parameters in an episode that starts like this; `None` where they are always 1.
+    /// Factors on the scene's parameters in an episode with this start; `None` where they are always 1.
     pub fn factors(&self, key: EpisodeKey, given: &StartOverride) -> Option<Factors<f64>> {
         let own = self.disturbance();
         let disturbance = match &given.disturbance {
-            // Whose parameters were asked for apart stays with these.
-            Some(given) if self.options.randomize.is_some() => {
+            // Parameters of the option `randomize` stay.
+            Some(given) if self.options().randomize.is_some() => {
                 &Disturbance { parameters: own.parameters.clone(), ..given.clone() }
             }
             Some(given) => given,

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
-use super::site::Site;
+use super::context::DisturbanceContext;
 use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
@@ -45,10 +45,10 @@ impl SteadyCurrent {
     }
 
     /// Its velocity in world axes, m/s.
-    pub(in crate::task) fn draw(&self, draw: &Stream, site: &Site) -> Vector3<f64> {
+    pub(in crate::task) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> Vector3<f64> {
         let azimuth = draw.uniform_in(0, 0.0, std::f64::consts::TAU);
         let elevation = draw.uniform_in(1, -self.elevation, self.elevation);
-        let [forward, left, up] = site.level;
+        let [forward, left, up] = context.level;
         let level = forward * azimuth.cos() + left * azimuth.sin();
         (level * elevation.cos() + up * elevation.sin()) * draw.uniform_in(2, self.speed.low, self.speed.high)
     }
@@ -83,11 +83,11 @@ impl Drift {
         check("drift.vertical", self.vertical, 0.0, 10.0)
     }
 
-    pub(super) fn draw(&self, draw: &Stream, site: &Site) -> [f64; Self::ROWS] {
+    pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> [f64; Self::ROWS] {
         let (deviation, time) = (self.deviation.at(draw.uniform(0)), self.time.at(draw.uniform(1)));
-        let keep = (-site.period / time).exp();
+        let keep = (-context.period / time).exp();
         // 1 - keep^2, without loss.
-        let kick = deviation * (-(-2.0 * site.period / time).exp_m1()).sqrt();
+        let kick = deviation * (-(-2.0 * context.period / time).exp_m1()).sqrt();
         let at = |axis: u32, deviation: f64| deviation * draw.normal(2 + axis);
         let vertical = self.vertical;
         [at(0, deviation), at(1, deviation), at(2, vertical * deviation), keep, kick, vertical * kick]
@@ -152,38 +152,50 @@ impl Gust {
         check("gust.elevation", self.elevation, 0.0, STEEPEST)
     }
 
-    pub(super) fn begin<T: Real>(&self, memory: &mut Column<'_, T>, row: usize, draw: &Stream, site: &Site) {
-        let in_periods = |span: Span| [span.low / site.period, span.high / site.period];
+    pub(super) fn begin<T: Real>(
+        &self,
+        memory: &mut Column<'_, T>,
+        row: usize,
+        draw: &Stream,
+        context: &DisturbanceContext,
+    ) {
+        let in_periods = |span: Span| [span.low / context.period, span.high / context.period];
         let [least, longest] = in_periods(self.duration);
         let [soon, late] = in_periods(self.pause);
         // At least a period: what is shorter is a step.
-        let rise = 1.0 / (self.rise / site.period).max(1.0);
+        let rise = 1.0 / (self.rise / context.period).max(1.0);
         memory.set(row + 2, rise);
         memory.set(row + 6, f64::from(u8::from(self.turns)));
         memory.set(row + 7, 0.0);
         let Span { low, high } = self.speed;
         memory.set_all(row + 8, [low, high, least, longest, soon, late, self.elevation]);
-        Self::draw(memory, row, 0.0, draw, site);
+        Self::draw(memory, row, 0.0, draw, context);
     }
 
     /// Draws the next gust, which comes after the time `now`.
-    fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream, site: &Site) {
+    fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream, context: &DisturbanceContext) {
         let [count, low, high, least, longest, soon, late, elevation] = memory.get_all(row + 7);
         let uniform = |k| draw.uniform((8.0 * count) as u32 + k);
         let start = now + Span::of(soon, late).at(uniform(0));
         let end = start + Span::of(least, longest).at(uniform(1));
         let speed = Span::of(low, high).at(uniform(2));
-        let velocity = site.direction([uniform(3), uniform(4)], elevation) * speed;
+        let velocity = context.direction([uniform(3), uniform(4)], elevation) * speed;
         memory.set_all(row, [start, end]);
         memory.set_all(row + 3, velocity.iter().copied());
         memory.set(row + 7, count + 1.0);
     }
 
     /// Draws the next gust where the last one is over.
-    pub(super) fn renew<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream, site: &Site) {
+    pub(super) fn renew<T: Real>(
+        memory: &mut Column<'_, T>,
+        row: usize,
+        now: f64,
+        draw: &Stream,
+        context: &DisturbanceContext,
+    ) {
         let over = memory.get(row + 1) + 1.0 / memory.get(row + 2);
         if now >= over {
-            Self::draw(memory, row, now, draw, site);
+            Self::draw(memory, row, now, draw, context);
         }
     }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
-use super::site::Site;
+use super::context::DisturbanceContext;
 use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
@@ -56,13 +56,19 @@ impl Impulse {
         check("impulse.reach", self.reach, 0.0, 10.0)
     }
 
-    pub(super) fn begin<T: Real>(&self, memory: &mut Column<'_, T>, row: usize, draw: &Stream, site: &Site) {
-        let Span { low, high } = self.force.unwrap_or(self.share.times(site.thrust));
-        let in_periods = |span: Span| [span.low / site.period, span.high / site.period];
+    pub(super) fn begin<T: Real>(
+        &self,
+        memory: &mut Column<'_, T>,
+        row: usize,
+        draw: &Stream,
+        context: &DisturbanceContext,
+    ) {
+        let Span { low, high } = self.force.unwrap_or(self.share.times(context.thrust));
+        let in_periods = |span: Span| [span.low / context.period, span.high / context.period];
         let [least, longest] = in_periods(self.duration);
         let [soon, late] = in_periods(self.pause);
         memory.set(row + 8, 0.0);
-        memory.set_all(row + 9, [low, high, least, longest, soon, late, self.reach * site.lever]);
+        memory.set_all(row + 9, [low, high, least, longest, soon, late, self.reach * context.lever]);
         Self::draw(memory, row, 0.0, draw);
     }
 

@@ -1,8 +1,8 @@
 //! Disturbances by name.
 
 use super::{
-    ArmMotion, Delay, Disturbance, Drift, Gust, Impulse, Noise, Parameters, PayloadEvent, Span, SteadyCurrent,
-    ThrusterLoss, Waves,
+    ArmMotion, Delay, Disturbance, Drift, Gust, Impulse, Noise, Parameters, Payload, Span, SteadyCurrent, ThrusterLoss,
+    Waves,
 };
 
 /// A named disturbance.
@@ -121,7 +121,7 @@ fn waves_hard() -> Disturbance {
 }
 
 fn payload(by: f64) -> Disturbance {
-    let payload = PayloadEvent { share: Span::of(0.03, 0.1).times(by), ..PayloadEvent::default() };
+    let payload = Payload { share: Span::of(0.03, 0.1).times(by), ..Payload::default() };
     Disturbance { current: steady(0.0, 0.2 * by), payload: Some(payload), ..Disturbance::default() }
 }
 
@@ -149,7 +149,7 @@ fn storm(by: f64) -> Disturbance {
         gust: Some(Gust { speed: Span::of(0.1, 0.25).times(by), ..Gust::default() }),
         waves: Some(Waves { height: Span::of(0.1, 0.4).times(by), ..Waves::default() }),
         impulse: Some(Impulse { share: Span::of(0.3, 1.0).times(by), ..Impulse::default() }),
-        payload: Some(PayloadEvent { share: Span::of(0.02, 0.08).times(by), ..PayloadEvent::default() }),
+        payload: Some(Payload { share: Span::of(0.02, 0.08).times(by), ..Payload::default() }),
         thrusters: Some(ThrusterLoss { gain: Span::of(0.5, 0.8).times(1.0 / by), ..ThrusterLoss::default() }),
         arm: Some(ArmMotion { amplitude: by, speed: 1.5 * by }),
         noise: Some(Noise::default()),

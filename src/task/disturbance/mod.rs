@@ -6,8 +6,11 @@
 
 mod arm;
 mod column;
+mod context;
 mod current;
+mod draws;
 mod impulse;
+mod kernel;
 mod levels;
 mod parameters;
 mod payload;
@@ -16,14 +19,12 @@ mod read;
 mod rows;
 mod script;
 mod sensors;
-mod site;
 mod span;
 #[cfg(test)]
 mod tests;
 mod tether;
 mod thrusters;
 mod waves;
-mod weather;
 
 use serde::{Deserialize, Serialize};
 
@@ -33,21 +34,21 @@ use crate::error::TaskError;
 use crate::system::Factors;
 pub use arm::ArmMotion;
 pub use column::Column;
+pub use context::DisturbanceContext;
 pub use current::{Drift, Gust, SteadyCurrent};
 pub use impulse::Impulse;
+pub use kernel::{DisturbanceKernel, Forcing};
 pub use levels::{LEVELS, Level};
 pub use parameters::Parameters;
-pub use payload::{Handling, PayloadEvent, seize};
+pub use payload::{Payload, PayloadEvent};
 pub use profile::Profile;
 pub use rows::DisturbanceRows;
 pub use script::Script;
 pub use sensors::{Delay, MEASURED, Noise, SensorRows};
-pub use site::Site;
 pub use span::Span;
 pub use tether::Tether;
 pub use thrusters::ThrusterLoss;
 pub use waves::Waves;
-pub use weather::{Forcing, Weather};
 
 /// Components of a disturbance; those that are absent do nothing and cost nothing.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -73,7 +74,7 @@ pub struct Disturbance {
     pub tether: Option<Tether>,
     /// Payload.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub payload: Option<PayloadEvent>,
+    pub payload: Option<Payload>,
     /// Thrusters that weaken or fail.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thrusters: Option<ThrusterLoss>,
@@ -100,22 +101,22 @@ impl Disturbance {
         Self { current: Some(SteadyCurrent::up_to(speed)), ..Self::default() }
     }
 
-    /// Refuses numbers that are out of range, and what the site cannot have.
-    pub(super) fn check(&self, site: &Site) -> Result<(), TaskError> {
+    /// Refuses numbers that are out of range, and what the context cannot have.
+    pub(super) fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
         self.current.iter().try_for_each(SteadyCurrent::check)?;
         self.drift.iter().try_for_each(Drift::check)?;
         self.gust.iter().try_for_each(Gust::check)?;
         self.waves.iter().try_for_each(Waves::check)?;
         self.impulse.iter().try_for_each(Impulse::check)?;
         self.tether.iter().try_for_each(Tether::check)?;
-        self.payload.iter().try_for_each(PayloadEvent::check)?;
-        self.thrusters.iter().try_for_each(|thrusters| thrusters.check(site))?;
+        self.payload.iter().try_for_each(Payload::check)?;
+        self.thrusters.iter().try_for_each(|thrusters| thrusters.check(context))?;
         self.arm.iter().try_for_each(ArmMotion::check)?;
         self.noise.iter().try_for_each(Noise::check)?;
-        self.delay.iter().try_for_each(|delay| delay.check(site.period))?;
+        self.delay.iter().try_for_each(|delay| delay.check(context.period))?;
         self.parameters.iter().try_for_each(Parameters::check)?;
         self.script.iter().try_for_each(Script::check)?;
-        let weightless = site.gravity == 0.0;
+        let weightless = context.gravity == 0.0;
         if weightless && self.waves.is_some() {
             return span::refuse("waves", "the scene has no gravity, without which there are none".into());
         }
@@ -126,8 +127,8 @@ impl Disturbance {
     }
 
     /// Where its numbers lie, from row `start` on; `None` if there is nothing that changes within an episode.
-    pub(super) fn rows(&self, site: &Site, start: usize) -> Option<DisturbanceRows> {
-        DisturbanceRows::new(self, site, start)
+    pub(super) fn rows(&self, context: &DisturbanceContext, start: usize) -> Option<DisturbanceRows> {
+        DisturbanceRows::new(self, context, start)
     }
 
     /// Refuses another one that asks for more than what there is memory for.

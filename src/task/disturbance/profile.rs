@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 
 use super::column::Column;
-use super::payload::Handling;
-use super::weather::Weather;
+use super::kernel::DisturbanceKernel;
+use super::payload::PayloadEvent;
 use crate::lane::Rows;
 use crate::lie::{Pose, Vector6};
 use crate::task::EpisodeKey;
@@ -38,7 +38,7 @@ impl Profile {
     }
 }
 
-impl Weather<f64> {
+impl DisturbanceKernel<f64> {
     /// Of the coming `steps` control periods, the first of which is number `step`, for a vehicle that stays at rest in `pose`.
     /// `numbers` are those of the episode; they are left as they are at the end.
     pub fn profile(
@@ -53,15 +53,15 @@ impl Weather<f64> {
         let mut profile = Profile::default();
         for step in (step..).take(steps as usize) {
             let mut column = Column::of_one(numbers);
-            self.stir(&mut column, key, step);
-            match self.handling(&column, step) {
-                Some(Handling::Pick(mass)) => self.hold(&mut column, mass),
-                Some(Handling::Drop(_)) => self.hold(&mut column, 0.0),
+            self.advance(&mut column, key, step);
+            match self.payload_event(&column, step) {
+                Some(PayloadEvent::Grasp(mass)) => self.hold(&mut column, mass),
+                Some(PayloadEvent::Release(_)) => self.hold(&mut column, 0.0),
                 None => {}
             }
             let mut rows = Rows::of_one(numbers);
-            let forcing = self.force(&rows, pose, &Vector6::zero());
-            self.pass::<f64>(&mut rows);
+            let forcing = self.forcing(&rows, pose, &Vector6::zero());
+            self.end_period::<f64>(&mut rows);
             profile.velocity.push(forcing.velocity.0);
             profile.acceleration.push(forcing.acceleration.0);
             profile.wrench.push(forcing.wrench.to_array());

@@ -1,16 +1,16 @@
 //! Where the numbers of disturbances lie in an episode's memory.
 
 use super::Disturbance;
+use super::context::DisturbanceContext;
 use super::current::{Drift, Gust};
+use super::draws::QUAD;
 use super::impulse::Impulse;
-use super::payload::PayloadEvent;
+use super::payload::Payload;
 use super::script::Script;
 use super::sensors::{MEASURED_OF_VEHICLE, SensorRows};
-use super::site::Site;
 use super::tether::Tether;
 use super::thrusters::ThrusterLoss;
 use super::waves::Waves;
-use crate::lane::{Lane, ln, sin_cos};
 
 /// First row of each component that there is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,8 +19,8 @@ pub struct DisturbanceRows {
     pub clock: usize,
     /// Steady current in world axes, 3.
     pub steady: usize,
-    /// For [`super::Forcing::shown`].
-    pub shown: usize,
+    /// For [`super::Forcing::summary`].
+    pub summary: usize,
     pub(super) drift: Option<[usize; 2]>,
     pub(super) gust: Option<usize>,
     /// And trains.
@@ -37,30 +37,27 @@ pub struct DisturbanceRows {
     pub end: usize,
 }
 
-/// Uniform numbers of a draw.
-pub(super) const QUAD: usize = 4;
-
 impl DisturbanceRows {
     /// From row `start` on; `None` if there is nothing that changes within an episode.
-    pub(super) fn new(disturbance: &Disturbance, site: &Site, start: usize) -> Option<Self> {
+    pub(super) fn new(disturbance: &Disturbance, context: &DisturbanceContext, start: usize) -> Option<Self> {
         let mut end = start;
         let mut take = |count: usize| {
             end += count;
             end - count
         };
-        let measured = MEASURED_OF_VEHICLE + 2 * site.joints + if site.tilt { 3 } else { 0 };
-        let periods = disturbance.delay.as_ref().map_or(0, |delay| delay.in_periods(site.period));
+        let measured = MEASURED_OF_VEHICLE + 2 * context.joints + if context.tilt { 3 } else { 0 };
+        let periods = disturbance.delay.as_ref().map_or(0, |delay| delay.in_periods(context.period));
         let mut rows = Self {
             clock: take(1),
             steady: take(3),
-            shown: take(3),
+            summary: take(3),
             drift: disturbance.drift.as_ref().map(|_| [take(Drift::ROWS), take(QUAD)]),
             gust: disturbance.gust.as_ref().map(|_| take(Gust::ROWS)),
             waves: disturbance.waves.as_ref().map(|waves| [take(Waves::rows(waves.trains)), waves.trains]),
             impulse: disturbance.impulse.as_ref().map(|_| take(Impulse::ROWS)),
             tether: disturbance.tether.as_ref().map(|_| take(Tether::ROWS)),
-            payload: disturbance.payload.as_ref().map(|_| take(PayloadEvent::ROWS)),
-            thrusters: disturbance.thrusters.as_ref().map(|_| take(ThrusterLoss::COMMON + site.thrusters)),
+            payload: disturbance.payload.as_ref().map(|_| take(Payload::ROWS)),
+            thrusters: disturbance.thrusters.as_ref().map(|_| take(ThrusterLoss::COMMON + context.thrusters)),
             script: disturbance.script.as_ref().map(|script| [take(Script::rows(script.len())), script.len()]),
             sensors: (disturbance.noise.is_some() || periods > 0).then(|| SensorRows {
                 measured,
@@ -92,12 +89,4 @@ impl DisturbanceRows {
     pub(super) fn pushes(&self) -> bool {
         self.impulse.is_some() || self.tether.is_some() || self.script.is_some()
     }
-}
-
-/// Two independent normal numbers from two uniform ones in (0, 1] (Box-Muller).
-#[inline(always)]
-pub(super) fn normal_pair<L: Lane>([u, v]: [L; 2]) -> [L; 2] {
-    let radius = (ln(u) * L::c(-2.0)).max(L::zero()).sqrt();
-    let (sine, cosine) = sin_cos(v * L::c(std::f64::consts::TAU));
-    [radius * cosine, radius * sine]
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
-use super::rows::{QUAD, normal_pair};
+use super::draws::{QUAD, normal_pair};
 use super::span::{check, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
@@ -176,7 +176,7 @@ impl SensorRows {
 
     /// What is seen now: entries as [`Self::measure`] takes them, zeros past the last.
     #[inline(always)]
-    pub fn seen<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> [L; MEASURED] {
+    pub fn reading<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> [L; MEASURED] {
         let mut seen = [L::zero(); MEASURED];
         for k in 0..self.measured {
             seen[k] = memory.get(self.ring + (self.slots - 1) * self.measured + k);

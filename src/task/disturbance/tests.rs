@@ -18,11 +18,11 @@ fn scene() -> Scene {
     Scene::shipped("bluerov2-heavy-alpha5").unwrap()
 }
 
-fn site() -> Site {
+fn context() -> DisturbanceContext {
     let scene = scene();
     let allocation = Allocation::new(&scene.vehicle).unwrap();
     let level = [na::Vector3::x(), na::Vector3::y(), na::Vector3::z()];
-    Site::new(&scene, &allocation, level, PERIOD)
+    DisturbanceContext::new(&scene, &allocation, level, PERIOD)
 }
 
 fn key(seed: u64) -> EpisodeKey {
@@ -35,12 +35,12 @@ fn read(value: Value) -> Disturbance {
 
 fn refusal(value: Value) -> String {
     let read = Disturbance::from_json(&value.to_string());
-    read.and_then(|disturbance| disturbance.check(&site())).unwrap_err().to_string()
+    read.and_then(|disturbance| disturbance.check(&context())).unwrap_err().to_string()
 }
 
 /// An episode of one instance.
 struct Run {
-    weather: Weather<f64>,
+    kernel: DisturbanceKernel<f64>,
     numbers: Vec<f64>,
     key: EpisodeKey,
     step: u32,
@@ -48,47 +48,47 @@ struct Run {
 
 impl Run {
     fn new(disturbance: &Disturbance, seed: u64) -> Self {
-        let site = site();
-        disturbance.check(&site).unwrap();
-        let rows = disturbance.rows(&site, 0).unwrap();
-        let weather = Weather::new(rows, &site);
+        let context = context();
+        disturbance.check(&context).unwrap();
+        let rows = disturbance.rows(&context, 0).unwrap();
+        let kernel = DisturbanceKernel::new(rows, &context);
         let mut numbers = vec![0.0; rows.end];
         let steady = na::Vector3::zeros();
-        weather.begin(&mut Column::of_one(&mut numbers), key(seed), &steady, disturbance);
-        Self { weather, numbers, key: key(seed), step: 0 }
+        kernel.begin(&mut Column::of_one(&mut numbers), key(seed), &steady, disturbance);
+        Self { kernel, numbers, key: key(seed), step: 0 }
     }
 
-    fn stir(&mut self) {
-        self.weather.stir(&mut Column::of_one(&mut self.numbers), self.key, self.step);
+    fn advance(&mut self) {
+        self.kernel.advance(&mut Column::of_one(&mut self.numbers), self.key, self.step);
     }
 
     fn force_on(&mut self, pose: &Pose<f64>, twist: &Vector6<f64>) -> Forcing<f64> {
-        self.weather.force(&Rows::of_one(&mut self.numbers), pose, twist)
+        self.kernel.forcing(&Rows::of_one(&mut self.numbers), pose, twist)
     }
 
-    fn force(&mut self) -> Forcing<f64> {
+    fn forcing(&mut self) -> Forcing<f64> {
         self.force_on(&Pose::identity(), &Vector6::zero())
     }
 
-    fn pass(&mut self) {
-        self.weather.pass::<f64>(&mut Rows::of_one(&mut self.numbers));
+    fn end_period(&mut self) {
+        self.kernel.end_period::<f64>(&mut Rows::of_one(&mut self.numbers));
         self.step += 1;
     }
 
     /// What a period brings.
     fn next(&mut self) -> Forcing<f64> {
-        self.stir();
-        let forcing = self.force();
-        self.pass();
+        self.advance();
+        let forcing = self.forcing();
+        self.end_period();
         forcing
     }
 
     /// What is seen after the truth was measured.
     fn see(&mut self, truth: &[f64; MEASURED]) -> [f64; MEASURED] {
-        let sensors = *self.weather.sensors().unwrap();
+        let sensors = *self.kernel.sensors().unwrap();
         let mut rows = Rows::of_one(&mut self.numbers);
         sensors.measure(&mut rows, truth);
-        sensors.seen(&rows)
+        sensors.reading(&rows)
     }
 }
 
@@ -119,7 +119,7 @@ fn val_wandering_current_has_the_moments_of_its_process() {
         assert!((mean(&|k| x[k] * x[k + lag], steps - lag) - keep).abs() < 0.16, "{axis}");
     }
     // Over episodes, the first sample is as any other.
-    let first = |seed| Run::new(&disturbance, seed).force().velocity.0[0] / deviation;
+    let first = |seed| Run::new(&disturbance, seed).forcing().velocity.0[0] / deviation;
     let square = (0..2000).map(|seed| first(seed) * first(seed)).sum::<f64>() / 2000.0;
     assert!((square - 1.0).abs() < 0.16, "{square}");
 }
@@ -160,7 +160,7 @@ fn the_acceleration_of_waves_is_the_rate_of_their_velocity() {
     let here = at(0.4, -0.3, 0.7);
     for _ in 0..200 {
         let before = run.force_on(&here, &Vector6::zero());
-        run.pass();
+        run.end_period();
         let after = run.force_on(&here, &Vector6::zero());
         let rate = (after.velocity - before.velocity).scale(1.0 / PERIOD);
         // Central difference: omega^2 h^2 / 24 of it.
@@ -179,14 +179,14 @@ fn val_waves_decay_with_depth_and_travel() {
     let expected = 0.25 * frequency * f64::exp(-4.0 * k);
     for _ in 0..50 {
         assert!((speed(&mut run, 0.0) - expected).abs() < 1e-6 * expected, "{}", speed(&mut run, 0.0) / expected);
-        run.pass();
+        run.end_period();
     }
     assert!((speed(&mut run, -3.0) / expected - f64::exp(-3.0 * k)).abs() < 1e-9);
     // Above the surface as at it.
     assert_eq!(speed(&mut run, 4.0), speed(&mut run, 6.0));
     // After a time t the wave stands where it stood omega/k t before, along one horizontal direction.
-    let first = run.force().velocity;
-    (0..20).for_each(|_| run.pass());
+    let first = run.forcing().velocity;
+    (0..20).for_each(|_| run.end_period());
     let way = frequency / k * 20.0 * PERIOD;
     let found = (0..3600).map(|i| {
         let angle = std::f64::consts::TAU * f64::from(i) / 3600.0;
@@ -217,24 +217,24 @@ fn pushes_come_from_outside_at_a_point() {
     let turn = na::Rotation3::from_euler_angles(0.3, -0.5, 1.1).into_inner();
     let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| turn[(i, k)]));
     let turned = Pose { rotation: Matrix3(rows), position: Vector3::zero() };
-    let (level, tilted) = (run.force().wrench, run.force_on(&turned, &Vector6::zero()).wrench);
+    let (level, tilted) = (run.forcing().wrench, run.force_on(&turned, &Vector6::zero()).wrench);
     // The same force in the world, a moment across it.
     assert!(norm(turned.rotation.apply(tilted.linear) - level.linear) < 1e-12);
-    assert!(level.linear.dot(level.angular).abs() < 1e-9 && norm(level.angular) <= 50.0 * site().lever);
+    assert!(level.linear.dot(level.angular).abs() < 1e-9 && norm(level.angular) <= 50.0 * context().lever);
 }
 
 #[test]
 fn a_cable_pulls_towards_its_fixed_point_and_its_drag_with_the_current() {
     let taut = json!({ "height": 10, "distance": 0, "slack": 0, "weight": 0, "stiffness": 0.5, "diameter": 0 });
     let mut run = Run::new(&read(json!({ "tether": taut })), 1);
-    assert!(norm(run.force().wrench.linear) < 1e-9, "no load, and no longer than it is");
+    assert!(norm(run.forcing().wrench.linear) < 1e-9, "no load, and no longer than it is");
     let down = run.force_on(&at(0.0, 0.0, -0.4), &Vector6::zero()).wrench;
-    assert!((down.linear.0[2] - 0.4 * 0.5 * site().thrust).abs() < 1e-9 && norm(down.angular) < 1e-9);
+    assert!((down.linear.0[2] - 0.4 * 0.5 * context().thrust).abs() < 1e-9 && norm(down.angular) < 1e-9);
 
     let loose = json!({ "height": 10, "distance": 0, "slack": 0.1, "weight": 0.2, "diameter": 0.02, "attachment": [0, 0, 0.2] });
     let mut run = Run::new(&read(json!({ "tether": loose })), 1);
     // Hanging straight down, it bears itself but for half of its weight.
-    let still = run.force().wrench.linear.0;
+    let still = run.forcing().wrench.linear.0;
     assert!((still[2] + 0.5 * 0.2 * 11.0).abs() < 1e-9 && still[0].abs() < 1e-9, "{still:?}");
     // Moving sideways it drags back.
     let moving = Vector6 { linear: Vector3([0.5, 0.0, 0.0]), angular: Vector3::zero() };
@@ -245,14 +245,14 @@ fn a_cable_pulls_towards_its_fixed_point_and_its_drag_with_the_current() {
 }
 
 #[test]
-fn a_payload_is_seized_without_a_loss_of_momentum() {
+fn a_payload_is_grasped_without_a_loss_of_momentum() {
     let balance = ClosedFormModel::new(&scene()).unwrap();
     let mass = 1.5;
     let mut state = State { q: scene().home(), ..State::default() };
     state.twist = na::Vector6::new(0.2, -0.1, 0.15, 0.1, -0.2, 0.3);
     state.qd[..4].copy_from_slice(&[0.1, -0.2, 0.3, 0.2]);
     let before = state.clone();
-    seize(&balance, &mut state, mass);
+    crate::task::grasp_impulse(&balance, &mut state, mass);
     let form = balance.at(&before, na::Vector3::zeros());
     let n = form.joints();
     let all = |s: &State| na::DVector::from_iterator(6 + n, s.twist.iter().chain(&s.qd[..n]).copied());
@@ -276,18 +276,18 @@ fn a_payload_is_picked_up_once_and_dropped_once() {
     let mut run = Run::new(&read(json!({ "payload": { "mass": 2, "pick": 1.0, "hold": 0.5 } })), 1);
     let mut seen = Vec::new();
     for _ in 0..60 {
-        run.stir();
+        run.advance();
         let step = run.step;
-        let handling = run.weather.handling(&Column::of_one(&mut run.numbers), step);
+        let handling = run.kernel.payload_event(&Column::of_one(&mut run.numbers), step);
         if let Some(handling) = handling {
             seen.push((step, handling));
-            let held = if let Handling::Pick(mass) = handling { mass } else { 0.0 };
-            run.weather.hold(&mut Column::of_one(&mut run.numbers), held);
+            let held = if let PayloadEvent::Grasp(mass) = handling { mass } else { 0.0 };
+            run.kernel.hold(&mut Column::of_one(&mut run.numbers), held);
         }
-        assert_eq!(run.force().payload, if (20..30).contains(&step) { 2.0 } else { 0.0 });
-        run.pass();
+        assert_eq!(run.forcing().payload, if (20..30).contains(&step) { 2.0 } else { 0.0 });
+        run.end_period();
     }
-    assert_eq!(seen, [(20, Handling::Pick(2.0)), (30, Handling::Drop(2.0))]);
+    assert_eq!(seen, [(20, PayloadEvent::Grasp(2.0)), (30, PayloadEvent::Release(2.0))]);
 }
 
 #[test]
@@ -304,8 +304,8 @@ fn thrusters_lose_what_they_should_when_they_should() {
     let mut run = Run::new(&read(json!({ "thrusters": { "gains": given, "time": 0, "fade": 1 } })), 1);
     let series: Vec<f64> = (0..30).map(|_| run.next().gains[4]).collect();
     assert!(series.is_sorted_by(|a, b| a >= b) && series[0] > 0.9 && series[10] < 0.6 && series[20] == 0.0);
-    assert_eq!(run.force().gains[..8], given);
-    assert_eq!(run.force().shown()[2], 0.0);
+    assert_eq!(run.forcing().gains[..8], given);
+    assert_eq!(run.forcing().summary()[2], 0.0);
     let wrong = refusal(json!({ "thrusters": { "gains": [1.0] } }));
     assert!(wrong.contains("1 gains") && wrong.contains('8'), "{wrong}");
 }
@@ -313,13 +313,13 @@ fn thrusters_lose_what_they_should_when_they_should() {
 #[test]
 fn a_delay_shows_the_past_exactly() {
     let mut run = Run::new(&read(json!({ "delay": 0.15 })), 1);
-    let measured = run.weather.sensors().unwrap().measured;
+    let measured = run.kernel.sensors().unwrap().measured;
     let truth = |step: usize| std::array::from_fn(|k| if k < measured { (step * 100 + k) as f64 } else { 0.0 });
     let first = run.see(&truth(0));
     assert_eq!(first, [0.0; MEASURED]);
-    let sensors = *run.weather.sensors().unwrap();
+    let sensors = *run.kernel.sensors().unwrap();
     sensors.fill(&mut Column::of_one(&mut run.numbers));
-    let seen: [f64; MEASURED] = sensors.seen(&Rows::of_one(&mut run.numbers));
+    let seen: [f64; MEASURED] = sensors.reading(&Rows::of_one(&mut run.numbers));
     assert_eq!(seen, truth(0), "before the start it was as at the start");
     for step in 1..20 {
         assert_eq!(run.see(&truth(step)), truth(step.saturating_sub(3)));
@@ -330,13 +330,13 @@ fn a_delay_shows_the_past_exactly() {
 fn noise_has_its_deviation_and_a_bias_stays() {
     let noise = json!({ "position": 0.01, "attitude": 0.02, "joint_rate": 0.5, "bias": 2.0 });
     let mut run = Run::new(&read(json!({ "noise": noise })), 1);
-    let measured = run.weather.sensors().unwrap().measured;
+    let measured = run.kernel.sensors().unwrap().measured;
     let n = 10_000;
     let (mut sum, mut squares, mut product) = ([0.0; MEASURED], [0.0; MEASURED], 0.0);
     for _ in 0..n {
-        run.stir();
+        run.advance();
         let seen = run.see(&[1.0; MEASURED]);
-        run.pass();
+        run.end_period();
         for k in 0..measured {
             sum[k] += (seen[k] - 1.0) / n as f64;
             squares[k] += (seen[k] - 1.0) * (seen[k] - 1.0) / n as f64;
@@ -409,11 +409,11 @@ fn levels_can_be_read_written_and_held_at_every_scene() {
             }
             let allocation = Allocation::new(&scene.vehicle).unwrap();
             let level = [na::Vector3::x(), na::Vector3::y(), na::Vector3::z()];
-            disturbance.check(&Site::new(&scene, &allocation, level, PERIOD)).unwrap();
+            disturbance.check(&DisturbanceContext::new(&scene, &allocation, level, PERIOD)).unwrap();
         }
     }
-    assert!(Disturbance::named("calm").unwrap().rows(&site(), 0).is_none());
-    assert!(Disturbance::steady(0.3).rows(&site(), 0).is_none());
+    assert!(Disturbance::named("calm").unwrap().rows(&context(), 0).is_none());
+    assert!(Disturbance::steady(0.3).rows(&context(), 0).is_none());
 }
 
 #[test]
@@ -474,8 +474,8 @@ fn a_profile_tells_what_comes() {
     for _ in 0..7 {
         run.next();
     }
-    let (weather, mut numbers) = (run.weather.clone(), run.numbers.clone());
-    let profile = weather.profile(&mut numbers, run.key, run.step, 300, &Pose::identity(), 8);
+    let (kernel, mut numbers) = (run.kernel.clone(), run.numbers.clone());
+    let profile = kernel.profile(&mut numbers, run.key, run.step, 300, &Pose::identity(), 8);
     for k in 0..300 {
         let forcing = run.next();
         assert_eq!((profile.velocity[k], profile.wrench[k]), (forcing.velocity.0, forcing.wrench.to_array()));
@@ -515,8 +515,8 @@ proptest! {
     #[test]
     fn no_dict_brings_a_panic(value in any_json(), seed: u64) {
         let Ok(disturbance) = Disturbance::from_json(&value.to_string()) else { return Ok(()) };
-        let Ok(()) = disturbance.check(&site()) else { return Ok(()) };
-        if disturbance.rows(&site(), 0).is_some() {
+        let Ok(()) = disturbance.check(&context()) else { return Ok(()) };
+        if disturbance.rows(&context(), 0).is_some() {
             let mut run = Run::new(&disturbance, seed);
             for _ in 0..5 {
                 let forcing = run.next();
@@ -531,14 +531,14 @@ proptest! {
     #[test]
     fn levels_are_finite_at_any_place(seed: u64, level in 0..LEVELS.len(), x in -10.0..10.0f64, z in -10.0..10.0f64) {
         let disturbance = LEVELS[level].disturbance();
-        if disturbance.rows(&site(), 0).is_none() {
+        if disturbance.rows(&context(), 0).is_none() {
             return Ok(());
         }
         let mut run = Run::new(&disturbance, seed);
         for _ in 0..50 {
-            run.stir();
+            run.advance();
             let forcing = run.force_on(&at(x, 0.0, z), &Vector6::zero());
-            run.pass();
+            run.end_period();
             prop_assert!(forcing.wrench.to_array().iter().all(|x| x.abs() < 1e5));
             prop_assert!(norm(forcing.velocity) < 3.0 && norm(forcing.acceleration) < 10.0);
         }

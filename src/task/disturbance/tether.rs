@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::site::Site;
+use super::context::DisturbanceContext;
 use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
@@ -73,15 +73,15 @@ impl Tether {
         self.attachment.iter().try_for_each(|x| check("tether.attachment", *x, -10.0, 10.0))
     }
 
-    pub(super) fn draw(&self, draw: &Stream, site: &Site) -> [f64; Self::ROWS] {
+    pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> [f64; Self::ROWS] {
         let uniform = |k| draw.uniform(k);
-        let horizontal = site.direction([uniform(0), 0.5], 0.0) * self.distance.at(uniform(1));
-        let [x, y, z] = (horizontal + site.level[2] * self.height.at(uniform(2))).into();
+        let horizontal = context.direction([uniform(0), 0.5], 0.0) * self.distance.at(uniform(1));
+        let [x, y, z] = (horizontal + context.level[2] * self.height.at(uniform(2))).into();
         let apart = [x, y, z].iter().map(|x: &f64| x * x).sum::<f64>().sqrt();
         let length = apart.max(SHORTEST) * (1.0 + self.slack.at(uniform(3)));
-        let drag = 0.5 * site.density * self.drag * self.diameter;
+        let drag = 0.5 * context.density * self.drag * self.diameter;
         let [px, py, pz] = self.attachment;
-        [x, y, z, px, py, pz, length, drag, self.weight.at(uniform(4)), self.stiffness * site.thrust]
+        [x, y, z, px, py, pz, length, drag, self.weight.at(uniform(4)), self.stiffness * context.thrust]
     }
 
     /// Its wrench on the vehicle, body axes at the vehicle's origin; `current` is in world axes, as is `up`.

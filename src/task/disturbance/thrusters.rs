@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::site::Site;
+use super::context::DisturbanceContext;
 use super::span::{Span, check, refuse};
 use crate::control::THRUSTERS;
 use crate::error::TaskError;
@@ -38,25 +38,25 @@ impl ThrusterLoss {
     /// When it happens, in control periods, and one over how long it takes. After them what is left of each thruster's thrust.
     pub(super) const COMMON: usize = 2;
 
-    pub(super) fn check(&self, site: &Site) -> Result<(), TaskError> {
+    pub(super) fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
         self.gain.check("thrusters.gain", 0.0, 2.0)?;
         self.time.check("thrusters.time", 0.0, 1e6)?;
         check("thrusters.fade", self.fade, 0.0, 1e6)?;
         let gains = self.gains.as_deref().unwrap_or_default();
-        if self.gains.is_some() && gains.len() != site.thrusters {
-            let reason = format!("{} gains, but the scene has {} thrusters", gains.len(), site.thrusters);
+        if self.gains.is_some() && gains.len() != context.thrusters {
+            let reason = format!("{} gains, but the scene has {} thrusters", gains.len(), context.thrusters);
             return refuse("thrusters.gains", reason);
         }
         gains.iter().try_for_each(|gain| check("thrusters.gains", *gain, 0.0, 2.0))
     }
 
-    pub(super) fn draw(&self, draw: &Stream, site: &Site) -> Vec<f64> {
-        let time = self.time.at(draw.uniform(0)) / site.period;
+    pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> Vec<f64> {
+        let time = self.time.at(draw.uniform(0)) / context.period;
         // At least a period: what is shorter is a step.
-        let pace = 1.0 / (self.fade / site.period).max(1.0);
+        let pace = 1.0 / (self.fade / context.period).max(1.0);
         let gains = self.gains.clone().unwrap_or_else(|| {
-            let (mut gains, mut left) = (vec![1.0; site.thrusters], (0..site.thrusters).collect::<Vec<_>>());
-            for k in 0..self.count.min(site.thrusters) as u32 {
+            let (mut gains, mut left) = (vec![1.0; context.thrusters], (0..context.thrusters).collect::<Vec<_>>());
+            for k in 0..self.count.min(context.thrusters) as u32 {
                 let which = (draw.uniform(1 + 2 * k) * left.len() as f64) as usize;
                 let which = left.swap_remove(which.min(left.len() - 1));
                 gains[which] = self.gain.at(draw.uniform(2 + 2 * k));

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::column::Column;
-use super::site::Site;
+use super::context::DisturbanceContext;
 use super::span::{Span, check, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows, exp, sin_cos};
@@ -64,7 +64,7 @@ impl Waves {
         row: usize,
         trains: usize,
         draw: &Stream,
-        site: &Site,
+        context: &DisturbanceContext,
     ) {
         let depth = self.depth.at(draw.uniform(0));
         memory.set(row, depth);
@@ -73,11 +73,11 @@ impl Waves {
             let height = if k < self.trains { self.height.at(uniform(0)) } else { 0.0 };
             let frequency = std::f64::consts::TAU / self.period.at(uniform(1));
             let phase = std::f64::consts::TAU * uniform(2);
-            let direction = site.direction([uniform(3), 0.5], 0.0);
-            let number = frequency * frequency / site.gravity;
+            let direction = context.direction([uniform(3), 0.5], 0.0);
+            let number = frequency * frequency / context.gravity;
             let speed = 0.5 * height * frequency * (-number * depth).exp();
             let start = row + Self::COMMON + Self::EACH * k;
-            memory.set_all(start, [speed, number, phase, frequency * site.period]);
+            memory.set_all(start, [speed, number, phase, frequency * context.period]);
             memory.set_all(start + 4, direction.iter().copied());
         }
     }

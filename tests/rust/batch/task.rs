@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::random_scene::{Options, random_scene, random_state};
 use nalgebra::Matrix3;
-use uvms_gym::batch::{Autoreset, Precision, Rollout, SimulatorOptions, Tally, TaskBatch, Transition};
+use uvms_gym::batch::{Autoreset, Precision, Rollout, RolloutStats, SimulatorOptions, TaskBatch, Transition};
 use uvms_gym::control::{ActionKind, Controller, GainMap};
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::ClosedFormModel;
@@ -64,7 +64,7 @@ fn idle(batch: &TaskBatch) -> Vec<f32> {
 /// Rows of instance `i`, as bits.
 fn row(batch: &TaskBatch, step: &Transition, i: usize) -> (Vec<u32>, Vec<u64>, bool, bool) {
     let d = batch.task().observation_len();
-    let verdict = step.verdict(i);
+    let verdict = step.result(i);
     let numbers = verdict.info.iter().chain([&verdict.reward]).map(|x| x.to_bits()).collect();
     let observation = step.observations[i * d..(i + 1) * d].iter().map(|x| x.to_bits()).collect();
     (observation, numbers, verdict.terminated, verdict.truncated)
@@ -170,7 +170,7 @@ fn lanes_do_what_the_task_does_to_one_instance() {
                 let (task, state) = (batch.task(), batch.simulator().state(i));
                 task.act(twin, &actions[i * a..(i + 1) * a]);
                 let outcome = task.advance(twin, &state);
-                let verdict = result.verdict(i);
+                let verdict = result.result(i);
                 assert_eq!(
                     (outcome.reward, outcome.info()),
                     (verdict.reward, verdict.info),
@@ -205,7 +205,7 @@ fn next_step_autoreset_spends_a_step_on_the_reset() {
     batch.reset(&seeds(3), None, &[]).unwrap();
     for step in 1..=10 {
         let result = batch.step(&actions(&batch, step)).unwrap();
-        for (i, verdict) in result.verdicts().enumerate() {
+        for (i, verdict) in result.results().enumerate() {
             assert_eq!(verdict.truncated, step % 5 == 4);
             assert_eq!(verdict.reward == 0.0, step % 5 == 0);
             let episode = batch.episode(i).unwrap();
@@ -229,7 +229,7 @@ fn same_step_autoreset_hands_over_the_last_observation() {
         for (i, end) in got.finals.iter().enumerate() {
             let d = batch.task().observation_len();
             assert_eq!(end.observation, expected.observations[i * d..(i + 1) * d]);
-            assert_eq!((end.instance, end.info), (i, expected.verdict(i).info));
+            assert_eq!((end.instance, &end.info), (i, &expected.result(i).info));
             assert_eq!(got.rewards[i], expected.rewards[i]);
             assert!(got.truncated[i]);
         }
@@ -379,7 +379,7 @@ fn the_pd_holds_station_and_no_action_does_not() {
                     pd.act(&observations, &mut [], &mut actions).unwrap();
                 }
                 let result = batch.step(&actions).unwrap();
-                last = result.verdicts().collect();
+                last = result.results().collect();
                 observations = result.observations;
             }
             last
@@ -397,34 +397,34 @@ fn pid(batch: &TaskBatch) -> Arc<dyn Controller> {
 }
 
 /// What stepping with a policy's actions brings in so many periods.
-fn stepped(batch: &mut TaskBatch, policy: &dyn Controller, steps: u32) -> Vec<Tally> {
+fn stepped(batch: &mut TaskBatch, policy: &dyn Controller, steps: u32) -> Vec<RolloutStats> {
     let (n, widths) = (batch.instances(), policy.widths());
     let mut observations = batch.reset(&seeds(n), None, &[]).unwrap().observations;
     let mut memory = vec![0.0; n * widths.memory];
     let mut actions = vec![0.0; n * widths.action];
-    let mut tallies = vec![Tally::default(); n];
+    let mut stats = vec![RolloutStats::default(); n];
     for _ in 0..steps {
         policy.act(&observations, &mut memory, &mut actions).unwrap();
         let done = batch.step(&actions).unwrap();
-        for (i, (tally, verdict)) in tallies.iter_mut().zip(done.verdicts()).enumerate() {
-            if tally.terminated || tally.truncated {
+        for (i, (stats, verdict)) in stats.iter_mut().zip(done.results()).enumerate() {
+            if stats.terminated || stats.truncated {
                 continue;
             }
             // Where the next episode has begun already, what the last step came to is among the ends.
             let end = done.finals.iter().find(|end| end.instance == i);
-            let info = end.map_or(verdict.info, |end| end.info);
-            tally.last = info;
-            tally.steps += 1;
-            tally.reward += verdict.reward;
-            (tally.terminated, tally.truncated) = (verdict.terminated, verdict.truncated);
+            let info = end.map_or(verdict.info, |end| end.info.clone());
+            stats.last[..info.len()].copy_from_slice(&info);
+            stats.steps += 1;
+            stats.reward += verdict.reward;
+            (stats.terminated, stats.truncated) = (verdict.terminated, verdict.truncated);
             for (k, x) in info.into_iter().enumerate() {
-                tally.sums[k] += x;
-                tally.squares[k] += x * x;
+                stats.sums[k] += x;
+                stats.squares[k] += x * x;
             }
         }
         observations = done.observations;
     }
-    tallies
+    stats
 }
 
 #[test]
@@ -442,10 +442,10 @@ fn a_rollout_gives_what_stepping_gives_bit_for_bit() {
                 for steps in parts {
                     batch.run(&*pid, &mut rollout, *steps).unwrap();
                 }
-                assert_eq!(rollout.tallies(), expected);
+                assert_eq!(rollout.stats(), expected);
                 assert_eq!(rollout.traces()[0].rewards.iter().sum::<f64>(), expected[130].reward);
             }
-            assert!(expected.iter().all(|tally| tally.steps == 9 && tally.truncated));
+            assert!(expected.iter().all(|stats| stats.steps == 9 && stats.truncated));
         }
     }
 }
@@ -472,6 +472,6 @@ fn rollouts_that_do_not_fit_are_refused() {
     let narrow = self::pid(&small.unwrap());
     let refused = batch.run(&*narrow, &mut rollout, 1);
     assert!(matches!(refused, Err(TaskError::Control(ControlError::Widths { got: 24, .. }))));
-    assert_eq!(rollout.tallies(), [Tally::default(); 3]);
+    assert_eq!(rollout.stats(), [RolloutStats::default(); 3]);
     assert!(matches!(Rollout::new(&*pid, 3, &[3]), Err(ControlError::Instance { instance: 3, instances: 3 })));
 }

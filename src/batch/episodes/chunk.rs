@@ -1,111 +1,92 @@
 //! The task around the physics of a few instances, on one thread.
 
-use super::kernels::{Act, Blocks, Judge, Look};
+use super::episode_slot::EpisodeSlot;
+use super::kernels::{ActKernel, Blocks, EvaluateKernel, ObserveKernel};
 use super::outputs::{Outputs, Transition};
-use super::slot::Slot;
+use super::payload::apply_payload_event;
 use super::{Autoreset, Final};
 use crate::batch::stepping::blocks::{CHUNK, PhysicsChunk};
 use crate::control::Controller;
-use crate::dynamics::ClosedFormModel;
 use crate::lane::Real;
 use crate::system::{Flow, State};
-use crate::task::disturbance::{Column, Handling, Weather, seize};
-use crate::task::{Episode, EpisodeKey, StartOverride, Task, TaskKernel, truth};
+use crate::task::disturbance::{Column, DisturbanceKernel};
+use crate::task::{Episode, EpisodeKey, StartOverride, Task, TaskDefinition, TaskKernel, privileged};
 
-/// How episodes end and follow each other.
+/// Rules for the ends of episodes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rules {
     pub autoreset: Autoreset,
     pub max_steps: Option<u32>,
 }
 
-/// What all chunks have in common.
-pub(super) struct Duty<'a, T> {
+/// Data common to all chunks.
+pub(super) struct ChunkContext<'a, T: Real, K: TaskDefinition> {
     pub task: &'a Task,
-    pub kernel: &'a TaskKernel<T>,
+    pub kernel: &'a TaskKernel<T, K>,
     pub rules: Rules,
-    /// What actions are corrections to, where they are.
+    /// Base controller of residual actions.
     pub base: Option<&'a dyn Controller>,
-    /// A state that steps harmlessly.
+    /// A state that is cheap to step, for instances without an episode.
     pub home: &'a State,
 }
 
-/// Instances that one thread works on: their physics, and the memory of their episodes.
-pub(super) struct Chunk<'a, 'p, T> {
-    pub duty: &'a Duty<'a, T>,
+/// Instances of one thread: their physics, and the memory of their episodes.
+pub(super) struct Chunk<'a, 'p, T: Real, K: TaskDefinition> {
+    pub context: &'a ChunkContext<'a, T, K>,
     pub part: &'a mut PhysicsChunk<'p, T>,
-    pub slots: &'a mut [Slot],
+    pub slots: &'a mut [EpisodeSlot],
     /// Numbers of the episodes, block by block.
     pub episodes: &'a mut [T],
 }
 
-impl<T: Real> Chunk<'_, '_, T> {
-    /// One control period under `actions` (n, a); allocates nothing but ends of episodes.
+impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
+    /// One control period under `actions` (n, a); allocates only at the ends of episodes.
     pub fn step(&mut self, actions: &[f32], out: &mut Outputs<'_>, finals: &mut Vec<Final>) {
         for (k, _) in self.slots.iter().enumerate().filter(|(_, slot)| slot.over) {
-            // What it was left in may be a state that takes long to step.
-            self.part.table.set_state(self.part.rows, k, self.duty.home);
+            // Its last state may be expensive to step.
+            self.part.table.set_state(self.part.rows, k, self.context.home);
         }
         let base = self.base();
-        if let Some(weather) = self.duty.kernel.weather() {
-            self.stir(weather);
+        if let Some(disturbance) = self.context.kernel.disturbance() {
+            self.advance_disturbances(disturbance);
         }
         let isa = self.part.isa;
-        T::dispatch(isa, &mut Act { blocks: self.blocks(), actions, base: base.as_deref() });
+        T::dispatch(isa, &mut ActKernel { blocks: self.blocks(), actions, base: base.as_deref() });
         self.part.step();
         let mut counts = [T::from_f64(1.0); CHUNK];
         for (count, slot) in counts.iter_mut().zip(&*self.slots) {
             *count = T::from_f64(f64::from(slot.step) + 1.0);
         }
-        T::dispatch(isa, &mut Judge { blocks: self.blocks(), counts: &counts, out });
-        self.follow_up(out, finals);
+        T::dispatch(isa, &mut EvaluateKernel { blocks: self.blocks(), counts: &counts, out });
+        self.end_episodes(out, finals);
     }
 
-    /// What the classical controller does, (n, a), where actions are corrections to it.
+    /// Actions of the base controller, (n, a), with residual actions.
     fn base(&mut self) -> Option<Vec<f32>> {
-        let policy = self.duty.base?;
-        let (n, widths) = (self.slots.len(), policy.widths());
-        let mut seen = Transition::blank(n, widths.observation);
-        self.look(&vec![true; n], &mut seen.outputs());
+        let controller = self.context.base?;
+        let (n, widths) = (self.slots.len(), controller.widths());
+        let mut transition = Transition::blank(n, widths.observation, TaskKernel::<T, K>::metrics());
+        self.observe(&vec![true; n], &mut transition.outputs());
         let mut actions = vec![0.0; n * widths.action];
-        let fits = policy.act(&seen.observations, &mut [], &mut actions);
-        fits.expect("the controller was made for this task, and remembers nothing");
+        let fits = controller.act(&transition.observations, &mut [], &mut actions);
+        fits.expect("the base controller fits its task and has no memory");
         Some(actions)
     }
 
-    /// What disturbances do to one instance at a time.
-    fn stir(&mut self, weather: &Weather<T>) {
-        let size = self.duty.kernel.rows().rows * T::BLOCK;
+    /// Draws the disturbances of the coming control period and applies payload events, instance by instance.
+    fn advance_disturbances(&mut self, disturbance: &DisturbanceKernel<T>) {
+        let size = self.context.kernel.rows().rows * T::BLOCK;
         for (k, slot) in self.slots.iter().enumerate().filter(|(_, slot)| !slot.over) {
             let block = &mut self.episodes[k / T::BLOCK * size..][..size];
             let mut memory = Column::of_block(block, k % T::BLOCK);
-            weather.stir(&mut memory, slot.key, slot.step);
-            let Some(handling) = weather.handling(&memory, slot.step) else { continue };
-            let (table, rows) = (self.part.table, &mut *self.part.rows);
-            let mut factors = table.factors(rows, k);
-            match handling {
-                Handling::Pick(mass) => {
-                    // A scene that composed does so with other masses too.
-                    if let Ok(balance) = ClosedFormModel::new(&self.duty.task.scene().varied(factors.of_bodies())) {
-                        let mut state = table.state(rows, k);
-                        seize(&balance, &mut state, mass);
-                        table.set_velocities(rows, k, &state);
-                    }
-                    factors.payload += mass;
-                    weather.hold(&mut memory, mass);
-                }
-                Handling::Drop(mass) => {
-                    factors.payload = (factors.payload - mass).max(0.0);
-                    weather.hold(&mut memory, 0.0);
-                }
-            }
-            table.set_factors(rows, k, &factors);
+            disturbance.advance(&mut memory, slot.key, slot.step);
+            apply_payload_event(self.context.task, disturbance, &mut memory, slot.step, self.part, k);
         }
     }
 
     /// Ends episodes and starts those that follow.
-    fn follow_up(&mut self, out: &mut Outputs<'_>, finals: &mut Vec<Final>) {
-        let Rules { autoreset, max_steps } = self.duty.rules;
+    fn end_episodes(&mut self, out: &mut Outputs<'_>, finals: &mut Vec<Final>) {
+        let Rules { autoreset, max_steps } = self.context.rules;
         let mut begun = [false; CHUNK];
         let mut any = false;
         for k in 0..self.slots.len() {
@@ -121,7 +102,7 @@ impl<T: Real> Chunk<'_, '_, T> {
                 out.truncated[k] = max_steps.is_some_and(|most| slot.step >= most);
                 slot.over = out.terminated[k] | out.truncated[k];
                 if slot.over && autoreset == Autoreset::SameStep {
-                    let truth = self.truth(k);
+                    let truth = self.privileged(k);
                     finals.push(Final::of(self.part.first, k, out, truth));
                     begun[k] = true;
                 }
@@ -132,40 +113,40 @@ impl<T: Real> Chunk<'_, '_, T> {
             }
         }
         if any {
-            self.look(&begun, out);
+            self.observe(&begun, out);
         }
     }
 
-    /// What the observation of instance `k` does not tell.
-    fn truth(&self, k: usize) -> Vec<f64> {
-        let (table, rows, task) = (self.part.table, &*self.part.rows, self.duty.task);
+    /// Privileged information of instance `k`.
+    fn privileged(&self, k: usize) -> Vec<f64> {
+        let (table, rows, task) = (self.part.table, &*self.part.rows, self.context.task);
         let (state, flow, factors) = (table.state(rows, k), table.flow(rows, k), table.factors(rows, k));
         let numbers = column(self.episodes, task.episode_rows().rows, k);
         let episode = Episode::from_parts(EpisodeKey::default(), 0, task.episode_rows(), numbers);
-        truth(task.joint_count(), &state, &flow, &factors, &episode.target())
+        privileged(task.joint_count(), &state, &flow, &factors, &episode.target())
     }
 
     /// Starts the next episode of instance `k`.
     fn begin(&mut self, k: usize) {
-        let (episode, state) = self.duty.task.begin(self.slots[k].next);
+        let (episode, state) = self.context.task.begin(self.slots[k].next);
         self.part.table.set_state(self.part.rows, k, &state);
         self.part.table.set_flow(self.part.rows, k, &Flow::from(episode.current()));
-        if let Some(factors) = self.duty.task.factors(episode.key(), &StartOverride::default()) {
+        if let Some(factors) = self.context.task.factors(episode.key(), &StartOverride::default()) {
             self.part.table.set_factors(self.part.rows, k, &factors);
         }
-        self.slots[k] = Slot::of(episode.key());
+        self.slots[k] = EpisodeSlot::of(episode.key());
         set_column(self.episodes, k, episode.numbers());
     }
 
-    /// Observations and measures of the chosen instances where they stand.
-    pub fn look(&mut self, chosen: &[bool], out: &mut Outputs<'_>) {
+    /// Observations and metrics of the chosen instances at their current control instant.
+    pub fn observe(&mut self, chosen: &[bool], out: &mut Outputs<'_>) {
         let isa = self.part.isa;
-        T::dispatch(isa, &mut Look { blocks: self.blocks(), chosen, out });
+        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, out });
     }
 
-    fn blocks(&mut self) -> Blocks<'_, T> {
+    fn blocks(&mut self) -> Blocks<'_, T, K> {
         Blocks {
-            kernel: self.duty.kernel,
+            kernel: self.context.kernel,
             layout: &self.part.table.layout,
             physics: &mut *self.part.rows,
             episodes: &mut *self.episodes,

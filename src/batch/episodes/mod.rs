@@ -1,11 +1,12 @@
 //! Episodes of a task, many at a time.
 
 mod chunk;
-mod crew;
+mod episode_slot;
 mod kernels;
 mod outputs;
+mod payload;
 mod rollout;
-mod slot;
+mod storage;
 
 use std::sync::Arc;
 
@@ -17,23 +18,24 @@ use crate::control::{Controller, Widths};
 use crate::description::Scene;
 use crate::dynamics::Servos;
 use crate::error::{ControlError, TaskError};
+use crate::lane::Real;
 use crate::task::disturbance::Profile;
-use crate::task::{Episode, EpisodeKey, Goal, INFO, Pose, StartOverride, Task, TaskOptions, truth};
+use crate::task::{Episode, EpisodeKey, Pose, StartOverride, Task, TaskOptions, dispatch_task, privileged};
 use chunk::Rules;
-use crew::{Company, Course, Crew, Orders};
-pub use outputs::{Outputs, Transition, Verdict};
-pub use rollout::{Rollout, Tally, Trace};
-use slot::Slot;
+use episode_slot::EpisodeSlot;
+pub use outputs::{Outputs, StepResult, Transition};
+pub use rollout::{Rollout, RolloutStats, Trace};
+use storage::{RolloutArgs, StepArgs, TaskBlocks, TaskStorage};
 
-/// What happens to an instance whose episode is over.
+/// Handling of instances whose episode is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Autoreset {
     /// The next step ignores the action and starts the next episode: its first observation, reward 0.
     #[default]
     NextStep,
-    /// The same step starts the next episode; the last observation and measures are in [`Transition::finals`].
+    /// The same step starts the next episode; the last observation and metrics are in [`Transition::finals`].
     SameStep,
-    /// Nothing, until [`TaskBatch::reset`].
+    /// The instance waits for [`TaskBatch::reset`].
     Disabled,
 }
 
@@ -44,35 +46,35 @@ pub struct Final {
     pub instance: usize,
     /// Last observation.
     pub observation: Vec<f32>,
-    /// Last measures.
-    pub info: [f64; INFO],
-    /// What it did not tell, as [`TaskBatch::truth`] has it.
-    pub truth: Vec<f64>,
+    /// Last metrics.
+    pub info: Vec<f64>,
+    /// Privileged information: see [`TaskBatch::privileged`].
+    pub privileged: Vec<f64>,
 }
 
 impl Final {
-    /// Of instance `k` of a chunk that begins with instance `first`.
-    fn of(first: usize, k: usize, out: &Outputs<'_>, truth: Vec<f64>) -> Self {
+    /// End of the episode of instance `k` of a chunk that begins with instance `first`.
+    fn of(first: usize, k: usize, out: &Outputs<'_>, privileged: Vec<f64>) -> Self {
         let width = out.observations.len() / out.len();
         Self {
             instance: first + k,
             observation: out.observations[k * width..(k + 1) * width].to_vec(),
-            info: out.info.each_ref().map(|row| row[k]),
-            truth,
+            info: out.metrics().map(|row| row[k]).collect(),
+            privileged,
         }
     }
 }
 
-/// What a reset brought.
+/// Result of a reset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Beginning {
     /// Observations of all instances, (N, d), whether reset or not.
     pub observations: Vec<f32>,
-    /// Measures of all instances, (k, N): of those that were not reset, at the instant where they stand.
+    /// Metrics of all instances, (k, N), at their current control instant.
     pub info: Vec<f64>,
 }
 
-/// Everything that makes a batch go on as if it had not been interrupted.
+/// Complete state of a batch, to continue from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Saved {
     /// States and loads, (N, .).
@@ -81,16 +83,16 @@ pub struct Saved {
     pub episodes: Vec<f64>,
 }
 
-/// Instances of a task, stepped together. Each instance's results follow from the scene, the options, its seed
-/// and its actions alone: not from the number of instances, of threads, or from what happens to its neighbours.
+/// Instances of a task, stepped together. Each instance's results depend on the scene, the options, its seed and its actions
+/// alone: not on the number of instances or threads, nor on other instances.
 pub struct TaskBatch {
     task: Task,
-    /// What actions are corrections to, where they are.
+    /// Base controller of residual actions.
     base: Option<Arc<dyn Controller>>,
     simulator: Simulator,
     rules: Rules,
-    slots: Vec<Slot>,
-    crew: Box<dyn Crew>,
+    slots: Vec<EpisodeSlot>,
+    storage: Box<dyn TaskStorage>,
 }
 
 impl Clone for TaskBatch {
@@ -101,7 +103,7 @@ impl Clone for TaskBatch {
             simulator: self.simulator.clone(),
             rules: self.rules,
             slots: self.slots.clone(),
-            crew: self.crew.boxed_clone(),
+            storage: self.storage.boxed_clone(),
         }
     }
 }
@@ -123,12 +125,12 @@ impl TaskBatch {
         let base = task.base()?;
         let simulator = Simulator::new(task.scene().clone(), SimulatorOptions { dt: task.options().dt, ..simulator })?;
         let instances = simulator.instances();
-        let crew: Box<dyn Crew> = match simulator.options().precision {
-            Precision::Double => Box::new(Company::<f64>::new(&task, instances)?),
-            Precision::Single => Box::new(Company::<f32>::new(&task, instances)?),
+        let storage = match simulator.options().precision {
+            Precision::Double => storage::<f64>(&task, instances)?,
+            Precision::Single => storage::<f32>(&task, instances)?,
         };
-        let slots = (0..instances as u64).map(|seed| Slot::before(EpisodeKey { seed, episode: 0 })).collect();
-        Ok(Self { task, base, simulator, rules: Rules { autoreset, max_steps }, slots, crew })
+        let slots = (0..instances as u64).map(|seed| EpisodeSlot::before(EpisodeKey { seed, episode: 0 })).collect();
+        Ok(Self { task, base, simulator, rules: Rules { autoreset, max_steps }, slots, storage })
     }
 
     /// The task.
@@ -136,17 +138,17 @@ impl TaskBatch {
         &self.task
     }
 
-    /// The physics, for reading the true state.
+    /// The physics: the true state.
     pub fn simulator(&self) -> &Simulator {
         &self.simulator
     }
 
-    /// What to warn of before a step, once: as [`Simulator::warn_of_step`] with the servos of the joints on.
+    /// Warning before a step, once: see [`Simulator::warn_of_step`], with the servos of joints that follow references.
     pub fn warn_of_step(&mut self) -> Option<UnstableStep> {
-        self.simulator.warn_of_step(Servos { joints: self.task.options().task == Goal::StationKeep, vehicle: false })
+        self.simulator.warn_of_step(Servos { joints: !self.task.options().task.drives_joints(), vehicle: false })
     }
 
-    /// What to warn of after a step, once: as [`Simulator::warn_of_motion`].
+    /// Warning after a step, once: see [`Simulator::warn_of_motion`].
     pub fn warn_of_motion(&mut self) -> Option<InaccurateStep> {
         self.simulator.warn_of_motion()
     }
@@ -156,51 +158,51 @@ impl TaskBatch {
         self.slots.len()
     }
 
-    /// What happens to instances whose episode is over.
+    /// Handling of instances whose episode is over.
     pub fn autoreset(&self) -> Autoreset {
         self.rules.autoreset
     }
 
-    /// Steps after which episodes are truncated.
+    /// Length at which episodes are truncated, control periods.
     pub fn max_steps(&self) -> Option<u32> {
         self.rules.max_steps
     }
 
-    /// The episode that instance `i` is in, once it was reset.
+    /// Episode of instance `i`, after its first reset.
     pub fn episode(&self, i: usize) -> Option<Episode> {
         self.slots[i].begun.then(|| self.episode_numbers(i))
     }
 
     fn episode_numbers(&self, i: usize) -> Episode {
-        let Slot { key, step, .. } = self.slots[i];
-        Episode::from_parts(key, step, self.task.episode_rows(), self.crew.column(i))
+        let EpisodeSlot { key, step, .. } = self.slots[i];
+        Episode::from_parts(key, step, self.task.episode_rows(), self.storage.column(i))
     }
 
-    /// What disturbances will come to from where instance `i` stands, for a vehicle that stays as it is, once it was reset.
+    /// Disturbance of instance `i` over the coming control periods for a vehicle at rest, after its first reset.
     pub fn profile(&self, i: usize, steps: u32) -> Option<Profile> {
         let pose = Pose::of_vehicle(&self.simulator.state(i));
         self.episode(i).map(|episode| self.task.profile(&episode, &pose, steps))
     }
 
-    /// What observations do not tell of any instance: [`truth`] of each, (N, .).
-    pub fn truth(&self) -> Vec<f64> {
+    /// Privileged information of all instances: [`privileged`] of each, (N, .).
+    pub fn privileged(&self) -> Vec<f64> {
         let joints = self.task.joint_count();
         let of = |i: usize| {
             let (state, flow, factors) = (self.simulator.state(i), self.simulator.flow(i), self.simulator.factors(i));
-            truth(joints, &state, &flow, &factors, &self.episode_numbers(i).target())
+            privileged(joints, &state, &flow, &factors, &self.episode_numbers(i).target())
         };
         (0..self.instances()).flat_map(of).collect()
     }
 
     /// Bytes of memory per instance.
     pub fn bytes_per_instance(&self) -> usize {
-        self.simulator.bytes_per_instance() + self.crew.bytes_per_instance(self.instances())
+        self.simulator.bytes_per_instance() + self.storage.bytes_per_instance(self.instances())
     }
 
-    /// Starts the next episode of each instance that `mask` picks (of all without a mask).
+    /// Starts the next episode of each instance in `mask` (of all without a mask).
     ///
-    /// With a seed its episode 0 starts; without one the episode that follows in the instance's stream. `given` has
-    /// what is not to be drawn: nothing, or one entry per instance.
+    /// With a seed its episode 0 starts; without one the next episode of the instance's stream. `given` holds the given parts
+    /// of the starts: no entry, or one per instance.
     ///
     /// # Errors
     /// `TaskError` for arrays of the wrong length, an impossible start, or an instance that is left out before its
@@ -238,10 +240,10 @@ impl TaskBatch {
             if let Some(factors) = factors {
                 self.simulator.set_factors_of(i, &factors);
             }
-            self.slots[i] = Slot::of(key);
-            self.crew.set_column(i, episode.numbers());
+            self.slots[i] = EpisodeSlot::of(key);
+            self.storage.set_column(i, episode.numbers());
         }
-        Ok(self.look())
+        Ok(self.observe())
     }
 
     /// One control period of all instances under `actions`, (N, action length) in [-1, 1]; beyond is clipped.
@@ -250,19 +252,19 @@ impl TaskBatch {
     /// `TaskError` for actions that are misshaped or not finite, before the first reset, and without autoreset for an
     /// episode that is over; nothing has changed then.
     pub fn step(&mut self, actions: &[f32]) -> Result<Transition, TaskError> {
-        let mut transition = Transition::blank(self.instances(), self.task.observation_len());
+        let mut transition = self.blank();
         transition.finals = self.step_into(actions, transition.outputs())?;
         Ok(transition)
     }
 
-    /// As [`Self::step`], into arrays of the caller; returns the ends of episodes that [`Autoreset::SameStep`] replaced,
-    /// by instance.
+    /// As [`Self::step`], into arrays of the caller; returns the ends of episodes replaced under [`Autoreset::SameStep`], by
+    /// instance.
     ///
     /// # Errors
     /// As [`Self::step`], and `ControlError::Shape` for arrays of the wrong length.
     pub fn step_into(&mut self, actions: &[f32], out: Outputs<'_>) -> Result<Vec<Final>, TaskError> {
         self.task.check_actions(actions, self.instances())?;
-        out.check(self.instances(), self.task.observation_len())?;
+        out.check(self.instances(), self.task.observation_len(), self.task.metric_names().len())?;
         for (instance, slot) in self.slots.iter().enumerate() {
             if !slot.begun {
                 return Err(TaskError::NotBegun { instance });
@@ -271,26 +273,24 @@ impl TaskBatch {
                 return Err(TaskError::Over { instance });
             }
         }
-        let orders = Orders { task: &self.task, rules: self.rules, base: self.base.as_deref(), actions };
-        Ok(self.crew.step(&mut self.simulator, &mut self.slots, &orders, out))
+        let args = StepArgs { task: &self.task, rules: self.rules, base: self.base.as_deref(), actions };
+        Ok(self.storage.step(&mut self.simulator, &mut self.slots, &args, out))
     }
 
-    /// `steps` control periods of all instances under a policy, from where they stand: the same numbers, bit for bit, as
-    /// so many calls of [`Self::step`] with the policy's actions. Whatever the autoreset, an instance whose episode is
-    /// over waits, until it is reset or stepped.
+    /// `steps` control periods of all instances under a controller, from their current states: bit for bit the numbers of as
+    /// many calls of [`Self::step`] with the controller's actions. In every autoreset mode, an instance whose episode is over
+    /// waits until it is reset or stepped.
     ///
     /// # Errors
-    /// `TaskError` for a policy or a rollout of other sizes, and before the first reset; nothing has changed then.
-    pub fn run(&mut self, policy: &dyn Controller, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
+    /// `TaskError` for a controller or a rollout of other sizes, and before the first reset; nothing has changed then.
+    pub fn run(&mut self, controller: &dyn Controller, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
         let (expected, takes) = (self.task.observation_len(), self.task.action_len());
-        let Widths { observation: got, memory, action: gives } = policy.widths();
+        let Widths { observation: got, memory, action: gives } = controller.widths();
         if (got, gives) != (expected, takes) {
             return Err(ControlError::Widths { got, gives, expected, takes }.into());
         }
         let n = self.instances();
-        for (what, got, expected) in
-            [("tallies", rollout.tallies.len(), n), ("memory", rollout.memory.len(), n * memory)]
-        {
+        for (what, got, expected) in [("stats", rollout.stats.len(), n), ("memory", rollout.memory.len(), n * memory)] {
             if got != expected {
                 return Err(ControlError::Shape { what, got, expected }.into());
             }
@@ -299,42 +299,53 @@ impl TaskBatch {
             return Err(TaskError::NotBegun { instance });
         }
         let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
-        let course = Course { task: &self.task, rules, base: self.base.as_deref(), policy, steps };
-        Ok(self.crew.run(&mut self.simulator, &mut self.slots, &course, rollout)?)
+        let args = RolloutArgs { task: &self.task, rules, base: self.base.as_deref(), controller, steps };
+        Ok(self.storage.run(&mut self.simulator, &mut self.slots, &args, rollout)?)
     }
 
-    /// Everything there is to save.
+    /// State of the batch, for [`Self::load`].
     pub fn save(&self) -> Saved {
         let episodes = self.slots.iter().enumerate();
         let episodes = episodes.flat_map(|(i, slot)| slot.to_numbers(&self.episode_numbers(i))).collect();
         Saved { physics: self.simulator.save(), episodes }
     }
 
-    /// Continues from where a batch like this one was saved.
+    /// Continues from the saved state of a batch with the same arguments.
     ///
     /// # Errors
-    /// `TaskError` if it was not a like one; nothing has changed then.
+    /// `TaskError` for the state of another batch; nothing has changed then.
     pub fn load(&mut self, saved: &Saved) -> Result<(), TaskError> {
         let rows = self.task.episode_rows();
-        let width = Slot::width(rows);
+        let width = EpisodeSlot::width(rows);
         if saved.episodes.len() != self.instances() * width {
             let (got, expected) = (saved.episodes.len(), self.instances() * width);
             return Err(TaskError::Saved(format!("{got} numbers of episodes, expected {expected}")));
         }
-        let slots = saved.episodes.chunks_exact(width).map(|numbers| Slot::from_numbers(rows, numbers));
+        let slots = saved.episodes.chunks_exact(width).map(|numbers| EpisodeSlot::from_numbers(rows, numbers));
         let slots = slots.collect::<Result<Vec<_>, _>>()?;
         self.simulator.load(&saved.physics)?;
         for (i, (slot, episode)) in slots.into_iter().enumerate() {
             self.slots[i] = slot;
-            self.crew.set_column(i, episode.numbers());
+            self.storage.set_column(i, episode.numbers());
         }
         Ok(())
     }
 
-    /// Observations and measures where all instances stand.
-    fn look(&mut self) -> Beginning {
-        let mut seen = Transition::blank(self.instances(), self.task.observation_len());
-        self.crew.look(&mut self.simulator, &mut seen.outputs());
-        Beginning { observations: seen.observations, info: seen.info }
+    fn blank(&self) -> Transition {
+        Transition::blank(self.instances(), self.task.observation_len(), self.task.metric_names().len())
     }
+
+    /// Observations and metrics of all instances at their current control instant.
+    fn observe(&mut self) -> Beginning {
+        let mut transition = self.blank();
+        self.storage.observe(&mut self.simulator, &mut transition.outputs());
+        Beginning { observations: transition.observations, info: transition.info }
+    }
+}
+
+/// Episode memory of a task in precision `T`.
+fn storage<T: Real>(task: &Task, instances: usize) -> Result<Box<dyn TaskStorage>, TaskError> {
+    dispatch_task!(&task.options().task, K, definition => {
+        Ok(Box::new(TaskBlocks::<T, K>::new(task, definition, instances)?))
+    })
 }

@@ -1,10 +1,10 @@
-//! What an observation does not tell: privileged information, for critics that are not needed once training is over.
+//! Privileged information beyond an observation, for critics in training.
 
 use super::pose::Pose;
 use crate::system::{FACTORS, Factors, Flow, State};
 
-/// Names and lengths of the parts of [`truth`], for `joints` joints.
-pub fn truth_layout(joints: usize) -> [(&'static str, usize); 10] {
+/// Names and lengths of the parts of [`privileged`], for `joints` joints.
+pub fn privileged_layout(joints: usize) -> [(&'static str, usize); 10] {
     [
         ("position", 3),
         ("rotation", 9),
@@ -21,7 +21,7 @@ pub fn truth_layout(joints: usize) -> [(&'static str, usize); 10] {
 
 /// True state, flow, parameters and target of an instance with `joints` joints, in SI units and world axes (the twist in
 /// body axes), rotations by rows.
-pub fn truth(joints: usize, state: &State, flow: &Flow, factors: &Factors<f64>, target: &Pose) -> Vec<f64> {
+pub fn privileged(joints: usize, state: &State, flow: &Flow, factors: &Factors<f64>, target: &Pose) -> Vec<f64> {
     let rotations = [state.rotation, target.rotation].map(|rotation| rotation.transpose());
     [
         state.position.as_slice(),

@@ -7,7 +7,7 @@ use crate::description::Scene;
 
 /// Where disturbances act, and on what.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Site {
+pub struct DisturbanceContext {
     /// Control period, s.
     pub period: f64,
     /// Force that the thrusters reach along the weakest of the body axes that they can push along alone, N: what forces
@@ -29,7 +29,7 @@ pub struct Site {
     pub tilt: bool,
 }
 
-impl Site {
+impl DisturbanceContext {
     /// Of a scene whose vehicle has thrusters.
     pub fn new(scene: &Scene, allocation: &Allocation, level: [Vector3<f64>; 3], period: f64) -> Self {
         let forces = allocation.wrench_limits();
@@ -51,7 +51,7 @@ impl Site {
     }
 
     /// Of a task whose observations show the direction against gravity, or not.
-    pub fn that_tracks(self, tilt: bool) -> Self {
+    pub fn measuring_up(self, tilt: bool) -> Self {
         Self { tilt, ..self }
     }
 

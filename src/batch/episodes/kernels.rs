@@ -1,4 +1,4 @@
-//! What the task does to blocks of instances, in lanes.
+//! Kernels of a task over blocks of instances: act, evaluate, observe.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use crate::control::ACTIONS;
 use crate::lane::{Kernel, Lane, Real, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, JOINTS};
-use crate::task::{Command, INFO, Judgement, PREVIEW, Stance, TaskKernel};
+use crate::task::{Command, Evaluation, METRICS, PREVIEW, StageState, TaskDefinition, TaskKernel};
 
 /// Greatest number of lanes.
 const WIDEST: usize = 16;
@@ -16,17 +16,17 @@ const WIDEST: usize = 16;
 const LONGEST: usize = 27 + 4 * JOINTS + ACTIONS + 6 * PREVIEW;
 
 /// Blocks of instances, and their episodes' numbers.
-pub(super) struct Blocks<'a, T> {
-    pub kernel: &'a TaskKernel<T>,
+pub(super) struct Blocks<'a, T: Real, K: TaskDefinition> {
+    pub kernel: &'a TaskKernel<T, K>,
     /// Rows of a block.
     pub layout: &'a Layout,
     pub physics: &'a mut [T],
     pub episodes: &'a mut [T],
 }
 
-impl<T: Real> Blocks<'_, T> {
-    /// Physics and episodes of the group that starts with instance `first`; of the next block, those rows of either that
-    /// are `needed` are asked for.
+impl<T: Real, K: TaskDefinition> Blocks<'_, T, K> {
+    /// Physics and episodes of the group that starts with instance `first`. The `needed` rows of either in the next block
+    /// are prefetched.
     #[inline(always)]
     fn group<L: Lane>(&mut self, first: usize, needed: [Range<usize>; 2]) -> (Rows<'_, T>, Rows<'_, T>) {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
@@ -41,9 +41,9 @@ impl<T: Real> Blocks<'_, T> {
     }
 }
 
-/// The state as the task looks at it.
+/// State of a group of instances.
 #[inline(always)]
-fn stance<T: Real, L: Lane<Real = T>>(layout: &Layout, physics: &Rows<'_, T>) -> Stance<L> {
+fn stage_state<T: Real, L: Lane<Real = T>>(layout: &Layout, physics: &Rows<'_, T>) -> StageState<L> {
     let [xx, xy, xz, yx, yy, yz, zx, zy, zz] = physics.get_all(layout.rotation);
     let rotation = Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]);
     let (mut q, mut qd) = ([L::zero(); JOINTS], [L::zero(); JOINTS]);
@@ -51,7 +51,7 @@ fn stance<T: Real, L: Lane<Real = T>>(layout: &Layout, physics: &Rows<'_, T>) ->
         q[k] = physics.get(layout.q + k);
         qd[k] = physics.get(layout.qd + k);
     }
-    Stance {
+    StageState {
         pose: Pose { rotation, position: Vector3(physics.get_all(layout.position)) },
         twist: Vector6::from_array(physics.get_all(layout.twist)),
         q,
@@ -59,28 +59,28 @@ fn stance<T: Real, L: Lane<Real = T>>(layout: &Layout, physics: &Rows<'_, T>) ->
     }
 }
 
-/// Takes the actions: thrusts and servo targets become the loads of the coming steps.
-pub(super) struct Act<'a, T> {
-    pub blocks: Blocks<'a, T>,
-    /// (n, a) for the first n instances of the blocks; the rest does nothing.
+/// Applies actions: thrusts and servo targets become the loads of the coming steps.
+pub(super) struct ActKernel<'a, T: Real, K: TaskDefinition> {
+    pub blocks: Blocks<'a, T, K>,
+    /// (n, a) for the first n instances of the blocks.
     pub actions: &'a [f32],
-    /// Likewise what these correct, if they do.
+    /// Actions of the base controller, (n, a), with residual actions.
     pub base: Option<&'a [f32]>,
 }
 
-impl<T: Real> Kernel<T> for Act<'_, T> {
+impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
         let (width, kernel) = (self.blocks.kernel.rows().actions, self.blocks.kernel);
         let count = self.actions.len() / width;
         let rows = kernel.rows();
-        let needed = match kernel.weather() {
+        let needed = match kernel.disturbance() {
             Some(_) => [0..layout.common, 0..rows.rows],
-            None => [layout.wrench..layout.target + 4 * layout.joints, rows.now..rows.integral],
+            None => [layout.wrench..layout.target + 4 * layout.joints, rows.first_for_action()..rows.integral],
         };
         let mut page = [0.0; ACTIONS * WIDEST];
-        // Filled with zeros once, not for each group: most of these numbers belong to no thruster and no joint.
+        // Zeroed once, not for each group: most of these numbers belong to no thruster and no joint.
         let (mut action, mut base, mut command) = ([L::zero(); ACTIONS], [L::zero(); ACTIONS], Command::none());
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
@@ -91,25 +91,25 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
             let (mut physics, mut memory) = self.blocks.group::<L>(first, needed.clone());
             kernel.act(&mut memory, &mut action, self.base.is_some().then_some(&base), &mut command);
             let mut disturbing = Vector6::zero();
-            if let Some(weather) = kernel.weather() {
-                let stance = stance::<T, L>(layout, &physics);
-                let forcing = kernel.disturb(weather, &mut memory, &stance);
+            if let Some(disturbance) = kernel.disturbance() {
+                let state = stage_state::<T, L>(layout, &physics);
+                let forcing = kernel.disturb(disturbance, &mut memory, &state);
                 for k in 0..layout.thrusters {
                     physics.set(layout.loss + k, L::c(1.0) - forcing.gains[k]);
                 }
-                if weather.weakens() && layout.thrusters == 0 {
-                    kernel.weaken(&forcing, &mut command.actuated);
+                if disturbance.weakens() && layout.thrusters == 0 {
+                    kernel.scale_thrusts(&forcing, &mut command.actuated);
                 }
-                if weather.flows() {
+                if disturbance.flows() {
                     physics.set_all(layout.current, &forcing.velocity.0);
                 }
-                if weather.accelerates() {
+                if disturbance.accelerates() {
                     physics.set_all(layout.acceleration, &forcing.acceleration.0);
                 }
                 disturbing = forcing.wrench;
             }
             if layout.thrusters > 0 {
-                // What they come to, the physics finds out.
+                // The physics computes the thrusts.
                 for k in 0..layout.thrusters {
                     physics.set(layout.command + k, command.actuated.thrusts[k]);
                 }
@@ -118,7 +118,7 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
                 let thrust = Factors::from_array(physics.get_all::<L, _>(layout.factors)).thrust;
                 physics.set_all(layout.wrench, &command.actuated.wrench.scale_add(thrust, disturbing).to_array());
             }
-            if kernel.drives_joints() {
+            if K::DRIVES_JOINTS {
                 for k in 0..layout.joints {
                     physics.set(layout.torque + k, command.actuated.torques[k]);
                 }
@@ -131,7 +131,7 @@ impl<T: Real> Kernel<T> for Act<'_, T> {
     }
 }
 
-/// Rows (lanes, width) of actions as lanes; `page` is to work on.
+/// Loads rows (lanes, width) of actions into lanes; `page` is scratch memory.
 #[inline(always)]
 fn read<L: Lane>(
     rows: &[f32],
@@ -152,16 +152,16 @@ fn read<L: Lane>(
     }
 }
 
-/// Judges what the steps have come to, and observes.
-pub(super) struct Judge<'a, 'b, T> {
-    pub blocks: Blocks<'a, T>,
-    /// Control periods done, this one included, of each instance of the blocks.
+/// Evaluates the states after a control period, and observes.
+pub(super) struct EvaluateKernel<'a, 'b, T: Real, K: TaskDefinition> {
+    pub blocks: Blocks<'a, T, K>,
+    /// Completed control periods, this one included, of each instance of the blocks.
     pub counts: &'a [T],
     /// For the instances of the blocks.
     pub out: &'a mut Outputs<'b>,
 }
 
-impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
+impl<T: Real, K: TaskDefinition> Kernel<T> for EvaluateKernel<'_, '_, T, K> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
@@ -171,18 +171,18 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
         let mut page = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
             let (physics, mut memory) = self.blocks.group::<L>(first, needed.clone());
-            let stance = stance::<T, L>(layout, &physics);
+            let state = stage_state::<T, L>(layout, &physics);
             kernel.advance::<L>(&mut memory);
-            let error = kernel.error(&memory, &stance);
+            let error = kernel.error(&memory, &state);
             let share = L::c(1.0) / L::load(&self.counts[first..]);
-            let judgement = kernel.judge(&mut memory, &stance, &error, share);
+            let evaluation = kernel.evaluate(&mut memory, &state, &error, share);
             let lanes = L::LANES.min(count - first);
             let rows = &mut self.out.observations[first * width..];
             if L::LANES == 1 {
-                // Of one instance alone they lie in order at once.
-                kernel.observe(&memory, &stance, &error, rows);
+                // The entries of a single instance are in order already.
+                kernel.observe(&memory, &state, &error, rows);
             } else {
-                kernel.observe(&memory, &stance, &error, &mut page);
+                kernel.observe(&memory, &state, &error, &mut page);
                 prefetch_after::<L, _>(&rows[..lanes * width], lanes * width);
                 if lanes == L::LANES {
                     transpose(&page, L::LANES, rows, width, [width, L::LANES]);
@@ -192,25 +192,29 @@ impl<T: Real> Kernel<T> for Judge<'_, '_, T> {
                     rows[..lanes * width].copy_from_slice(&all[..lanes * width]);
                 }
             }
-            note(&judgement, first, lanes, self.out);
+            write::<L, K>(&evaluation, first, lanes, self.out);
         }
     }
 }
 
-/// Writes down a judgement for the first `lanes` of its lanes.
+/// Writes the first `lanes` lanes of an evaluation.
 #[inline(always)]
-fn note<L: Lane>(judgement: &Judgement<L>, first: usize, lanes: usize, out: &mut Outputs<'_>) {
-    let sound = L::bits(judgement.sound);
+fn write<L: Lane, K: TaskDefinition>(evaluation: &Evaluation<L>, first: usize, lanes: usize, out: &mut Outputs<'_>) {
+    let continues = L::bits(evaluation.continues);
     for (lane, terminated) in out.terminated[first..first + lanes].iter_mut().enumerate() {
-        *terminated = sound >> lane & 1 == 0;
+        *terminated = continues >> lane & 1 == 0;
     }
-    for k in 0..INFO {
-        put(judgement.info[k], out.info[k], first, lanes);
+    let metrics = evaluation.metrics.to_array();
+    for k in 0..METRICS {
+        put(metrics[k], out.info[k], first, lanes);
     }
-    put(judgement.reward, out.rewards, first, lanes);
+    for k in 0..K::METRICS.len() {
+        put(evaluation.own[k], out.info[METRICS + k], first, lanes);
+    }
+    put(evaluation.reward, out.rewards, first, lanes);
 }
 
-/// Writes the first `lanes` of a number's lanes to where its row has them, from instance `first` on.
+/// Writes the first `lanes` lanes of a number to a row, from instance `first` on.
 #[inline(always)]
 fn put<L: Lane>(x: L, row: &mut [f64], first: usize, lanes: usize) {
     let to = &mut row[first..first + lanes];
@@ -224,16 +228,16 @@ fn put<L: Lane>(x: L, row: &mut [f64], first: usize, lanes: usize) {
     }
 }
 
-/// Observes and measures instances where they stand.
-pub(super) struct Look<'a, 'b, T> {
-    pub blocks: Blocks<'a, T>,
-    /// Which instances of the blocks.
+/// Observations and metrics of instances at their current control instant.
+pub(super) struct ObserveKernel<'a, 'b, T: Real, K: TaskDefinition> {
+    pub blocks: Blocks<'a, T, K>,
+    /// Chosen instances of the blocks.
     pub chosen: &'a [bool],
-    /// For the instances of the blocks: observations and measures of those that are chosen.
+    /// Observations and metrics of the chosen instances of the blocks.
     pub out: &'a mut Outputs<'b>,
 }
 
-impl<T: Real> Kernel<T> for Look<'_, '_, T> {
+impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
     #[inline(always)]
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
@@ -248,15 +252,17 @@ impl<T: Real> Kernel<T> for Look<'_, '_, T> {
                 continue;
             }
             let (physics, memory) = self.blocks.group::<L>(first, [0..0, 0..0]);
-            let stance = stance::<T, L>(layout, &physics);
-            let error = kernel.error(&memory, &stance);
-            kernel.observe(&memory, &stance, &error, &mut page);
-            let judgement = kernel.survey(&memory, &stance, &error);
-            for (row, x) in self.out.info.iter_mut().zip(judgement.info) {
+            let state = stage_state::<T, L>(layout, &physics);
+            let error = kernel.error(&memory, &state);
+            kernel.observe(&memory, &state, &error, &mut page);
+            let evaluation = kernel.current_metrics(&memory, &state, &error);
+            let (metrics, own) = (evaluation.metrics.to_array(), evaluation.own);
+            for k in 0..METRICS + K::METRICS.len() {
+                let x = if k < METRICS { metrics[k] } else { own[k - METRICS] };
                 x.store_double(&mut all);
                 for lane in 0..lanes {
                     if chosen[lane] {
-                        row[first + lane] = all[lane];
+                        self.out.info[k][first + lane] = all[lane];
                     }
                 }
             }

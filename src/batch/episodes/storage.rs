@@ -1,13 +1,13 @@
-//! The task in one precision: what episodes remember, and steps.
+//! Episode memory of all instances in one precision, and their steps.
 
 use std::sync::{Mutex, PoisonError};
 
 use super::Final;
-use super::chunk::{Chunk, Duty, Rules, column, set_column};
+use super::chunk::{Chunk, ChunkContext, Rules, column, set_column};
+use super::episode_slot::EpisodeSlot;
 use super::kernels;
 use super::outputs::Outputs;
-use super::rollout::{Lap, Rollout, take_before};
-use super::slot::Slot;
+use super::rollout::{Rollout, RolloutChunk, take_before};
 use crate::batch::simulator::Simulator;
 use crate::batch::stepping::blocks::CHUNK;
 use crate::batch::storage::active_loads::ActiveLoads;
@@ -16,34 +16,28 @@ use crate::control::Controller;
 use crate::error::{ControlError, SimulatorError};
 use crate::lane::Real;
 use crate::system::State;
-use crate::task::{Goal, Task, TaskKernel};
+use crate::task::{Task, TaskDefinition, TaskKernel};
 
-/// The joints' servos are all that is on, where joints follow references (cubic ones); else nothing is.
-fn active_loads(task: &Task) -> ActiveLoads {
-    let terms = if task.options().task == Goal::StationKeep { 4 } else { 0 };
-    ActiveLoads { target_terms: terms, link_wrenches: false, station: false }
-}
-
-/// The numbers of all episodes, whatever the precision.
-pub(super) trait Crew: Send + Sync {
-    /// One control period of all instances under `actions` (N, a); ends of episodes that were replaced, by instance.
+/// Episode memory of all instances, independent of task and precision.
+pub(super) trait TaskStorage: Send + Sync {
+    /// One control period of all instances; returns the ends of replaced episodes, by instance.
     fn step(
         &mut self,
         simulator: &mut Simulator,
-        slots: &mut [Slot],
-        orders: &Orders<'_>,
+        slots: &mut [EpisodeSlot],
+        args: &StepArgs<'_>,
         out: Outputs<'_>,
     ) -> Vec<Final>;
-    /// So many control periods of all instances under a policy; episodes that are over stay so.
+    /// Control periods of all instances under a controller; ended episodes stay as they are.
     fn run(
         &mut self,
         simulator: &mut Simulator,
-        slots: &mut [Slot],
-        course: &Course<'_>,
+        slots: &mut [EpisodeSlot],
+        args: &RolloutArgs<'_>,
         rollout: &mut Rollout,
     ) -> Result<(), ControlError>;
-    /// Observations and measures of all instances where they stand.
-    fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>);
+    /// Observations and metrics of all instances at their current control instant.
+    fn observe(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>);
     /// Numbers of the episode of instance `i`.
     fn column(&self, i: usize) -> Vec<f64>;
     /// Sets them.
@@ -51,57 +45,67 @@ pub(super) trait Crew: Send + Sync {
     /// Bytes per instance.
     fn bytes_per_instance(&self, instances: usize) -> usize;
     /// An independent copy.
-    fn boxed_clone(&self) -> Box<dyn Crew>;
+    fn boxed_clone(&self) -> Box<dyn TaskStorage>;
 }
 
-/// What a step is to do.
-pub(super) struct Orders<'a> {
+/// Arguments of a step.
+pub(super) struct StepArgs<'a> {
     pub task: &'a Task,
     pub rules: Rules,
+    /// Base controller of residual actions.
     pub base: Option<&'a dyn Controller>,
+    /// (N, a).
     pub actions: &'a [f32],
 }
 
-/// What a run is to do.
-pub(super) struct Course<'a> {
+/// Arguments of a rollout.
+pub(super) struct RolloutArgs<'a> {
     pub task: &'a Task,
     pub rules: Rules,
+    /// Base controller of residual actions.
     pub base: Option<&'a dyn Controller>,
-    pub policy: &'a dyn Controller,
+    pub controller: &'a dyn Controller,
+    /// Control periods.
     pub steps: u32,
 }
 
-/// The numbers of all episodes.
+/// Episode memory in blocks of lanes.
 #[derive(Clone)]
-pub(super) struct Company<T> {
-    kernel: TaskKernel<T>,
+pub(super) struct TaskBlocks<T: Real, K: TaskDefinition> {
+    kernel: TaskKernel<T, K>,
     /// Block by block.
     episodes: Aligned<T>,
-    /// A state that steps harmlessly.
+    /// A state that is cheap to step, for instances without an episode.
     home: State,
 }
 
-impl<T: Real> Company<T> {
+impl<T: Real, K: TaskDefinition> TaskBlocks<T, K> {
+    /// Memory for `instances` episodes of a task; `definition` is that of its options.
+    ///
     /// # Errors
     /// [`SimulatorError::Memory`] if they do not fit into memory.
-    pub fn new(task: &Task, instances: usize) -> Result<Self, SimulatorError> {
-        let kernel = task.in_lanes();
+    pub fn new(task: &Task, definition: &K, instances: usize) -> Result<Self, SimulatorError> {
+        let kernel = task.in_lanes(definition);
         let numbers = instances.next_multiple_of(T::BLOCK).saturating_mul(kernel.rows().rows);
         let episodes = Aligned::filled(numbers, T::default()).map_err(|_| SimulatorError::Memory { instances })?;
         Ok(Self { kernel, episodes, home: State { q: task.scene().home(), ..State::default() } })
     }
+
+    /// Only the joints' servos are on, and only where joints follow references (cubic ones).
+    const LOADS: ActiveLoads =
+        ActiveLoads { target_terms: if K::DRIVES_JOINTS { 0 } else { 4 }, link_wrenches: false, station: false };
 }
 
-impl<T: Real> Crew for Company<T> {
+impl<T: Real, K: TaskDefinition> TaskStorage for TaskBlocks<T, K> {
     fn step(
         &mut self,
         simulator: &mut Simulator,
-        slots: &mut [Slot],
-        orders: &Orders<'_>,
+        slots: &mut [EpisodeSlot],
+        args: &StepArgs<'_>,
         out: Outputs<'_>,
     ) -> Vec<Final> {
-        let &Orders { task, rules, base, actions } = orders;
-        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &self.home };
+        let &StepArgs { task, rules, base, actions } = args;
+        let context = ChunkContext { task, kernel: &self.kernel, rules, base, home: &self.home };
         let finals = Mutex::new(Vec::new());
         let substeps = task.options().substeps as usize;
         let items = slots
@@ -111,11 +115,11 @@ impl<T: Real> Crew for Company<T> {
             .zip(out.chunks(CHUNK));
         simulator.for_each_chunk::<T, _>(
             substeps,
-            active_loads(task),
+            Self::LOADS,
             items,
             |part, (((slots, episodes), actions), mut out)| {
                 let mut ended = Vec::new();
-                Chunk { duty: &duty, part, slots, episodes }.step(actions, &mut out, &mut ended);
+                Chunk { context: &context, part, slots, episodes }.step(actions, &mut out, &mut ended);
                 if !ended.is_empty() {
                     finals.lock().unwrap_or_else(PoisonError::into_inner).append(&mut ended);
                 }
@@ -129,39 +133,38 @@ impl<T: Real> Crew for Company<T> {
     fn run(
         &mut self,
         simulator: &mut Simulator,
-        slots: &mut [Slot],
-        course: &Course<'_>,
+        slots: &mut [EpisodeSlot],
+        args: &RolloutArgs<'_>,
         rollout: &mut Rollout,
     ) -> Result<(), ControlError> {
-        let &Course { task, rules, base, policy, steps } = course;
-        let duty = Duty { task, kernel: &self.kernel, rules, base, home: &self.home };
+        let &RolloutArgs { task, rules, base, controller, steps } = args;
+        let context = ChunkContext { task, kernel: &self.kernel, rules, base, home: &self.home };
         let mut traces = &mut rollout.traces[..];
         let mut memory = &mut rollout.memory[..];
-        let mut laps = Vec::new();
-        for (k, tallies) in rollout.tallies.chunks_mut(CHUNK).enumerate() {
-            let remembered = tallies.len() * policy.widths().memory;
-            let (memory_of_lap, rest) = std::mem::take(&mut memory).split_at_mut(remembered);
+        let mut parts = Vec::new();
+        for (k, stats) in rollout.stats.chunks_mut(CHUNK).enumerate() {
+            let (own, rest) = std::mem::take(&mut memory).split_at_mut(stats.len() * controller.widths().memory);
             memory = rest;
             let traces = take_before(&mut traces, (k + 1) * CHUNK);
-            laps.push(Lap { policy, steps, memory: memory_of_lap, tallies, traces });
+            parts.push(RolloutChunk { controller, steps, memory: own, stats, traces });
         }
         let failure = Mutex::new(Ok(()));
         let substeps = task.options().substeps as usize;
         let items =
-            slots.chunks_mut(CHUNK).zip(self.episodes.chunks_mut(CHUNK * self.kernel.rows().rows)).zip(&mut laps);
-        simulator.for_each_chunk::<T, _>(substeps, active_loads(task), items, |part, ((slots, episodes), lap)| {
-            if let Err(error) = lap.run(&mut Chunk { duty: &duty, part, slots, episodes }) {
+            slots.chunks_mut(CHUNK).zip(self.episodes.chunks_mut(CHUNK * self.kernel.rows().rows)).zip(&mut parts);
+        simulator.for_each_chunk::<T, _>(substeps, Self::LOADS, items, |part, ((slots, episodes), rollout)| {
+            if let Err(error) = rollout.run(&mut Chunk { context: &context, part, slots, episodes }) {
                 *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
             }
         });
         failure.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn look(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>) {
+    fn observe(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>) {
         let all = vec![true; out.len()];
         let (layout, isa, physics) = simulator.blocks::<T>().parts();
         let blocks = kernels::Blocks { kernel: &self.kernel, layout, physics, episodes: &mut self.episodes };
-        T::dispatch(isa, &mut kernels::Look { blocks, chosen: &all, out });
+        T::dispatch(isa, &mut kernels::ObserveKernel { blocks, chosen: &all, out });
     }
 
     fn column(&self, i: usize) -> Vec<f64> {
@@ -173,10 +176,10 @@ impl<T: Real> Crew for Company<T> {
     }
 
     fn bytes_per_instance(&self, instances: usize) -> usize {
-        size_of_val(&self.episodes[..]) / instances + size_of::<Slot>()
+        size_of_val(&self.episodes[..]) / instances + size_of::<EpisodeSlot>()
     }
 
-    fn boxed_clone(&self) -> Box<dyn Crew> {
+    fn boxed_clone(&self) -> Box<dyn TaskStorage> {
         Box::new(self.clone())
     }
 }

@@ -1,62 +1,62 @@
-//! Closed loops: episodes under a policy, for many control periods on one thread at a time.
+//! Rollouts: episodes under a controller, for many control periods on one thread at a time.
 
 use super::chunk::Chunk;
 use super::outputs::{Outputs, Transition};
 use crate::control::Controller;
 use crate::error::ControlError;
 use crate::lane::Real;
-use crate::task::INFO;
+use crate::task::{INFO, TaskDefinition, TaskKernel};
 
-/// What came of an instance's control periods; those after its episode's end do not count.
+/// Statistics of an instance's control periods up to its episode's end.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Tally {
-    /// Control periods that count.
+pub struct RolloutStats {
+    /// Number of control periods.
     pub steps: u32,
     /// Sum of the rewards.
     pub reward: f64,
-    /// The episode ended for a reason within the task.
+    /// End of the episode for a reason within the task.
     pub terminated: bool,
-    /// The episode ended because its time did.
+    /// End of the episode by its time limit.
     pub truncated: bool,
-    /// Sums of the measures, in the order of [`crate::task::Outcome::INFO`].
+    /// Sums of the metrics, in the order of the task's names; zeros past the last.
     pub sums: [f64; INFO],
     /// Sums of their squares.
     pub squares: [f64; INFO],
-    /// Themselves after the last of the control periods.
+    /// Metrics after the last control period.
     pub last: [f64; INFO],
 }
 
-/// Every control period of one instance, as far as it counts.
+/// Record of one instance's control periods up to its episode's end.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trace {
     /// Instance.
     pub instance: usize,
-    /// What the policy saw, (T, d).
+    /// Observations of the controller, (T, d).
     pub observations: Vec<f32>,
-    /// What it did, (T, a).
+    /// Its actions, (T, a).
     pub actions: Vec<f32>,
-    /// What came of it, (T,).
+    /// Rewards, (T,).
     pub rewards: Vec<f64>,
-    /// Measures thereafter, (T, k).
+    /// Metrics after each control period, (T, k).
     pub info: Vec<f64>,
 }
 
-/// What a policy remembers of a batch's instances, and what came of it so far.
+/// Memory of a controller, statistics and records of a batch's instances.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rollout {
     /// (N, m)
     pub(super) memory: Vec<f64>,
-    pub(super) tallies: Vec<Tally>,
-    /// Of chosen instances, in ascending order.
+    pub(super) stats: Vec<RolloutStats>,
+    /// Records of chosen instances, in ascending order.
     pub(super) traces: Vec<Trace>,
 }
 
 impl Rollout {
-    /// Of a policy that remembers nothing yet of `instances` instances. The instances that `traced` names are recorded.
+    /// A rollout of `instances` instances with blank memory. The instances in `traced` are recorded.
     ///
     /// # Errors
-    /// `ControlError::Instance` for one that there is not.
-    pub fn new(policy: &dyn Controller, instances: usize, traced: &[usize]) -> Result<Self, ControlError> {
+    /// `ControlError::Instance` for an instance out of range.
+    pub fn new(controller: &dyn Controller, instances: usize, traced: &[usize]) -> Result<Self, ControlError> {
         if let Some(&got) = traced.iter().find(|i| **i >= instances) {
             return Err(ControlError::Instance { instance: got, instances });
         }
@@ -65,15 +65,15 @@ impl Rollout {
         traced.dedup();
         let trace = |instance| Trace { instance, ..Trace::default() };
         Ok(Self {
-            memory: vec![0.0; instances * policy.widths().memory],
-            tallies: vec![Tally::default(); instances],
+            memory: vec![0.0; instances * controller.widths().memory],
+            stats: vec![RolloutStats::default(); instances],
             traces: traced.into_iter().map(trace).collect(),
         })
     }
 
-    /// What came of each instance.
-    pub fn tallies(&self) -> &[Tally] {
-        &self.tallies
+    /// Statistics of each instance.
+    pub fn stats(&self) -> &[RolloutStats] {
+        &self.stats
     }
 
     /// Records of the chosen instances, in ascending order.
@@ -81,30 +81,31 @@ impl Rollout {
         &self.traces
     }
 
-    /// Counts anew from here on; the policy forgets nothing.
-    pub fn count_anew(&mut self) {
-        self.tallies.fill(Tally::default());
+    /// Returns the statistics so far and clears them; the controller's memory stays.
+    pub fn pop_stats(&mut self) -> Vec<RolloutStats> {
+        let blank = vec![RolloutStats::default(); self.stats.len()];
+        std::mem::replace(&mut self.stats, blank)
     }
 }
 
-/// The part of a rollout that belongs to a chunk.
-pub(super) struct Lap<'a> {
-    pub policy: &'a dyn Controller,
+/// Part of a rollout for one chunk.
+pub(super) struct RolloutChunk<'a> {
+    pub controller: &'a dyn Controller,
     pub steps: u32,
     pub memory: &'a mut [f64],
-    pub tallies: &'a mut [Tally],
+    pub stats: &'a mut [RolloutStats],
     pub traces: &'a mut [Trace],
 }
 
-impl Lap<'_> {
-    /// Runs the instances of a chunk. Its rules have no autoreset: episodes that are over stay so.
-    pub fn run<T: Real>(&mut self, chunk: &mut Chunk<'_, '_, T>) -> Result<(), ControlError> {
+impl RolloutChunk<'_> {
+    /// Runs the instances of a chunk, whose rules have no autoreset: ended episodes stay as they are.
+    pub fn run<T: Real, K: TaskDefinition>(&mut self, chunk: &mut Chunk<'_, '_, T, K>) -> Result<(), ControlError> {
         let (n, first) = (chunk.slots.len(), chunk.part.first);
-        let widths = self.policy.widths();
-        let mut seen = Transition::blank(n, widths.observation);
+        let widths = self.controller.widths();
+        let mut transition = Transition::blank(n, widths.observation, TaskKernel::<T, K>::metrics());
         let mut actions = vec![0.0; n * widths.action];
         let mut runs = vec![false; n];
-        chunk.look(&vec![true; n], &mut seen.outputs());
+        chunk.observe(&vec![true; n], &mut transition.outputs());
         for _ in 0..self.steps {
             for (runs, slot) in runs.iter_mut().zip(&*chunk.slots) {
                 *runs = !slot.over;
@@ -112,35 +113,35 @@ impl Lap<'_> {
             if !runs.contains(&true) {
                 break;
             }
-            self.policy.act(&seen.observations, self.memory, &mut actions)?;
+            self.controller.act(&transition.observations, self.memory, &mut actions)?;
             for trace in self.traces.iter_mut().filter(|trace| runs[trace.instance - first]) {
                 let k = trace.instance - first;
-                trace.observations.extend(&seen.observations[k * widths.observation..][..widths.observation]);
+                trace.observations.extend(&transition.observations[k * widths.observation..][..widths.observation]);
                 trace.actions.extend(&actions[k * widths.action..][..widths.action]);
             }
-            let mut out = seen.outputs();
+            let mut out = transition.outputs();
             chunk.step(&actions, &mut out, &mut Vec::new());
-            for (k, tally) in self.tallies.iter_mut().enumerate().filter(|(k, _)| runs[*k]) {
-                tally.add(k, &out);
+            for (k, stats) in self.stats.iter_mut().enumerate().filter(|(k, _)| runs[*k]) {
+                stats.add(k, &out);
             }
             for trace in self.traces.iter_mut().filter(|trace| runs[trace.instance - first]) {
                 let k = trace.instance - first;
                 trace.rewards.push(out.rewards[k]);
-                trace.info.extend(out.info.iter().map(|row| row[k]));
+                trace.info.extend(out.metrics().map(|row| row[k]));
             }
         }
         Ok(())
     }
 }
 
-impl Tally {
-    /// Adds what a control period brought instance `k` of `out`.
+impl RolloutStats {
+    /// Adds the results of instance `k` of `out`.
     fn add(&mut self, k: usize, out: &Outputs<'_>) {
         self.steps += 1;
         self.reward += out.rewards[k];
         self.terminated |= out.terminated[k];
         self.truncated |= out.truncated[k];
-        for (entry, row) in out.info.iter().enumerate() {
+        for (entry, row) in out.metrics().enumerate() {
             self.sums[entry] += row[k];
             self.squares[entry] += row[k] * row[k];
             self.last[entry] = row[k];
@@ -148,7 +149,7 @@ impl Tally {
     }
 }
 
-/// The front part of `rest` that belongs to instances before `end`.
+/// Takes from `rest` the records of instances before `end`.
 pub(super) fn take_before<'a>(rest: &mut &'a mut [Trace], end: usize) -> &'a mut [Trace] {
     let count = rest.partition_point(|trace| trace.instance < end);
     let (front, back) = std::mem::take(rest).split_at_mut(count);

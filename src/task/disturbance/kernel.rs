@@ -3,12 +3,13 @@
 use nalgebra::Vector3 as Vector;
 
 use super::column::Column;
+use super::context::DisturbanceContext;
 use super::current::{Drift, Gust};
+use super::draws::{QUAD, normal_pair};
 use super::impulse::Impulse;
-use super::payload::{Handling, PayloadEvent};
-use super::rows::{DisturbanceRows, QUAD, normal_pair};
+use super::payload::{Payload, PayloadEvent};
+use super::rows::DisturbanceRows;
 use super::script::Script;
-use super::site::Site;
 use super::tether::Tether;
 use super::thrusters::ThrusterLoss;
 use super::waves::Waves;
@@ -37,7 +38,7 @@ pub struct Forcing<L> {
 impl<L: Lane> Forcing<L> {
     /// What is told of it: magnitude of the force (N), payload (kg), and the least gain of a thruster.
     #[inline(always)]
-    pub fn shown(&self) -> [L; 3] {
+    pub fn summary(&self) -> [L; 3] {
         let force = self.wrench.linear;
         let mut least = self.gains[0];
         for k in 1..THRUSTERS {
@@ -49,9 +50,9 @@ impl<L: Lane> Forcing<L> {
 
 /// Disturbances that change within an episode, for instances that remember them by the same rows.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Weather<T> {
+pub struct DisturbanceKernel<T> {
     rows: DisturbanceRows,
-    site: Site,
+    context: DisturbanceContext,
     /// Against gravity and the two horizontal axes, world axes.
     level: [Vector3<T>; 3],
     /// Control periods per second.
@@ -63,11 +64,11 @@ const FIRST: u32 = 16;
 /// Draws that the noise of a control instant may take.
 const NOISE: u32 = 16;
 
-impl<T: Real> Weather<T> {
+impl<T: Real> DisturbanceKernel<T> {
     /// In the precision of the lanes.
-    pub fn new(rows: DisturbanceRows, site: &Site) -> Self {
-        let level = site.level.map(|axis| Vector3(axis.map(T::from_f64).into()));
-        Self { rows, level, frequency: T::from_f64(1.0 / site.period), site: site.clone() }
+    pub fn new(rows: DisturbanceRows, context: &DisturbanceContext) -> Self {
+        let level = context.level.map(|axis| Vector3(axis.map(T::from_f64).into()));
+        Self { rows, level, frequency: T::from_f64(1.0 / context.period), context: context.clone() }
     }
 
     /// Where everything lies.
@@ -107,50 +108,50 @@ impl<T: Real> Weather<T> {
 
     /// Draws an episode of `disturbance`, which has no more components than the rows.
     pub fn begin(&self, memory: &mut Column<'_, T>, key: EpisodeKey, steady: &Vector<f64>, disturbance: &Disturbance) {
-        let (rows, site) = (&self.rows, &self.site);
+        let (rows, context) = (&self.rows, &self.context);
         let stream = |purpose| Stream::new(key, purpose);
         (rows.clock..rows.end).for_each(|row| memory.set(row, 0.0));
         memory.set_all(rows.steady, steady.iter().copied());
         if let (Some([row, _]), Some(drift)) = (rows.drift, &disturbance.drift) {
-            memory.set_all(row, drift.draw(&stream(Purpose::Drift), site));
+            memory.set_all(row, drift.draw(&stream(Purpose::Drift), context));
         }
         if let (Some(row), Some(gust)) = (rows.gust, &disturbance.gust) {
-            gust.begin(memory, row, &Gust::stream(key), site);
+            gust.begin(memory, row, &Gust::stream(key), context);
         }
         if let (Some([row, trains]), Some(waves)) = (rows.waves, &disturbance.waves) {
-            waves.begin(memory, row, trains, &stream(Purpose::Waves), site);
+            waves.begin(memory, row, trains, &stream(Purpose::Waves), context);
         }
         if let (Some(row), Some(impulse)) = (rows.impulse, &disturbance.impulse) {
-            impulse.begin(memory, row, &Impulse::stream(key), site);
+            impulse.begin(memory, row, &Impulse::stream(key), context);
         }
         if let (Some(row), Some(tether)) = (rows.tether, &disturbance.tether) {
-            memory.set_all(row, tether.draw(&stream(Purpose::Tether), site));
+            memory.set_all(row, tether.draw(&stream(Purpose::Tether), context));
         }
         if let (Some(row), Some(payload)) = (rows.payload, &disturbance.payload) {
-            memory.set_all(row, payload.draw(&stream(Purpose::Payload), site));
+            memory.set_all(row, payload.draw(&stream(Purpose::Payload), context));
         }
         if let Some(row) = rows.thrusters {
             let whole = ThrusterLoss { count: 0, ..ThrusterLoss::default() };
             let loss = disturbance.thrusters.as_ref().unwrap_or(&whole);
-            memory.set_all(row, loss.draw(&stream(Purpose::Thrusters), site));
+            memory.set_all(row, loss.draw(&stream(Purpose::Thrusters), context));
         }
         if let (Some([row, _]), Some(script)) = (rows.script, &disturbance.script) {
             script.begin(memory, row);
         }
         if let Some(sensors) = &rows.sensors {
-            sensors.begin(disturbance.noise.as_ref(), memory, &stream(Purpose::Bias), site.joints);
-            self.stir_sensors(memory, key, 0);
+            sensors.begin(disturbance.noise.as_ref(), memory, &stream(Purpose::Bias), context.joints);
+            self.sample_sensors(memory, key, 0);
         }
     }
 
     /// What happens one instance at a time before control period `step`: draws, and what comes next of what is over.
-    pub fn stir(&self, memory: &mut Column<'_, T>, key: EpisodeKey, step: u32) {
+    pub fn advance(&self, memory: &mut Column<'_, T>, key: EpisodeKey, step: u32) {
         let (rows, now) = (&self.rows, f64::from(step));
         if let Some([_, draws]) = rows.drift {
             memory.set_all(draws, Stream::new(key, Purpose::Drift).quad(step.wrapping_add(FIRST)));
         }
         if let Some(row) = rows.gust {
-            Gust::renew(memory, row, now, &Gust::stream(key), &self.site);
+            Gust::renew(memory, row, now, &Gust::stream(key), &self.context);
         }
         if let Some(row) = rows.impulse {
             Impulse::renew(memory, row, now, &Impulse::stream(key));
@@ -158,10 +159,10 @@ impl<T: Real> Weather<T> {
         if let Some([row, _]) = rows.script {
             Script::turn_to(memory, row, step);
         }
-        self.stir_sensors(memory, key, step.wrapping_add(1));
+        self.sample_sensors(memory, key, step.wrapping_add(1));
     }
 
-    fn stir_sensors(&self, memory: &mut Column<'_, T>, key: EpisodeKey, instant: u32) {
+    fn sample_sensors(&self, memory: &mut Column<'_, T>, key: EpisodeKey, instant: u32) {
         let Some(SensorRows { measured, noise: Some([_, draws]), .. }) = self.rows.sensors else { return };
         let stream = Stream::new(key, Purpose::Noise);
         for k in 0..measured.div_ceil(QUAD) {
@@ -170,8 +171,8 @@ impl<T: Real> Weather<T> {
     }
 
     /// What is to be done with the payload before control period `step`.
-    pub fn handling(&self, memory: &Column<'_, T>, step: u32) -> Option<Handling> {
-        PayloadEvent::handling(memory.get_all(self.rows.payload?), f64::from(step))
+    pub fn payload_event(&self, memory: &Column<'_, T>, step: u32) -> Option<PayloadEvent> {
+        Payload::event(memory.get_all(self.rows.payload?), f64::from(step))
     }
 
     /// Whether there may be a payload.
@@ -182,13 +183,13 @@ impl<T: Real> Weather<T> {
     /// What is held from now on, kg.
     pub fn hold(&self, memory: &mut Column<'_, T>, held: f64) {
         if let Some(row) = self.rows.payload {
-            memory.set(row + PayloadEvent::ROWS - 1, held);
+            memory.set(row + Payload::ROWS - 1, held);
         }
     }
 
     /// Over the coming control period.
     #[inline(always)]
-    pub fn force<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, pose: &Pose<L>, twist: &Vector6<L>) -> Forcing<L> {
+    pub fn forcing<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, pose: &Pose<L>, twist: &Vector6<L>) -> Forcing<L> {
         let rows = &self.rows;
         let now: L = memory.get(rows.clock);
         let [forward, left, up] = [self.axis(0), self.axis(1), self.axis(2)];
@@ -219,11 +220,11 @@ impl<T: Real> Weather<T> {
             wrench = wrench + Tether::wrench(memory, row, pose, twist, velocity, up);
         }
         let payload = match rows.payload {
-            Some(row) => memory.get(row + PayloadEvent::ROWS - 1),
+            Some(row) => memory.get(row + Payload::ROWS - 1),
             None => L::zero(),
         };
         let gains = match rows.thrusters {
-            Some(row) => ThrusterLoss::gains(memory, row, self.site.thrusters, now),
+            Some(row) => ThrusterLoss::gains(memory, row, self.context.thrusters, now),
             None => [L::c(1.0); THRUSTERS],
         };
         Forcing { velocity, acceleration, wrench, gains, payload }
@@ -231,7 +232,7 @@ impl<T: Real> Weather<T> {
 
     /// A control period passes.
     #[inline(always)]
-    pub fn pass<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
+    pub fn end_period<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
         let rows = &self.rows;
         let now: L = memory.get(rows.clock);
         memory.set(rows.clock, now + L::c(1.0));

@@ -1,21 +1,21 @@
-//! Where steps write what they bring.
+//! Outputs of steps.
 
 use super::Final;
 use crate::error::ControlError;
 use crate::task::INFO;
 
-/// Places for what a step brings of N instances: slices of arrays whose first axis (last, of `info`) is the instance.
+/// Arrays for the results of a step of N instances: slices whose first axis (last, of `info`) is the instance.
 #[derive(Default)]
 pub struct Outputs<'a> {
     /// Observations, (N, d).
     pub observations: &'a mut [f32],
     /// Rewards, (N,).
     pub rewards: &'a mut [f64],
-    /// Whether the episode is over for a reason within the task, (N,).
+    /// End of the episode for a reason within the task, (N,).
     pub terminated: &'a mut [bool],
-    /// Whether it is because its time is, (N,).
+    /// End of the episode by its time limit, (N,).
     pub truncated: &'a mut [bool],
-    /// Measures by the names of [`crate::task::Outcome::INFO`], each (N,).
+    /// Metrics in the order of the task's names, each (N,); the rows past the last are empty.
     pub info: [&'a mut [f64]; INFO],
 }
 
@@ -26,7 +26,7 @@ pub(super) struct Chunks<'a> {
 }
 
 impl<'a> Outputs<'a> {
-    /// Of N instances, measures as (k, N).
+    /// Outputs of N instances, metrics as (k, N).
     pub fn new(
         observations: &'a mut [f32],
         rewards: &'a mut [f64],
@@ -41,19 +41,25 @@ impl<'a> Outputs<'a> {
         Self { observations, rewards, terminated, truncated, info }
     }
 
-    /// Instances.
+    /// Number of instances.
     pub fn len(&self) -> usize {
         self.rewards.len()
     }
 
-    /// Whether there are none.
+    /// No instances.
     pub fn is_empty(&self) -> bool {
         self.rewards.is_empty()
     }
 
-    /// Refuses what is not for `n` instances with observations of `width` entries.
-    pub(super) fn check(&self, n: usize, width: usize) -> Result<(), ControlError> {
-        let rows = self.info.iter().map(|row| ("measures", row.len(), n));
+    /// Rows of the metrics.
+    pub(super) fn metrics(&self) -> impl Iterator<Item = &[f64]> {
+        self.info.iter().map(|row| &**row).filter(|row| !row.is_empty())
+    }
+
+    /// Refuses lengths that are not those of `n` instances with `width` entries of an observation and `metrics` metrics.
+    pub(super) fn check(&self, n: usize, width: usize, metrics: usize) -> Result<(), ControlError> {
+        let expected = |k: usize| if k < metrics { n } else { 0 };
+        let rows = self.info.iter().enumerate().map(|(k, row)| ("metrics", row.len(), expected(k)));
         let lengths = [
             ("observations", self.observations.len(), n * width),
             ("rewards", self.rewards.len(), n),
@@ -106,68 +112,68 @@ fn split<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     first
 }
 
-/// Verdict on one instance after a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verdict {
+/// Result of a step for one instance.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepResult {
     /// Reward.
     pub reward: f64,
-    /// The episode is over for a reason within the task.
+    /// End of the episode for a reason within the task.
     pub terminated: bool,
-    /// The episode is over because its time is.
+    /// End of the episode by its time limit.
     pub truncated: bool,
-    /// Measures, in the order of [`crate::task::Outcome::INFO`].
-    pub info: [f64; INFO],
+    /// Metrics, in the order of the task's names.
+    pub info: Vec<f64>,
 }
 
-/// What a step brought.
+/// Results of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transition {
     /// Observations, (N, d).
     pub observations: Vec<f32>,
     /// Rewards.
     pub rewards: Vec<f64>,
-    /// Whether episodes are over for a reason within the task.
+    /// Ends of episodes for a reason within the task.
     pub terminated: Vec<bool>,
-    /// Whether they are because their time is.
+    /// Ends of episodes by their time limit.
     pub truncated: Vec<bool>,
-    /// Measures, (k, N).
+    /// Metrics, (k, N).
     pub info: Vec<f64>,
     /// Ends of episodes that [`super::Autoreset::SameStep`] replaced, by instance.
     pub finals: Vec<Final>,
 }
 
 impl Transition {
-    /// Memory for `n` instances with `width` entries of an observation each.
-    pub(super) fn blank(n: usize, width: usize) -> Self {
+    /// Memory for `n` instances with `width` entries of an observation and `metrics` metrics each.
+    pub(super) fn blank(n: usize, width: usize, metrics: usize) -> Self {
         Self {
             observations: vec![0.0; n * width],
             rewards: vec![0.0; n],
             terminated: vec![false; n],
             truncated: vec![false; n],
-            info: vec![0.0; INFO * n],
+            info: vec![0.0; metrics * n],
             finals: Vec::new(),
         }
     }
 
-    /// All but the finals, to be written to.
+    /// The arrays, without the finals.
     pub(super) fn outputs(&mut self) -> Outputs<'_> {
         let flags = [&mut self.terminated[..], &mut self.truncated[..]];
         Outputs::new(&mut self.observations, &mut self.rewards, flags, &mut self.info)
     }
 
-    /// What it brought instance `i`, but for the observation.
-    pub fn verdict(&self, i: usize) -> Verdict {
+    /// Result of instance `i`, without the observation.
+    pub fn result(&self, i: usize) -> StepResult {
         let n = self.rewards.len();
-        Verdict {
+        StepResult {
             reward: self.rewards[i],
             terminated: self.terminated[i],
             truncated: self.truncated[i],
-            info: std::array::from_fn(|k| self.info[k * n + i]),
+            info: self.info.iter().skip(i).step_by(n).copied().collect(),
         }
     }
 
-    /// What it brought each instance.
-    pub fn verdicts(&self) -> impl ExactSizeIterator<Item = Verdict> + '_ {
-        (0..self.rewards.len()).map(|i| self.verdict(i))
+    /// Results of all instances, without the observations.
+    pub fn results(&self) -> impl ExactSizeIterator<Item = StepResult> + '_ {
+        (0..self.rewards.len()).map(|i| self.result(i))
     }
 }

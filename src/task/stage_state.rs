@@ -1,4 +1,4 @@
-//! How a vehicle and its arm stand and move, as tasks look at it.
+//! State of a group of instances at a control instant.
 
 use super::pose::Pose;
 use crate::lie::{self, Vector6};
@@ -6,7 +6,7 @@ use crate::system::{JOINTS, State};
 
 /// State of a group of instances, without the time.
 #[derive(Debug, Clone, Copy)]
-pub struct Stance<L> {
+pub struct StageState<L> {
     /// Vehicle in the world.
     pub pose: lie::Pose<L>,
     /// Absolute body twist.
@@ -17,7 +17,7 @@ pub struct Stance<L> {
     pub qd: [L; JOINTS],
 }
 
-impl From<&State> for Stance<f64> {
+impl From<&State> for StageState<f64> {
     fn from(state: &State) -> Self {
         Self {
             pose: Pose::of_vehicle(state).in_lanes(),

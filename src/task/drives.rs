@@ -1,4 +1,4 @@
-//! What actuators are asked for, from what a scene takes to hold and to move.
+//! Driven joints: torque limits and the tilt of paths, from the loads of a scene.
 
 use nalgebra::{Rotation3, Vector3};
 
@@ -9,18 +9,34 @@ use crate::dynamics::ClosedFormModel;
 use crate::error::{DynamicsError, TaskError};
 use crate::system::State;
 
-/// Accelerations of a joint for which an action of 1 is enough, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2): where
-/// nothing else is held, and where all else is.
+/// Accelerations of a joint under an action of 1, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2): with the other joints
+/// and the vehicle free, and with all else held.
 const ACCELERATION: [f64; 2] = [10.0, 2.0];
-/// Poses at which the arm's weight and inertia are looked at.
+/// Number of poses at which the arm's weight and inertia are evaluated.
 const POSES: u32 = 64;
-/// Share of the greatest moments that a path's turns out of the horizontal take, at most.
+/// Greatest share of the thrusters' moments for a path's rotation out of the horizontal.
 const TILTING: f64 = 0.4;
-/// Tilt at which that is looked at, rad.
+/// Tilt at which the restoring moment is evaluated, rad.
 const SMALL_TILT: f64 = 0.05;
 
-/// The scene with its joints driven by torques: of their servos the damping alone stays on, as friction. It keeps light
-/// joints from flying apart between control instants.
+/// Limits of driven joints.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct JointDrives {
+    /// Torque of an action of 1 per joint, N m or N.
+    pub torques: Vec<f64>,
+    /// Greatest amplitude of a path's rotation out of the horizontal, rad.
+    pub tilt: f64,
+}
+
+impl JointDrives {
+    /// Drives of a scene's joints; `limits` are those of the thrusters' wrench.
+    pub(super) fn new(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<Self, TaskError> {
+        Ok(Self { torques: greatest_torques(scene, up)?, tilt: greatest_tilt(scene, up, limits)? })
+    }
+}
+
+/// The scene with its joints driven by torques. The damping of their servos stays on as friction, which keeps light joints
+/// from diverging between control instants.
 pub(super) fn with_drives(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     let arm = scene.arm.iter_mut();
@@ -34,10 +50,10 @@ pub(super) fn with_drives(scene: &Scene) -> Scene {
     scene
 }
 
-/// Torque that an action of 1 stands for at each joint, N m or N: the joint's effort or, where that is less, twice what
-/// holds the arm in any pose, with what friction takes at 1 rad/s and the [`ACCELERATION`]s. So a light joint does not fly
-/// apart within a control period.
-pub(super) fn greatest_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
+/// Torque of an action of 1 at each joint, N m or N: the joint's effort or, where that is less, twice the holding torque of
+/// the arm in any pose, plus friction at 1 rad/s and the [`ACCELERATION`]s. A light joint then does not diverge within a
+/// control period.
+fn greatest_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskError> {
     let (balance, joints) = (model(scene)?, scene.joints().collect::<Vec<_>>());
     let draw = Stream::new(EpisodeKey::default(), Purpose::Start);
     let mut holding = vec![0.0f64; joints.len()];
@@ -73,9 +89,9 @@ pub(super) fn greatest_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f
     Ok(joints.iter().enumerate().map(torque).collect())
 }
 
-/// Greatest amplitude of turns out of the horizontal, rad: twice that, the greatest distance from the start, takes a
-/// [`TILTING`] of the thrusters' moments about either axis to hold the vehicle. 0 where they have none.
-pub(super) fn greatest_tilt(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<f64, TaskError> {
+/// Greatest amplitude of rotation out of the horizontal, rad: at twice that, the greatest distance from the start, holding
+/// the vehicle takes the share [`TILTING`] of the thrusters' moments about either axis. 0 without moments.
+fn greatest_tilt(scene: &Scene, up: &Vector3<f64>, limits: [f64; 6]) -> Result<f64, TaskError> {
     let balance = model(scene)?;
     let hold = |rotation: Rotation3<f64>| {
         let state = State { rotation: rotation.into_inner(), q: scene.home(), ..State::default() };

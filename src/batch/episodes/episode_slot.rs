@@ -1,22 +1,23 @@
-//! Which episode an instance is in, and which comes after it.
+//! Current and next episode of an instance.
 
 use crate::error::TaskError;
 use crate::task::{Episode, EpisodeKey, EpisodeRows};
 
-/// One instance's place: the episode that runs, and the address of the one after it.
+/// Current episode of an instance, and the key of the next one.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(super) struct Slot {
+pub(super) struct EpisodeSlot {
     pub next: EpisodeKey,
     pub key: EpisodeKey,
-    /// Control periods done.
+    /// Completed control periods.
     pub step: u32,
-    /// Whether there is an episode at all.
+    /// An episode has begun.
     pub begun: bool,
+    /// The episode is over.
     pub over: bool,
 }
 
-impl Slot {
-    /// Numbers before those of the episode.
+impl EpisodeSlot {
+    /// Count of the numbers before those of the episode.
     const HEAD: usize = 6;
 
     /// At the start of an episode.
@@ -29,7 +30,7 @@ impl Slot {
         Self { next, key: next, ..Self::default() }
     }
 
-    /// All of it, and of its episode, as plain numbers.
+    /// The slot and its episode as plain numbers.
     pub fn to_numbers(&self, episode: &Episode) -> Vec<f64> {
         let EpisodeKey { seed, episode: number } = self.next;
         let halves = |x: u64| [f64::from(x as u32), f64::from((x >> 32) as u32)];
@@ -37,17 +38,17 @@ impl Slot {
         [halves(seed), halves(number), flags].concat().into_iter().chain(episode.to_numbers()).collect()
     }
 
-    /// How many numbers that gives.
+    /// Count of these numbers.
     pub fn width(rows: EpisodeRows) -> usize {
         Self::HEAD + Episode::blank(EpisodeKey::default(), rows).to_numbers().len()
     }
 
-    /// What [`Self::to_numbers`] wrote.
+    /// Slot and episode of [`Self::to_numbers`].
     pub fn from_numbers(rows: EpisodeRows, numbers: &[f64]) -> Result<(Self, Episode), TaskError> {
         let (head, episode) = numbers.split_at(Self::HEAD);
         let whole = |k: usize| {
             let n = head[k] as u32;
-            if f64::from(n) == head[k] { Ok(n) } else { Err(TaskError::Saved(format!("{} is no count", head[k]))) }
+            if f64::from(n) == head[k] { Ok(n) } else { Err(TaskError::Saved(format!("{} is not a count", head[k]))) }
         };
         let join = |k: usize| Ok::<u64, TaskError>(u64::from(whole(k)?) | u64::from(whole(k + 1)?) << 32);
         let episode = Episode::from_numbers(rows, episode)?;

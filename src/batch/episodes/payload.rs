@@ -1,0 +1,38 @@
+//! Payload events of an instance at the start of a control period.
+
+use crate::batch::stepping::blocks::PhysicsChunk;
+use crate::dynamics::ClosedFormModel;
+use crate::lane::Real;
+use crate::task::disturbance::{Column, DisturbanceKernel, PayloadEvent};
+use crate::task::{Task, grasp_impulse};
+
+/// Applies the payload event of instance `k` of `part` before control period `step`, if there is one.
+pub(super) fn apply_payload_event<T: Real>(
+    task: &Task,
+    disturbance: &DisturbanceKernel<T>,
+    memory: &mut Column<'_, T>,
+    step: u32,
+    part: &mut PhysicsChunk<'_, T>,
+    k: usize,
+) {
+    let Some(event) = disturbance.payload_event(memory, step) else { return };
+    let (table, rows) = (part.table, &mut *part.rows);
+    let mut factors = table.factors(rows, k);
+    match event {
+        PayloadEvent::Grasp(mass) => {
+            // A scene that composes with its own masses does so with scaled ones.
+            if let Ok(model) = ClosedFormModel::new(&task.scene().varied(factors.of_bodies())) {
+                let mut state = table.state(rows, k);
+                grasp_impulse(&model, &mut state, mass);
+                table.set_velocities(rows, k, &state);
+            }
+            factors.payload += mass;
+            disturbance.hold(memory, mass);
+        }
+        PayloadEvent::Release(mass) => {
+            factors.payload = (factors.payload - mass).max(0.0);
+            disturbance.hold(memory, 0.0);
+        }
+    }
+    table.set_factors(rows, k, &factors);
+}

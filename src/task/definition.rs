@@ -1,0 +1,277 @@
+//! Interface between a task and the kernel that all tasks share.
+
+use std::fmt::Debug;
+
+use nalgebra::Vector3;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use super::disturbance::{DisturbanceKernel, MEASURED};
+use super::episode::{EpisodeRows, RowAllocator, TaskRows};
+use super::metrics::{METRICS, Metrics, OWN_METRICS};
+use super::model::TaskModel;
+use super::observation::{Layout, ObservationWriter};
+use super::options::Options;
+use super::pose::{Pose, PoseError};
+use super::random::Stream;
+use super::reward::{COARSE, RewardKernel};
+use super::stage_state::StageState;
+use crate::control::{ActionKind, Actuation};
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows, Shared};
+use crate::lie;
+use crate::system::{EndEffector, JOINTS, State};
+
+/// Frame whose pose error a task measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frame {
+    /// The vehicle's.
+    Vehicle,
+    /// The end effector's.
+    EndEffector,
+}
+
+/// Controller that residual actions of a task correct.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BaseController {
+    /// The paper's PD.
+    Pd,
+    /// Resolved motion.
+    ResolvedMotion,
+}
+
+/// A task: its options, memory, observation, references and metrics. The implementing type holds the task's own options.
+///
+/// The kernel ([`TaskKernel`]) is compiled once per task and precision. Methods over lanes must be `#[inline(always)]` and
+/// free of closures, which would not inherit the instruction set; their results must depend on the instance's own rows alone
+/// and be finite for every state in bounds.
+pub trait TaskDefinition:
+    Clone + Debug + PartialEq + Default + Serialize + DeserializeOwned + Send + Sync + 'static
+{
+    /// Name among options, such as `"station-keep"`.
+    const NAME: &'static str;
+    /// Name of the environment without variant and version, such as `"UVMS-StationKeep"`.
+    const ENVIRONMENT: &'static str;
+    /// Frame whose pose error counts.
+    const FRAME: Frame = Frame::Vehicle;
+    /// Joints are driven by torques, the last entries of an action, rather than follow references under their servos.
+    const DRIVES_JOINTS: bool = false;
+    /// The direction against gravity is measured and observed.
+    const OBSERVES_UP: bool = false;
+    /// Observation blocks of the measured twist, linear and angular: name and description.
+    const TWIST: [(&'static str, &'static str); 2] = [
+        ("linear_velocity", "absolute velocity of the vehicle origin, body axes"),
+        ("angular_velocity", "absolute angular velocity, body axes"),
+    ];
+    /// Controller that residual actions correct.
+    const BASE: BaseController = BaseController::Pd;
+    /// Pose error at which the linear part of the reward's pose term is 1, m.
+    const REWARD_SCALE: f64 = COARSE;
+    /// Names of the task's own metrics, at most [`OWN_METRICS`].
+    const METRICS: &'static [&'static str] = &[];
+
+    /// The task's numbers in the precision of the lanes.
+    type Kernel<T: Real>: Clone + Debug + PartialEq + Send + Sync;
+
+    /// Default options; where they differ from those of all tasks, the task overrides this.
+    fn defaults() -> Options<Self> {
+        Options::default()
+    }
+
+    /// Refuses the task's own options out of their ranges; `start_distance` is the shared one, m.
+    ///
+    /// # Errors
+    /// `TaskError::Option`.
+    fn check(&self, start_distance: f64) -> Result<(), TaskError>;
+
+    /// Appends the task's observation blocks, between the joint rates and the previous action.
+    fn layout(options: &Options<Self>, model: &TaskModel, layout: &mut Layout);
+
+    /// Allocates the task's rows of an episode's memory.
+    fn rows(model: &TaskModel, rows: &mut RowAllocator) -> TaskRows;
+
+    /// The task's numbers in the precision of the lanes.
+    fn kernel<T: Real>(options: &Options<Self>, model: &TaskModel, rows: &EpisodeRows) -> Self::Kernel<T>;
+
+    /// Draws the vehicle's pose at the start of an episode with that target: by default within a ball about it.
+    fn start_pose(options: &Options<Self>, _model: &TaskModel, target: &Pose, draw: &Stream) -> Pose {
+        Pose {
+            position: target.position + draw.unit_vector(0) * (options.start_distance * draw.uniform(1)),
+            rotation: target.rotation
+                * Pose::turn(draw.unit_vector(2) * (options.start_angle * draw.uniform(3))).rotation,
+        }
+    }
+
+    /// Draws the references of an episode into its memory, whose target is set.
+    fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>);
+
+    /// Sets the target and the references of the first control instant, at the start of an episode.
+    fn begin<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>);
+
+    /// Moves the target and the references to the next control instant.
+    fn advance<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>);
+
+    /// Servo targets of the joints over the coming control period: cubic coefficients. Unused where the action drives the
+    /// joints.
+    #[inline(always)]
+    fn joint_targets<T: Real, L: Lane<Real = T>>(
+        _kernel: &TaskKernel<T, Self>,
+        _memory: &Rows<'_, T>,
+        _joints: &mut [[L; 4]; JOINTS],
+    ) {
+    }
+
+    /// Measured twist in body axes: the absolute one by default.
+    #[inline(always)]
+    fn twist<T: Real, L: Lane<Real = T>>(
+        _kernel: &TaskKernel<T, Self>,
+        _memory: &Rows<'_, T>,
+        state: &StageState<L>,
+    ) -> lie::Vector6<L> {
+        state.twist
+    }
+
+    /// Writes the entries of the blocks of [`Self::layout`]. `measured` is the sensors' reading.
+    fn observe<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        state: &StageState<L>,
+        error: &PoseError<L>,
+        measured: &[L; MEASURED],
+        writer: &mut ObservationWriter<'_, T>,
+    );
+
+    /// Instances whose position is within its bound, with the task's own conditions.
+    fn in_bounds<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        state: &StageState<L>,
+        error: &PoseError<L>,
+    ) -> L::Mask;
+
+    /// Distance (m) and angle (rad) between the end effector and its target; `bounded` are those of the task's frame.
+    fn end_effector_error<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        state: &StageState<L>,
+        error: &PoseError<L>,
+        bounded: [L; 2],
+    ) -> [L; 2];
+}
+
+/// The numbers of a task in the precision of the lanes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TaskKernel<T, K: TaskDefinition>
+where
+    T: Real,
+{
+    pub(super) rows: EpisodeRows,
+    pub(super) actuation: Actuation<T>,
+    pub(super) end_effector: EndEffector<Shared<T>>,
+    /// Control periods per second.
+    pub(super) frequency: T,
+    /// Decay of the pose error's integral over a control period, and its gain for an error constant over that.
+    pub(super) leak: [T; 2],
+    pub(super) home: [T; JOINTS],
+    /// One over the scale, and the bound, of each entry of an observation.
+    pub(super) scaling: Vec<[T; 2]>,
+    pub(super) reward: RewardKernel<T>,
+    /// Errors of position (m) and attitude (rad) below which a pose counts as reached.
+    pub(super) tolerance: [T; 2],
+    /// Control period, s.
+    pub(super) period: T,
+    /// Greatest correction to the base controller's action, with residual actions.
+    pub(super) residual: Option<T>,
+    /// World axis against gravity.
+    pub(super) up: [T; 3],
+    pub(super) disturbance: Option<DisturbanceKernel<T>>,
+    pub(super) task: K::Kernel<T>,
+}
+
+/// Leak of the integral of the pose error, 1/s: `I' = e - LEAK I`.
+pub(super) const LEAK: f64 = 0.1;
+
+impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
+    /// Numbers of the task in this precision.
+    pub(super) fn new(options: &Options<K>, model: &TaskModel) -> Self {
+        const { assert!(K::METRICS.len() <= OWN_METRICS) };
+        let (period, number) = (options.control_period(), T::from_f64);
+        let (keep, actions) = ((-LEAK * period).exp(), model.actions.len());
+        let rows = EpisodeRows::new(model, |rows| K::rows(model, rows));
+        Self {
+            disturbance: rows.disturbance.map(|rows| DisturbanceKernel::new(rows, &model.context)),
+            actuation: Actuation::new(&model.actions),
+            end_effector: model.end_effector.map(|Shared(x)| Shared(number(x))),
+            frequency: number(1.0 / period),
+            leak: [keep, (1.0 - keep) / LEAK].map(number),
+            home: model.home.map(number),
+            scaling: model.layout.scaling().map(|entry| entry.map(number)).collect(),
+            reward: RewardKernel::new(&options.reward, actions, K::REWARD_SCALE),
+            tolerance: [options.tolerance.position, options.tolerance.attitude].map(number),
+            period: number(period),
+            residual: (options.action == ActionKind::Residual).then(|| number(options.residual)),
+            up: model.up().map(number),
+            task: K::kernel(options, model, &rows),
+            rows,
+        }
+    }
+
+    /// Rows of an episode's memory.
+    pub fn rows(&self) -> &EpisodeRows {
+        &self.rows
+    }
+
+    /// Disturbances that change within episodes, if any.
+    #[inline(always)]
+    pub fn disturbance(&self) -> Option<&DisturbanceKernel<T>> {
+        self.disturbance.as_ref()
+    }
+
+    /// Entries of an observation.
+    pub fn observation_len(&self) -> usize {
+        self.scaling.len()
+    }
+
+    /// Names of the metrics: those of all tasks, then the task's own.
+    pub fn metric_names() -> Vec<&'static str> {
+        Metrics::NAMES.iter().chain(K::METRICS).copied().collect()
+    }
+
+    /// Number of metrics.
+    #[inline(always)]
+    pub fn metrics() -> usize {
+        METRICS + K::METRICS.len()
+    }
+
+    /// Pose of the task's frame.
+    #[inline(always)]
+    pub(super) fn frame<L: Lane<Real = T>>(&self, state: &StageState<L>) -> lie::Pose<L> {
+        match K::FRAME {
+            Frame::Vehicle => state.pose,
+            Frame::EndEffector => state.pose.times(&self.end_effector.at(&state.q)),
+        }
+    }
+}
+
+/// Drawn start of an episode, for [`TaskDefinition::sample`].
+pub struct EpisodeStart<'a, K> {
+    /// Options of the task.
+    pub options: &'a Options<K>,
+    /// The scene as the task reads it.
+    pub model: &'a TaskModel,
+    /// Target.
+    pub target: Pose,
+    /// Start state.
+    pub state: &'a State,
+    /// Factors on the arm's amplitude and speed.
+    pub arm: [f64; 2],
+    /// Stream of the references.
+    pub draw: Stream,
+}
+
+impl<K> EpisodeStart<'_, K> {
+    /// Vertical, against gravity.
+    pub(super) fn up(&self) -> &Vector3<f64> {
+        &self.model.level[2]
+    }
+}

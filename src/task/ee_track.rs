@@ -1,0 +1,220 @@
+//! End-effector tracking: the end effector follows a path; the action drives vehicle and joints.
+
+use std::f64::consts::PI;
+
+use serde::{Deserialize, Serialize};
+
+use super::bounds::{POSITION_BOUND, shorter};
+use super::definition::{BaseController, EpisodeStart, Frame, TaskDefinition, TaskKernel};
+use super::disturbance::MEASURED;
+use super::episode::{EpisodeRows, PathRows, RowAllocator, TaskRows};
+use super::model::TaskModel;
+use super::observation::{ERROR_SCALE, Layout, ObservationWriter, TWIST, joint_bounds, six};
+use super::options::{Options, check_range};
+use super::path::{PATH, PathKind, PathRange, draw_path, path_advance, path_point};
+use super::pose::PoseError;
+use super::reward::RewardWeights;
+use super::stage_state::StageState;
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows};
+use crate::lie::Vector3;
+
+/// Greatest number of preview points.
+pub const PREVIEW: usize = 8;
+
+/// End-effector tracking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EETrack {
+    /// Kind of path.
+    pub reference: PathKind,
+    /// Amplitude or radius, m; 50 to 100 % of it are drawn.
+    pub reference_size: f64,
+    /// Greatest speed, m/s; 50 to 100 % of it are drawn.
+    pub reference_speed: f64,
+    /// Greatest amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
+    pub reference_turn: f64,
+    /// Points of the path ahead.
+    pub preview: Preview,
+}
+
+/// Observed points of the path ahead.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Preview {
+    /// Number of points.
+    pub points: u32,
+    /// Time between them, and from now to the first, s.
+    pub spacing: f64,
+}
+
+impl Default for Preview {
+    fn default() -> Self {
+        Self { points: 3, spacing: 0.2 }
+    }
+}
+
+impl Default for EETrack {
+    fn default() -> Self {
+        Self {
+            reference: PathKind::Mixed,
+            reference_size: 0.4,
+            reference_speed: 0.2,
+            reference_turn: 0.4,
+            preview: Preview::default(),
+        }
+    }
+}
+
+impl EETrack {
+    fn range(&self) -> PathRange {
+        let Self { reference, reference_size, reference_speed, reference_turn, .. } = *self;
+        PathRange { kind: reference, size: reference_size, speed: reference_speed, rotation: reference_turn }
+    }
+}
+
+/// Numbers of the kernel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EETrackKernel<T> {
+    rows: PathRows,
+    /// Preview points, and the control periods between them.
+    preview: (usize, T),
+    /// Greatest distance of each joint coordinate from home.
+    travel: Vec<T>,
+}
+
+impl TaskDefinition for EETrack {
+    const NAME: &'static str = "ee-track";
+    const ENVIRONMENT: &'static str = "UVMS-EETrack";
+    const FRAME: Frame = Frame::EndEffector;
+    const DRIVES_JOINTS: bool = true;
+    const OBSERVES_UP: bool = true;
+    const BASE: BaseController = BaseController::ResolvedMotion;
+
+    type Kernel<T: Real> = EETrackKernel<T>;
+
+    /// Divergence costs as much as 100 steps at a metre from the reference, so ending the episode early never pays.
+    fn defaults() -> Options<Self> {
+        let options = Options::default();
+        Options { reward: RewardWeights { diverged: 100.0, ..options.reward }, ..options }
+    }
+
+    fn check(&self, _start_distance: f64) -> Result<(), TaskError> {
+        for (name, value, greatest, allowed) in [
+            ("reference_size", self.reference_size, 5.0, "in [0, 5] m"),
+            ("reference_speed", self.reference_speed, 2.0, "in [0, 2] m/s"),
+            ("reference_turn", self.reference_turn, 0.6, "in [0, 0.6] rad"),
+            ("preview.points", f64::from(self.preview.points), PREVIEW as f64, "0 to 8"),
+            ("preview.spacing", self.preview.spacing, 10.0, "in [0, 10] s"),
+        ] {
+            check_range(name, value, (0.0..=greatest).contains(&value), allowed)?;
+        }
+        Ok(())
+    }
+
+    fn layout(options: &Options<Self>, _model: &TaskModel, layout: &mut Layout) {
+        let Preview { points, spacing } = options.task.preview;
+        let (speed, ahead) = (options.task.reference_speed, f64::from(points) * spacing);
+        layout.push("reference_twist", "m/s and rad/s", "velocities of the reference, end-effector axes", &six(TWIST));
+        let point = six([(ERROR_SCALE, POSITION_BOUND + 1.01 * speed * ahead), (ERROR_SCALE, PI)]);
+        let description = "both errors against each point of the reference ahead";
+        layout.push("preview", "m and rad", description, &point.repeat(points as usize));
+    }
+
+    fn rows(_model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+        TaskRows { path: Some(PathRows::new(rows)), ..TaskRows::default() }
+    }
+
+    fn kernel<T: Real>(options: &Options<Self>, model: &TaskModel, rows: &EpisodeRows) -> EETrackKernel<T> {
+        let (Preview { points, spacing }, number) = (options.task.preview.clone(), T::from_f64);
+        EETrackKernel {
+            rows: rows.task.path.expect("rows of the path"),
+            preview: (points as usize, number(spacing / options.control_period())),
+            travel: joint_bounds(&model.layout).into_iter().map(number).collect(),
+        }
+    }
+
+    fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>) {
+        let EpisodeStart { options, model, .. } = start;
+        let pose = model.end_effector_pose(&start.target, &model.home);
+        let (range, period) = (options.task.range(), options.control_period());
+        let path = draw_path(&range, &pose, start.up(), model.drives.tilt, period, &start.draw);
+        memory.set_all::<f64, PATH>(kernel.task.rows.path, &path);
+    }
+
+    #[inline(always)]
+    fn begin<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+        set_target::<T, L>(kernel, memory);
+    }
+
+    #[inline(always)]
+    fn advance<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+        path_advance::<T, L>(memory, kernel.task.rows.path);
+        set_target::<T, L>(kernel, memory);
+    }
+
+    #[inline(always)]
+    fn observe<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        state: &StageState<L>,
+        error: &PoseError<L>,
+        measured: &[L; MEASURED],
+        writer: &mut ObservationWriter<'_, T>,
+    ) {
+        let EETrackKernel { rows, preview, .. } = &kernel.task;
+        let frame = kernel.frame(state);
+        for part in [rows.motion, rows.motion + 3] {
+            writer.put_vector(frame.rotation.apply_transposed(Vector3(memory.get_all(part))));
+        }
+        // Preview errors carry the measurement error of the present ones.
+        let shift = Vector3([measured[0], measured[1], measured[2]]) - error.position;
+        let turn = Vector3([measured[3], measured[4], measured[5]]) - error.rotation;
+        let has_sensors = kernel.sensors().is_some();
+        let (points, apart) = *preview;
+        for k in 0..points {
+            let ahead = L::c((k + 1) as f64) * L::splat(apart);
+            let point = path_point::<T, L>(memory, rows.path, ahead, L::splat(kernel.frequency));
+            let ahead = PoseError::of(&frame, &point.pose);
+            writer.put_vector(if has_sensors { ahead.position + shift } else { ahead.position });
+            writer.put_vector(if has_sensors { ahead.rotation + turn } else { ahead.rotation });
+        }
+    }
+
+    #[inline(always)]
+    fn in_bounds<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        _memory: &Rows<'_, T>,
+        state: &StageState<L>,
+        error: &PoseError<L>,
+    ) -> L::Mask {
+        let mut mask = shorter(error.position, POSITION_BOUND);
+        // Driven joints have no servo to bring them back.
+        for i in 0..kernel.rows.joints {
+            let apart = (state.q[i] - L::splat(kernel.home[i])).abs();
+            mask = L::and(mask, apart.lt(L::splat(kernel.task.travel[i])));
+        }
+        mask
+    }
+
+    #[inline(always)]
+    fn end_effector_error<T: Real, L: Lane<Real = T>>(
+        _kernel: &TaskKernel<T, Self>,
+        _memory: &Rows<'_, T>,
+        _state: &StageState<L>,
+        _error: &PoseError<L>,
+        bounded: [L; 2],
+    ) -> [L; 2] {
+        bounded
+    }
+}
+
+/// Sets the target and its velocities to the path's current point.
+#[inline(always)]
+fn set_target<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, EETrack>, memory: &mut Rows<'_, T>) {
+    let rows = &kernel.task.rows;
+    let point = path_point::<T, L>(memory, rows.path, L::zero(), L::splat(kernel.frequency));
+    kernel.rows.set_target(memory, &point.pose);
+    memory.set_all(rows.motion, &point.velocity.0);
+    memory.set_all(rows.motion + 3, &point.turning.0);
+}
