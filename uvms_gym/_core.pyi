@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from typing_extensions import disjoint_base
 
 __all__ = [
+    "ATTITUDE_LEVER",
     "Controller",
     "Mlp",
     "Renderer",
@@ -16,7 +17,6 @@ __all__ = [
     "Simulator",
     "StepWarning",
     "Task",
-    "ATTITUDE_LEVER",
     "__version__",
     "disturbances",
     "dump_scene",
@@ -28,6 +28,8 @@ __all__ = [
     "load_scene",
     "scene_template",
     "scenes",
+    "task_defaults",
+    "tasks",
 ]
 
 __version__: str
