@@ -75,7 +75,7 @@ impl Support {
 /// of two             change (k_2 - k_1, k_1)               h speed k_1           h place V
 /// ```
 ///
-/// and `dk`'s velocities are `dz`'s. What is linear in time cancels (of two stages, in the accelerations only).
+/// and `dk`'s velocities are `dz`'s. Terms linear in time cancel (of two stages, in the accelerations only).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contrast {
     /// True for three stages, false for two.
