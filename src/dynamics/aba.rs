@@ -30,7 +30,7 @@ use crate::system::{BodyTerms, JOINTS, JointScrew, System};
 
 /// Joint torques, servo targets and external link wrenches, held over a control period.
 #[derive(Debug, Clone, Copy)]
-pub struct Loads<L> {
+pub struct ArmLoads<L> {
     /// Actuator torques, N m or N.
     pub torque: [L; JOINTS],
     /// Number of coefficients of the servo targets; 0 where the joint servos are off.
@@ -43,7 +43,7 @@ pub struct Loads<L> {
     pub links: [Vector6<L>; JOINTS],
 }
 
-impl<L: Lane> Loads<L> {
+impl<L: Lane> ArmLoads<L> {
     /// No loads.
     #[inline(always)]
     pub fn none() -> Self {
@@ -128,7 +128,7 @@ pub(super) fn body_bias<L: Lane, B: Param<L>, const SPARSE: bool>(
 pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     system: &System<P, B>,
     at: &Instant<L>,
-    loads: &Loads<L>,
+    loads: &ArmLoads<L>,
     scratch: &mut Scratch<L>,
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],
@@ -204,7 +204,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
 fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     system: &System<P, B>,
     at: &Instant<L>,
-    loads: &Loads<L>,
+    loads: &ArmLoads<L>,
     links: &mut [Link<L>],
     twist_rate: &mut Vector6<L>,
 ) {

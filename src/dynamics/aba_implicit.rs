@@ -15,7 +15,7 @@
 
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
 
-use super::aba::{Instant, Loads, Scratch, body_bias};
+use super::aba::{ArmLoads, Instant, Scratch, body_bias};
 use super::joint_torque::implicit_joint_torque;
 use super::link::{add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param};
@@ -61,7 +61,7 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     system: &System<P, B>,
     at: &Instant<L>,
     ahead: Ahead<L>,
-    loads: &Loads<L>,
+    loads: &ArmLoads<L>,
     scratch: &mut Scratch<L>,
     twist_rate: &mut Vector6<L>,
     qdd: &mut [L; JOINTS],

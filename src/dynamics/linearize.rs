@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use super::aba::{Instant, Loads, Scratch, accelerations};
+use super::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::hydro::{FINS, FinAxes};
 use crate::lane::{Dual, Shared};
 use crate::lie::{self, Matrix3, Vector6};
@@ -39,7 +39,7 @@ pub fn linearize(
     flow: &Flow,
     wrench: &[f64; 6],
     fins: &[f64; FINS],
-    loads: &Loads<f64>,
+    loads: &ArmLoads<f64>,
 ) -> Linearization {
     let n = system.joints.len();
     let (rates, size) = (6 + n, 2 * (6 + n));
@@ -73,7 +73,7 @@ fn accelerations_along(
     state: &State,
     flow: &Flow,
     (wrench, fins): (&[f64; 6], &[f64; FINS]),
-    loads: &Loads<f64>,
+    loads: &ArmLoads<f64>,
     direction: Direction,
 ) -> Vec<f64> {
     let number = |value: f64, along: Direction| Dual::new(value, if along == direction { 1.0 } else { 0.0 });
@@ -109,7 +109,7 @@ fn accelerations_along(
         held_rate: lie::Vector3::zero() - pull,
         time: zero,
     };
-    let loads = Loads {
+    let loads = ArmLoads {
         torque: std::array::from_fn(|k| number(loads.torque[k], Direction::Torque(k))),
         terms: 0,
         target: [[zero; 4]; JOINTS],

@@ -12,7 +12,7 @@ use crate::batch::options::SimulatorOptions;
 use crate::batch::simulator::Simulator;
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
-use crate::dynamics::aba::Loads;
+use crate::dynamics::aba::ArmLoads;
 use crate::dynamics::{Linearization, Modes, Servos, linearize};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, PASSING, Stability};
@@ -123,7 +123,7 @@ impl ModalAnalysis {
         let system = &compiled.system;
         let at = |q: &Joints, twist: [f64; 6], qd: Joints| {
             let state = State { q: *q, qd, twist: twist.into(), ..State::default() };
-            linearize(system, &state, &Vector3::zeros().into(), &[0.0; 6], &system.deflections(), &Loads::none())
+            linearize(system, &state, &Vector3::zeros().into(), &[0.0; 6], &system.deflections(), &ArmLoads::none())
         };
         let still = [0.0; JOINTS];
         let mut joint_speeds = still;

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use super::Simulator;
 use crate::batch::storage::inputs::{CheckedInputs, Inputs};
 use crate::batch::storage::instance_loads::InstanceLoads;
-use crate::dynamics::aba::Loads;
+use crate::dynamics::aba::ArmLoads;
 use crate::dynamics::{ClosedForm, ClosedFormModel, Linearization, linearize};
 use crate::error::SimulatorError;
 use crate::hydro::{Thrusts, thrust_wrench};
@@ -74,7 +74,7 @@ impl Simulator {
         let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, &self.options)?;
         let mut given = InstanceLoads::default();
         inputs.fill(i, self.factors(i).thrust, &mut given);
-        let mut loads = Loads::none();
+        let mut loads = ArmLoads::none();
         loads.torque = given.torque;
         loads.on_links = inputs.active_loads().link_wrenches;
         for (k, link) in self.compiled.links.iter().enumerate() {

@@ -4,7 +4,7 @@ use super::step::shift_twist;
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
-use crate::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::hydro::{FinAxes, ThrusterDynamics, thrust_wrench};
 use crate::integrate::Motion;
 use crate::lane::{Kernel, Lane, Real, Shared, get_all};
@@ -40,7 +40,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
             self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment);
         let system_gravity: Vector3<L> = Vector3(get_all(&system.gravity));
         let mut scratch = Scratch::new();
-        let mut loads = Loads::none();
+        let mut loads = ArmLoads::none();
         let mut motion = Motion::blank();
         let (mut propulsion, mut surfaces) = (ThrusterDynamics::blank(), FinAxes::blank());
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);

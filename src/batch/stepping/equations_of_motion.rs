@@ -2,7 +2,7 @@
 
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
-use crate::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::hydro::FinAxes;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
@@ -54,7 +54,7 @@ pub struct EquationsOfMotion<'a, L: Lane, B> {
     /// The system.
     pub system: &'a System<Shared<L::Real>, B>,
     /// Loads on joints and links.
-    pub loads: &'a mut Loads<L>,
+    pub loads: &'a mut ArmLoads<L>,
     /// Gravity minus the acceleration of the water in world axes, m/s^2.
     pub gravity: Vector3<L>,
     /// Acceleration of the water in world axes, m/s^2.

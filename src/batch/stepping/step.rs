@@ -9,7 +9,7 @@ use super::scratch_pool::ScratchPool;
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
-use crate::dynamics::aba::{Loads, Scratch};
+use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::hydro::{FinAxes, ThrusterDynamics};
 use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
 use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all, prefetch_after};
@@ -70,7 +70,7 @@ pub struct Step<'a, T> {
 struct Memory<L: Lane> {
     scratch: Scratch<L>,
     stages: Stages<L, JOINTS>,
-    loads: Loads<L>,
+    loads: ArmLoads<L>,
     motion: Motion<L, JOINTS>,
     lag: LagState<L>,
     propulsion: ThrusterDynamics<L>,

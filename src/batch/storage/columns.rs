@@ -2,7 +2,7 @@
 
 use super::active_loads::ActiveLoads;
 use super::layout::Layout;
-use crate::dynamics::aba::Loads;
+use crate::dynamics::aba::ArmLoads;
 use crate::hydro::{FINS, Fin, FinAxes, THRUSTERS, Thruster, ThrusterDynamics};
 use crate::integrate::{Attitude, Motion, StepEstimates};
 use crate::lane::{Lane, Param, Real};
@@ -184,7 +184,7 @@ impl<T: Real> Columns<'_, T> {
 
     /// Loads the active loads on joints and links.
     #[inline(always)]
-    pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, active: ActiveLoads, loads: &mut Loads<L>) {
+    pub fn loads<L: Lane<Real = T>>(&self, layout: &Layout, active: ActiveLoads, loads: &mut ArmLoads<L>) {
         loads.terms = active.target_terms;
         loads.on_links = active.link_wrenches;
         for k in 0..layout.joints.min(JOINTS) {

@@ -1,6 +1,6 @@
 //! Dual numbers: the kernel differentiates itself.
 
-use uvms_gym::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use uvms_gym::lane::{Dual, Lane, Shared, horner, sin_cos};
 use uvms_gym::lie::{DexpInverse, Matrix3, Pose, Vector3, Vector6, dexp_inverse_negative, exp_se3};
 use uvms_gym::system::{JOINTS, System, compile};
@@ -91,7 +91,7 @@ fn accelerations_of_duals_are_their_derivatives() {
             time: L::zero(),
         };
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
-        accelerations(system, &instant, &Loads::none(), &mut Scratch::new(), &mut twist_rate, &mut qdd);
+        accelerations(system, &instant, &ArmLoads::none(), &mut Scratch::new(), &mut twist_rate, &mut qdd);
         twist_rate.to_array().into_iter().chain(qdd).collect()
     }
     let place: Vec<f64> = state.twist.iter().chain(&state.q).chain(&state.qd).copied().collect();

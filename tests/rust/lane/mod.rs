@@ -7,7 +7,7 @@ mod transpose;
 
 use crate::random_scene::{Options, Random, random_scene};
 use uvms_gym::description::Scene;
-use uvms_gym::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use uvms_gym::lane::{Isa, Kernel, Lane, Real, Shared, atan2, horner, ln, ln_1p, sin_cos};
 use uvms_gym::lie::{Vector3, Vector6};
 use uvms_gym::system::{JOINTS, System, compile};
@@ -361,7 +361,7 @@ impl<T: Real> Kernel<T> for Dynamics<'_, T> {
                 time: L::zero(),
             };
             let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
-            accelerations(self.system, &instant, &Loads::none(), &mut scratch, &mut twist_rate, &mut qdd);
+            accelerations(self.system, &instant, &ArmLoads::none(), &mut scratch, &mut twist_rate, &mut qdd);
             for (k, x) in twist_rate.to_array().into_iter().chain(qdd).enumerate() {
                 let mut lanes = vec![T::default(); L::LANES];
                 x.store(&mut lanes);

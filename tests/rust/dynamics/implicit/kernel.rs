@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Vector3, Vector6};
 use uvms_gym::description::{Body, Joint, Scene};
 use uvms_gym::dynamics::ClosedFormModel;
-use uvms_gym::dynamics::aba::{Instant, Loads, Scratch, accelerations};
+use uvms_gym::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use uvms_gym::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use uvms_gym::dynamics::dense::Pose;
 use uvms_gym::lane::Shared;
@@ -44,8 +44,8 @@ impl Case {
         Self { scene, state, torque, target, wrench, station: random.coin() }
     }
 
-    fn loads(&self) -> Loads<f64> {
-        let mut loads = Loads::none();
+    fn loads(&self) -> ArmLoads<f64> {
+        let mut loads = ArmLoads::none();
         loads.torque = self.torque;
         loads.terms = if self.target.is_some() { 2 } else { 0 };
         for (k, target) in self.target.iter().flatten().enumerate() {
