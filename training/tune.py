@@ -40,11 +40,12 @@ from search import Space, rounded, search, store, write
 import uvms_gym
 from uvms_gym import Rollout, StepWarning
 from uvms_gym.cli.app import run
-from uvms_gym.cli.common import check_range, circumstances, console, fail, prepare, progress
-from uvms_gym.cli.scenes import read_scene
-from uvms_gym.cli.statistics import interquartile_mean
+from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.registry import CLASSICAL, PRETRAINED, check_name, folder
+from uvms_gym.studies.comparison.metrics import VARIATION_REWARD, pose_rms, variation
+from uvms_gym.studies.comparison.statistics import interquartile_mean
+from uvms_gym.studies.records import circumstances
 
 Floats = NDArray[np.float64]
 
@@ -55,8 +56,7 @@ LIMIT = 1.1
 #: Controllers whose commands may vary no more than `CALM_LIMIT` times as much as the tuned base's.
 CALM = ("dob-calm",)
 CALM_LIMIT = 1.2
-#: Lever that turns attitude errors into a distance, m.
-LEVER = 0.5
+
 #: Episodes that each of the last candidates flies.
 FINAL_EPISODES = 1024
 
@@ -108,13 +108,9 @@ class Arena:
         batch.reset(seed=seed)
         rollout = Rollout(batch, controller)
         rollout.run(self.steps)
-        tally = rollout.take()
-        position, attitude = (tally.squares[f"{name}_error"] for name in ("position", "attitude"))
-        pose = np.sqrt((position + LEVER**2 * attitude) / tally.steps)
-        effort = tally.sums["effort"].sum() / tally.steps.sum()
-        # The environment's reward tells it, by a weight of 1.
-        variation = -tally.sums["reward_rate"].sum() / tally.steps.sum()
-        return Score(float(interquartile_mean(pose)), float(effort), float(variation), float(tally.terminated.mean()))
+        stats = rollout.take()
+        effort, changes = (float(sums.sum() / stats.steps.sum()) for sums in (stats.sums["effort"], variation(stats)))
+        return Score(interquartile_mean(pose_rms(stats)), effort, changes, float(stats.terminated.mean()))
 
 
 class Tuner:
@@ -287,10 +283,8 @@ def main(
     known = parameters(EACH if axes == "each" else ALIKE)
     names = [name.strip() for name in controller.split(",")]
     for name in names:
-        try:
+        with user_errors():
             check_name(name, task)
-        except ValueError as error:
-            raise fail(str(error)) from None
         if name not in known:
             raise fail(f"{name} has no gains to tune")
     prepare(policies / place, work / place / "any.json")
@@ -336,15 +330,14 @@ def main(
         }
         store(file, name, gains, record)
         _tell(name, gains, record)
-    console.print(f"{file}", markup=False, soft_wrap=True)
+    line(str(file))
 
 
 def _arena(env: str, scene: str, period: float | None, threads: int | None) -> Arena:
     """Make the episodes; they last as long whatever the control period."""
-    try:
-        usual = gymnasium.make_vec(env, num_envs=1, scene=read_scene(scene))
-    except (gymnasium.error.Error, ValueError, TypeError) as error:
-        raise fail(f"{env}: {error}") from None
+    loaded = read_scene(scene)
+    with user_errors(f"{env}: "):
+        usual = gymnasium.make_vec(env, num_envs=1, scene=loaded)
     inner = usual.unwrapped
     dt, given = inner.simulator.dt, 1.0 / inner.metadata["render_fps"]
     period = given if period is None else period
@@ -353,19 +346,19 @@ def _arena(env: str, scene: str, period: float | None, threads: int | None) -> A
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
     steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
     options = {"scene": inner.options["scene"], "substeps": substeps, "max_episode_steps": steps, "threads": threads}
-    return Arena(env, {**options, "reward": {"rate": 1.0}}, steps)
+    return Arena(env, {**options, "reward": VARIATION_REWARD}, steps)
 
 
 def _tell(name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:
     limit = record["effort_limit"]
     effort = f"effort {record['effort']:.4f}" + ("" if limit is None else f" (limit {limit:.4f})")
-    console.print(f"{name}: {record['score']:.4f} m, {effort}, {record['seconds']:.0f} s", markup=False)
+    line(f"{name}: {record['score']:.4f} m, {effort}, {record['seconds']:.0f} s")
     for parameter, value in gains.items():
-        console.print(f"  {parameter} = {value}", markup=False, soft_wrap=True)
+        line(f"  {parameter} = {value}")
     if record["widened"]:
-        console.print(f"  ranges widened: {', '.join(record['widened'])}", markup=False, soft_wrap=True)
+        line(f"  ranges widened: {', '.join(record['widened'])}")
     if record["at_edge"]:
-        console.print(f"  at the edge of its range: {', '.join(record['at_edge'])}", markup=False, soft_wrap=True)
+        line(f"  at the edge of its range: {', '.join(record['at_edge'])}")
 
 
 if __name__ == "__main__":

@@ -9,8 +9,11 @@ import pytest
 
 import uvms_gym
 from uvms_gym import Simulator, load_scene
-from uvms_gym.cli import accuracy, conservation, main, motion, work_precision
-from uvms_gym.cli.work_precision import Setting
+from uvms_gym.cli import accuracy, main
+from uvms_gym.studies.accuracy import conservation, work_precision
+from uvms_gym.studies.accuracy import driven_motion as motion
+from uvms_gym.studies.accuracy.work_precision import Setting
+from uvms_gym.studies.numerics import joints
 
 PNG = b"\x89PNG\r\n\x1a\n"
 EXPLICIT = ("mk1", "mk2", "mk3", "mk4")
@@ -45,16 +48,16 @@ def test_every_setting_is_there_with_errors_cost_and_warnings(run: dict[str, Any
     assert len(result["drift"]) == len(found)
 
 
-def test_json_tells_circumstances_doubt_and_motion(run: dict[str, Any]) -> None:
+def test_json_has_circumstances_uncertainty_and_motion(run: dict[str, Any]) -> None:
     assert run["circumstances"]["arguments"]["seed"] == 3
     assert run["circumstances"]["arguments"]["step"] == [0.01, 0.02, 0.1]
     assert run["circumstances"]["machine"]["cores"] >= 1
     (result,) = run["results"].values()
-    assert 0.0 < result["reference"]["doubt"]["end_effector"]["median"] < 1e-11
+    assert 0.0 < result["reference"]["uncertainty"]["end_effector"]["median"] < 1e-11
     assert result["character"]["path"] > 0.1
     assert result["recommended"]["f64"]["step"] == 0.02
-    # One second tells nothing of bars that are stated for ten; orders hold whatever the time.
-    assert [check["met"] for check in run["bars"]] == [True]
+    # Criteria stated for ten seconds are left out; orders hold for any time.
+    assert [criterion["met"] for criterion in run["criteria"]] == [True]
 
 
 def test_what_diverges_is_shown_as_such(run: dict[str, Any]) -> None:
@@ -86,9 +89,9 @@ def test_errors_fall_with_the_order_of_the_method() -> None:
 def test_the_references_agree_far_below_the_errors_that_they_measure() -> None:
     setting = Setting("mk4", "f64", 0.01)
     result = work_precision.study(load_scene("petasus-pum"), [setting], episodes=4, seconds=1.0, seed=0, repeats=0)
-    doubt = result["reference"]["doubt"]
-    assert all(doubt[name]["worst"] < 1e-10 for name in work_precision.QUANTITIES)
-    assert result["rows"][0]["end_effector"]["median"] > 10.0 * doubt["end_effector"]["median"]
+    uncertainty = result["reference"]["uncertainty"]
+    assert all(uncertainty[name]["worst"] < 1e-10 for name in work_precision.QUANTITIES)
+    assert result["rows"][0]["end_effector"]["median"] > 10.0 * uncertainty["end_effector"]["median"]
 
 
 def test_a_scene_that_defeats_the_reference_is_refused() -> None:
@@ -116,8 +119,8 @@ def test_the_driven_motion_is_work_within_limits() -> None:
     simulator = Simulator(scene, 16)
     simulator.set_state(**driven.start)
     assert np.linalg.norm(simulator.current, axis=1).max() <= motion.CURRENT
-    limits = np.array([[joint["limits"]["lower"], joint["limits"]["upper"]] for joint in motion.joints(scene)])
-    effort = np.array([joint["effort"] for joint in motion.joints(scene)])
+    limits = np.array([[joint["limits"]["lower"], joint["limits"]["upper"]] for joint in joints(scene)])
+    effort = np.array([joint["effort"] for joint in joints(scene)])
     fastest = 0.0
     for i in range(100):
         torques = simulator.joint_torques(joint_target=driven.target[i])
@@ -254,9 +257,6 @@ def test_nothing_dissipates_in_the_stripped_scene() -> None:
         (["--time", "1.05"], "--time is 1.05, but must be a multiple of the control period of 0.1 s"),
         (["--episodes", "1"], "--episodes is 1, but must be"),
         (["--seed", "-1"], "--seed is -1, but must be"),
-        (["--hard", "--step", "0.01"], "--hard takes no options but"),
-        (["--hard", "--case", "no such"], "'no such'"),
-        (["--case", "spin"], "--case is for --hard"),
     ],
 )
 def test_bad_input_is_one_line_before_anything_is_made(

@@ -9,34 +9,28 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 
 from uvms_gym import Simulator, load_scene
 from uvms_gym.cli import main
-from uvms_gym.cli.bench import environment, equal_error, learning, peers, physics, report, timing
-from uvms_gym.cli.bench.chain import chain
-from uvms_gym.cli.bench.timing import Times
+from uvms_gym.studies.speed import environment, equal_error, learning, peers, physics, timing
+from uvms_gym.studies.speed.rigid_chain import chain
+from uvms_gym.studies.speed.timing import Times
 
 PNG = b"\x89PNG\r\n\x1a\n"
 GOLDEN = Path(__file__).parents[1] / "golden/scenes"
-TINY = [
-    "--scene",
-    "bluerov2-heavy-alpha5",
-    "--n",
-    "3",
-    "--threads",
-    "1",
-    "--substeps",
-    "2",
-    "--repeats",
-    "2",
-    "--quick",
-]
+TINY = ["--scene", "bluerov2-heavy-alpha5", "--quick"]
+#: Default counts of the tests.
+COUNTS = {"--n": "3", "--threads": "1", "--substeps": "2", "--repeats": "2"}
+
+
+def repeated(option: str, *values: int) -> list[str]:
+    return [word for value in values for word in (option, str(value))]
 
 
 def bench(out: Path, *more: str) -> dict[str, Any]:
     file = out / "numbers/bench.json"
-    assert main(["bench", *TINY, *more, "--out", str(out), "--json", str(file)]) == 0
+    counts = [word for option, count in COUNTS.items() if option not in more for word in (option, count)]
+    assert main(["bench", *TINY, *counts, *more, "--out", str(out), "--json", str(file)]) == 0
     data: dict[str, Any] = json.loads(file.read_text())
     assert data == json.loads((out / "bench.json").read_text())
     assert (out / "bench.png").read_bytes().startswith(PNG)
@@ -48,7 +42,9 @@ def assert_summary(found: dict[str, float]) -> None:
 
 
 def test_every_case_is_there_with_what_ran(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    data = bench(tmp_path, "--seed", "7", "--n", "2,9", "--substeps", "1,3", "--threads", "1,2")
+    data = bench(
+        tmp_path, "--seed", "7", *repeated("--n", 2, 9), *repeated("--substeps", 1, 3), *repeated("--threads", 1, 2)
+    )
     told = data["circumstances"]
     assert told["arguments"]["seed"] == 7
     assert told["arguments"]["n"] == [2, 9]
@@ -62,17 +58,17 @@ def test_every_case_is_there_with_what_ran(tmp_path: Path, capsys: pytest.Captur
         assert_summary(row["seconds"])
         assert row["seconds"]["least"] > 1e-9
         assert row["steps_per_second"] == pytest.approx(1.0 / row["seconds"]["median"])
-        assert (row["scene"], row["lanes"]) == ("bluerov2-heavy-alpha5", told["machine"]["lanes"])
+        assert (row["scene"], row["instruction_set"]) == ("bluerov2-heavy-alpha5", told["machine"]["instruction_set"])
         assert row["bytes"] > 0
     assert [row["dtype"] for row in data["results"]["parameters"]] == ["float64", "float32"]
     assert [(row["what"], row["n"], row["threads"]) for row in data["results"]["threads"]] == [("physics", 9, 2)] * 2
     printed = capsys.readouterr().out
-    assert all(word in printed for word in ("load average", told["machine"]["lanes"], "times as fast as one"))
+    assert all(word in printed for word in ("load average", told["machine"]["instruction_set"], "times as fast as one"))
 
 
-def test_lanes_run_in_processes_of_their_own(tmp_path: Path) -> None:
-    rows = bench(tmp_path, "--lanes", "plain", "--dtype", "float64")["results"]["physics"]
-    assert [(row["lanes"], row["varied"]) for row in rows] == [("plain", False), ("plain", True)]
+def test_other_instruction_sets_run_in_other_processes(tmp_path: Path) -> None:
+    rows = bench(tmp_path, "--instruction-set", "plain", "--dtype", "float64")["results"]["physics"]
+    assert [(row["instruction_set"], row["varied"]) for row in rows] == [("plain", False), ("plain", True)]
     assert "UVMS_INSTRUCTION_SET" not in os.environ
 
 
@@ -144,7 +140,7 @@ def test_a_state_that_is_not_finite_is_refused(part: str) -> None:
     state = {name: np.zeros((1, 2)) for name in ("position", "rotation", "twist", "q", "qd")}
     physics.assert_finite("scene", SimpleNamespace(**state))  # type: ignore[arg-type]
     state[part][0, 1] = np.nan
-    with pytest.raises(typer.TyperException, match="scene: the motion left the finite numbers"):
+    with pytest.raises(ValueError, match="scene: the timed motion is not finite"):
         physics.assert_finite("scene", SimpleNamespace(**state))  # type: ignore[arg-type]
 
 
@@ -165,7 +161,7 @@ def test_costs_and_ratios_are_of_rows_that_differ_in_one_thing() -> None:
     rows = [_row(2.0), _row(3.0, varied=True), _row(1.25, threads=2), _row(9.0, substeps=1), _row(9.0, n=4, threads=2)]
     (cost,) = physics.parameter_costs(rows)
     assert cost["percent"]["median"] == pytest.approx(50.0)
-    (ratio,) = report.speedups(rows, [], 8)
+    (ratio,) = physics.thread_speedups(rows, [], 8)
     assert (ratio["what"], ratio["ratio"]["median"]) == ("physics", pytest.approx(1.6))
 
 
@@ -177,7 +173,7 @@ def test_equal_steps_lie_on_the_line_of_log_over_log() -> None:
         assert found["step"] == pytest.approx(step)
         assert found["extrapolated"] == outside
     assert equal_error.equal_step(steps, [math.nan, *errors[1:]], 3e-5)["step"] == pytest.approx(1e-5)
-    with pytest.raises(typer.TyperException, match="no equal error"):
+    with pytest.raises(ValueError, match="no equal error"):
         equal_error.equal_step(steps, [math.nan, math.inf, 1.0], 1e-3)
 
 
@@ -189,40 +185,40 @@ RANDOM = ["random-fixed-loading-dry", "random-joint-loading-dry", "random-nine-j
 def test_val_peers_have_the_same_rigid_bodies(scene: str) -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("pinocchio")
-    from uvms_gym.cli.bench import mujoco_peer, pinocchio_peer
+    from uvms_gym.studies.speed import mujoco_model, pinocchio_model
 
     loaded = load_scene(scene)
     found = peers.dry_difference(loaded)
     assert set(found) == {"mujoco", "pinocchio"}
     assert all(off < 1e-10 for off in found.values())
     masses = [link.mass for link in chain(loaded)]
-    model = mujoco_peer.build(loaded)
+    model = mujoco_model.build(loaded)
     np.testing.assert_allclose(model.body_mass[1:], masses, rtol=1e-14)
-    inertias = pinocchio_peer.build(loaded).inertias
+    inertias = pinocchio_model.build(loaded).inertias
     np.testing.assert_allclose([inertias[i].mass for i in range(1, len(masses) + 1)], masses, rtol=1e-14)
 
 
 def test_a_peer_with_another_mass_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("pinocchio")
-    from uvms_gym.cli.bench import mujoco_peer
+    from uvms_gym.studies.speed import mujoco_model
 
     def heavier(scene: dict[str, Any]) -> Any:
         first, second, *others = chain(scene)
         return [first, second._replace(mass=second.mass * (1.0 + 1e-6)), *others]
 
-    monkeypatch.setattr(mujoco_peer, "chain", heavier)
-    with pytest.raises(typer.TyperException, match="dry accelerations of mujoco differ"):
+    monkeypatch.setattr(mujoco_model, "chain", heavier)
+    with pytest.raises(ValueError, match="dry accelerations of mujoco differ"):
         peers.dry_difference(load_scene("petasus-pum"))
 
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_val_mujoco_does_what_is_said_of_it(scene: str) -> None:
     mujoco = pytest.importorskip("mujoco")
-    from uvms_gym.cli.bench import mujoco_peer
+    from uvms_gym.studies.speed import mujoco_model
 
     loaded = load_scene(scene)
-    wet, vacuum = (mujoco_peer.build(loaded, water=water) for water in (True, False))
+    wet, vacuum = (mujoco_model.build(loaded, water=water) for water in (True, False))
     thrusters, joints = len(loaded["vehicle"]["thrusters"]), wet.nv - 6
     assert wet.nu == thrusters + joints
     assert (wet.geom_fluid[:, 0] > 0.0).all() and wet.ngeom == joints + 1
@@ -238,7 +234,7 @@ def test_val_mujoco_does_what_is_said_of_it(scene: str) -> None:
         mujoco.mj_forward(model, data[name])
     np.testing.assert_array_equal(data["wet"].qacc, data["vacuum"].qacc)
     # Buoyancy carries what it does in the scene.
-    buoyant = mujoco_peer.build(loaded, weight="buoyant")
+    buoyant = mujoco_model.build(loaded, weight="buoyant")
     carried = buoyant.body_gravcomp @ buoyant.body_mass * 9.81
     trim = Simulator(loaded).trim()["wrench"][0]
     assert carried - buoyant.body_mass.sum() * 9.81 == pytest.approx(-trim[2], abs=1e-9)
@@ -252,24 +248,24 @@ def test_val_mujoco_does_what_is_said_of_it(scene: str) -> None:
 
 def test_val_a_rollout_is_the_motion_of_its_inputs() -> None:
     mujoco = pytest.importorskip("mujoco")
-    from uvms_gym.cli.bench import mujoco_peer
+    from uvms_gym.studies.speed import mujoco_model
 
     scene = load_scene("petasus-pum")
-    model = mujoco_peer.build(scene)
-    rolling = mujoco_peer.Rolling(model, scene, n=2, steps=3, seed=1, measured=False)
+    model = mujoco_model.build(scene)
+    rolling = mujoco_model.Rolling(model, scene, n=2, steps=3, seed=1, measured=False)
     start, controls = rolling.start.copy(), rolling.controls
     assert (controls[:, :, 6:] == [0.0, 0.3, 0.6, 0.4, 0.0]).all()
     assert len(np.unique(controls[:, 0, :6])) == 12
     rolling.step()
     rolling.check()
     data = mujoco.MjData(model)
-    mujoco.mj_setState(model, data, start[1], mujoco_peer.STATE)
+    mujoco.mj_setState(model, data, start[1], mujoco_model.STATE)
     data.ctrl[:] = controls[1, 0]
     for _ in range(3):
         mujoco.mj_step(model, data)
     np.testing.assert_array_equal(rolling.start[1, 1:-1][: model.nq], data.qpos)
     rolling.states[0, 1, 4] = np.inf
-    with pytest.raises(typer.TyperException, match="MuJoCo's motion left the finite numbers"):
+    with pytest.raises(ValueError, match="MuJoCo's timed motion is not finite"):
         rolling.check()
 
 
@@ -294,7 +290,7 @@ def test_val_peers_are_timed_and_set_against_us(
     assert theirs["Euler"]["order"] == pytest.approx(1.0, abs=0.1)
     assert theirs["RK4"]["order"] == pytest.approx(4.0, abs=0.7)
     assert theirs["Euler"]["equal"]["float64"]["step"] < 1e-4 < theirs["RK4"]["equal"]["float64"]["step"]
-    assert scene["equal_error"]["doubt"]["theirs"] < 1e-2 * min(theirs["RK4"]["errors"])
+    assert scene["equal_error"]["uncertainty"]["theirs"] < 1e-2 * min(theirs["RK4"]["errors"])
     (vector,) = found["vector"]
     assert (vector["threads"], vector["substeps"]) == (1, 5)
     assert set(vector["peers"]) == set(peers.VECTOR_MODELS)
@@ -339,14 +335,13 @@ def test_missing_peers_are_one_line_that_says_what_to_install(
         (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
         (["--n", "0"], "--n is 0, but must be 1 to"),
         (["--n", "-4"], "--n is -4, but must be 1 to"),
-        (["--n", "1,many"], "--n has 'many', but must have whole numbers"),
-        (["--n", ","], "--n is empty"),
+        (["--n", "1", "--n", "many"], "'--n': 'many' is not a whole number"),
         (["--n", "1000000000"], "--n is 1000000000, but must be"),
         (["--threads", "0"], "--threads is 0, but must be"),
-        (["--threads", "1.5"], "--threads has '1.5', but must have whole numbers"),
+        (["--threads", "1.5"], "'--threads': '1.5' is not a whole number"),
         (["--substeps", "0"], "--substeps is 0, but must be"),
-        (["--dtype", "float16"], "--dtype has 'float16', but knows only float64, float32"),
-        (["--lanes", "sails"], 'UVMS_INSTRUCTION_SET="sails"'),
+        (["--dtype", "float16"], "--dtype is 'float16', but must be float64 or float32"),
+        (["--instruction-set", "sails"], 'UVMS_INSTRUCTION_SET="sails"'),
         (["--integrator", "magic"], "unknown integrator 'magic'; known: mk4,"),
         (["--repeats", "0"], "--repeats is 0, but must be"),
         (["--seed", "-1"], "--seed is -1, but must be"),
@@ -374,5 +369,5 @@ def test_bad_input_is_one_clear_line(
 def test_a_held_vehicle_has_no_peers() -> None:
     scene = load_scene("petasus-pum")
     scene["vehicle"]["fixed"] = True
-    with pytest.raises(typer.TyperException, match="holds its vehicle"):
+    with pytest.raises(ValueError, match="holds its vehicle"):
         peers.check_scene(scene)

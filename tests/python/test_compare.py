@@ -1,4 +1,4 @@
-"""`uvms compare`: cells, episodes, statistics, and what is written."""
+"""`uvms compare` and `uvms verify`: conditions, episodes, statistics, and files."""
 
 import json
 from pathlib import Path
@@ -11,26 +11,35 @@ from helpers import SMALL, layers, policy
 
 import uvms_gym
 from uvms_gym import MLP
-from uvms_gym.cli import compare, compare_cells, compare_plots, compare_report, compare_runs, compare_summary, main
-from uvms_gym.cli.statistics import Estimate, interquartile_mean
+from uvms_gym.cli import compare_report, main
 from uvms_gym.controllers import registry
+from uvms_gym.studies.comparison import conditions, contenders, plots, study, summary
+from uvms_gym.studies.comparison.statistics import Estimate, interquartile_mean
 
 PNG = b"\x89PNG\r\n\x1a\n"
 STORM, TRACK = "UVMS-StationKeep-Storm-v0", "UVMS-EETrack-Storm-v0"
 
 
-def cell(
-    env: str = STORM, scene: str = SMALL, level: str | None = None, condition: str = "design", **given: Any
+def condition_of(
+    env: str = STORM, scene: str = SMALL, level: str | None = None, departure: str = "design", **given: Any
 ) -> Any:
-    """One cell."""
+    """One condition."""
     levels = [] if level is None else [level]
-    (found,) = compare_cells.cells([env], [scene], {scene: scene}, levels, [condition], given)
+    (found,) = conditions.make_conditions([env], {scene: scene}, levels, [departure], **given)
     return found
 
 
 def run(of: Any, name: str, episodes: int, seed: int = 5) -> dict[str, dict[str, np.ndarray]]:
-    """Scores of a controller in a cell."""
-    return compare_runs.run(compare_runs.make(of, episodes), of, compare_runs.enter(of, name), seed).scores
+    """Scores of a controller under a condition."""
+    return contenders.run(contenders.make_envs(of, episodes), of, contenders.make_contender(of, name), seed).scores
+
+
+def repeated(option: str, *values: str) -> list[str]:
+    """A list as a repeated option."""
+    return [word for value in values for word in (option, value)]
+
+
+THREE = repeated("--controller", "none", "pd", "pid")
 
 
 def compared(out: Path, *arguments: str) -> dict[str, Any]:
@@ -53,7 +62,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture(scope="module")
 def comparison(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("compare")
-    data = compared(out, "--scene", SMALL, "--controllers", "none,pd,pid", "--episodes", "48", "--seed", "3")
+    data = compared(out, "--scene", SMALL, *THREE, "--episodes", "48", "--seed", "3")
     for picture in ("compare.png", "profiles.png"):
         assert (out / picture).read_bytes().startswith(PNG)
     assert not (out / "off-design.png").exists()
@@ -100,7 +109,7 @@ def test_statistics_are_those_of_the_stored_scores(comparison: dict[str, Any]) -
     assert against["probability_of_improvement"]["value"] == pytest.approx(better)
     profile, tau = result["profiles"]["pd"], np.array(result["profiles"]["thresholds"])
     np.testing.assert_allclose(profile["value"], [(pd <= t).mean() for t in tau])
-    np.testing.assert_allclose(result["controllers"]["pd"]["kept"]["pose"][0], pd[: compare_summary.KEPT])
+    np.testing.assert_allclose(result["controllers"]["pd"]["kept"]["pose"][0], pd[: summary.KEPT])
 
 
 def test_circumstances_tell_what_a_result_depends_on(comparison: dict[str, Any]) -> None:
@@ -114,7 +123,15 @@ def test_circumstances_tell_what_a_result_depends_on(comparison: dict[str, Any])
 
 def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_path: Path) -> None:
     def again(seed: int) -> Any:
-        given = ["--scene", SMALL, "--controllers", "none,pd,pid", "--episodes", "48", "--seed", str(seed)]
+        given = [
+            "--scene",
+            SMALL,
+            *THREE,
+            "--episodes",
+            "48",
+            "--seed",
+            str(seed),
+        ]
         return timeless(compared(tmp_path, *given)["results"])
 
     def timeless(results: Any) -> Any:
@@ -129,10 +146,10 @@ def test_comparison_is_deterministic_by_seed(comparison: dict[str, Any], tmp_pat
 
 
 def test_episodes_are_paired_and_do_not_depend_on_their_number() -> None:
-    few, many = (run(cell(), "pd", n)["pose"] for n in (3, 9))
+    few, many = (run(condition_of(), "pd", n)["pose"] for n in (3, 9))
     for part in ("whole", "settled"):
         assert np.array_equal(few[part], many[part][:, :3])
-    shifted = run(cell(), "pd", 2, 6)["pose"]["whole"]
+    shifted = run(condition_of(), "pd", 2, 6)["pose"]["whole"]
     assert np.array_equal(shifted, few["whole"][:, 1:])
 
 
@@ -140,7 +157,7 @@ def test_episodes_are_paired_and_do_not_depend_on_their_number() -> None:
 def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
     scene = SMALL if env == STORM else "petasus-pum"
     name = "pid" if env == STORM else "resolved"
-    scores = run(cell(env, scene), name, 2)
+    scores = run(condition_of(env, scene), name, 2)
     single = gymnasium.make(env, scene=scene)
     controller = registry.make_controller(name, single)
     observation, _ = single.reset(seed=6)
@@ -172,9 +189,9 @@ def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
 
 
 def test_who_diverges_never_recovers() -> None:
-    away = cell(scene=SMALL, level="storm-hard")
-    wild = compare_runs.Entrant("wild", (), [policy(weights=[np.zeros((6, 24))], biases=[np.ones(6)])], {})
-    scores = compare_runs.run(compare_runs.make(away, 3), away, wild, 0).scores
+    away = condition_of(scene=SMALL, level="storm-hard")
+    wild = contenders.Contender("wild", (), [policy(weights=[np.zeros((6, 24))], biases=[np.ones(6)])], {})
+    scores = contenders.run(contenders.make_envs(away, 3), away, wild, 0).scores
     assert scores["diverged"]["whole"].all()
     assert (scores["recovery"]["whole"] == 20.0).all()
     assert (scores["pose"]["whole"] > 1.0).all() and np.isfinite(scores["pose"]["settled"]).all()
@@ -184,15 +201,15 @@ def test_who_diverges_never_recovers() -> None:
 
 
 def made(condition: str, env: str = STORM) -> dict[str, Any]:
-    return cell(env, condition=condition).options
+    return condition_of(env, departure=condition).options
 
 
 def test_every_condition_makes_an_environment_and_changes_episodes() -> None:
     poses = {}
-    for condition in compare_cells.CONDITIONS:
-        of = cell(condition=condition)
+    for condition in conditions.DEPARTURES:
+        of = condition_of(departure=condition)
         poses[condition] = run(of, "pd", 2)["pose"]["whole"][0, 1]
-        compare_runs.make(cell(TRACK, "bluerov2-heavy-alpha5", condition=condition), 2)
+        contenders.make_envs(condition_of(TRACK, "bluerov2-heavy-alpha5", departure=condition), 2)
     assert len(set(poses.values())) == len(poses)
     assert poses["x1.3"] > poses["design"] > poses["arm-only"]
     assert poses["delay"] > poses["design"] > poses["calm"]
@@ -212,18 +229,20 @@ def test_conditions_are_what_they_say() -> None:
     assert set(made("impulses-only")["disturbance"]) == {"impulse", "noise", "delay"}
     assert made("impulses-only")["arm_amplitude"] == 0.0
     assert "arm_amplitude" not in made("impulses-only", TRACK)
-    fast = cell(condition="period-0.05")
+    fast = condition_of(departure="period-0.05")
     assert (fast.options["substeps"], fast.steps) == (5, 400)
     # Of the lag controllers are not told, of the control period they are.
-    assert cell(condition="lag").designed["thruster_lag"] == 0.1
+    assert condition_of(departure="lag").designed["thruster_lag"] == 0.1
     assert fast.designed["substeps"] == 5
-    assert cell("UVMS-StationKeep-v0", condition="delay").options["disturbance"]["current"] == {"speed": [0.0, 0.3]}
+    assert condition_of("UVMS-StationKeep-v0", departure="delay").options["disturbance"]["current"] == {
+        "speed": [0.0, 0.3]
+    }
 
 
-def test_cells_are_compared_next_to_one_another(
+def test_conditions_are_compared_side_by_side(
     shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given = ["--scene", SMALL, "--episodes", "4", "--cell", "design", "--cell", "period-0.05", "--cell", "calm"]
+    given = ["--scene", SMALL, "--episodes", "4", *repeated("--condition", "design", "period-0.05", "calm")]
     data = compared(tmp_path, *given)
     design, fast, calm = data["results"]
     assert design["controllers"]["ppo"]["training_seeds"] == [0, 1]
@@ -234,15 +253,15 @@ def test_cells_are_compared_next_to_one_another(
     assert "ppo" not in fast["controllers"] and "ppo" in calm["controllers"]
     assert np.load(tmp_path / "scores.npz")[f"{STORM}, {SMALL}, calm/ppo/pose/whole"].shape == (2, 4)
     printed = capsys.readouterr().out
-    assert "no policy" in printed and "Who wins" in printed and "against pid" in printed
+    assert "no policy" in printed and "Winners" in printed and "against pid" in printed
     for picture in ("compare.png", "profiles.png", "off-design.png"):
         assert (tmp_path / picture).read_bytes().startswith(PNG)
 
 
 def test_tasks_scenes_and_disturbances_are_crossed() -> None:
     envs, scenes, levels = [STORM, TRACK], ["bluerov2-heavy-alpha5", "petasus-pum"], ["calm", "waves"]
-    found = compare_cells.cells(envs, scenes, {name: name for name in scenes}, levels, ["design", "lag"], {})
-    assert [(one.env, one.scene, one.level, one.condition) for one in found] == [
+    found = conditions.make_conditions(envs, {name: name for name in scenes}, levels, ["design", "lag"])
+    assert [(one.env, one.scene, one.level, one.departure) for one in found] == [
         (env, scene, level, condition)
         for env in envs
         for scene in scenes
@@ -251,9 +270,9 @@ def test_tasks_scenes_and_disturbances_are_crossed() -> None:
     ]
     assert all(one.options["disturbance"] == one.level for one in found)
     assert [one.label for one in found[:4]] == ["calm", "calm lag", "waves", "waves lag"]
-    # Of controllers that are asked for each task has its own.
-    for contest in compare._contests(found, ["none", "pd", "resolved"]):
-        assert list(contest.entrants) == ["none", "pd" if contest.cell.env == STORM else "resolved"]
+    # Each task has the controllers that suit it.
+    for comparison in study.make_comparisons(found, ["none", "pd", "resolved"]):
+        assert list(comparison.contenders) == ["none", "pd" if comparison.condition.env == STORM else "resolved"]
 
 
 def test_a_comparison_takes_any_file(tmp_path: Path) -> None:
@@ -261,7 +280,7 @@ def test_a_comparison_takes_any_file(tmp_path: Path) -> None:
     file.parent.mkdir()
     policy().save(file)
     names = ["none", "pid", f"mlp:{file}"]
-    given = ["--env", "UVMS-StationKeep-v0", "--scene", SMALL, "--episodes", "4", "--controllers", ",".join(names)]
+    given = ["--env", "UVMS-StationKeep-v0", "--scene", SMALL, "--episodes", "4", *repeated("--controller", *names)]
     (result,) = compared(tmp_path, *given)["results"]
     assert list(result["controllers"]) == names
     errors = [entry["metrics"]["pose"]["settled"]["iqm"]["value"] for entry in result["controllers"].values()]
@@ -272,30 +291,31 @@ def test_a_comparison_takes_any_file(tmp_path: Path) -> None:
 
 
 def test_stored_results_are_reproduced(shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given = ["--scene", SMALL, "--episodes", "20", "--controllers", "pd,ppo", "--cell", "design", "--cell", "lag"]
+    given = ["--scene", SMALL, "--episodes", "20", *repeated("--controller", "pd", "ppo")]
+    given += repeated("--condition", "design", "lag")
     compared(tmp_path, *given)
     file = tmp_path / "compare.json"
-    assert compare.reproduce(file) == compare.reproduce(file, full=True) == []
-    assert main(["compare", "--check", str(file)]) == 0
+    assert study.verify(file) == study.verify(file, full=True) == []
+    assert main(["verify", str(file)]) == 0
     assert "all numbers are reproduced" in capsys.readouterr().out
     MLP(scene=SMALL, substeps=10, **layers((24, 6), 7)).save(shipped / "ppo-1.safetensors")
-    first, second = compare.reproduce(file)[::2]
+    first, second = study.verify(file)[::2]
     assert first.startswith(f"{STORM}, {SMALL}, design, ppo, pose: ") and "lag" in second
-    assert main(["compare", "--check", str(file)]) == 2
+    assert main(["verify", str(file)]) == 2
     assert "numbers are not reproduced" in capsys.readouterr().err
     (shipped / "ppo-1.safetensors").unlink()
-    assert any("shape (2, 16) is stored, (1, 16) found" in line for line in compare.reproduce(file))
+    assert any("shape (2, 16) is stored, (1, 16) found" in line for line in study.verify(file))
     (shipped / "ppo-0.safetensors").unlink()
-    assert compare.reproduce(file) == [f"{STORM}, {SMALL}, {label}, ppo: no policy" for label in ("design", "lag")]
+    assert study.verify(file) == [f"{STORM}, {SMALL}, {label}, ppo: no policy" for label in ("design", "lag")]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"circumstances": {"arguments": {"seed": 0}}, "results": [{}]}'])
 def test_what_holds_no_results_is_refused(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "results.json"
-    assert main(["compare", "--check", str(file)]) == 2
+    assert main(["verify", str(file)]) == 2
     assert f"cannot read {file}" in capsys.readouterr().err
     file.write_text(text)
-    assert main(["compare", "--check", str(file)]) == 2
+    assert main(["verify", str(file)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"{file} holds no results of uvms compare" in line
 
@@ -310,7 +330,7 @@ def test_a_policy_that_does_not_fit_is_refused_before_computing(
 
     def message(*scenes: str) -> str:
         given = ["--env", "UVMS-StationKeep-v0", *(word for scene in scenes for word in ("--scene", scene))]
-        assert main(["compare", *given, "--controllers", f"none,mlp:{file}", "--out", str(out)]) == 2
+        assert main(["compare", *given, *repeated("--controller", "none", f"mlp:{file}"), "--out", str(out)]) == 2
         assert not out.exists()
         (line,) = capsys.readouterr().err.splitlines()
         return line
@@ -331,12 +351,15 @@ def test_a_policy_that_does_not_fit_is_refused_before_computing(
         (["--episodes", "0"], "--episodes is 0"),
         (["--episodes", "100001"], "--episodes is 100001, but must be 2 to 100000"),
         (["--seed", "-1"], "--seed is -1"),
-        (["--env", "CartPole-v1"], "--env is 'CartPole-v1', but only those of uvms_gym work"),
+        (["--env", "CartPole-v1"], "'CartPole-v1' is no environment of uvms_gym"),
         (["--scene", "rexrov", "--scene", "rexrov"], "scene 'rexrov' is given twice"),
-        (["--cell", "moon"], "there is no cell 'moon'; known: design, lag"),
+        (["--condition", "moon"], "there is no condition 'moon'; known: design, lag"),
         (["--disturbance", "tsunami"], "there is no disturbance 'tsunami'; known: calm"),
-        (["--controllers", "resolved"], "controller 'resolved' is not for UVMS-StationKeep; known: none, pd"),
-        (["--scene", SMALL, "--controllers", "pd,ppo"], "no policy ppo is shipped for UVMS-StationKeep, scene blue"),
+        (["--controller", "resolved"], "controller 'resolved' is not for UVMS-StationKeep; known: none, pd"),
+        (
+            ["--scene", SMALL, *repeated("--controller", "pd", "ppo")],
+            "no policy ppo is shipped for UVMS-StationKeep, scene blue",
+        ),
     ],
 )
 def test_options_are_named_with_their_value(
@@ -368,6 +391,6 @@ def test_numbers_are_written_to_the_digits_that_their_intervals_leave() -> None:
 
 
 def test_controllers_are_told_apart_by_colours() -> None:
-    colours = compare_plots.colours([*registry.names("station-keep")])
+    colours = plots.colours([*registry.names("station-keep")])
     assert len(set(colours.values())) == len(colours)
-    assert compare_plots.shown("mlp:a/b/own.safetensors") == "own"
+    assert plots.short_name("mlp:a/b/own.safetensors") == "own"

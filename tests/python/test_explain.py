@@ -11,10 +11,13 @@ from helpers import bodies, fixed_base
 pytest.importorskip("typer")
 
 from uvms_gym import Simulator, load_scene, scenes
-from uvms_gym.cli import explain, main, terms
-from uvms_gym.cli.motion import driven_motion, joints
+from uvms_gym.cli import explain, main
+from uvms_gym.studies.accuracy.driven_motion import driven_motion
+from uvms_gym.studies.numerics import joints
+from uvms_gym.studies.terms import ablation
+from uvms_gym.studies.terms import scene_terms as terms
 
-FLOW = ("added mass", "linear drag", "quadratic drag")
+FLOW = ("added mass", "linear damping", "quadratic damping")
 
 
 def found(scene: dict[str, Any]) -> dict[str, terms.Term]:
@@ -57,8 +60,8 @@ def test_terms_of_a_shipped_scene_are_those_that_its_numbers_hold(name: str) -> 
     listed = found(scene)
     vehicle = scene["vehicle"]["body"]
     assert listed["vehicle: added mass"].present == bool(np.any(vehicle["added_mass"]))
-    assert listed["vehicle: linear drag"].present == bool(np.any(vehicle["damping"]["linear"]))
-    assert listed["vehicle: quadratic drag"].present == bool(np.any(vehicle["damping"]["quadratic"]))
+    assert listed["vehicle: linear damping"].present == bool(np.any(vehicle["damping"]["linear"]))
+    assert listed["vehicle: quadratic damping"].present == bool(np.any(vehicle["damping"]["quadratic"]))
     assert listed["vehicle: added mass, off-diagonal"].present == (name in ("rexrov", "remus-100"))
     assert listed["effort limits"].present == any("effort" in joint for joint in joints(scene))
     assert not listed["payload"].present
@@ -85,7 +88,7 @@ def test_what_is_left_out_is_gone_and_nothing_else() -> None:
         expected = {term.name}
         if kind == "added mass":
             expected |= {f"{term.name}, off-diagonal"}
-        if kind == "added mass, drag":
+        if kind == "added mass, damping":
             expected |= {f"{group}: {part}" for part in FLOW} | {f"{group}: added mass, off-diagonal"}
         if term.name == terms.ALL:
             expected = {name for name in left if name != "joint servos"}
@@ -122,8 +125,8 @@ def test_errors_are_those_of_the_motion_without_the_term() -> None:
     scene = load_scene("petasus-pum")
     motion = driven_motion(scene, 3, 10.0, 0)
     listed = found(scene)
-    chosen = ["links: quadratic drag", "current", "end stops"]
-    floor, errors = explain.trajectory_errors(motion, [listed[name] for name in chosen], lambda: None)
+    chosen = ["links: quadratic damping", "current", "end stops"]
+    floor, errors = ablation.trajectory_errors(motion, [listed[name] for name in chosen], lambda: None)
     assert floor.shape == (2, 3)
     assert 0.0 < floor.max() < 1e-8
     assert not errors["end stops"].any(), "no joint gets there"
@@ -133,7 +136,7 @@ def test_errors_are_those_of_the_motion_without_the_term() -> None:
     # The current, once more by hand.
     runs = []
     for start in (motion.start, motion.start | {"current": np.zeros((3, 3))}):
-        simulator = Simulator(scene, 3, dt=explain.STEP)
+        simulator = Simulator(scene, 3, dt=ablation.STEP)
         simulator.set_state(**start)
         for period in range(10):
             simulator.step(**motion.inputs(period), substeps=20)
@@ -145,15 +148,15 @@ def test_errors_are_those_of_the_motion_without_the_term() -> None:
 def test_a_lost_motion_counts_as_infinitely_far() -> None:
     here = (np.zeros((2, 3, 3)), np.tile(np.eye(3), (2, 3, 1, 1)), np.zeros((2, 3, 3)))
     nan = tuple(np.full_like(part, np.nan) for part in here)
-    assert np.isposinf(explain._distance(here, nan)).all()
+    assert np.isposinf(ablation._distance(here, nan)).all()
     turned = (here[0], here[1] @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), here[2] + 2.0)
-    assert explain._distance(here, turned) == pytest.approx(np.tile([0.0, np.pi / 2, 2.0 * np.sqrt(3.0)], (2, 1)))
+    assert ablation._distance(here, turned) == pytest.approx(np.tile([0.0, np.pi / 2, 2.0 * np.sqrt(3.0)], (2, 1)))
 
 
 def test_savings_stand_out_from_noise_or_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    motion = driven_motion(load_scene("rexrov"), 2, 0.1, 0).tiled(explain.TIMED)
+    motion = driven_motion(load_scene("rexrov"), 2, 0.1, 0).tiled(ablation.TIMED)
     listed = found(motion.scene)
-    chosen = [listed["vehicle: linear drag"], listed["vehicle: quadratic drag"]]
+    chosen = [listed["vehicle: linear damping"], listed["vehicle: quadratic damping"]]
     rng = np.random.default_rng(0)
 
     def timed(simulator: Simulator, motion: Any) -> float:
@@ -161,13 +164,13 @@ def test_savings_stand_out_from_noise_or_are_none(monkeypatch: pytest.MonkeyPatc
         disturbed = 1000.0 if rng.uniform() < 0.1 else 0.0
         return 100.0 - 7.0 * cheap + float(rng.normal()) + disturbed
 
-    monkeypatch.setattr(explain, "_timed", timed)
-    whole, savings = explain.step_costs(motion, chosen, 0, lambda: None)
+    monkeypatch.setattr(ablation, "_timed", timed)
+    whole, savings = ablation.step_costs(motion, chosen, 0, lambda: None)
     none, some = (savings[term.name] for term in chosen)
     assert whole == pytest.approx(100.0, abs=1.0)
-    assert some.stands_out
+    assert some.significant
     assert some.value == pytest.approx(7.0, abs=some.noise)
-    assert not none.stands_out
+    assert not none.significant
     assert none.noise < 3.0
 
 
@@ -175,20 +178,20 @@ def test_numbers_are_written_with_what_they_are_worth() -> None:
     assert explain._error(0.0, 1e-9) == "0"
     assert explain._error(5e-9, 1e-9) == "< 1e-08"
     assert explain._error(0.01234, 1e-9) == "0.012"
-    assert explain._error(np.inf, 1e-9) == "lost"
-    assert explain._share(explain.Saving(12.0, 2.0), 100.0) == "12.0 %"
-    assert explain._share(explain.Saving(1.0, 2.0), 100.0) == "< 2.0 %"
+    assert explain._error(np.inf, 1e-9) == "not finite"
+    assert explain._share(ablation.Saving(12.0, 2.0), 100.0) == "12.0 %"
+    assert explain._share(ablation.Saving(1.0, 2.0), 100.0) == "< 2.0 %"
 
 
 def test_the_command_tells_terms_costs_errors_and_what_to_do(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(explain, "BATCHES", 3)
+    monkeypatch.setattr(ablation, "BATCHES", 3)
     file = tmp_path / "deep" / "explain.json"
     arguments = ["scenes", "explain", "rexrov", "--episodes", "2", "--seed", "5", "--json", str(file)]
     assert main(arguments) == 0
     text = " ".join(capsys.readouterr().out.split())
-    for words in ("Munk", "vehicle: linear drag", "What to do", "do not add up", "10 s: m"):
+    for words in ("Munk", "vehicle: linear damping", "Recommendations", "do not add up", "10 s: m"):
         assert words in text
     told = json.loads(file.read_text())
     assert told["arguments"] == {"scene": "rexrov", "episodes": 2, "seed": 5}
@@ -196,12 +199,12 @@ def test_the_command_tells_terms_costs_errors_and_what_to_do(
     rows = {row["name"]: row for row in told["terms"]}
     assert rows["payload"]["saved_ns_per_step"] is None
     assert rows["payload"]["median_error_without"] is None
-    drag = rows["vehicle: quadratic drag"]
+    drag = rows["vehicle: quadratic damping"]
     assert drag["present"]
     assert set(drag["saved_ns_per_step"]) == {"value", "noise"}
     assert drag["median_error_without"]["10 s"]["position"] > drag["median_error_without"]["1 s"]["position"] > 0.0
     assert main(["scenes", "explain", "free-body", "--episodes", "2"]) == 0
-    assert "Nothing of this scene can be left out" in capsys.readouterr().out
+    assert "No term of this scene can be removed" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

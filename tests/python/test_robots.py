@@ -1,4 +1,4 @@
-"""Users' own robots: template, estimates, arms from URDF, doubts; the functions and their commands."""
+"""Users' own robots: template, estimates, arms from URDF, warnings; the functions and their commands."""
 
 import json
 import tomllib
@@ -80,7 +80,7 @@ def test_a_dumped_scene_reads_back(tmp_path: Path) -> None:
         assert uvms_gym.load_scene(path) == uvms_gym.load_scene(name)
 
 
-def test_doubts_are_lines_with_key_and_numbers() -> None:
+def test_warnings_are_lines_with_key_and_numbers() -> None:
     assert uvms_gym.lint_scene("petasus-pum") == []
     scene = uvms_gym.load_scene("bluerov2-heavy")
     scene["vehicle"]["body"]["mass"] = 1.35
@@ -106,16 +106,16 @@ def test_the_template_passes_its_check_and_is_an_environment(
     assert main(["scenes", "template", "--out", str(path), "--force"]) == 0
 
 
-def test_check_tells_doubts_and_a_balance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_shows_warnings_and_a_balance(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, numbers = tmp_path / "my.toml", tmp_path / "my.json"
     text = (uvms_gym.dump_scene("bluerov2-heavy")).replace("mass = 13.5", "mass = 27.0", 1)
     path.write_text(text)
     assert main(["scenes", "check", str(path), "--json", str(numbers)]) == 0
     out = capsys.readouterr().out
-    assert "doubtful: vehicle.body.volume: all bodies weigh 27.0000 kg" in out and "net weight in water, N" in out
+    assert "warning: vehicle.body.volume: all bodies weigh 27.0000 kg" in out and "net weight in water, N" in out
     found = json.loads(numbers.read_text())
     assert found["summary"]["mass, kg"] == 27.0 and found["summary"]["degrees of freedom"] == 6
-    assert len(found["doubts"]) == 1 and found["recommended_step"] == 0.02
+    assert len(found["warnings"]) == 1 and found["recommended_step"] == 0.02
     assert main(["scenes", "check", str(path), "--strict"]) == 1
     assert main(["scenes", "check", "rexrov", "--strict"]) == 0
     path.write_text(text.replace("mass = 27.0", "mass = -27.0", 1))
@@ -124,7 +124,7 @@ def test_check_tells_doubts_and_a_balance(tmp_path: Path, capsys: pytest.Capture
     assert f"{path}: vehicle.body.mass: is -27.0, but must be > 0" in capsys.readouterr().err
 
 
-def test_check_doubts_a_scene_too_stiff_for_the_default_step(
+def test_check_warns_of_a_scene_too_stiff_for_the_default_step(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "stiff.toml"
@@ -133,7 +133,7 @@ def test_check_doubts_a_scene_too_stiff_for_the_default_step(
     path.write_text(uvms_gym.dump_scene(scene))
     assert main(["scenes", "check", str(path), "--strict"]) == 1
     out = capsys.readouterr().out
-    assert "doubtful: joint 4 (gripper): the environments' step of 0.01 s is unstable" in out
+    assert "warning: joint 4 (gripper): the environments' step of 0.01 s is unstable" in out
     assert "too stiff" in out
 
 
@@ -172,7 +172,7 @@ def test_the_commands_estimate_and_import(tmp_path: Path, capsys: pytest.Capture
         (["import", "nowhere.urdf"], "nowhere.urdf"),
         (["import", str(URDF), "--mount", "1,2"], "mount must be 6 numbers"),
         (["import", str(URDF), "--tip", "hand"], 'no link "hand"'),
-        (["template", "--out", "/"], "is there already"),
+        (["template", "--out", "/"], "exists: give another"),
     ],
 )
 def test_wrong_arguments_are_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from uvms_gym import MLP, Rollout
-from uvms_gym.cli import compare
 from uvms_gym.controllers.registry import CLASSICAL, LEARNED, PRETRAINED, make_controller
+from uvms_gym.studies.comparison.study import verify
 
 # Without control an arm may be flung at its stops.
 pytestmark = pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")
@@ -40,7 +40,7 @@ def environment(folder: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("path", RESULTS, ids=named)
 def test_regress_the_stored_results_come_out_again(path: Path) -> None:
-    assert compare.reproduce(path) == []
+    assert verify(path) == []
 
 
 def test_stored_results_that_are_no_more_are_told(tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_stored_results_that_are_no_more_are_told(tmp_path: Path) -> None:
     kept = next(_kept(stored))
     kept["pose"][0][0] *= 1.01
     (tmp_path / "results.json").write_text(json.dumps(stored))
-    (difference,) = compare.reproduce(tmp_path / "results.json")
+    (difference,) = verify(tmp_path / "results.json")
     assert "pose" in difference
 
 

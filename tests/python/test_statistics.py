@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from uvms_gym.cli.statistics import Draws, Estimate, Sample, Scores, interquartile_mean
+from uvms_gym.studies.comparison.statistics import Draws, Estimate, Sample, Scores, interquartile_mean
 
 RNG = np.random.default_rng(11)
 SEEDS, EPISODES = 3, 37
@@ -135,6 +135,6 @@ def test_resamples_are_deterministic_by_seed_whatever_the_chunks(monkeypatch: py
 
     whole = all_of(7)
     assert (whole[0] != all_of(8)[0]).any()
-    monkeypatch.setattr("uvms_gym.cli.statistics._CHUNK", 333)
+    monkeypatch.setattr("uvms_gym.studies.comparison.statistics._CHUNK", 333)
     for one, other in zip(whole, all_of(7), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)

@@ -1,4 +1,4 @@
-"""The commands, and what becomes of their errors."""
+"""Commands of `uvms`, exit statuses and error lines."""
 
 import os
 import sys
@@ -11,9 +11,10 @@ from uvms_gym import __version__
 from uvms_gym.cli import robots, scenes
 from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.bench import bench
-from uvms_gym.cli.compare import compare
+from uvms_gym.cli.compare import compare, verify
 from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
+from uvms_gym.cli.hard_cases import hard_cases
 from uvms_gym.cli.play import play
 from uvms_gym.cli.reproduce import reproduce
 from uvms_gym.cli.train import train
@@ -23,18 +24,14 @@ INTERRUPTED = 130
 
 app = typer.Typer(
     name="uvms",
-    help="Simulate, reproduce, compare and measure: underwater vehicle-manipulator systems.",
+    help="Simulate, reproduce, compare and measure: underwater vehicle-manipulator systems.\n\n"
+    "Lists are given by repeating an option (--scene a --scene b); commas separate the entries of one vector (X,Y,Z).",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.command()(reproduce)
-app.command()(compare)
-app.command()(disturbances)
-app.command()(play)
-app.command()(train)
-app.command()(accuracy)
-app.command()(bench)
+for command in (reproduce, compare, verify, disturbances, play, train, accuracy, hard_cases, bench):
+    app.command()(command)
 scenes.app.command()(explain)
 scenes.app.command()(robots.template)
 scenes.app.command()(robots.estimate)
@@ -58,12 +55,12 @@ def _common(
 
 
 def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: str = "uvms") -> int:
-    """Run a command; an error of the user's is one line on stderr. Returns the exit status."""
+    """Run a command; a user error is one line on stderr. Returns the exit status."""
     try:
         status = app(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()
         if status == INTERRUPTED:
-            # So Typer tells of Ctrl-C.
+            # Typer's status for Ctrl-C.
             raise KeyboardInterrupt
     except typer.TyperException as error:
         # A bare `uvms` has printed its help already.
@@ -74,7 +71,7 @@ def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: st
         print(f"{name}: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # Python flushes stdout once more on its way out.
+        # Python flushes stdout once more at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return status if isinstance(status, int) else 0

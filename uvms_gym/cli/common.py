@@ -1,17 +1,15 @@
-"""What the commands share: options, tables, progress, folders, JSON and the circumstances of a run."""
+"""Options, checks, tables, progress bars and files of all commands.
 
-import json
-import math
+Lists are given by repeating an option (`--scene a --scene b`); commas separate the entries of one vector (`X,Y,Z`).
+"""
+
 import os
-import platform
-import subprocess
-from collections.abc import Iterable, Sequence
-from importlib.metadata import version
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 import gymnasium
-import numpy as np
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -20,6 +18,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 import uvms_gym
+from uvms_gym.studies import records
+
+T = TypeVar("T")
 
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
 Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
@@ -31,14 +32,53 @@ if not console.is_terminal:
 
 
 def fail(message: str) -> typer.TyperException:
-    """Make an error of the user's: one line, exit status 2."""
+    """Make a user error: one line on stderr, exit status 2."""
     error = typer.TyperException(message)
     error.exit_code = 2
     return error
 
 
+@contextmanager
+def user_errors(place: str = "", verb: str = "read") -> Iterator[None]:
+    """Turn errors of library calls into user errors.
+
+    Parameters
+    ----------
+    place : str
+        Start of the message, such as "UVMS-StationKeep-v0: ".
+    verb : str
+        Access to files within the block: "read" or "write".
+
+    Raises
+    ------
+    TyperException
+        In place of ValueError, TypeError, ImportError, OSError and errors of Gymnasium.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise fail(f"cannot {verb} {error.filename}: {error.strerror or error}") from None
+    except (ValueError, TypeError, ImportError, gymnasium.error.Error) as error:
+        # Gymnasium appends all arguments, whole scenes among them.
+        reason = str(error).split(" was raised from the environment creator")[0]
+        raise fail(place + " ".join(reason.split())) from None
+
+
+def read_scene(scene: str) -> dict[str, Any]:
+    """Read and check a scene, by name or from a TOML file.
+
+    Raises
+    ------
+    TyperException
+        The scene does not exist or has a fault.
+    """
+    with user_errors():
+        loaded: dict[str, Any] = uvms_gym.load_scene(scene)
+    return loaded
+
+
 def progress() -> Progress:
-    """Make a bar on stderr that leaves nothing behind; none where stderr is no terminal."""
+    """Make a transient progress bar on stderr, disabled where stderr is no terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     terminal = Console(stderr=True)
     return Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal)
@@ -63,25 +103,45 @@ def say(text: str) -> None:
     console.print()
 
 
+def line(text: str) -> None:
+    """Print one line, unwrapped."""
+    console.print(text, markup=False, soft_wrap=True)
+
+
 def check_range(option: str, value: float, least: float, most: float) -> None:
-    """Refuse a value that is out of range or no number.
+    """Refuse a number out of range, and NaN.
 
     Raises
     ------
     TyperException
-        It is; the message names option and value.
+        The message names option, value and range.
     """
     if not least <= value <= most:
         raise fail(f"{option} is {value}, but must be {least:g} to {most:.15g}")
 
 
-def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ()) -> None:
-    """Make the folders that a command is to write to, and check them and the files `names` in `out`.
+def check_list(option: str, values: Sequence[T] | None, default: Sequence[T]) -> list[T]:
+    """Values of a repeated option, or its default.
 
     Raises
     ------
     TyperException
-        One of them cannot be made or written to.
+        A value is given twice.
+    """
+    given = list(values or default)
+    for value in given:
+        if given.count(value) > 1:
+            raise fail(f"{option} {value!r} is given twice")
+    return given
+
+
+def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ()) -> None:
+    """Make the folders of a command's results, and check access to them and to the files `names` in `out`.
+
+    Raises
+    ------
+    TyperException
+        A folder cannot be made, or a folder or file cannot be written.
     """
     for folder in {folder for folder in (out, json_file and json_file.absolute().parent) if folder is not None}:
         try:
@@ -101,72 +161,21 @@ def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ())
 
 
 def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write numbers for machines; NaN and infinity, which JSON lacks, become null."""
-    try:
-        path.write_text(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
-    except OSError as error:
-        raise fail(f"cannot write {path}: {error.strerror}") from None
+    """Write data as JSON.
+
+    Raises
+    ------
+    TyperException
+        The file cannot be written.
+    """
+    with user_errors(verb="write"):
+        records.write_json(path, data)
 
 
-def circumstances(command: str, arguments: dict[str, Any]) -> dict[str, Any]:
-    """Tell what a result depends on: command, arguments, versions, commit and machine."""
-    return {
-        "command": command,
-        "arguments": arguments,
-        "uvms_gym": uvms_gym.__version__,
-        "commit": _commit(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "gymnasium": gymnasium.__version__,
-        "matplotlib": version("matplotlib"),
-        "machine": {
-            "system": platform.platform(),
-            "architecture": platform.machine(),
-            "processor": _processor(),
-            "cores": os.cpu_count(),
-            "lanes": uvms_gym.Simulator("free-body", 2).instruction_set,
-        },
-    }
-
-
-def _plain(value: Any) -> Any:
-    """Turn data into what JSON has."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    return value
-
-
-def _commit() -> str | None:
-    """Commit of the sources that run, if they are a checkout; "+" where they differ from it."""
-    package = Path(__file__).parents[1]
-
-    def git(*arguments: str) -> str:
-        command = ["git", "-C", os.fspath(package), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
-
-    try:
-        # A package that is installed below some checkout is no part of it.
-        git("ls-files", "--error-unmatch", "__init__.py")
-        return git("rev-parse", "HEAD") + ("+" if git("status", "--porcelain", "--untracked-files=no") else "")
-    except (OSError, subprocess.SubprocessError):
-        return None
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "")
+def write_results(
+    out: Path, files: Sequence[str], json_file: Path | None, data: dict[str, Any], note: str = ""
+) -> None:
+    """Write data to the first of `files` in `out` and to `json_file`, and print the names of all files of the run."""
+    for path in {out / files[0], json_file or out / files[0]}:
+        write_json(path, data)
+    line(f"{out}: {', '.join(files)}{note}")

@@ -1,14 +1,16 @@
-"""Tables of a comparison."""
+"""Tables of `uvms compare`."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-from uvms_gym.cli.common import console, table
-from uvms_gym.cli.compare_cells import CONDITIONS, Cell
-from uvms_gym.cli.compare_runs import METRICS, SETTLED
-from uvms_gym.cli.compare_summary import HEADLINE, Summary, is_learned, rivals
-from uvms_gym.cli.statistics import Estimate
+from uvms_gym.cli.common import console, line, table
+from uvms_gym.studies.comparison.conditions import DEPARTURES
+from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, SETTLED
+from uvms_gym.studies.comparison.plots import Results, controllers_of
+from uvms_gym.studies.comparison.statistics import Estimate
+from uvms_gym.studies.comparison.study import Comparison
+from uvms_gym.studies.comparison.summary import Summary, baselines, is_learned
 
 _ERRORS = [name for name, metric in METRICS.items() if metric.error]
 _COSTS = ("effort", "saturation", "variation", "recovery", "within", "success", "diverged")
@@ -16,18 +18,18 @@ _COSTS = ("effort", "saturation", "variation", "recovery", "within", "success", 
 NOTES = (
     "Errors are root mean squares over an episode's steps; pose is sqrt(position^2 + (0.5 m attitude)^2). Numbers are "
     "interquartile means over training seeds and episodes (success and diverged: means) with 95 % bootstrap intervals "
-    "that resample both; p95 is the 95th percentile. P(better) is the chance that an episode has less of an error than "
-    "any of the baseline (rliable's probability of improvement). Effort is the mean of |T/T_max|^1.5; variation that "
-    "of the squared change of the action between steps; recovery how long the last stay outside the tolerance took; "
-    "success the share of episodes that end within it."
+    "that resample both; p95 is the 95th percentile. P(better) is the probability that an episode has a smaller error "
+    "than one of the baseline (rliable's probability of improvement). Effort is the mean of |T/T_max|^1.5; variation "
+    "the mean squared change of the action between steps; recovery the duration of the last stay outside the "
+    "tolerance; success the share of episodes that end within it."
 )
 
 
-def detail(cell: Cell, summary: Summary, missing: Mapping[str, str]) -> None:
-    """Print all of a cell."""
+def print_detail(comparison: Comparison, summary: Summary) -> None:
+    """Print all statistics of a comparison."""
     names = list(summary.controllers)
     episodes = next(iter(summary.controllers.values()))["episodes"]
-    console.rule(f"{cell.name}: {episodes} episodes", style="dim")
+    console.rule(f"{comparison.condition.name}: {episodes} episodes", style="dim")
     _margins(summary, names)
     _overview(summary, names)
     rows = []
@@ -41,7 +43,7 @@ def detail(cell: Cell, summary: Summary, missing: Mapping[str, str]) -> None:
     header = [word for metric in _ERRORS[1:] for word in (METRICS[metric].label, "p95")]
     table("Errors, whole episode", ("controller", *header), rows)
     rows = [(name, *(_cost(summary, name, metric) for metric in _COSTS)) for name in names]
-    table("Effort and what came of it, whole episode", ("controller", *(METRICS[m].label for m in _COSTS)), rows)
+    table("Effort and outcomes, whole episode", ("controller", *(METRICS[m].label for m in _COSTS)), rows)
     rows = []
     shown = (*_ERRORS, "effort")
     for name in names:
@@ -49,28 +51,30 @@ def detail(cell: Cell, summary: Summary, missing: Mapping[str, str]) -> None:
         rows.append((name, *(text(metrics[metric]["settled"]["iqm"], METRICS[metric].scale) for metric in shown)))
     table(f"After {SETTLED:g} s", ("controller", *(METRICS[metric].label for metric in shown)), rows)
     own = [
-        name for name in names if name in rivals(names) and summary.controllers[name]["origin"].get("tuned", 0) is None
+        name
+        for name in names
+        if name in baselines(names) and summary.controllers[name]["origin"].get("tuned", 0) is None
     ]
     if own:
-        console.print(f"not tuned, but with their own gains: {', '.join(own)}", markup=False)
-    for why in dict.fromkeys(missing.values()):
-        console.print(f"{why}: {', '.join(name for name in missing if missing[name] == why)}", markup=False)
+        line(f"not tuned, default gains: {', '.join(own)}")
+    for reason in dict.fromkeys(comparison.missing.values()):
+        line(f"{reason}: {', '.join(name for name, found in comparison.missing.items() if found == reason)}")
     console.print()
 
 
 def _margins(summary: Summary, names: Sequence[str]) -> None:
-    """Print by how much learned controllers (all, if none is) differ from classical ones."""
+    """Print differences of learned controllers (all, if none is learned) from classical ones."""
     controlled = [name for name in names if name not in ("none", summary.baseline)]
     contenders = [name for name in names if is_learned(name)] or controlled
-    others = [name for name in rivals(names) if contenders != [name]]
+    others = [name for name in baselines(names) if contenders != [name]]
     if not contenders or not others:
         return
     rows = []
-    for rival in others:
-        ratios = summary.against[rival]
-        cells = ["" if name == rival else percent(ratios[name][HEADLINE]["whole"]["ratio"]) for name in contenders]
-        rows.append((f"against {rival}", *cells))
-    table("Pose error, less (-) or more (+) than the classical controllers'", ("", *contenders), rows)
+    for other in others:
+        ratios = summary.against[other]
+        cells = ["" if name == other else percent(ratios[name][HEADLINE]["whole"]["ratio"]) for name in contenders]
+        rows.append((f"against {other}", *cells))
+    table("Pose error relative to classical controllers", ("", *contenders), rows)
 
 
 def _overview(summary: Summary, names: Sequence[str]) -> None:
@@ -93,7 +97,7 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
             row += ["", "", "1", "1", "1"]
         rows.append(row)
     header = ("controller", METRICS[HEADLINE].label, "p95, mm", f"against {first}", "P(better)")
-    table("Pose error and its price", (*header, f"p95 / {first}", f"effort / {first}", f"variation / {first}"), rows)
+    table("Pose error and its costs", (*header, f"p95 / {first}", f"effort / {first}", f"variation / {first}"), rows)
 
 
 def _cost(summary: Summary, name: str, metric: str) -> str:
@@ -102,33 +106,29 @@ def _cost(summary: Summary, name: str, metric: str) -> str:
     return text(estimates["iqm"], scale) if "iqm" in estimates else _brief(estimates["mean"], scale)
 
 
-def across(
-    group: str, cells: Sequence[Cell], summaries: Sequence[Summary], missing: Sequence[Mapping[str, str]]
-) -> None:
-    """Print a group's cells next to one another: errors, and who wins by how much."""
-    names = list(dict.fromkeys(name for summary in summaries for name in summary.controllers))
-    names += [name for name in dict.fromkeys(n for lacks in missing for n in lacks) if name not in names]
+def print_across(group: str, results: Results) -> None:
+    """Print the errors of a group under all conditions, and the winners with their margins."""
+    names = controllers_of(results)
     console.rule(f"{group}: all conditions", style="dim")
-    rows, verdicts = [], []
-    for cell, summary, lacks in zip(cells, summaries, missing, strict=True):
-        row = [cell.label]
+    rows = []
+    for comparison, summary in results:
+        row = [comparison.condition.label]
         for name in names:
             if name in summary.controllers:
                 value = METRICS[HEADLINE].scale * _headline(summary, name).value
                 row.append(f"{value:.{0 if value >= 100 else 1}f}" + ("*" if name == summary.winner else ""))
             else:
-                row.append(lacks.get(name, "-"))
+                row.append(comparison.missing.get(name, "-"))
         rows.append(row)
-        verdicts.append(_verdict(cell, summary))
     table(f"Pose error, {METRICS[HEADLINE].unit}, interquartile mean (* least)", ("", *names), rows)
-    header = ("", "what it is", "least", "next", "least against next", "best learned against best classical")
-    table("Who wins, by how much", header, verdicts, text_columns=4)
+    header = ("", "condition", "least", "second", "least against second", "best learned against best classical")
+    table("Winners and margins", header, [_verdict(*result) for result in results], text_columns=4)
 
 
-def _verdict(cell: Cell, summary: Summary) -> list[str]:
-    what = CONDITIONS[cell.condition].summary
+def _verdict(comparison: Comparison, summary: Summary) -> list[str]:
     learned, classical = best(summary)
-    row = [cell.label, what, summary.winner, summary.runner_up or ""]
+    condition = comparison.condition
+    row = [condition.label, DEPARTURES[condition.departure].summary, summary.winner, summary.runner_up or ""]
     row.append(percent(summary.margin) if summary.margin is not None else "")
     if learned is not None and classical is not None:
         ratio = summary.against[classical][learned][HEADLINE]["whole"]["ratio"]
@@ -139,7 +139,7 @@ def _verdict(cell: Cell, summary: Summary) -> list[str]:
 
 
 def best(summary: Summary) -> tuple[str | None, str | None]:
-    """Learned controller and classical rival with the least error, where there are any."""
+    """Learned and classical controller with the least error, or None."""
     names = sorted(summary.controllers, key=lambda name: _headline(summary, name).value)
     learned = next((name for name in names if is_learned(name)), None)
     return learned, next((name for name in names if name in summary.against), None)
@@ -151,7 +151,7 @@ def _headline(summary: Summary, name: str) -> Estimate:
 
 
 def text(estimate: Any, scale: float = 1.0, digits: int | None = None) -> str:
-    """Write a value with its interval, to two digits of the interval's width unless told."""
+    """Write a value with its interval, by default to two digits of the interval's width."""
     value, low, high = (scale * number for number in estimate)
     if not math.isfinite(high - low) or high - low <= 1e-12 * abs(value):
         return f"{value:.4g}"
@@ -167,7 +167,7 @@ def _brief(estimate: Any, scale: float) -> str:
 
 
 def percent(ratio: Any) -> str:
-    """Write a ratio as what it is more or less than 1."""
+    """Write a ratio as its difference from 1 in percent."""
     value, low, high = (100.0 * (number - 1.0) for number in ratio)
     digits = 0 if not math.isfinite(high - low) or high - low >= 1.0 else 1
     if not math.isfinite(high - low):

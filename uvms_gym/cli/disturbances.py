@@ -1,5 +1,6 @@
-"""`uvms disturbances`: what there is to disturb episodes, and what it looks like."""
+"""`uvms disturbances`: levels of disturbances, and pictures of them over time."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,13 +10,12 @@ import typer
 from numpy.typing import NDArray
 
 import uvms_gym
-from uvms_gym.cli import plots
-from uvms_gym.cli.common import Out, check_range, console, fail, prepare, say, table
-from uvms_gym.cli.scenes import read_scene
+from uvms_gym.cli.common import Out, check_range, fail, line, prepare, read_scene, say, table, user_errors
+from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
 
 Profile = dict[str, NDArray[np.float64]]
 
-#: What is drawn of each component: its title, and the component with numbers that show its shape.
+#: Picture of each component: title, and components with numbers that show the shape.
 SHAPES: dict[str, tuple[str, dict[str, Any]]] = {
     "current": ("steady current", {"current": {"speed": 0.3}}),
     "drift": ("drift: Gauss-Markov current", {"drift": {"deviation": 0.08, "time": 5.0}}),
@@ -27,22 +27,23 @@ SHAPES: dict[str, tuple[str, dict[str, Any]]] = {
     "thrusters": ("thrusters that weaken", {"thrusters": {"count": 2, "gain": [0.2, 0.6], "time": 6.0, "fade": 3.0}}),
     "script": ("script", {"script": {"current": [[0.2 * np.sign(np.sin(k / 25)), 0, 0] for k in range(400)]}}),
 }
-#: Longest time that is drawn, s.
+#: Longest time of a picture, s.
 LONGEST = 3600.0
 
 
 def disturbances(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="Level to draw; without it all, and each component's shape.")
+        str | None, typer.Argument(metavar="[NAME]", help="Level. [default: all, and the shape of each component]")
     ] = None,
     scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
-    seed: Annotated[int, typer.Option(help="Seed of the episode that is drawn.")] = 0,
-    seconds: Annotated[float, typer.Option(help=f"Time that is drawn, 1 to {LONGEST:g} s.")] = 20.0,
+    seed: Annotated[int, typer.Option(help="Seed of the episode.")] = 0,
+    seconds: Annotated[float, typer.Option(help=f"Duration of the pictures, 1 to {LONGEST:g} s.")] = 20.0,
     out: Out = Path("out/disturbances"),
 ) -> None:
-    """List the levels of disturbances, and draw what an episode of them is disturbed by.
+    """List the levels of disturbances, and draw them over an episode.
 
-    Pictures show the water's velocity, the force and what is left of the thrusters, for a vehicle at its target.
+    Pictures show the water's velocity, the force and the remaining gain of the thrusters, with the vehicle at its
+    target.
     """
     levels = uvms_gym.disturbances()
     if name is not None and name not in levels:
@@ -54,28 +55,74 @@ def disturbances(
     files = [f"{level}.png" for level in chosen] + ([] if name is not None else ["shapes.png"])
     prepare(out, None, files)
     rows = [(level, ", ".join(levels[level].components) or "-", levels[level].description) for level in chosen]
-    table("Levels", ("name", "components", "what it is"), rows, text_columns=3)
-    for level in chosen:
-        profile = look(description, level, seed, seconds)
-        plots.disturbance(out / f"{level}.png", f"{level}: {description['name']}, seed {seed}", profile)
+    table("Levels", ("name", "components", "description"), rows, text_columns=3)
+    with user_errors(verb="write"):
+        for level in chosen:
+            title = f"{level}: {description['name']}, seed {seed}"
+            _plot(out / f"{level}.png", title, disturbance_profile(description, level, seed, seconds))
+        if name is None:
+            shapes = {t: disturbance_profile(description, made, seed, seconds) for t, made in SHAPES.values()}
+            _plot_shapes(out / "shapes.png", shapes)
     if name is None:
-        shapes = {title: look(description, made, seed, seconds) for title, made in SHAPES.values()}
-        plots.disturbance_shapes(out / "shapes.png", shapes)
         say(
-            "Levels with -hard are for evaluation: stronger, and of shapes that the others lack. Noise, delay, the "
-            "arm's motion and parameters have no shape over time; `pydoc uvms_gym.envs.station_keep` tells of all."
+            "Levels with -hard are for evaluation: stronger, with shapes that the others lack. Noise, delay, the "
+            "arm's motion and parameters have no shape over time; `pydoc uvms_gym.envs.station_keep` documents all."
         )
-    console.print(f"{out}: {', '.join(files)}", markup=False, soft_wrap=True)
+    line(f"{out}: {', '.join(files)}")
 
 
-def look(scene: Any, disturbance: Any, seed: int, seconds: float) -> Profile:
-    """Tell what an episode is disturbed by."""
-    try:
-        env = gymnasium.make("UVMS-StationKeep-v0", scene=scene, disturbance=disturbance)
-    except (gymnasium.error.Error, ValueError, TypeError) as error:
-        raise fail(str(error)) from None
+def disturbance_profile(scene: Any, disturbance: Any, seed: int, seconds: float) -> Profile:
+    """Disturbance of an episode over time.
+
+    Raises
+    ------
+    ValueError, TypeError, gymnasium.error.Error
+        The environment refuses its arguments.
+    """
+    env = gymnasium.make("UVMS-StationKeep-v0", scene=scene, disturbance=disturbance)
     env.reset(seed=seed)
     task: Any = env.unwrapped
     profile: Profile = task.disturbance(0, round(seconds * env.metadata["render_fps"]))
     env.close()
     return profile
+
+
+def _plot(path: Path, title: str, profile: Mapping[str, Any]) -> None:
+    """Velocity of the water, force, and remaining gain of the thrusters, over time."""
+    with picture(path, 8.0, 6.4) as figure:
+        water, force, rest = figure.subplots(3, 1, sharex=True)
+        time = profile["time"]
+        for k, (axis, colour) in enumerate(zip("xyz", (BLUE, VERMILION, GREEN), strict=True)):
+            water.plot(time, profile["current"][:, k], color=colour, label=axis)
+            force.plot(time, profile["wrench"][:, k], color=colour, drawstyle="steps-post")
+        water.set(title=title, ylabel="water (m/s), world")
+        water.legend(ncols=3, loc="upper right")
+        force.set(ylabel="force (N), body")
+        rest.plot(time, 100.0 * profile["gains"], color=PURPLE, linewidth=1.2)
+        rest.set(ylabel="thrusters (%)", ylim=(-5.0, 105.0), xlabel="time (s)")
+        mass = rest.twinx()
+        mass.plot(time, profile["payload"], color=ORANGE, drawstyle="steps-post")
+        mass.set_ylabel("payload (kg)", color=ORANGE)
+        mass.set_ylim(bottom=0.0)
+        mass.grid(visible=False)
+
+
+def _plot_shapes(path: Path, shapes: Mapping[str, Mapping[str, Any]]) -> None:
+    """Changing quantity of each component, one panel each."""
+    small = {"font__size": 8.0, "axes__titlesize": 9.0, "lines__linewidth": 1.1}
+    with picture(path, 8.0, 5.4, **small) as figure:
+        for axes, (title, profile) in zip(figure.subplots(3, 3).flat, shapes.items(), strict=False):
+            time = profile["time"]
+            parts = {
+                "N": profile["wrench"][:, :3],
+                "kg": profile["payload"][:, np.newaxis],
+                "share of thrust": profile["gains"],
+                "m/s": profile["current"],
+            }
+            changes = {unit: lines for unit, lines in parts.items() if np.ptp(lines, axis=0).max() > 0.0}
+            unit, lines = next(iter(changes.items()), ("m/s", profile["current"]))
+            for curve, colour in zip(lines.T, np.resize((BLUE, VERMILION, GREEN), lines.shape[1]), strict=True):
+                axes.plot(time, curve, color=str(colour), drawstyle="steps-post")
+            axes.set(title=title, ylabel=unit)
+            if axes.get_subplotspec().is_last_row():
+                axes.set_xlabel("time (s)")

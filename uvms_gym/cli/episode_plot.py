@@ -1,19 +1,17 @@
-"""An episode over time: what disturbed it, what came of it, what was done about it."""
+"""Figure of an episode over time: disturbances, errors and actions."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from uvms_gym.cli.plots import BLUE, COLOURS, GREEN, ORANGE, PURPLE, STYLE, VERMILION, save
+from uvms_gym.studies.plotting import BLUE, COLOURS, GREEN, ORANGE, PURPLE, VERMILION, picture
 
 
 class Instant(NamedTuple):
-    """A control instant: its time in s, the environment's measures, and the action that led there, if any."""
+    """A control instant: time, s; the environment's `info`; and the action before it, or None."""
 
     time: float
     info: Mapping[str, Any]
@@ -27,12 +25,11 @@ def plot_episode(path: Path, title: str, names: Sequence[str], instants: Sequenc
     def of(name: str) -> Any:
         return np.array([float(instant.info[name]) for instant in instants])
 
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 10.0))
+    with picture(path, 9.0, 10.0) as figure:
         water, rest, errors, acts = figure.subplots(4, 1, sharex=True)
         for name, colour in zip("xyz", COLOURS, strict=False):
             water.plot(time, of(f"current_{name}"), color=colour, label=name)
-        water.set(title=f"{title}: water where the vehicle is", ylabel="m/s")
+        water.set(title=f"{title}: water at the vehicle", ylabel="m/s")
         rest.plot(time, of("disturbance_force"), color=VERMILION, label="force, N")
         rest.set(title="Other disturbances", ylabel="N", ylim=(0.0, None))
         share = _beside(rest)
@@ -51,7 +48,6 @@ def plot_episode(path: Path, title: str, names: Sequence[str], instants: Sequenc
         acts.set(title="Actions", ylabel="share of the limit", xlabel="time (s)", ylim=(-1.05, 1.05))
         for axes in (water, errors, acts):
             axes.legend(ncol=6)
-        save(figure, path)
 
 
 def _beside(axes: Axes) -> Axes:

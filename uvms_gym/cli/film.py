@@ -10,20 +10,20 @@ from PIL import Image
 
 Picture = NDArray[np.uint8]
 
-#: What a file is called by what it holds.
+#: Suffixes of files, which select the format.
 SUFFIXES = (".mp4", ".gif", ".png")
-#: Pictures per second that a GIF can show, at most.
+#: Greatest frame rate of a GIF, 1/s.
 _GIF_RATE = 25.0
 
 
 class Film(Protocol):
-    """A file that pictures go to."""
+    """A file of pictures."""
 
     def add(self, picture: Picture) -> None:
         """Append a picture."""
 
     def close(self) -> None:
-        """Write what is left."""
+        """Complete the file."""
 
 
 def film(path: Path, rate: float) -> Film:
@@ -57,13 +57,13 @@ class Mp4:
         self._writer.send(np.ascontiguousarray(picture))
 
     def close(self) -> None:
-        """Write what is left."""
+        """Complete the file."""
         if self._writer is not None:
             self._writer.close()
 
 
 class Gif:
-    """An animation, by Pillow: half the size, and no more pictures than it can show."""
+    """An animation, by Pillow: half the size, at most 25 pictures per second."""
 
     def __init__(self, path: Path, rate: float) -> None:
         self._path = path
@@ -81,14 +81,14 @@ class Gif:
         self._count += 1
 
     def close(self) -> None:
-        """Write what is left."""
+        """Complete the file."""
         if self._images:
             first, *rest = self._images
             first.save(self._path, save_all=True, append_images=rest, duration=self._duration, loop=0, optimize=True)
 
 
 class Png:
-    """The last picture alone, by Pillow."""
+    """The last picture only, by Pillow."""
 
     def __init__(self, path: Path, rate: float) -> None:
         del rate
@@ -100,9 +100,9 @@ class Png:
         self._picture = picture
 
     def close(self) -> None:
-        """Write what is left."""
+        """Complete the file."""
         if self._picture is not None:
             image = Image.fromarray(self._picture)
-            # Small, as a palette, and dithered to look as if it were none.
+            # A dithered palette is small and looks like full colour.
             palette = image.quantize(256, Image.Quantize.MAXCOVERAGE)
             image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(self._path, optimize=True)

@@ -1,4 +1,4 @@
-"""What `uvms play` writes over a picture: time, errors, disturbance, and a chart of the errors so far."""
+"""Overlay of `uvms play`: time, errors, disturbance, and a chart of the errors so far."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ _CHART, _MARGIN, _LEFT = 92, 8, 56
 
 
 class Curve(NamedTuple):
-    """An entry of `info` that is charted, and how."""
+    """A charted entry of `info`."""
 
     entry: str
     title: str
@@ -27,7 +27,7 @@ class Curve(NamedTuple):
     colour: tuple[int, int, int, int]
 
 
-#: Errors, in the units that people think in.
+#: Errors, in readable units.
 CURVES = (
     Curve("position_error", "position", "cm", 100.0, (120, 235, 160, 255)),
     Curve("end_effector_position_error", "end effector", "cm", 100.0, (255, 120, 215, 255)),
@@ -36,7 +36,7 @@ CURVES = (
 
 
 class Overlay:
-    """Draws on the pictures of one episode; `seconds` is how long it is to last, and the width of the chart."""
+    """Draws on the pictures of one episode; `seconds` is its duration, the width of the chart."""
 
     def __init__(self, title: str, disturbance: str, seconds: float) -> None:
         self._title = title
@@ -47,13 +47,13 @@ class Overlay:
         self._font, self._small = ImageFont.load_default(15), ImageFont.load_default(12)
 
     def note(self, time: float, info: Mapping[str, float]) -> None:
-        """Take down what is charted, s."""
+        """Append charted entries at a time, s."""
         self._times.append(time)
         for curve in CURVES:
             self._values[curve.entry].append(curve.scale * info.get(curve.entry, math.nan))
 
     def draw(self, picture: Picture, info: Mapping[str, float]) -> Picture:
-        """Write over a picture; a new one."""
+        """Copy of a picture with the overlay."""
         image = Image.fromarray(picture).convert("RGBA")
         layer = Image.new("RGBA", image.size)
         pen = ImageDraw.Draw(layer)
@@ -115,7 +115,7 @@ class Overlay:
 
 
 def nice_step(most: float, parts: int = 3) -> float:
-    """Find a step of 1, 2 or 5 times a power of ten that goes into `most` no more than `parts` times."""
+    """Least step of 1, 2 or 5 times a power of ten with at most `parts` steps up to `most`."""
     least = max(most, 1e-6) / parts
     power: float = 10.0 ** math.floor(math.log10(least))
     return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1.0 - 1e-9))

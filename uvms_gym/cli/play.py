@@ -1,4 +1,4 @@
-"""`uvms play`: watch a controller, in a window or a file."""
+"""`uvms play`: an episode under a controller, in a window, a video or a plot."""
 
 import contextlib
 import math
@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import gymnasium
 import typer
 
-from uvms_gym.cli.common import check_range, console, fail, prepare, progress
+from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.cli.episode_plot import Instant, plot_episode
-from uvms_gym.cli.scenes import read_scene
 from uvms_gym.controllers import Controller, registry
 
 if TYPE_CHECKING:
     from uvms_gym.cli.overlay import Overlay
 
-#: Longest play, s.
+#: Greatest duration, s.
 MOST_SECONDS = 3600.0
-#: What is needed, by module: package, and the extra that brings it.
+#: Optional modules: package and extra of each.
 NEEDS = {"PIL": ("pillow", "video"), "imageio_ffmpeg": ("imageio-ffmpeg", "video"), "pygame": ("pygame", "human")}
 _SUFFIXES = (".mp4", ".gif", ".png")
 KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
@@ -34,15 +33,15 @@ def play(
         str | None, typer.Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
     ] = None,
     disturbance: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Disturbance of the environment. [default: the environment's]")
+        str | None, typer.Option(metavar="NAME", help="Level of disturbances. [default: the environment's]")
     ] = None,
-    seconds: Annotated[float, typer.Option(help=f"How long, up to {MOST_SECONDS:g} s.")] = 20.0,
+    seconds: Annotated[float, typer.Option(help=f"Duration, up to {MOST_SECONDS:g} s.")] = 20.0,
     seed: Annotated[int, typer.Option(help="Seed of the episode.")] = 0,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture alone (.png)."),
+        typer.Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture only (.png)."),
     ] = None,
-    window: Annotated[bool, typer.Option("--window", help="Show it in a window.")] = False,
+    window: Annotated[bool, typer.Option("--window", help="Show the episode in a window.")] = False,
     plot: Annotated[
         Path | None,
         typer.Option(
@@ -50,7 +49,7 @@ def play(
         ),
     ] = None,
 ) -> None:
-    """Watch a controller at work: in a window, a file, or a plot over time."""
+    """Show an episode under a controller: in a window, a file, or a plot over time."""
     check_range("--seconds", seconds, 0.0, MOST_SECONDS)
     check_range("--seed", seed, 0, math.inf)
     if (out is not None and window) or (out is None and not window and plot is None):
@@ -65,7 +64,8 @@ def play(
     read_scene(scene)
     made = _make(env, scene, disturbance, seconds)
     chosen = controller or ("resolved" if made.unwrapped.task == "ee-track" else "pd")  # type: ignore[attr-defined]
-    control = _controller(chosen, made)
+    with user_errors():
+        control = registry.make_controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
     name = Path(chosen).name if chosen.startswith(registry.MLP_PREFIX) else chosen
@@ -76,9 +76,10 @@ def play(
             prepare(file.absolute().parent, None)
             if file.is_dir():
                 raise fail(f"cannot write {file}: it is a folder")
-    shown = _Noted(made, overlay, period)
+    shown = _Recorder(made, overlay, period)
     with progress() as bar:
         task = bar.add_task("playing", total=steps)
+        # Errors of ffmpeg name no file.
         try:
             if window:
                 with warnings.catch_warnings():
@@ -93,13 +94,14 @@ def play(
         except OSError as error:
             raise fail(f"cannot write {out}: {error.strerror or error}") from None
     if shown.time < (steps - 0.5) * period:
-        console.print(f"the episode ended after {shown.time:g} s", markup=False)
+        line(f"the episode ended after {shown.time:g} s")
     if plot is not None:
         names = [name for name, _, _ in made.unwrapped.action_layout]  # type: ignore[attr-defined]
-        plot_episode(plot, f"{title}, {disturbance}" if disturbance else title, names, shown.instants)
+        with user_errors(verb="write"):
+            plot_episode(plot, f"{title}, {disturbance}" if disturbance else title, names, shown.instants)
     for file in (out, plot):
         if file is not None:
-            console.print(str(file), markup=False, soft_wrap=True)
+            line(str(file))
 
 
 def _overlay(title: str, disturbance: str, seconds: float) -> "Overlay":
@@ -108,8 +110,8 @@ def _overlay(title: str, disturbance: str, seconds: float) -> "Overlay":
     return Overlay(title, disturbance, seconds)
 
 
-class _Noted(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Pictures with an overlay, and what happened."""
+class _Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Record of an episode, and pictures with an overlay."""
 
     def __init__(self, env: gymnasium.Env[Any, Any], overlay: "Overlay | None", period: float) -> None:
         super().__init__(env)
@@ -119,25 +121,25 @@ class _Noted(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     @property
     def time(self) -> float:
-        """Since the start, s."""
+        """Time since the start, s."""
         return (len(self.instants) - 1) * self._period
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         observation, info = self.env.reset(**kwargs)
         self.instants = []
-        self._note(info, None)
+        self._append(info, None)
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         result = self.env.step(action)
-        self._note(result[4], action)
+        self._append(result[4], action)
         return result
 
     def render(self) -> Any:
         picture = self.env.render()
         return picture if self._overlay is None else self._overlay.draw(picture, self.instants[-1][1])  # type: ignore[arg-type]
 
-    def _note(self, info: dict[str, Any], action: Any) -> None:
+    def _append(self, info: dict[str, Any], action: Any) -> None:
         self.instants.append(Instant(len(self.instants) * self._period, info, action))
         if self._overlay is not None:
             self._overlay.note(self.time, info)
@@ -157,7 +159,7 @@ def _run(env: gymnasium.Env[Any, Any], control: Controller, seed: int, steps: in
                 return
 
 
-def _film(out: Path, env: _Noted, control: Controller, seed: int, steps: int, tick: Any) -> None:
+def _film(out: Path, env: _Recorder, control: Controller, seed: int, steps: int, tick: Any) -> None:
     from uvms_gym.cli.film import film
 
     made = film(out, env.metadata["render_fps"])
@@ -174,7 +176,7 @@ def _film(out: Path, env: _Noted, control: Controller, seed: int, steps: int, ti
 
 
 def _need(*modules: str) -> None:
-    """Refuse to go on without what is optional."""
+    """Refuse to run without optional modules."""
     missing = [NEEDS[module] for module in modules if find_spec(module) is None]
     if missing:
         packages, extras = (sorted({pair[k] for pair in missing}) for k in (0, 1))
@@ -185,23 +187,9 @@ def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymn
     options: dict[str, Any] = {"scene": scene, "render_mode": "rgb_array", "disable_env_checker": True}
     if disturbance is not None:
         options["disturbance"] = disturbance
-    try:
-        # A limit that the play does not reach.
+    with user_errors(f"{env}: "):
+        # A limit beyond the end.
         made = gymnasium.make(env, max_episode_steps=round(1000.0 * seconds) + 1000, **options)
-    except (gymnasium.error.Error, ValueError, TypeError) as error:
-        # Gymnasium repeats all arguments.
-        reason = str(error).split(" was raised from the environment creator")[0]
-        raise fail(f"{env}: {reason}") from None
     if "rgb_array" not in made.metadata["render_modes"] or not hasattr(made.unwrapped, "simulator"):
         raise fail(f"--env is {env!r}, but only environments of uvms_gym work, such as UVMS-StationKeep-v0")
     return made
-
-
-def _controller(name: str, env: gymnasium.Env[Any, Any]) -> Controller:
-    """Make a controller by its name, for an environment; of learned ones the first training seed."""
-    try:
-        return registry.make_controller(name, env)
-    except OSError as error:
-        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
-    except (ValueError, TypeError) as error:
-        raise fail(str(error)) from None

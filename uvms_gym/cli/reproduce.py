@@ -1,12 +1,13 @@
-"""`uvms reproduce`: the numbers and figures of Han & Chung, with what their errata find."""
+"""`uvms reproduce`: numbers and figures of Han and Chung, with errata."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from uvms_gym.cli import arm_motion, free_body, momentum, plots
-from uvms_gym.cli.common import Json, Out, circumstances, console, prepare, progress, say, table, write_json
+from uvms_gym.cli.common import Json, Out, prepare, progress, say, table, user_errors, write_results
+from uvms_gym.studies.paper import arm_motion, free_body, momentum, plots
+from uvms_gym.studies.records import circumstances
 
 UPDATES = {"quaternion-rk4": "RK4", "quaternion-euler": "Euler"}
 
@@ -18,48 +19,43 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
 
     Prints tables, and writes pictures and reproduce.json to --out.
     """
-    prepare(out, json_file, ("reproduce.json", *PICTURES))
+    files = ("reproduce.json", *PICTURES)
+    prepare(out, json_file, files)
     samples = len(arm_motion.CASES) * round(arm_motion.TIME / arm_motion.STEP / arm_motion.STRIDE)
     intervals = 2 * len(momentum.STEPS) * round(momentum.TIME / momentum.INTERVAL)
     with progress() as bar:
         task = bar.add_task("free body", total=4)
         results: dict[str, Any] = {}
-        for name, study in (
-            ("table_1", free_body.table_1),
-            ("gamma_sweep", free_body.gamma_sweep),
-            ("figure_2", free_body.figure_2),
-            ("tumbling", free_body.tumbling),
-        ):
-            results[name] = study()
+        for study in (free_body.table_1, free_body.gamma_sweep, free_body.figure_2, free_body.tumbling):
+            results[study.__name__] = study()
             bar.advance(task)
         task = bar.add_task("momentum", total=intervals)
         results["momentum"] = momentum.momentum(lambda: bar.advance(task))
         task = bar.add_task("arm motion", total=samples)
         results["arm_motion"] = arm_motion.arm_motion(lambda: bar.advance(task))
         task = bar.add_task("pictures", total=None)
-        _draw(out, results)
+        with user_errors(verb="write"):
+            _draw(out, results)
 
     _print_table_1(results)
     _print_tumbling(results["tumbling"])
     _print_momentum(results["momentum"])
     _print_arm_motion(results["arm_motion"])
-    data = {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
-    for path in {out / "reproduce.json", json_file or out / "reproduce.json"}:
-        write_json(path, data)
-    console.print(f"{out}: reproduce.json, {', '.join(PICTURES)}", markup=False, soft_wrap=True)
+    write_results(
+        out, files, json_file, {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
+    )
 
 
 def _draw(out: Path, results: dict[str, Any]) -> None:
     cases = results["arm_motion"]["cases"]
-    truth = float(free_body.exact_yaw(free_body.STEPS - 1))
     fig2, gamma, tumbling, drift, fig5, fig6, fig7 = (out / name for name in PICTURES)
-    plots.figure_2(fig2, results["figure_2"])
-    plots.gamma_sweep(gamma, results["gamma_sweep"], free_body.PRINTED["Fossen"], truth)
-    plots.tumbling(tumbling, results["tumbling"])
-    plots.momentum(drift, results["momentum"], momentum.BAR)
+    plots.plot_figure_2(fig2, results["figure_2"])
+    plots.plot_gamma_sweep(gamma, results["gamma_sweep"])
+    plots.plot_tumbling(tumbling, results["tumbling"])
+    plots.plot_momentum(drift, results["momentum"])
     for path, number, case in ((fig5, 5, "uncontrolled"), (fig6, 6, "PD-controlled")):
-        plots.vehicle_motion(path, f"Fig. {number}: vehicle {case}, joint 2 moves 45° and back", cases[case])
-    plots.end_effector(fig7, cases)
+        plots.plot_vehicle_motion(path, f"Fig. {number}: vehicle {case}, joint 2 moves 45° and back", cases[case])
+    plots.plot_end_effector(fig7, cases)
 
 
 def _print_table_1(results: dict[str, Any]) -> None:
@@ -79,8 +75,8 @@ def _print_table_1(results: dict[str, Any]) -> None:
     header = ("method", "at 499.9 s", "at 500 s", "error", "|Q|")
     table("Table 1: yaw (rad) of a free body at 1 rad/s, h = 0.1 s", header, rows)
     say(
-        "The paper says 500 s, but prints 3.528, which is 499.9 modulo 2 pi: 5000 samples from t = 0 end there. "
-        "500 modulo 2 pi is 3.62836. About a fixed axis MK4 is exact whatever the step."
+        "The paper states 500 s, but prints 3.528, which is 499.9 modulo 2 pi: 5000 samples from t = 0 end there. "
+        "500 modulo 2 pi is 3.62836. About a fixed axis MK4 is exact at any step."
     )
     sweeps = [
         (UPDATES[integrator], f"{row['gamma']:g}", f"{row['yaw_499_9']:.4f}", f"{row['quaternion_length']:.3f}")
@@ -90,8 +86,8 @@ def _print_table_1(results: dict[str, Any]) -> None:
     table("Eq. 14 by its gain gamma", ("update", "gamma 1/s", "yaw at 499.9 s", "|Q|"), sweeps)
     rk4, euler = (results["gamma_sweep"][integrator]["gamma_of_printed"] for integrator in UPDATES)
     say(
-        "Gamma is not printed. With the RK4 update that the paper names, eq. 14 stays within 0.001 rad of the truth up "
-        f"to gamma 20; the 3.683 printed for it takes gamma = {rk4:.2f}, next to the limit of stability "
+        "Gamma is not printed. With the RK4 update named in the paper, eq. 14 stays within 0.001 rad of the exact yaw "
+        f"up to gamma 20. The printed 3.683 requires gamma = {rk4:.2f}, close to the limit of stability "
         f"h gamma = 2.785, or the Euler update (eq. 14 as written) with gamma = {euler:.2f} and yaw read from a "
         "quaternion of length 1.05. So 3.683 is no property of quaternions under RK4."
     )
@@ -107,8 +103,9 @@ def _print_tumbling(data: dict[str, Any]) -> None:
     ratio = float(np.mean(np.divide(data["errors"]["RK4 + normalise"], data["errors"]["MK4"])))
     say(
         f"Inertia {data['inertia']} kg m2, spin {data['angular_velocity']} rad/s, quaternions read at unit length. "
-        f"Where no axis is fixed, RK4 that normalises errs {ratio:.1f} times as much as MK4, at the same order. The "
-        f"reference is MK4 at h = {data['reference']['step']:g} s, in doubt by {data['reference']['doubt']:.0e} rad."
+        f"Without a fixed axis, the error of normalised RK4 is {ratio:.1f} times that of MK4, at the same order. The "
+        f"reference is MK4 at h = {data['reference']['step']:g} s, with an uncertainty of "
+        f"{data['reference']['uncertainty']:.0e} rad."
     )
 
 
@@ -125,7 +122,7 @@ def _print_momentum(data: dict[str, Any]) -> None:
     table("Momentum: greatest drift in 100 s over the sum of |momentum|", ("system", "h s", "linear", "angular"), rows)
     peaks = [rate for study in data.values() for run in study["runs"] for rate in run["joint_rate_max"]]
     say(
-        "PETASUS-PUM (11 DoF) without gravity, drag, joint friction and limits; each joint reaches "
+        "PETASUS-PUM (11 DoF) without gravity, damping, joint friction and limits; each joint reaches "
         f"{min(peaks):.1f} to {max(peaks):.1f} rad/s. At the paper's h = 0.01 s the drift must stay below "
         f"{momentum.BAR:g}, and fall at least as h^3.8."
     )
@@ -150,11 +147,11 @@ def _print_arm_motion(data: dict[str, Any]) -> None:
     free, held = (data["numbers"][case] for case in arm_motion.CASES[:2])
     times = {key: free[f"{key}_max"] / held[f"{key}_max"] for key in ("position", "angle", "end_effector")}
     say(
-        "Uncontrolled the vehicle moves much more than controlled, as the paper sees it: by factors of "
+        "The uncontrolled vehicle moves much more than the controlled one, as in the paper: by factors of "
         f"{times['position']:.0f} in position, {times['angle']:.1f} in attitude and {times['end_effector']:.0f} at "
-        "the end effector. The PD has no integral: what is left under it is mostly the pitch at which its moment "
+        "the end effector. The PD has no integral: its remaining error is mostly the pitch at which its moment "
         "balances the arm's shifted weight. Agreement is qualitative only: the paper prints no profile, gains or "
-        "numbers. Our choice is q_d = q_0 + 45 deg (1 - cos(2 pi t / 50 s)) / 2, PDs on joints and vehicle evaluated "
-        "at every stage, and a start from each loop's equilibrium; masses and coefficients of PETASUS-PUM are "
-        "estimates."
+        "numbers. Our choices: q_d = q_0 + 45 deg (1 - cos(2 pi t / 50 s)) / 2, PD control of joints and vehicle "
+        "evaluated at every stage, and a start from each loop's equilibrium; masses and coefficients of PETASUS-PUM "
+        "are estimates."
     )

@@ -1,4 +1,4 @@
-"""`uvms scenes`: list, show, check. The others are in modules of their own."""
+"""`uvms scenes`: list, show, check. The other subcommands are in `explain` and `robots`."""
 
 import math
 from typing import Annotated, Any
@@ -6,7 +6,8 @@ from typing import Annotated, Any
 import typer
 
 import uvms_gym
-from uvms_gym.cli.common import Json, check_range, console, fail, prepare, table, write_json
+from uvms_gym.cli.common import Json, check_range, console, fail, prepare, read_scene, table, write_json
+from uvms_gym.studies.numerics import bodies
 
 app = typer.Typer(help="List, show, check and explain scenes.", no_args_is_help=True)
 
@@ -22,32 +23,17 @@ Speed = Annotated[
 
 #: Greatest expected speed, m/s and rad/s.
 MOST_SPEED = 1000.0
-#: Modes that are shown.
+#: Number of modes in tables.
 SHOWN = 8
-#: Integrator and step, s, that the environments take by default.
+#: Default integrator and step of the environments, s.
 DEFAULT = ("mk4", 0.01)
-#: Steps that are recommended, s.
+#: Steps that can be recommended, s.
 STEPS = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
-
-
-def read_scene(scene: str) -> dict[str, Any]:
-    """Read and check a scene.
-
-    Raises
-    ------
-    TyperException
-        There is none, or it is wrong.
-    """
-    try:
-        loaded: dict[str, Any] = uvms_gym.load_scene(scene)
-    except ValueError as error:
-        raise fail(str(error)) from None
-    return loaded
 
 
 @app.command("list")
 def list_scenes() -> None:
-    """List the scenes that come with the package."""
+    """List the shipped scenes."""
     rows = []
     for name in uvms_gym.scenes():
         simulator = uvms_gym.Simulator(name)
@@ -55,25 +41,22 @@ def list_scenes() -> None:
         freedom = simulator.num_joints + (0 if scene["vehicle"]["fixed"] else 6)
         counts = (str(freedom), str(simulator.num_joints), str(simulator.num_thrusters))
         rows.append((name, " ".join(scene["summary"].split()).split(". ")[0].rstrip("."), *counts))
-    table("Scenes", ("name", "what it is", "DoF", "joints", "thrusters"), rows, text_columns=2)
+    table("Scenes", ("name", "description", "DoF", "joints", "thrusters"), rows, text_columns=2)
 
 
 @app.command()
 def show(scene: Scene, json_file: Json = None) -> None:
-    """Show what a scene consists of, how fast it is, and where its numbers come from."""
+    """Show a scene's bodies, joints, thrusters, fastest modes and the sources of its numbers."""
     loaded = read_scene(scene)
     prepare(None, json_file)
     simulator = uvms_gym.Simulator(loaded)
     console.print(loaded["name"], style="bold", markup=False)
     console.print(" ".join(loaded["summary"].split()), markup=False)
     console.print()
-    bodies = [loaded["vehicle"]["body"]] + [link["body"] for link in loaded.get("arm", {}).get("links", [])]
-    names = ["vehicle"] + [link["name"] for link in loaded.get("arm", {}).get("links", [])]
-    table(
-        "Bodies",
-        ("body", "mass kg", "volume L"),
-        [(n, f"{b['mass']:.4g}", f"{1e3 * b.get('volume', 0.0):.4g}") for n, b in zip(names, bodies, strict=True)],
-    )
+    links = loaded.get("arm", {}).get("links", [])
+    named = [("vehicle", loaded["vehicle"]["body"]), *((link["name"], link["body"]) for link in links)]
+    rows = [(name, f"{body['mass']:.4g}", f"{1e3 * body.get('volume', 0.0):.4g}") for name, body in named]
+    table("Bodies", ("body", "mass kg", "volume L"), rows)
     if simulator.num_joints:
         table("Joints", ("index", "joint"), list(_numbered(simulator.joint_names)))
     if simulator.num_thrusters:
@@ -93,12 +76,12 @@ def show(scene: Scene, json_file: Json = None) -> None:
 def check(
     scene: Scene,
     speed: Speed = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 if anything is doubtful.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit status 1 if there are warnings.")] = False,
     json_file: Json = None,
 ) -> None:
-    """Check a scene, and show what is doubtful, its balance, its fastest modes and the steps that are stable for them.
+    """Check a scene, and show its warnings, balance, fastest modes and stable steps.
 
-    What is wrong with a scene is one line that names file, key and value, and exit status 2.
+    A fault is one line with file, key and value, and exit status 2.
     """
     if speed is not None:
         check_range("--speed", speed, 0.0, MOST_SPEED)
@@ -108,17 +91,17 @@ def check(
         simulator = uvms_gym.Simulator(loaded)
     except ValueError as error:
         raise fail(f"{scene}: {error}") from None
-    doubts = uvms_gym.lint_scene(loaded)
+    found = uvms_gym.lint_scene(loaded)
     balance = _balance(simulator)
     steps = simulator.stable_steps(speed)
     greatest = steps[DEFAULT[0]]
     if greatest < DEFAULT[1]:
         what = f"the environments' step of {DEFAULT[1]:g} s is unstable, the greatest stable one is {greatest:.2g} s"
-        doubts.append(f"{_culprit(simulator, speed)}: {what}")
+        found.append(f"{_fastest(simulator, speed)}: {what}")
     step = next((step for step in STEPS if 1.5 * step <= greatest), None)
     console.print(f"{loaded['name']}: no fault found", markup=False)
-    for doubt in doubts:
-        console.print(f"doubtful: {doubt}", markup=False)
+    for warning in found:
+        console.print(f"warning: {warning}", markup=False)
     console.print()
     rows = [(name, f"{value:.6g}") for name, value in balance.items()]
     advice = f"{step:g}" if step is not None else "none: too stiff"
@@ -126,30 +109,26 @@ def check(
     modes, steps_shown = _show_rates(simulator, speed)
     if json_file is not None:
         data = [{**mode, "rate": [mode["rate"].real, mode["rate"].imag]} for mode in modes]
-        found = {
+        summary = {
             "scene": loaded["name"],
             "speed": speed,
-            "doubts": doubts,
+            "warnings": found,
             "summary": balance,
             "recommended_step": step,
         }
-        write_json(json_file, {**found, "modes": data, "stable_steps": steps_shown})
-    if strict and doubts:
+        write_json(json_file, {**summary, "modes": data, "stable_steps": steps_shown})
+    if strict and found:
         raise typer.Exit(1)
 
 
 def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
-    """Find mass, buoyancy and freedom."""
+    """Degrees of freedom, mass, weight and buoyancy."""
     scene = simulator.scene
-    arm = scene.get("arm", {})
-    bodies = [scene["vehicle"]["body"], *(link["body"] for link in arm.get("links", []))]
-    bodies += [part for part in (arm.get("base"), scene.get("payload", {}).get("body")) if part is not None]
     gravity = math.hypot(*scene["water"]["gravity"])
-    mass = sum(body["mass"] for body in bodies)
+    mass = sum(body["mass"] for body in bodies(scene))
     weight = mass * gravity
-    buoyancy = sum(
-        body.get("buoyancy", scene["water"]["density"] * gravity * body.get("volume", 0.0)) for body in bodies
-    )
+    density = scene["water"]["density"]
+    buoyancy = sum(body.get("buoyancy", density * gravity * body.get("volume", 0.0)) for body in bodies(scene))
     return {
         "degrees of freedom": simulator.num_joints + (0 if scene["vehicle"]["fixed"] else 6),
         "joints": simulator.num_joints,
@@ -161,14 +140,14 @@ def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
     }
 
 
-def _culprit(simulator: uvms_gym.Simulator, speed: float | None) -> str:
-    """Tell what moves fastest."""
+def _fastest(simulator: uvms_gym.Simulator, speed: float | None) -> str:
+    """Name of the fastest mode."""
     modes = [mode for mode in simulator.modes(speed) if not mode["end_stop"]]
     return modes[0]["what"] if modes else "end stops"
 
 
 def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[list[Any], dict[str, dict[str, float]]]:
-    """Print the fastest modes, servos on, and the stable step of each integrator; return all of them."""
+    """Print the fastest modes, servos on, and the stable steps of all integrators; return modes and steps."""
     modes = simulator.modes(speed)
     choices = {"servos off": (False, False), "servos on": (True, False), "servos on, at end stops": (True, True)}
     steps = {
@@ -178,7 +157,7 @@ def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[lis
     if modes:
         table(
             "Fastest modes, servos on",
-            ("what moves", "state", "rate 1/s", "period s"),
+            ("mode", "state", "rate 1/s", "period s"),
             [(m["what"], m["where"], _rate(m["rate"]), _period(m["period"])) for m in modes[:SHOWN]],
             text_columns=2,
         )

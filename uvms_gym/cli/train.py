@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import gymnasium
 import typer
 
-from uvms_gym.cli.common import check_range, circumstances, console, fail, prepare, progress
+from uvms_gym.cli.common import check_range, fail, line, prepare, progress, user_errors
+from uvms_gym.studies.records import circumstances
 
 if TYPE_CHECKING:
     from uvms_gym.training.ppo import Settings
 
-#: What the extra `train` brings, by module.
+#: Packages of the extra `train`, by module.
 NEEDS = {"stable_baselines3": "stable-baselines3", "yaml": "pyyaml", "tensorboard": "tensorboard"}
-#: Parts of a run between evaluations and between checkpoints, unless it is told how many steps.
+#: Default number of evaluations and of checkpoints in a run.
 PARTS = 10
 #: Most episodes of an evaluation, and most threads.
 MOST_EPISODES, MOST_THREADS = 100_000, 1024
@@ -28,15 +29,15 @@ def train(
     env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     n_timesteps: Annotated[
         int | None,
-        typer.Option("-n", "--n-timesteps", help="Steps of all instances together. Without it: as the YAML says."),
+        typer.Option("-n", "--n-timesteps", help="Steps of all instances together. [default: that of the YAML file]"),
     ] = None,
-    n_envs: Annotated[int | None, typer.Option(help="Instances. Without it: as the YAML says.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Training seed. Without it: 0.")] = None,
+    n_envs: Annotated[int | None, typer.Option(help="Instances. [default: that of the YAML file]")] = None,
+    seed: Annotated[int | None, typer.Option(help="Training seed. [default: 0]")] = None,
     base: Annotated[
         str | None, typer.Option(metavar="CONTROLLER", help="Learn corrections to this controller, such as pd.")
     ] = None,
     residual: Annotated[
-        float | None, typer.Option(metavar="LIMIT", help="Greatest correction with --base, 0 to 1. Without it: 0.3.")
+        float | None, typer.Option(metavar="LIMIT", help="Greatest correction with --base, 0 to 1. [default: 0.3]")
     ] = None,
     env_kwargs: Annotated[
         list[str] | None,
@@ -54,18 +55,18 @@ def train(
     ] = None,
     eval_freq: Annotated[
         int | None,
-        typer.Option(help="Steps between evaluations; negative: one in the end. Without it: a tenth of all."),
+        typer.Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]"),
     ] = None,
     eval_episodes: Annotated[
-        int | None, typer.Option(help="Held-out episodes of an evaluation. Without it: 512.")
+        int | None, typer.Option(help="Held-out episodes of an evaluation. [default: 512]")
     ] = None,
     save_freq: Annotated[
         int | None,
-        typer.Option(help="Steps between checkpoints; negative: one in the end. Without it: a tenth of all."),
+        typer.Option(help="Steps between checkpoints; negative: only at the end. [default: a tenth of all]"),
     ] = None,
     log_folder: Annotated[
         Path,
-        typer.Option("-f", "--log-folder", metavar="DIR", help="Folder for the run's own, ppo/ENV_1 and so on."),
+        typer.Option("-f", "--log-folder", metavar="DIR", help="Parent of the run's folder, ppo/ENV_1 and so on."),
     ] = Path("out/train"),
     tensorboard_log: Annotated[
         Path | None, typer.Option("-tb", "--tensorboard-log", metavar="DIR", help="Folder for TensorBoard.")
@@ -76,27 +77,27 @@ def train(
             "-i",
             "--trained-agent",
             metavar="PATH",
-            help="Run's folder, or a checkpoint there, to go on from with its settings: to the end, or to -n steps.",
+            help="Run's folder, or a checkpoint there, to resume with its settings: to the end, or to -n steps.",
         ),
     ] = None,
     export: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write the policy here (.safetensors), and a model card.")
     ] = None,
     num_threads: Annotated[
-        int | None, typer.Option(help="Threads of torch and of the environment; -1: all. Without it: 1.")
+        int | None, typer.Option(help="Threads of torch and of the environment; -1: all. [default: 1]")
     ] = None,
-    device: Annotated[str | None, typer.Option(help="Device of torch. Without it: cpu.")] = None,
+    device: Annotated[str | None, typer.Option(help="Device of torch. [default: cpu]")] = None,
     show_progress: Annotated[
         bool, typer.Option("--progress/--no-progress", "-P/", help="Show a bar, on a terminal.")
     ] = True,
     verbose: Annotated[
-        int, typer.Option(help="0: only the result; 1: evaluations; 2: what Stable-Baselines3 logs, too.")
+        int, typer.Option(help="0: only the result; 1: evaluations; 2: the log of Stable-Baselines3, too.")
     ] = 1,
 ) -> int:
     """Train a policy by PPO, evaluate it on held-out episodes, and export it.
 
-    Ctrl-C stops it after the iteration that runs, with all saved and exported, and exit status 130; -i goes on from
-    there, to the weights that the run would have ended with anyway. A second Ctrl-C ends it at once.
+    Ctrl-C stops it after the current iteration with everything saved and exported, and exit status 130; -i resumes
+    it, with bit-identical weights at the end. A second Ctrl-C ends it at once.
     """
     missing = [package for module, package in NEEDS.items() if find_spec(module) is None]
     if missing:
@@ -129,7 +130,7 @@ def train(
             "--conf-file": conf_file,
         }
         if wrong := next((option for option, value in fixed.items() if value is not None), None):
-            raise fail(f"{wrong} cannot be given with --trained-agent, which goes on with its own settings")
+            raise fail(f"{wrong} cannot be given with --trained-agent, which has its own settings")
         settings, folder, agent = _resumed(trained_agent)
     else:
         check_range("--seed", seed or 0, 0, 2**31 - 1)
@@ -173,7 +174,7 @@ def _run(
 
         try:
             if agent is None:
-                # What is wrong shows before there is a folder.
+                # Errors show before the folder is made.
                 ppo.make_model(settings, ppo.make_envs(settings)[0])
                 folder = _new_folder(folder, settings)
             outcome = ppo.train(
@@ -195,18 +196,12 @@ def _run(
             reason = str(error).split(" was raised from the environment creator")[0]
             raise fail(f"{settings.env}: {' '.join(reason.split())}") from None
     rate = outcome.steps / outcome.seconds
-    console.print(
-        f"{outcome.steps} steps in {outcome.seconds:.0f} s ({rate:.0f} per second): {_line(outcome.evaluation)}",
-        markup=False,
-        soft_wrap=True,
-    )
-    console.print(
-        f"{folder}: {outcome.policy.name}, {outcome.checkpoint.name}, README.md", markup=False, soft_wrap=True
-    )
+    line(f"{outcome.steps} steps in {outcome.seconds:.0f} s ({rate:.0f} per second): {_line(outcome.evaluation)}")
+    line(f"{folder}: {outcome.policy.name}, {outcome.checkpoint.name}, README.md")
     if export is not None:
-        console.print(str(export), markup=False, soft_wrap=True)
+        line(str(export))
     if not outcome.finished:
-        console.print(f"stopped; to go on: uvms train -i {folder}", markup=False, soft_wrap=True)
+        line(f"stopped; to resume: uvms train -i {folder}")
         return 130
     return 0
 
@@ -224,14 +219,10 @@ def _settings(
     from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
     from uvms_gym.training.ppo import Settings
 
-    try:
+    with user_errors():
         pairs = {"env_kwargs": parse_pairs(env_kwargs or ()), "hyperparams": parse_pairs(hyperparams or ())}
         gymnasium.spec(env)
         found = read_hyperparameters(env, conf_file, residual=base is not None) | pairs["hyperparams"]
-    except OSError as error:
-        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
-    except (ValueError, gymnasium.error.Error) as error:
-        raise fail(" ".join(str(error).split())) from None
     if n_envs is not None:
         found["n_envs"] = n_envs
     settings = Settings(env, found, pairs["env_kwargs"], seed, base)
@@ -241,26 +232,20 @@ def _settings(
 def _resumed(agent: Path) -> tuple["Settings", Path, Path]:
     from uvms_gym.training.ppo import Settings, latest_checkpoint
 
-    try:
-        # Says which file there is not.
+    with user_errors():
+        # The error names the missing file.
         agent.stat()
         folder = agent if agent.is_dir() else agent.parent
         return Settings.load(folder), folder, latest_checkpoint(folder) if agent.is_dir() else agent
-    except OSError as error:
-        raise fail(f"cannot read {error.filename}: {error.strerror}") from None
-    except ValueError as error:
-        raise fail(str(error)) from None
 
 
 def _with(settings: "Settings", given: dict[str, Any]) -> "Settings":
-    """Settings with the options that were given, and with evaluations and checkpoints in every tenth of a new run."""
+    """Settings with given options, and with evaluations and checkpoints in every tenth of a new run."""
     steps = given.pop("n_timesteps")
     if steps is not None:
         settings = replace(settings, hyperparameters=settings.hyperparameters | {"n_timesteps": steps})
-    try:
+    with user_errors():
         tenth = max(1, math.ceil(settings.steps / PARTS))
-    except ValueError as error:
-        raise fail(str(error)) from None
     for name in ("eval_freq", "save_freq"):
         if getattr(settings, name) == 0:
             given.setdefault(name, tenth)
@@ -269,7 +254,7 @@ def _with(settings: "Settings", given: dict[str, Any]) -> "Settings":
 
 
 def _new_folder(logs: Path, settings: "Settings") -> Path:
-    """Make the folder of a run, with the first number that is free."""
+    """Make the folder of a run, with the first free number."""
     name = "ppo" if settings.base is None else f"ppo-{settings.base}"
     number = 1
     while True:

@@ -1,0 +1,72 @@
+"""Evaluation of controllers spread by Ray over the cores of one machine or a cluster.
+
+```sh
+python training/ray_evaluate.py --controller none --controller pd --controller mlp:ray.safetensors --episodes 1024
+```
+
+An episode depends on its seed alone: results are bit-identical whatever the blocks, workers and machines.
+"""
+
+import argparse
+from typing import Any
+
+import gymnasium
+import numpy as np
+import ray
+
+import uvms_gym
+from uvms_gym.studies.comparison.metrics import mean, pose_rms
+from uvms_gym.studies.comparison.statistics import interquartile_mean
+
+ENV = "UVMS-StationKeep-Storm-v0"
+
+
+def episodes_of(controller: uvms_gym.controllers.Controller, seed: int, episodes: int) -> dict[str, np.ndarray]:
+    """Run the episodes with seeds from `seed` on, on one thread: root mean square pose errors, m, and mean effort."""
+    envs = gymnasium.make_vec(ENV, num_envs=episodes, threads=1)
+    envs.reset(seed=seed)
+    rollout = uvms_gym.Rollout(envs, controller)
+    rollout.run(gymnasium.spec(ENV).max_episode_steps or 0)
+    stats = rollout.take()
+    task: Any = envs.unwrapped
+    return {"pose": pose_rms(stats, task.task), "effort": mean(stats, stats.sums["effort"])}
+
+
+def evaluate(names: list[str], episodes: int, seed: int, block: int) -> dict[str, dict[str, np.ndarray]]:
+    """Results of all episodes by controller; every block of episodes is a task of Ray on one core."""
+    remote = ray.remote(num_cpus=1)(episodes_of)
+    env = gymnasium.make(ENV)
+    running = {
+        name: [
+            remote.remote(uvms_gym.make_controller(name, env), seed + first, min(block, episodes - first))
+            for first in range(0, episodes, block)
+        ]
+        for name in names
+    }
+    blocks = {name: ray.get(tasks) for name, tasks in running.items()}
+    return {
+        name: {metric: np.concatenate([part[metric] for part in parts]) for metric in parts[0]}
+        for name, parts in blocks.items()
+    }
+
+
+def main() -> None:
+    """Evaluate, and print interquartile means."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--controller", action="append", help="name or mlp:FILE; may be repeated")
+    parser.add_argument("--episodes", type=int, default=1024)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--block", type=int, default=256, help="episodes of one task")
+    parser.add_argument("--address", help="cluster, such as auto; default: this machine")
+    options = parser.parse_args()
+    ray.init(address=options.address)
+    for name, found in evaluate(
+        options.controller or ["none", "pd", "pid"], options.episodes, options.seed, options.block
+    ).items():
+        pose, effort = (interquartile_mean(found[metric]) for metric in ("pose", "effort"))
+        print(f"{name}: pose error {pose:.4f} m, effort {effort:.4f}")
+    ray.shutdown()
+
+
+if __name__ == "__main__":
+    main()

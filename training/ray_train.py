@@ -1,0 +1,109 @@
+"""PPO of Ray RLlib on native vector environments, and export of the policy.
+
+```sh
+pip install 'uvms-gym[rllib]'  # in an environment of its own: Ray pins Gymnasium 1.2.2
+python training/ray_train.py --frames 3000000 --runners 4
+```
+
+Each environment runner steps one vector environment on one thread. The policy is a `uvms_gym.MLP`, which runs without
+torch and Ray. RLlib keeps steps as Python objects, so RLlib, not the environment, limits the speed.
+"""
+
+import argparse
+from typing import Any
+
+import gymnasium
+import numpy as np
+import ray
+from ray.rllib.algorithms.algorithm import Algorithm
+from ray.rllib.algorithms.ppo import PPOConfig
+from ray.rllib.core import DEFAULT_MODULE_ID
+from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+from ray.tune.registry import register_env
+
+import uvms_gym
+
+ENV = "UVMS-StationKeep-Storm-v0"
+
+
+class WithoutInfos(gymnasium.vector.VectorWrapper):
+    """Leaves out infos, which RLlib would split by instance."""
+
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+        """Start episodes."""
+        return self.env.reset(**options)[0], {}
+
+    def step(self, actions: np.ndarray) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """One control period."""
+        return (*self.env.step(actions)[:4], {})
+
+
+def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv:
+    """Make the vector environment of a runner."""
+    return WithoutInfos(gymnasium.make_vec(ENV, num_envs=config["num_envs"], threads=1))
+
+
+def configure(frames: int, runners: int, instances: int) -> PPOConfig:
+    """Configure PPO: discount per 0.1 s, 32 steps between updates, two tanh networks of 64 and 64."""
+    batch = 32 * instances * max(1, runners)
+    network = DefaultModelConfig(
+        fcnet_hiddens=[64, 64], fcnet_activation="tanh", vf_share_layers=False, free_log_std=True
+    )
+    return (
+        PPOConfig()
+        # The environments clip actions.
+        .environment(ENV, normalize_actions=False, clip_actions=False)
+        .env_runners(
+            num_env_runners=runners,
+            num_envs_per_env_runner=instances,
+            gym_env_vectorize_mode="vector_entry_point",
+            rollout_fragment_length=32,
+        )
+        .rl_module(model_config=network)
+        .training(
+            lr=[[0, 1e-3], [frames, 5e-5]],
+            gamma=0.9,
+            lambda_=0.95,
+            clip_param=0.2,
+            use_kl_loss=False,
+            vf_loss_coeff=0.5,
+            vf_clip_param=float("inf"),
+            grad_clip=0.5,
+            train_batch_size_per_learner=batch,
+            minibatch_size=min(4096, batch),
+            num_epochs=4,
+        )
+    )
+
+
+def export(algorithm: Algorithm) -> uvms_gym.MLP:
+    """Make a native policy of the learner's mean action."""
+    weights = algorithm.learner_group.get_weights([DEFAULT_MODULE_ID])[DEFAULT_MODULE_ID]
+    names = ("encoder.actor_encoder.net.mlp.0", "encoder.actor_encoder.net.mlp.2", "pi.net.mlp.0")
+    layers, biases = ([np.asarray(weights[f"{name}.{part}"]) for name in names] for part in ("weight", "bias"))
+    return uvms_gym.MLP(gymnasium.make(ENV), weights=layers, biases=biases, activation="tanh", output="clip")
+
+
+def main() -> None:
+    """Train, and write the policy."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=3_000_000)
+    parser.add_argument("--runners", type=int, default=0, help="processes that step environments; 0: this one")
+    parser.add_argument("--instances", type=int, default=512, help="instances of each runner")
+    parser.add_argument("--address", help="cluster, such as auto; default: this machine")
+    parser.add_argument("--out", default="ray.safetensors")
+    options = parser.parse_args()
+    ray.init(address=options.address)
+    register_env(ENV, make)
+    algorithm = configure(options.frames, options.runners, options.instances).build_algo()
+    frames = 0
+    while frames < options.frames:
+        result = algorithm.train()
+        frames = int(result["num_env_steps_sampled_lifetime"])
+        print(f"{frames} frames: return {result['env_runners'].get('episode_return_mean', float('nan')):.2f}")
+    export(algorithm).save(options.out)
+    ray.shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,252 @@
+"""`uvms bench`: time per step of the simulator, the environments, other programs and a learner."""
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import uvms_gym
+from uvms_gym.cli import bench_report
+from uvms_gym.cli.common import (
+    Json,
+    Out,
+    check_list,
+    check_range,
+    fail,
+    prepare,
+    progress,
+    read_scene,
+    user_errors,
+    write_results,
+)
+from uvms_gym.studies.records import circumstances
+from uvms_gym.studies.speed import environment, equal_error, learning, peers, physics, timing
+from uvms_gym.studies.speed.plots import plot_speed
+
+FILES = ("bench.json", "bench.png")
+SCENES, PEER_SCENES = (
+    ("petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"),
+    ("petasus-pum", "bluerov2-heavy-alpha5"),
+)
+INSTANCES, QUICK_INSTANCES = (1, 64, 1024, 16384), (1, 1024)
+#: Instances of sections with a single number of them, if among those of the run; else the greatest.
+MANY = 1024
+SUBSTEPS, QUICK_SUBSTEPS = (1, 10), (10,)
+DTYPES = ("float64", "float32")
+REPEATS, QUICK_REPEATS = 15, 5
+MOST_INSTANCES, MOST_THREADS, MOST_SUBSTEPS, MOST_REPEATS = 200_000, 1024, 1000, 1000
+
+Tick = Callable[[], None]
+
+
+def _listed(text: str, default: Sequence[Any], **options: Any) -> Any:
+    return typer.Option(help=f"{text}; may be repeated. [default: {', '.join(map(str, default))}]", **options)
+
+
+def _whole(text: str) -> int:
+    if not text.removeprefix("-").isdecimal():
+        raise typer.BadParameter(f"{text!r} is not a whole number")
+    return int(text)
+
+
+_WHOLE: Any = {"parser": _whole, "metavar": "COUNT"}
+
+
+def bench(
+    scene: Annotated[list[str] | None, _listed("Scene: name or TOML file", SCENES)] = None,
+    n: Annotated[list[int] | None, _listed("Number of instances", INSTANCES, **_WHOLE)] = None,
+    threads: Annotated[list[int] | None, _listed("Number of threads", ("1", "all cores"), **_WHOLE)] = None,
+    dtype: Annotated[list[str] | None, _listed("Precision", DTYPES)] = None,
+    instruction_set: Annotated[
+        list[str] | None,
+        _listed("Instruction set, as UVMS_INSTRUCTION_SET names it", ("the widest",)),
+    ] = None,
+    substeps: Annotated[list[int] | None, _listed("Steps per call", SUBSTEPS, **_WHOLE)] = None,
+    integrator: Annotated[str, typer.Option(help="Integrator.")] = "mk4",
+    repeats: Annotated[
+        int | None, typer.Option(help=f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of starts, thrusts and actions.")] = 0,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer cases and rounds.")] = False,
+    env: Annotated[bool, typer.Option("--env", help="Time the environments, too, vector and single.")] = False,
+    with_peers: Annotated[
+        bool, typer.Option("--peers", help="Time MuJoCo and Pinocchio, too (extra `peers`), interleaved with ours.")
+    ] = False,
+    sb3: Annotated[bool, typer.Option("--sb3", help="Time PPO of Stable-Baselines3, too.")] = False,
+    out: Out = Path("out/bench"),
+    json_file: Json = None,
+) -> None:
+    """Measure the time of steps by scene, instances, threads, precision, instruction set and substeps.
+
+    All cases of a table are timed in turn, round by round: medians with quartiles. Prints tables and writes a picture
+    and bench.json to --out.
+    """
+    arguments = _arguments(scene, n, threads, dtype, instruction_set, substeps, integrator, repeats, seed, quick)
+    arguments |= {"env": env, "peers": with_peers, "sb3": sb3}
+    loaded = [read_scene(name) for name in arguments["scene"]]
+    acting, compared = _sections(loaded, scene is not None, env, with_peers, sb3)
+    with user_errors():
+        if with_peers:
+            peers.require()
+        if sb3:
+            learning.require()
+    prepare(out, json_file, FILES)
+    begun, load = time.perf_counter(), os.getloadavg()
+    results: dict[str, Any] = {}
+    with progress() as bar:
+        with user_errors():
+            results["physics"] = _physics(loaded, arguments, bar)
+            if env:
+                results["environment"] = _environment(acting, arguments, bar)
+            if with_peers:
+                results["peers"] = _peers(compared, arguments, bar)
+            if sb3:
+                results["learning"] = _learning(acting[0], arguments, bar)
+        bar.add_task("picture", total=None)
+        results["parameters"] = physics.parameter_costs(results["physics"])
+        vector = results.get("environment", {}).get("vector", [])
+        results["threads"] = physics.thread_speedups(results["physics"], vector, _many(arguments))
+        with user_errors(verb="write"):
+            plot_speed(out / FILES[1], results, _many(arguments))
+    run = circumstances("bench", arguments)
+    run |= {"seconds": time.perf_counter() - begun, "load": {"before": load, "after": os.getloadavg()}}
+    bench_report.print_all(results, run)
+    write_results(out, FILES, json_file, {"circumstances": run, "results": results}, f" ({run['seconds']:.0f} s)")
+
+
+def _arguments(
+    scene: Sequence[str] | None,
+    n: Sequence[int] | None,
+    threads: Sequence[int] | None,
+    dtype: Sequence[str] | None,
+    instruction_set: Sequence[str] | None,
+    substeps: Sequence[int] | None,
+    integrator: str,
+    repeats: int | None,
+    seed: int,
+    quick: bool,
+) -> dict[str, Any]:
+    """Check options, and fill in defaults."""
+    known = [entry["name"] for entry in uvms_gym.integrators()]
+    if integrator not in known:
+        raise fail(f"unknown integrator {integrator!r}; known: {', '.join(known)}")
+    for name in dtype or ():
+        if name not in DTYPES:
+            raise fail(f"--dtype is {name!r}, but must be {' or '.join(DTYPES)}")
+    counts = {"n": (n, MOST_INSTANCES), "threads": (threads, MOST_THREADS), "substeps": (substeps, MOST_SUBSTEPS)}
+    for option, (values, most) in counts.items():
+        for value in values or ():
+            check_range(f"--{option}", value, 1, most)
+    repeats = (QUICK_REPEATS if quick else REPEATS) if repeats is None else repeats
+    check_range("--repeats", repeats, 1, MOST_REPEATS)
+    check_range("--seed", seed, 0, math.inf)
+    return {
+        "scene": check_list("scene", scene, SCENES),
+        "n": sorted(set(n or (QUICK_INSTANCES if quick else INSTANCES))),
+        "threads": sorted(set(threads or (1, len(os.sched_getaffinity(0))))),
+        "dtype": list(dict.fromkeys(dtype or DTYPES)),
+        "instruction_set": list(dict.fromkeys(instruction_set)) if instruction_set else None,
+        "substeps": sorted(set(substeps or (QUICK_SUBSTEPS if quick else SUBSTEPS))),
+        "integrator": integrator,
+        "repeats": repeats,
+        "seed": seed,
+        "quick": quick,
+    }
+
+
+def _sections(
+    loaded: Sequence[dict[str, Any]], given: bool, env: bool, with_peers: bool, sb3: bool
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Scenes for environments, and scenes for peers."""
+    acting = [scene for scene in loaded if scene["vehicle"].get("thrusters")]
+    if (env or sb3) and not acting:
+        raise fail(f"{loaded[0]['name']}: no scene has thrusters, which environments need")
+    compared = [scene for scene in loaded if given or scene["name"] in PEER_SCENES]
+    if with_peers:
+        with user_errors("--peers: "):
+            for scene in compared:
+                peers.check_scene(scene)
+    return acting if given else acting[:1], compared
+
+
+def _many(arguments: dict[str, Any]) -> int:
+    return MANY if MANY in arguments["n"] else max(arguments["n"])
+
+
+@contextmanager
+def _task(bar: Any, title: str, total: int) -> Iterator[Tick]:
+    task = bar.add_task(title, total=total)
+    yield lambda: bar.advance(task)
+    bar.remove_task(task)
+
+
+def _physics(loaded: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: Any) -> list[dict[str, Any]]:
+    """Time all cases of a scene together, scene by scene: memory need not hold those of all scenes."""
+    repeats, rows = arguments["repeats"], []
+    # Instances, threads and substeps of the cases with varied parameters.
+    varied_case = (_many(arguments), min(arguments["threads"]), max(arguments["substeps"]))
+    for scene in loaded:
+        settings = [
+            physics.Setting(
+                scene, n, threads, dtype, substeps, arguments["integrator"], varied, instruction_set, arguments["seed"]
+            )
+            for instruction_set in arguments["instruction_set"] or [None]
+            for dtype in arguments["dtype"]
+            for threads in arguments["threads"]
+            for n in arguments["n"]
+            for substeps in arguments["substeps"]
+            for varied in (False, True)
+            if not varied or (n, threads, substeps) == varied_case
+        ]
+        with _task(bar, scene["name"], timing.rounds(len(settings), repeats)) as tick:
+            rows += physics.steps(settings, repeats, tick)
+    return rows
+
+
+def _environment(acting: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: Any) -> dict[str, Any]:
+    n, repeats, seed = _many(arguments), arguments["repeats"], arguments["seed"]
+    threads, dtypes = arguments["threads"], arguments["dtype"]
+    result: dict[str, Any] = {"vector": [], "single": [], "gymnasium": []}
+    for scene in acting:
+        total = timing.rounds(3 * len(threads) * len(dtypes), repeats)
+        with _task(bar, f"{scene['name']}, make_vec", total) as tick:
+            result["vector"] += environment.vector_study(scene, n, threads, dtypes, repeats, seed, tick)
+        with _task(bar, f"{scene['name']}, make", repeats + 1) as tick:
+            result["single"].append(environment.single_study(scene, dtypes[0], repeats, seed, tick))
+        seconds = environment.QUICK_VECTOR_SECONDS if arguments["quick"] else environment.VECTOR_SECONDS
+        for count in threads:
+            with _task(bar, f"{scene['name']}, benchmark_vector_step", 1):
+                rate = environment.gymnasium_study(scene, n, count, seconds, seed)
+            row = {"scene": scene["name"], "n": n, "threads": count, "steps_per_second": rate}
+            result["gymnasium"].append(row)
+    return result
+
+
+def _peers(compared: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: Any) -> dict[str, Any]:
+    n, repeats, seed, quick = _many(arguments), arguments["repeats"], arguments["seed"], arguments["quick"]
+    result: dict[str, Any] = {"versions": peers.versions(), "scope": peers.SCOPE, "scenes": {}, "vector": []}
+    for scene in compared:
+        found: dict[str, Any] = {"dry_difference": peers.dry_difference(scene, seed)}
+        with _task(bar, f"{scene['name']}, peers", peers.step_rounds(repeats)) as tick:
+            found["step"] = peers.step_study(scene, n, max(arguments["substeps"]), repeats, seed, tick)
+        with _task(bar, f"{scene['name']}, equal error", equal_error.ticks(quick)) as tick:
+            found["equal_error"] = equal_error.study(scene, seed, quick, tick)
+        result["scenes"][scene["name"]] = found
+        if scene["vehicle"].get("thrusters"):
+            total = peers.vector_rounds(len(arguments["threads"]), repeats)
+            with _task(bar, f"{scene['name']}, make_vec and peers", total) as tick:
+                result["vector"] += peers.vector_study(scene, n, arguments["threads"], repeats, seed, tick)
+    return result
+
+
+def _learning(scene: dict[str, Any], arguments: dict[str, Any], bar: Any) -> dict[str, Any]:
+    iterations = learning.QUICK_ITERATIONS if arguments["quick"] else learning.ITERATIONS
+    with _task(bar, f"{scene['name']}, PPO", iterations + 1) as tick:
+        return learning.ppo_study(
+            scene, _many(arguments), max(arguments["threads"]), iterations, arguments["seed"], tick
+        )

@@ -1,0 +1,215 @@
+"""Figures of the accuracy study: error against cost, and drift against step."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from uvms_gym.studies.accuracy.conservation import QUANTITIES
+from uvms_gym.studies.accuracy.work_precision import DIVERGED, FLOOR
+from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+class Style(NamedTuple):
+    """Line style of an integrator."""
+
+    colour: str
+    marker: str
+    label: str
+    #: Single precision is drawn, too: its floor is the same with every method.
+    single: bool = False
+
+
+#: Integrators in figures; tables have them all. Methods with coincident lines are left out.
+STYLES = {
+    "mk4": Style(BLUE, "o", "MK4", single=True),
+    "mk54": Style(GREEN, "D", "MK5(4) by tolerance"),
+    "ros2": Style(ORANGE, "s", "linearly implicit"),
+    "mk2": Style(PURPLE, "^", "MK2"),
+    "semi-implicit-euler": Style(VERMILION, "v", "semi-implicit Euler"),
+    "lagged-added-mass": Style(BLACK, "x", "added mass lagged"),
+    "mk4-momentum": Style(GREY, "P", "momentum-conserving MK4"),
+}
+
+
+def plot_work_precision(path: Path, results: Mapping[str, Any], seconds: float) -> None:
+    """Median error at the end effector over CPU time: the first scene large, the others small."""
+    first, *others = results
+    columns = (len(others) + 1) // 2
+    with picture(path, 7.6 + 2.7 * columns, 6.2, dpi=105) as figure:
+        grid = figure.add_gridspec(2, 1 + columns, width_ratios=(2.75, *[1.0] * columns))
+        large = figure.add_subplot(grid[:, 0])
+        _draw(large, results[first], large=True)
+        _compare(large, results[first])
+        title = f"{first}: error after {seconds:g} s of driven motion against cost"
+        large.set_title(title, fontweight="bold")
+        large.set(
+            xlabel="CPU time per simulated second and instance (µs, one thread)",
+            ylabel="median error at the end effector (m)",
+        )
+        for k, name in enumerate(others):
+            small = figure.add_subplot(grid[k % 2, 1 + k // 2])
+            _draw(small, results[name], large=False)
+            small.set_title(name)
+            small.tick_params(labelsize=8.0)
+
+
+def plot_drift(path: Path, results: Mapping[str, Any], seconds: float) -> None:
+    """Greatest drift of energy and impulse over the step without dissipation, one row per scene."""
+    titles = {"energy": "kinetic energy", "linear": "linear impulse", "angular": "angular impulse"}
+    with picture(path, 11.0, 2.9 * len(results) + 0.6) as figure:
+        rows = figure.subplots(len(results), len(QUANTITIES), squeeze=False, sharex=True)
+        for panels, (name, result) in zip(rows, results.items(), strict=True):
+            for axes, quantity in zip(panels, QUANTITIES, strict=True):
+                _draw_drift(axes, result["drift"], quantity)
+                axes.set_title(f"{name}: {titles[quantity]}", fontsize=9.5)
+            panels[0].set_ylabel(f"relative drift in {seconds:g} s")
+        for axes in rows[-1]:
+            axes.set_xlabel("step (s)")
+        handles = {label: h for axes in rows.flat for h, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=7)
+
+
+def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
+    """Draw lines of error over cost; diverged runs are crosses on the upper edge."""
+    axes.set(xscale="log", yscale="log")
+    ends: list[tuple[float, float, str, str]] = []
+    diverged: list[tuple[float, str]] = []
+    for name, style in STYLES.items():
+        for precision in ("f64", "f32") if style.single else ("f64",):
+            rows = [row for row in result["rows"] if (row["integrator"], row["precision"]) == (name, precision)]
+            valid = [row for row in rows if row["end_effector"]["median"] < DIVERGED]
+            timed = [row["cost"] * row["step"] for row in rows if np.isfinite(row["cost"])]
+            if precision == "f64" and timed:
+                # Runs that are not finite are not timed: their steps cost as much as the others'.
+                per_step = float(np.median(timed))
+                diverged += [(1e-3 * per_step / row["step"], style.colour) for row in rows if row not in valid]
+            valid = [row for row in valid if np.isfinite(row["cost"])]
+            if not valid:
+                continue
+            costs = [1e-3 * row["cost"] for row in valid]
+            errors = [row["end_effector"]["median"] for row in valid]
+            single = precision == "f32"
+            axes.plot(
+                costs,
+                errors,
+                linestyle="--" if single else "-",
+                marker=style.marker,
+                markersize=(5.5 if large else 3.5),
+                markerfacecolor="white" if single else style.colour,
+                color=style.colour,
+                linewidth=2.4 if name == "mk4" and not single else 1.4,
+                zorder=3 if name == "mk4" else 2,
+            )
+            last = int(np.argmax(costs))
+            ends.append((costs[last], errors[last], style.label + (" f32" if single else ""), style.colour))
+            if large and name == "mk4" and not single:
+                _annotate_steps(axes, valid)
+    floor = FLOOR * result["reference"]["uncertainty"]["end_effector"]["median"]
+    low, high = axes.get_ylim()
+    low = min(low, 0.3 * floor)
+    axes.set_ylim(low, max(high, 1.0))
+    axes.axhspan(low, floor, color="#eeeeee", zorder=0, linewidth=0.0)
+    if diverged:
+        left, right = axes.get_xlim()
+        axes.set_xlim(min(left, 0.8 * min(cost for cost, _ in diverged)), right)
+        axes.scatter(
+            [cost for cost, _ in diverged],
+            [0.97] * len(diverged),
+            c=[colour for _, colour in diverged],
+            marker="x",
+            s=28.0 if large else 12.0,
+            transform=axes.get_xaxis_transform(),
+            linewidths=1.4,
+        )
+    if large:
+        left, right = axes.get_xlim()
+        # Room for the names at the right.
+        axes.set_xlim(left, right * (right / left) ** 0.25)
+        _label(axes, ends)
+        grey: Any = {"color": GREY, "fontsize": 9.0}
+        axes.text(0.01, floor, "uncertainty of the reference", transform=axes.get_yaxis_transform(), va="top", **grey)
+        if diverged:
+            axes.text(0.995, 0.97, "x: diverged", transform=axes.transAxes, ha="right", va="center", **grey)
+
+
+def _annotate_steps(axes: "Axes", rows: Sequence[Mapping[str, Any]]) -> None:
+    coarsest = max(row["step"] for row in rows)
+    for row in rows:
+        place = (1e-3 * row["cost"], row["end_effector"]["median"])
+        # On the side without other lines.
+        aside = row["step"] == coarsest
+        axes.annotate(
+            f"{1e3 * row['step']:g} ms",
+            place,
+            xytext=(8.0, 0.0) if aside else (-6.0, -4.0),
+            textcoords="offset points",
+            ha="left" if aside else "right",
+            va="center" if aside else "top",
+            color=BLUE,
+            fontsize=8.5,
+        )
+
+
+def _label(axes: "Axes", ends: Sequence[tuple[float, float, str, str]]) -> None:
+    """Write names beside the ends of lines, without overlaps."""
+    low, high = np.log10(axes.get_ylim())
+    gap = 0.042 * (high - low)
+    at = -np.inf
+    for cost, error, label, colour in sorted(ends, key=lambda end: end[1]):
+        at = max(np.log10(error), at + gap)
+        axes.annotate(
+            label,
+            (cost, 10.0**at),
+            xytext=(8.0, 0.0),
+            textcoords="offset points",
+            va="center",
+            color=colour,
+            fontsize=9.5,
+            fontweight="bold" if label == "MK4" else "normal",
+        )
+
+
+def _compare(axes: "Axes", result: Mapping[str, Any]) -> None:
+    """Draw the span between MK4 and the baseline method at equal cost."""
+    if comparison := result["comparison"]:
+        cost = 1e-3 * comparison["cost"]
+        low, high = comparison["error"], comparison["baseline_error"]
+        ratio = float(f"{comparison['ratio']:.1g}")
+        arrow = {"arrowstyle": "<->", "color": GREY, "linewidth": 1.2, "shrinkA": 5.0, "shrinkB": 2.0}
+        axes.annotate("", (cost, low), (cost, high), arrowprops=arrow, zorder=1)
+        axes.annotate(
+            f"equal cost:\n{ratio:,.0f} times\nless error",
+            (cost, high),
+            xytext=(6.0, -22.0),
+            textcoords="offset points",
+            va="top",
+            color="#444444",
+            fontsize=9.0,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.8},
+        )
+
+
+def _draw_drift(axes: "Axes", rows: Sequence[Mapping[str, Any]], quantity: str) -> None:
+    for name, style in STYLES.items():
+        for precision in ("f64", "f32") if style.single else ("f64",):
+            wanted = (name, precision, None)
+            mine = [row for row in rows if (row["integrator"], row["precision"], row["tolerance"]) == wanted]
+            mine = [row for row in mine if quantity in row]
+            if not mine:
+                continue
+            single = precision == "f32"
+            axes.loglog(
+                [row["step"] for row in mine],
+                [row[quantity]["median"] if np.isfinite(row[quantity]["median"]) else np.nan for row in mine],
+                linestyle="--" if single else "-",
+                marker=style.marker,
+                markersize=4.0,
+                markerfacecolor="white" if single else style.colour,
+                color=style.colour,
+                label=style.label + (" f32" if single else ""),
+            )

@@ -1,0 +1,155 @@
+"""Contenders of a comparison: controllers with all their training seeds, and their scores over episodes."""
+
+import hashlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym import Rollout
+from uvms_gym.controllers import MLP, Controller, Residual, registry
+from uvms_gym.rollouts import Tally
+from uvms_gym.studies.comparison.conditions import Condition
+from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
+
+Floats = NDArray[np.float64]
+
+
+class Contender(NamedTuple):
+    """A controller under a condition.
+
+    Attributes
+    ----------
+    name : str
+    seeds : tuple of int
+        Training seeds; empty for classical controllers.
+    controllers : list of Controller
+        One per training seed, or one.
+    origin : dict
+        Gains and their tuning, or files with digests and notes.
+    """
+
+    name: str
+    seeds: tuple[int, ...]
+    controllers: list[Controller]
+    origin: dict[str, Any]
+
+
+class EpisodeScores(NamedTuple):
+    """Scores (S, N) of a contender per metric and part, seeds by episodes, and the time of the run, s."""
+
+    scores: dict[str, dict[str, Floats]]
+    seconds: float
+
+
+def make_contender(condition: Condition, name: str) -> Contender:
+    """Make a controller for a condition, with all its training seeds.
+
+    Raises
+    ------
+    registry.Unavailable
+        No policy is shipped.
+    ValueError, TypeError
+        The controller does not fit, or a file is broken.
+    OSError
+        A file cannot be read.
+    """
+    options = condition.designed
+    seeds = registry.seeds(name, **options)
+    made = [registry.make_controller(name, seed=seed, **options) for seed in seeds or (0,)]
+    return Contender(name, seeds, made, _origin(name, seeds, made, options))
+
+
+def _origin(name: str, seeds: tuple[int, ...], controllers: list[Controller], options: Any) -> dict[str, Any]:
+    """Origin of controllers: their files, or their gains with the tuning (None: not tuned)."""
+    if name.startswith(registry.MLP_PREFIX):
+        files = [Path(name.removeprefix(registry.MLP_PREFIX))]
+    elif seeds:
+        files = [registry.policy_file(name, seed, **options) for seed in seeds]
+    else:
+        return {"tuned": registry.tuned(name, **options)}
+    digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
+    return {
+        "files": [
+            {"name": file.name, "sha256": digest, "notes": _notes(controller)}
+            for file, digest, controller in zip(files, digests, controllers, strict=True)
+        ]
+    }
+
+
+def _notes(controller: Controller) -> dict[str, str]:
+    network = controller.correction if isinstance(controller, Residual) else controller
+    return network.notes if isinstance(network, MLP) else {}
+
+
+def make_envs(condition: Condition, episodes: int) -> Any:
+    """Make the vector environment of a condition.
+
+    Raises
+    ------
+    ValueError, TypeError, gymnasium.error.Error
+        The environment refuses its arguments.
+    """
+    return gymnasium.make_vec(condition.env, num_envs=episodes, max_episode_steps=condition.steps, **condition.options)
+
+
+def run(
+    envs: Any, condition: Condition, contender: Contender, seed: int, tick: Callable[[int], object] = lambda steps: None
+) -> EpisodeScores:
+    """Run an episode of every seed from `seed` on, with each controller of a contender.
+
+    Raises
+    ------
+    ValueError
+        A controller does not fit the environment.
+    """
+    started = time.perf_counter()
+    rows = [_run(envs, condition, controller, seed, tick) for controller in contender.controllers]
+    scores = {
+        name: {part: np.stack([row[name][part] for row in rows]) for part in metric.parts}
+        for name, metric in METRICS.items()
+    }
+    return EpisodeScores(scores, time.perf_counter() - started)
+
+
+def _run(
+    envs: Any, condition: Condition, controller: Controller, seed: int, tick: Callable[[int], object]
+) -> dict[str, dict[str, Floats]]:
+    envs.reset(seed=seed)
+    period = 1.0 / envs.metadata["render_fps"]
+    begin = min(round(SETTLED / period), condition.steps)
+    rollout = Rollout(envs, controller)
+    parts = []
+    for steps in (begin, condition.steps - begin):
+        rollout.run(steps, tick)
+        parts.append(rollout.take())
+    early, late = parts
+    whole = _sum(early, late)
+    # Episodes that end before the settled part have the whole's score for it; diverged ones never recover.
+    ended = late.steps == 0
+    whole.last["recovery_time"][whole.terminated] = condition.steps * period
+    result = {}
+    for name, metric in METRICS.items():
+        scores = {"whole": metric.measure(whole)}
+        if not metric.whole:
+            scores["settled"] = np.where(ended, scores["whole"], metric.measure(late))
+        result[name] = scores
+    return result
+
+
+def _sum(early: Tally, late: Tally) -> Tally:
+    """Statistics of two consecutive parts of the same episodes."""
+    ended = late.steps == 0
+    return Tally(
+        early.steps + late.steps,
+        early.returns + late.returns,
+        early.terminated | late.terminated,
+        early.truncated | late.truncated,
+        {name: early.sums[name] + late.sums[name] for name in early.sums},
+        {name: early.squares[name] + late.squares[name] for name in early.squares},
+        {name: np.where(ended, early.last[name], late.last[name]) for name in early.last},
+    )

@@ -1,0 +1,112 @@
+"""Measures of episodes, from the statistics of a rollout.
+
+The attitude lever of the pose error and the variation of commands are defined here alone.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym.rollouts import Tally
+
+Floats = NDArray[np.float64]
+
+#: Lever that turns angles into distances in the pose error, m per rad.
+ATTITUDE_LEVER = 0.5
+#: Argument `reward` of environments in which `variation` can be measured: a term of weight 1 holds its negative.
+VARIATION_REWARD = {"rate": 1.0}
+#: Parts of an episode: all of it, and the rest after the first `SETTLED` seconds.
+PARTS, SETTLED = ("whole", "settled"), 3.0
+
+
+def mean(stats: Tally, sums: Floats) -> Floats:
+    """Means over the steps (N,); 0 without steps."""
+    return np.asarray(sums / np.maximum(stats.steps, 1))
+
+
+def rms(stats: Tally, entry: str) -> Floats:
+    """Root mean squares (N,) of an entry of `info`."""
+    return np.sqrt(mean(stats, stats.squares[entry]))
+
+
+def pose_rms(stats: Tally, task: str = "station-keep") -> Floats:
+    """Root mean squares (N,) of the pose error sqrt(position^2 + (lever * attitude)^2), m.
+
+    The error is the vehicle's, or the end effector's where `task` is "ee-track".
+    """
+    part = "end_effector_" if task == "ee-track" else ""
+    position, attitude = (stats.squares[f"{part}{name}_error"] for name in ("position", "attitude"))
+    return np.sqrt(mean(stats, position + ATTITUDE_LEVER**2 * attitude))
+
+
+def variation(stats: Tally) -> Floats:
+    """Sums (N,) over the steps of the mean squared change of the action."""
+    return -stats.sums["reward_rate"]
+
+
+class Metric(NamedTuple):
+    """A measure of an episode.
+
+    Attributes
+    ----------
+    title, unit : str
+        For tables and pictures, after `scale`.
+    measure : callable
+        Measure per episode (N,), in SI units, from the statistics of its steps.
+    scale : float
+        Factor from SI to the unit.
+    error : bool
+        True for errors: root mean squares over the steps.
+    less : bool
+        True where less is better.
+    cut : float
+        Share of episodes that the mean leaves out at either end.
+    whole : bool
+        True if defined for whole episodes only.
+    """
+
+    title: str
+    unit: str
+    measure: Callable[[Tally], Floats]
+    scale: float = 1.0
+    error: bool = False
+    less: bool = True
+    cut: float = 0.25
+    whole: bool = False
+
+    @property
+    def label(self) -> str:
+        """Title with unit."""
+        return f"{self.title}, {self.unit}" if self.unit else self.title
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Parts of an episode with this measure."""
+        return PARTS[:1] if self.whole else PARTS
+
+
+def _rms(entry: str) -> Callable[[Tally], Floats]:
+    return lambda stats: rms(stats, entry)
+
+
+def _mean(entry: str) -> Callable[[Tally], Floats]:
+    return lambda stats: mean(stats, stats.sums[entry])
+
+
+METRICS: dict[str, Metric] = {
+    "pose": Metric("pose", "mm", pose_rms, 1e3, error=True),
+    "position": Metric("position", "mm", _rms("position_error"), 1e3, error=True),
+    "attitude": Metric("attitude", "mrad", _rms("attitude_error"), 1e3, error=True),
+    "end_effector": Metric("end effector", "mm", _rms("end_effector_position_error"), 1e3, error=True),
+    "effort": Metric("effort", "%", _mean("effort"), 1e2),
+    "saturation": Metric("saturation", "%", _mean("saturation"), 1e2),
+    "variation": Metric("variation", "1e-3", lambda stats: mean(stats, variation(stats)), 1e3),
+    "recovery": Metric("recovery", "s", lambda stats: stats.last["recovery_time"], whole=True),
+    "within": Metric("in tolerance", "% of time", _mean("success"), 1e2, less=False),
+    "success": Metric("success", "%", lambda stats: stats.last["success"], 1e2, less=False, cut=0.0, whole=True),
+    "diverged": Metric("diverged", "%", lambda stats: stats.terminated.astype(np.float64), 1e2, cut=0.0, whole=True),
+}
+#: Metric of the ranking.
+HEADLINE = "pose"

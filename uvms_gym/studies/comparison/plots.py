@@ -1,0 +1,211 @@
+"""Figures of comparisons."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
+from uvms_gym.studies.comparison.study import Comparison
+from uvms_gym.studies.comparison.summary import Summary, is_learned
+from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Comparisons with their summaries.
+Results = Sequence[tuple[Comparison, Summary]]
+
+#: Metrics of the bar charts.
+_BARS = ("pose", "position", "attitude", "end_effector", "effort", "variation", "recovery", "within")
+#: Colours of learned controllers, which stand out, and of classical ones.
+_LEARNED = (VERMILION, ORANGE, PURPLE, "#7a1f00")
+_CLASSICAL = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
+_NONE = "#bdbdbd"
+_LINES = ("-", "--", "-.", ":")
+
+
+def colours(names: Sequence[str]) -> dict[str, str]:
+    """Distinct colours of controllers, warm for learned ones."""
+    learned = [name for name in names if is_learned(name)]
+    classical = [name for name in names if name not in learned and name != "none"]
+    found = {name: _LEARNED[k % len(_LEARNED)] for k, name in enumerate(learned)}
+    found |= {name: _CLASSICAL[k % len(_CLASSICAL)] for k, name in enumerate(classical)}
+    return {name: found.get(name, _NONE) for name in names}
+
+
+def short_name(name: str) -> str:
+    """Name of a controller; of a policy file without folder and suffix."""
+    return name.rsplit("/", 1)[-1].removesuffix(".safetensors")
+
+
+def plot_bars(path: Path, results: Results) -> None:
+    """Every metric of every controller with its interval, and 95th percentiles of the errors, by comparison."""
+    from matplotlib.lines import Line2D
+
+    most = max(len(summary.controllers) for _, summary in results)
+    height = 0.24 * most + 0.75
+    with picture(path, 12.5, (2 * height + 0.35) * len(results) + 0.4) as figure:
+        parts = np.atleast_1d(np.array(figure.subfigures(len(results), 1), dtype=object))
+        for part, (comparison, summary) in zip(parts, results, strict=True):
+            episodes = next(iter(summary.controllers.values()))["episodes"]
+            title = f"{comparison.condition.name}: {episodes} episodes"
+            part.suptitle(title, x=0.01, ha="left", fontweight="bold", fontsize=11.0)
+            for axes, metric in zip(part.subplots(2, 4, sharey=True).flat, _BARS, strict=True):
+                _bars(axes, summary, metric)
+        # One legend: the marks mean the same everywhere.
+        handles = [
+            Line2D([], [], color="#333333", linewidth=1.4, label="95 % interval of the interquartile mean"),
+            Line2D([], [], color="#333333", marker="D", mfc="white", ls="", ms=4.5, label="95th percentile"),
+        ]
+        parts[-1].legend(handles=handles, loc="outside lower center", ncols=2)
+
+
+def _bars(axes: "Axes", summary: Summary, metric: str) -> None:
+    names, description = list(summary.controllers), METRICS[metric]
+    colour = colours(names)
+    for k, name in enumerate(names):
+        estimates = summary.controllers[name]["metrics"][metric]["whole"]
+        value, low, high = (description.scale * x for x in estimates.get("iqm", estimates.get("mean")))
+        axes.barh(k, value, color=colour[name], height=0.68)
+        axes.errorbar(
+            value, k, xerr=[[max(0.0, value - low)], [max(0.0, high - value)]], color="#333333", capsize=3.0, lw=1.4
+        )
+        if description.error:
+            tail = description.scale * estimates["p95"].value
+            axes.plot(tail, k, "D", color="#333333", mfc="white", markersize=4.5)
+    axes.set(title=description.label, ylim=(len(names) - 0.4, -0.6))
+    axes.set_yticks(range(len(names)), [short_name(name) for name in names])
+    for label in axes.get_yticklabels():
+        label.set_fontweight("bold" if label.get_text() == short_name(summary.winner) else "normal")
+    axes.grid(axis="y", visible=False)
+    axes.set_axisbelow(True)
+    axes.set_xlim(left=0.0)
+    if description.error:
+        _cut(axes, summary, metric)
+
+
+def _cut(axes: "Axes", summary: Summary, metric: str) -> None:
+    """Limit the axis to controlled episodes, where errors without control are far greater."""
+    scale = METRICS[metric].scale
+    all_of = {name: entry["metrics"][metric]["whole"] for name, entry in summary.controllers.items()}
+    controlled = [entry["p95"].value for name, entry in all_of.items() if name != "none"]
+    if not controlled or "none" not in all_of:
+        return
+    end = 1.15 * scale * max(controlled)
+    value = scale * all_of["none"]["iqm"].value
+    if value > 1.3 * end:
+        axes.set_xlim(right=end)
+        place = list(all_of).index("none")
+        axes.text(0.98 * end, place, f"{value:.0f} →", ha="right", va="center", fontsize=8.0, color="black")
+
+
+def plot_profiles(path: Path, results: Results) -> None:
+    """Share of episodes with an error up to a threshold, with 95 % bands, by comparison."""
+    columns = min(3, len(results))
+    rows = -(-len(results) // columns)
+    with picture(path, max(8.0, 4.6 * columns), 3.7 * rows + 0.9) as figure:
+        grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
+        names = list(dict.fromkeys(name for _, summary in results for name in summary.profiles))
+        colour = colours(names)
+        handles: dict[str, Any] = {}
+        classical = [name for name in names if not is_learned(name)]
+        for axes, (comparison, summary) in zip(grid.flat, results, strict=False):
+            taus = METRICS[HEADLINE].scale * summary.thresholds
+            for name, profile in summary.profiles.items():
+                learned = name not in classical
+                style = "-" if learned else _LINES[classical.index(name) % len(_LINES)]
+                (line,) = axes.plot(
+                    taus,
+                    100.0 * profile.value,
+                    style,
+                    color=colour[name],
+                    lw=2.2 if learned else 1.3,
+                    label=short_name(name),
+                    zorder=3 if learned else 2,
+                )
+                axes.fill_between(
+                    taus, 100.0 * profile.low, 100.0 * profile.high, color=colour[name], alpha=0.22, linewidth=0.0
+                )
+                handles.setdefault(name, line)
+            axes.set_xscale("log")
+            _plain_ticks(axes)
+            condition = comparison.condition
+            axes.set(title=condition.label if len(results) > 1 else condition.name, ylim=(0.0, 101.0))
+            axes.set_xlabel("RMS pose error up to, mm")
+        for axes in grid.flat[len(results) :]:
+            axes.set_visible(False)
+        for axes in grid[:, 0]:
+            axes.set_ylabel("episodes (%)")
+        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=min(6, len(handles)))
+
+
+def _plain_ticks(axes: "Axes") -> None:
+    """Plain numbers, not powers of ten."""
+    from matplotlib import ticker
+
+    axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    axes.xaxis.set_minor_formatter(ticker.NullFormatter())
+
+
+def plot_departures(path: Path, groups: Mapping[str, Results]) -> None:
+    """Errors by condition and controller, coloured by the ratio to the baseline's; one panel per group."""
+    sizes = [len(results) for results in groups.values()]
+    widest = max(len(controllers_of(results)) for results in groups.values())
+    size = (1.9 + 0.95 * widest, sum(0.42 * size + 1.1 for size in sizes) + 0.8)
+    with picture(path, *size, axes__grid=False) as figure:
+        grid = figure.subplots(len(groups), 1, squeeze=False, height_ratios=sizes)[:, 0]
+        image: Any = None
+        for axes, (group, results) in zip(grid, groups.items(), strict=True):
+            image = _heat(axes, results)
+            axes.set_title(f"{group}: pose error, mm (boxed: least)", pad=26.0)
+        bar = figure.colorbar(image, ax=list(grid), location="bottom", shrink=0.5, aspect=40, pad=0.03)
+        bar.set_ticks([-2.0, -1.0, 0.0, 1.0, 2.0], labels=["1/4", "1/2", "1", "2", "4"])
+        bar.set_label(f"over that of {results[0][1].baseline}")
+
+
+def controllers_of(results: Results) -> list[str]:
+    """Names of all controllers of a group, missing ones last."""
+    names = dict.fromkeys(name for _, summary in results for name in summary.controllers)
+    return list(names | dict.fromkeys(name for comparison, _ in results for name in comparison.missing))
+
+
+def _heat(axes: "Axes", results: Results) -> Any:
+    from matplotlib.patches import Rectangle
+
+    names = controllers_of(results)
+    ratios = np.full((len(results), len(names)), np.nan)
+    for row, (comparison, summary) in enumerate(results):
+        values = {name: entry["metrics"][HEADLINE]["whole"]["iqm"].value for name, entry in summary.controllers.items()}
+        for column, name in enumerate(names):
+            if name in values:
+                ratios[row, column] = np.log2(values[name] / values[summary.baseline])
+                value = METRICS[HEADLINE].scale * values[name]
+                words = f"{value:.{0 if value >= 100.0 else 1}f}"
+            else:
+                words = comparison.missing.get(name, "-")
+            dark = abs(ratios[row, column]) > 1.2
+            axes.text(
+                column,
+                row,
+                words,
+                ha="center",
+                va="center",
+                fontsize=9.0 if name in values else 7.5,
+                color="white" if dark else "black" if name in values else "#888888",
+                fontweight="bold" if name == summary.winner else "normal",
+            )
+            if name == summary.winner:
+                axes.add_patch(
+                    Rectangle((column - 0.47, row - 0.45), 0.94, 0.9, fill=False, edgecolor="black", linewidth=1.8)
+                )
+    image = axes.imshow(np.clip(ratios, -2.0, 2.0), cmap="RdBu_r", vmin=-2.0, vmax=2.0, aspect="auto")
+    axes.set_xticks(range(len(names)), [short_name(name) for name in names], rotation=0)
+    axes.set_yticks(range(len(results)), [comparison.condition.label for comparison, _ in results])
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    return image

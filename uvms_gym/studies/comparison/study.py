@@ -1,0 +1,207 @@
+"""Whole comparisons: contenders under conditions, their summaries as data, and verification of stored results."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uvms_gym
+from uvms_gym.controllers import registry
+from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, make_conditions
+from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
+from uvms_gym.studies.comparison.summary import KEPT, Summary, summarise
+
+#: Note in place of a controller without a shipped policy.
+NO_POLICY = "no policy"
+#: Relative tolerance of stored numbers, which other machines reproduce.
+TOLERANCE = 1e-4
+
+Tick = Callable[[int], object]
+
+
+class Comparison(NamedTuple):
+    """A condition with its contenders, and the reasons for missing ones."""
+
+    condition: Condition
+    contenders: dict[str, Contender]
+    missing: dict[str, str]
+
+    @property
+    def work(self) -> int:
+        """Control periods of an episode by all controllers, all training seeds."""
+        return self.condition.steps * sum(len(contender.controllers) for contender in self.contenders.values())
+
+
+def make_comparisons(conditions: Sequence[Condition], names: Sequence[str] | None = None) -> list[Comparison]:
+    """Make all controllers of all conditions.
+
+    Parameters
+    ----------
+    conditions : sequence of Condition
+    names : sequence of str or None
+        Controllers; each takes part in the tasks that it suits. None: all of each task with a shipped policy.
+
+    Raises
+    ------
+    ValueError, TypeError
+        A controller is unknown or suits no task, has no policy, does not fit, or a file is broken.
+    OSError
+        A file cannot be read.
+    """
+    for name in names or ():
+        if not any(_suits(name, condition) for condition in conditions):
+            registry.check_name(name, conditions[0].designed["task"])
+    return [
+        make_comparison(condition, registry.names(condition.designed["task"]))
+        if names is None
+        else make_comparison(condition, [name for name in names if _suits(name, condition)], required=True)
+        for condition in conditions
+    ]
+
+
+def _suits(name: str, condition: Condition) -> bool:
+    return name in registry.names(condition.designed["task"]) or name.startswith(registry.MLP_PREFIX)
+
+
+def make_comparison(condition: Condition, names: Sequence[str], required: bool = False) -> Comparison:
+    """Make the controllers of a condition; those without a policy are missing, or an error if `required`.
+
+    Raises
+    ------
+    ValueError, TypeError, OSError
+        See `make_comparisons`.
+    """
+    contenders, missing = {}, {}
+    for name in names:
+        try:
+            contenders[name] = make_contender(condition, name)
+        except registry.Unavailable:
+            if required:
+                raise
+            missing[name] = NO_POLICY
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{condition.env}: {error}") from None
+    if not contenders:
+        raise ValueError(f"{condition.name}: there is no controller for it")
+    return Comparison(condition, contenders, missing)
+
+
+def run_all(
+    comparison: Comparison, episodes: int, seed: int, tick: Tick = lambda steps: None
+) -> dict[str, EpisodeScores]:
+    """Run all contenders over the episodes with seeds from `seed` on; `tick` is told the control periods of each part.
+
+    Raises
+    ------
+    ValueError, TypeError, gymnasium.error.Error
+        The environment refuses its arguments, or a controller does not fit it.
+    """
+    envs = make_envs(comparison.condition, episodes)
+    try:
+        return {
+            name: run(envs, comparison.condition, contender, seed, tick)
+            for name, contender in comparison.contenders.items()
+        }
+    finally:
+        envs.close()
+
+
+def scores_by_name(comparison: Comparison, runs: Mapping[str, EpisodeScores]) -> dict[str, NDArray[np.float64]]:
+    """All scores (S, N) by "condition/controller/metric/part"."""
+    return {
+        "/".join((comparison.condition.name, name, metric, part)): matrix
+        for name, scored in runs.items()
+        for metric, parts in scored.scores.items()
+        for part, matrix in parts.items()
+    }
+
+
+def as_data(comparison: Comparison, summary: Summary) -> dict[str, Any]:
+    """Condition and statistics as a dictionary, which `verify` reads."""
+    condition, profiles = comparison.condition, dict(summary.profiles)
+    data = {key: value for key, value in summary._asdict().items() if key not in ("thresholds", "profiles")}
+    return {
+        "env": condition.env,
+        "scene": condition.scene,
+        "disturbance": condition.level,
+        "condition": condition.departure,
+        "summary": DEPARTURES[condition.departure].summary,
+        "options": {key: value for key, value in condition.options.items() if key != "scene"},
+        "steps": condition.steps,
+        **data,
+        "missing": comparison.missing,
+        "profiles": {"thresholds": summary.thresholds, **profiles},
+    }
+
+
+def verify(path: Path, full: bool = False, tolerance: float = TOLERANCE) -> list[str]:
+    """Run stored comparisons again.
+
+    Parameters
+    ----------
+    path : Path
+        A compare.json, or the results.json of shipped policies.
+    full : bool
+        Compare all statistics over all episodes, not only the stored scores of the first episodes.
+    tolerance : float
+        Relative tolerance of numbers.
+
+    Returns
+    -------
+    list of str
+        A line for each difference.
+
+    Raises
+    ------
+    ValueError
+        The file holds no results, or a controller does not exist any more.
+    OSError
+        A file cannot be read.
+    """
+    differences = []
+    for stored, comparison, seed in _read(path):
+        name_of = comparison.condition.name
+        expected = stored["controllers"]
+        differences += [f"{name_of}, {name}: {reason}" for name, reason in comparison.missing.items()]
+        stored_episodes = next(iter(expected.values()))["episodes"]
+        runs = run_all(comparison, stored_episodes if full else min(stored_episodes, KEPT), seed)
+        pairs: dict[str, tuple[Any, Any]] = {}
+        for name, scored in runs.items():
+            for metric, rows in expected[name]["kept"].items():
+                pairs[f"{name}, {metric}"] = rows, scored.scores[metric]["whole"][:, :KEPT]
+        if full:
+            for name, entry in summarise(comparison.contenders, runs, seed).controllers.items():
+                for metric, parts in entry["metrics"].items():
+                    for part, estimates in parts.items():
+                        for kind, estimate in estimates.items():
+                            value = expected[name]["metrics"][metric][part][kind]["value"]
+                            pairs[f"{name}, {metric}, {part}, {kind}"] = value, estimate.value
+        for what, pair in pairs.items():
+            old, new = (np.asarray(value, dtype=np.float64) for value in pair)
+            if old.shape != new.shape:
+                differences.append(f"{name_of}, {what}: shape {old.shape} is stored, {new.shape} found")
+            elif not np.allclose(new, old, rtol=tolerance, atol=1e-9):
+                worst = np.unravel_index(np.argmax(np.abs(new - old)), old.shape)
+                differences.append(f"{name_of}, {what}: {old[worst]:.9g} is stored, {new[worst]:.9g} found")
+    return differences
+
+
+def _read(path: Path) -> list[tuple[dict[str, Any], Comparison, int]]:
+    """Read stored results, each with its comparison and the seed of the first episode."""
+    text = path.read_text(encoding="utf-8")
+    try:
+        data = json.loads(text)
+        arguments, results = data["circumstances"]["arguments"], data["results"]
+        options = {name: arguments[name] for name in ("action", "max_current") if name in arguments}
+        found = []
+        for stored in results:
+            scenes = {stored["scene"]: uvms_gym.load_scene(stored["scene"])}
+            levels = [] if stored["disturbance"] is None else [stored["disturbance"]]
+            (condition,) = make_conditions([stored["env"]], scenes, levels, [stored["condition"]], **options)
+            found.append((stored, make_comparison(condition, list(stored["controllers"])), int(arguments["seed"])))
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path} holds no results of uvms compare: {type(error).__name__}: {error}") from None
+    return found

@@ -1,0 +1,197 @@
+"""Statistics of a comparison: every controller, and every controller relative to the classical ones."""
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym.controllers.registry import LEARNED, MLP_PREFIX
+from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores
+from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
+from uvms_gym.studies.comparison.statistics import Draws, Estimate, Profile, Sample, Scores
+
+Floats = NDArray[np.float64]
+
+#: Classical controllers that others are compared with.
+BASELINES = (
+    "pd",
+    "pd-restoring",
+    "pid",
+    "dob",
+    "dob-delay",
+    "dob-calm",
+    "computed-torque",
+    "mpc",
+    "resolved",
+    "resolved-pid",
+    "resolved-dob",
+)
+#: Number of thresholds of performance profiles.
+THRESHOLDS = 80
+#: Number of episodes with individually stored scores, for verification.
+KEPT = 16
+
+
+class Summary(NamedTuple):
+    """Statistics of a comparison.
+
+    Attributes
+    ----------
+    controllers : dict
+        Per controller: seeds, episodes, seconds, origin, and `metrics`: per metric and part the estimates `iqm` (for
+        shares `mean`) and `p95`.
+    against : dict
+        Per baseline and controller the ratios of errors and costs; differences and probabilities of improvement over
+        `baseline`.
+    baseline : str
+        First of the baselines.
+    winner, runner_up : str
+        Controllers with the least and second least error.
+    margin : Estimate
+        Error of the winner over that of the runner-up.
+    thresholds : Floats
+        Thresholds of the profiles, m.
+    profiles : dict
+        Performance profiles per controller, without `none`.
+    """
+
+    controllers: dict[str, Any]
+    against: dict[str, dict[str, Any]]
+    baseline: str
+    winner: str
+    runner_up: str | None
+    margin: Estimate | None
+    thresholds: Floats
+    profiles: dict[str, Profile]
+
+
+class _Statistics(NamedTuple):
+    """Statistics of one controller, metric and part."""
+
+    mean: Sample
+    p95: Sample
+    profile: Profile
+
+
+def is_learned(name: str) -> bool:
+    """True for a trained policy, and for a controller with one."""
+    return name in LEARNED or name.startswith(MLP_PREFIX)
+
+
+def first_baseline(names: Any) -> str:
+    """First baseline: the paper's PD or resolved motion, else another classical controller, else the first name."""
+    return next((name for name in ("pd", "resolved", *BASELINES) if name in names), next(iter(names)))
+
+
+def baselines(names: Any) -> list[str]:
+    """Classical controllers among `names`, or the first baseline."""
+    return [name for name in names if name in BASELINES] or [first_baseline(names)]
+
+
+def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeScores], seed: int) -> Summary:
+    """Estimate every metric of every controller, and ratios to the baselines; `seed` is that of the resampling."""
+    names = list(runs)
+    episodes = next(iter(runs.values())).scores[HEADLINE]["whole"].shape[1]
+    draws = Draws(episodes, seed)
+    # Errors without control have another magnitude.
+    profiled = [name for name in names if name != "none"] or names
+    thresholds = _thresholds([runs[name].scores[HEADLINE]["whole"] for name in profiled])
+
+    def estimate(name: str) -> tuple[str, dict[tuple[str, str], _Statistics]]:
+        found = {}
+        for metric, description in METRICS.items():
+            for part in description.parts:
+                scores = Scores(runs[name].scores[metric][part], draws)
+                asked = thresholds if (metric, part) == (HEADLINE, "whole") else ()
+                found[metric, part] = _Statistics(*scores.statistics(description.cut, thresholds=asked))
+        return name, found
+
+    against: dict[str, dict[str, Any]] = {}
+    first = first_baseline(names)
+
+    def compare(name: str) -> dict[str, Any]:
+        return _against(runs[name].scores, runs[first].scores, draws)
+
+    with ThreadPoolExecutor(2) as pool:
+        found = dict(pool.map(estimate, names))
+        others = [name for name in names if name != first]
+        compared = dict(zip(others, pool.map(compare, others), strict=True))
+    for other in baselines(names):
+        against[other] = {name: _ratios(found[name], found[other]) for name in names if name != other}
+    for name in others:
+        for metric, parts in compared[name].items():
+            for part, values in parts.items():
+                against[first][name].setdefault(metric, {}).setdefault(part, {}).update(values)
+    headline = {name: found[name][HEADLINE, "whole"].mean for name in names}
+    ranking = sorted(names, key=lambda name: headline[name].value)
+    margin = headline[ranking[0]].over(headline[ranking[1]]).estimate() if len(names) > 1 else None
+    return Summary(
+        {name: _described(contenders[name], runs[name], found[name]) for name in names},
+        against,
+        first,
+        ranking[0],
+        ranking[1] if len(names) > 1 else None,
+        margin,
+        np.asarray(thresholds),
+        {name: found[name][HEADLINE, "whole"].profile for name in profiled},
+    )
+
+
+def _described(
+    contender: Contender, run: EpisodeScores, found: Mapping[tuple[str, str], _Statistics]
+) -> dict[str, Any]:
+    metrics: dict[str, Any] = {}
+    for (metric, part), statistics in found.items():
+        mean = "iqm" if METRICS[metric].cut else "mean"
+        metrics.setdefault(metric, {})[part] = {mean: statistics.mean.estimate()}
+        if METRICS[metric].cut:
+            metrics[metric][part]["p95"] = statistics.p95.estimate()
+    scores = run.scores[HEADLINE]["whole"]
+    return {
+        "training_seeds": contender.seeds,
+        "origin": contender.origin,
+        "episodes": scores.shape[1],
+        "seconds": run.seconds,
+        "metrics": metrics,
+        "kept": {metric: run.scores[metric]["whole"][:, :KEPT] for metric in (HEADLINE, "effort")},
+    }
+
+
+def _ratios(mine: Mapping[tuple[str, str], _Statistics], theirs: Mapping[tuple[str, str], _Statistics]) -> Any:
+    """Ratios of means and 95th percentiles to a baseline's, for errors and costs."""
+    result: dict[str, Any] = {}
+    for (metric, part), statistics in mine.items():
+        if METRICS[metric].cut and METRICS[metric].less:
+            other = theirs[metric, part]
+            result.setdefault(metric, {})[part] = {
+                "ratio": statistics.mean.over(other.mean).estimate(),
+                "p95_ratio": statistics.p95.over(other.p95).estimate(),
+            }
+    return result
+
+
+def _against(mine: Any, theirs: Any, draws: Draws) -> dict[str, Any]:
+    """Paired differences and the probability of improvement over the baseline, for the errors."""
+    result: dict[str, Any] = {}
+    for metric, description in METRICS.items():
+        if not description.error:
+            continue
+        for part in description.parts:
+            # Seeds of the baseline are averaged in each episode.
+            x, y = mine[metric][part], theirs[metric][part]
+            result.setdefault(metric, {})[part] = {
+                "difference": Scores(x - y.mean(axis=0), draws).statistics()[0].estimate(),
+                "probability_of_improvement": Scores(x, draws).improvement(Scores(y, draws)).estimate(),
+            }
+    return result
+
+
+def _thresholds(scores: list[Floats]) -> list[float]:
+    """Thresholds over the range of the profiles between 0 and nearly 1."""
+    low = min(float(np.quantile(score, 0.005)) for score in scores)
+    high = max(float(np.quantile(score, 0.98)) for score in scores)
+    if not 0.0 < low < high:
+        return list(np.linspace(0.0, max(high, 1e-9), THRESHOLDS))
+    return list(np.geomspace(low, high, THRESHOLDS))

@@ -1,0 +1,238 @@
+"""Hard cases: description, runs by a method at a step, and their evaluation."""
+
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import uvms_gym
+from uvms_gym import Simulator
+
+Floats = NDArray[np.float64]
+#: Results of a run by name: each (k, ...), one row per instant or instance.
+Quantities = dict[str, Floats]
+Scene = dict[str, Any]
+
+DTYPES = ("float64", "float32")
+#: Error bound of a fourth-order method in float64, and the least bound in float32; relative. For a method of order
+#: p < 4 the bound is the p/4-th power of the former: its error where a fourth-order method is just accurate enough.
+BOUND, BOUND_FLOAT32 = 1e-6, 1e-3
+#: Relative error beyond which the first digit is wrong: no run may get there without a warning, at any step. Warnings
+#: begin where steps get 5 % of the speed wrong, as estimated to within a few times.
+GROSS = 0.1
+#: Coarser steps of each case, as multiples of the recommended one, and the coarsest, s.
+COARSER, COARSEST = (2, 5, 10, 20, 50, 100, 200), 0.1
+#: Tolerances of integrators with adaptive steps.
+TOLERANCE = {"float64": 1e-10, "float32": 1e-6}
+
+
+@dataclass(frozen=True)
+class Method:
+    """An integrator: name, order, and kind."""
+
+    name: str
+    order: int = 4
+    adaptive: bool = False
+    implicit: bool = False
+
+
+#: Methods of numerical references: the default, and one with another update of the attitude.
+MK4, SECOND = Method("mk4"), Method("rk4-normalise")
+
+
+@cache
+def methods() -> tuple[Method, ...]:
+    """All integrators for production use, baseline methods left out."""
+    offered = [row for row in uvms_gym.integrators() if row["kind"] == "production"]
+    return tuple(Method(row["name"], row["order"], row["adaptive"], row["implicit"]) for row in offered)
+
+
+class NonFinite(Exception):
+    """A state that is not finite, from which a case cannot continue."""
+
+
+@dataclass(frozen=True)
+class CaseRunner:
+    """Simulators and steps of a case, by one method in one precision at one step."""
+
+    method: Method
+    dtype: str
+    step: float
+
+    def simulator(self, scene: str | Scene, num_envs: int = 1) -> Simulator:
+        """Make a simulator."""
+        options: dict[str, Any] = {"tolerance": TOLERANCE[self.dtype]} if self.method.adaptive else {}
+        return Simulator(
+            scene, num_envs, dt=self.step, integrator=self.method.name, dtype=self.dtype, threads=1, **options
+        )
+
+    def advance(self, simulator: Simulator, time: float, **inputs: Any) -> None:
+        """Step for `time` seconds under held inputs."""
+        steps = round(time / self.step)
+        if not math.isclose(steps * self.step, time, rel_tol=1e-9):
+            raise ValueError(f"a step of {self.step:g} s does not divide {time:g} s")
+        simulator.step(substeps=steps, **inputs)
+
+    def sampled(
+        self, simulator: Simulator, interval: float, count: int, observe: Callable[[], Quantities], **inputs: Any
+    ) -> Quantities:
+        """Advance `count` times by `interval`, and stack the results of `observe` after each, one row per time."""
+        rows = []
+        for _ in range(count):
+            self.advance(simulator, interval, **inputs)
+            rows.append(observe())
+        return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Exact results of a case, their source, and their relative uncertainty (0 for a closed form)."""
+
+    values: Quantities
+    source: str
+    uncertainty: float = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A hard case."""
+
+    name: str
+    #: Motion and evaluated quantities, for reports.
+    description: str
+    run: Callable[[CaseRunner], Quantities]
+    reference: Callable[[], Reference]
+    #: Recommended step by order, s: a method takes that of the greatest order not above its own, at which its theory
+    #: predicts an error within the bound.
+    steps: Mapping[int, float]
+    #: Time that every step divides, s.
+    interval: float
+    #: Recommended step of linearly implicit methods, s, if different from that of their order.
+    implicit_step: float | None = None
+    #: Greatest order on this motion: forces with kinks or jumps within a step reduce that of any method.
+    smoothness: int = 4
+    #: Reason for unusual bounds or steps.
+    reason: str = ""
+    #: Given bounds by dtype, for conservation laws.
+    bounds: Mapping[str, float] = field(default_factory=dict)
+    #: False where coarser steps mean nothing.
+    coarser: bool = True
+    #: The coarsest meaningful step, s.
+    coarsest: float = COARSEST
+
+    def step(self, method: Method) -> float:
+        """Recommended step of a method, s."""
+        if method.implicit and self.implicit_step is not None:
+            return self.implicit_step
+        return self.steps[max(order for order in self.steps if order <= max(method.order, min(self.steps)))]
+
+    def bound(self, method: Method, dtype: str) -> float:
+        """Bound on the relative error at the recommended step."""
+        if dtype in self.bounds:
+            return self.bounds[dtype]
+        bound: float = BOUND ** (min(method.order, self.smoothness, 4) / 4.0)
+        return max(bound, BOUND_FLOAT32) if dtype == "float32" else bound
+
+    def coarser_steps(self, method: Method) -> Iterator[float]:
+        """Coarser steps that divide the case's interval, s."""
+        if not self.coarser:
+            return
+        recommended = self.step(method)
+        candidates = [factor * recommended for factor in COARSER]
+        for step in [*(step for step in candidates if step < 0.99 * self.coarsest), self.coarsest]:
+            count = self.interval / step
+            if step > 1.01 * recommended and abs(count - round(count)) < 1e-6:
+                yield step
+
+
+@dataclass(frozen=True)
+class Run:
+    """Results of a case by one method, in one precision, at one step."""
+
+    case: str
+    method: str
+    dtype: str
+    step: float
+    recommended: bool
+    errors: dict[str, float]
+    bound: float
+    warnings: list[str]
+
+    @property
+    def error(self) -> float:
+        """Greatest error of all quantities; infinite if a value is not finite."""
+        return max(self.errors.values())
+
+    @property
+    def verdict(self) -> str:
+        """ "meets" the bound (at a coarse step: no gross error), else "warned" or "SILENT"."""
+        if self.error <= self.bound:
+            return "meets"
+        return "warned" if self.warnings else "SILENT"
+
+
+def evaluate(case: Case, method: Method, dtype: str, step: float | None = None) -> Run:
+    """Run a case, at the recommended step unless another is given."""
+    recommended = step is None
+    at = case.step(method) if step is None else step
+    reference = case.reference().values
+    with warnings.catch_warnings(record=True) as caught, np.errstate(all="ignore"):
+        warnings.simplefilter("always")
+        try:
+            found = errors(case.run(CaseRunner(method, dtype, at)), reference)
+        except NonFinite:
+            found = {"state": math.inf}
+    messages = [str(w.message) for w in caught if issubclass(w.category, uvms_gym.StepWarning)]
+    bound = case.bound(method, dtype) if recommended else max(GROSS, case.bound(method, dtype))
+    return Run(case.name, method.name, dtype, at, recommended, found, bound, messages)
+
+
+def errors(values: Quantities, reference: Quantities) -> dict[str, float]:
+    """Relative errors by quantity: the greatest difference over the greatest magnitude; rad for rotations (k, 3, 3).
+
+    Infinite where a value is not finite.
+
+    Raises
+    ------
+    ValueError
+        Names or shapes differ.
+    """
+    if values.keys() != reference.keys():
+        raise ValueError(f"quantities {list(values)} are not those of the reference, {list(reference)}")
+    return {name: _error(values[name], reference[name]) for name in reference}
+
+
+def _error(value: Floats, reference: Floats) -> float:
+    if value.shape != reference.shape:
+        raise ValueError(f"shape {value.shape} is not that of the reference, {reference.shape}")
+    if not np.isfinite(value).all():
+        return math.inf
+    rows = (np.linalg.norm(x.reshape(len(x), -1), axis=1).max() for x in (value - reference, reference))
+    difference, magnitude = rows
+    # A small rotation by an angle has the Frobenius norm sqrt(2) times the angle.
+    scale = math.sqrt(2.0) if reference.shape[1:] == (3, 3) else magnitude
+    return float(difference / scale)
+
+
+def converged(run: Callable[[CaseRunner], Quantities], step: float, note: str = "") -> Reference:
+    """Make a numerical reference: mk4 at a fine step; its uncertainty is the difference of `SECOND` at half of it."""
+    values = run(CaseRunner(MK4, "float64", step))
+    other = run(CaseRunner(SECOND, "float64", 0.5 * step))
+    source = f"{MK4.name} at {step:g} s against {SECOND.name} at {0.5 * step:g} s" + (f"; {note}" if note else "")
+    return Reference(values, source, max(errors(other, values).values()))
+
+
+def instants(interval: float, count: int) -> Floats:
+    """Multiples 1, 2, ... of an interval, (count,)."""
+    return interval * np.arange(1, count + 1, dtype=np.float64)
+
+
+def single_body(name: str, body: Scene, density: float = 0.0, **water: Any) -> Scene:
+    """Make the scene of one body, without gravity unless given."""
+    water = {"density": density, "gravity": [0.0, 0.0, 0.0]} | water
+    return {"name": f"hard case {name}", "water": water, "vehicle": {"name": name, "body": body}}

@@ -1,0 +1,232 @@
+"""Cases of sudden events: end stops, dead-bands, payloads."""
+
+import math
+from functools import cache
+
+import numpy as np
+
+from uvms_gym import Simulator, load_scene
+from uvms_gym.studies.hard_cases.case import (
+    Case,
+    CaseRunner,
+    Floats,
+    NonFinite,
+    Quantities,
+    Reference,
+    Scene,
+    converged,
+    instants,
+    single_body,
+)
+
+# A link hits a compliant end stop at speed and leaves it again: I q'' = -(k + c q') p for p > 0. During contact
+# p^2/2 = -(I/c) [(v - v0) - (k/c) ln((k + c v)/(k + c v0))], which gives the final speed v1 and, by a quadrature over
+# the speed, the duration of contact.
+STOP = {"inertia": 0.2, "stiffness": 40.0, "damping": 4.0, "speed": 5.0, "limit": 0.5, "start": 0.0137}
+STOP_TIMES = instants(0.1, 6)
+
+
+def _run_stop(runner: CaseRunner) -> Quantities:
+    inertia, stiffness, damping, speed, limit, start = STOP.values()
+    link = {"mass": 0.5, "inertia": [inertia] * 3}
+    stop = {"lower": -10.0, "upper": limit, "stiffness": stiffness, "damping": damping}
+    joint = {"kind": "revolute", "axis": [0.0, 0.0, 1.0], "limits": stop, "home": start}
+    scene = single_body("end stop", {"mass": 1.0, "inertia": [1.0] * 3})
+    scene["vehicle"]["fixed"] = True
+    scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
+    s = runner.simulator(scene)
+    s.set_state(qd=[speed])
+    values = runner.sampled(s, 0.1, len(STOP_TIMES), lambda: {"q": s.q[0], "q'": s.qd[0]})
+    # Without the instants in contact.
+    clear = (STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)
+    return {"q": values["q"][clear], "speed after": values["q'"][-1:]}
+
+
+def _stop_reference() -> Reference:
+    from scipy.integrate import fixed_quad
+    from scipy.optimize import brentq
+
+    inertia, k, c, v0, limit, start = STOP.values()
+
+    def half_depth_squared(v: Floats) -> Floats:
+        # log1p keeps its digits where v is near v0.
+        result: Floats = -(inertia / c) * ((v - v0) - (k / c) * np.log1p(c * (v - v0) / (k + c * v0)))
+        return result
+
+    v1 = float(brentq(half_depth_squared, -k / c * (1.0 - 1e-12), 0.0, xtol=1e-15))
+
+    # dt = -I dv / (p (k + c v)); v = (v0 + v1)/2 + (v0 - v1)/2 cos(a) removes the roots of p at both ends.
+    def rate(a: Floats) -> Floats:
+        v = 0.5 * (v0 + v1) + 0.5 * (v0 - v1) * np.cos(a)
+        p = np.sqrt(2.0 * half_depth_squared(v))
+        result: Floats = inertia * 0.5 * (v0 - v1) * np.sin(a) / (p * (k + c * v))
+        return result
+
+    duration = fixed_quad(rate, 0.0, math.pi, n=64)[0]
+    hit = (limit - start) / v0
+    times = STOP_TIMES[(STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)]
+    q = np.where(times < hit, start + v0 * times, limit + v1 * (times - hit - duration))
+    return Reference({"q": q[:, None], "speed after": np.array([[v1]])}, "closed form, and quadrature of the contact")
+
+
+END_STOP = Case(
+    name="joint limit hit at speed",
+    description="a link at 5 rad/s into a compliant stop and out: speed after, and the joint coordinate",
+    run=_run_stop,
+    reference=_stop_reference,
+    steps={2: 0.002, 1: 0.0005},
+    interval=0.1,
+    smoothness=2,
+    coarsest=0.05,
+    reason="the stop's torque has a kink within a step, which reduces any method to order 2; at 0.1 s the contact ends "
+    "within a step, unnoticed by its stages",
+)
+
+
+# Chatter of a dead-band: BlueROV2 Heavy, 2 N buoyant, under a sampled PD with commands around the dead-band's edge.
+# The command jumps at control instants only; the reference has the same control period.
+DEAD_BAND = (-2.4, 2.7)  # T200: PWM 1470 to 1530
+CONTROL_PERIOD, CHATTER_COUNT = 0.1, 200
+CHATTER_START = np.array([0.3, -0.2, 0.1])
+
+
+def _run_chatter(runner: CaseRunner) -> Quantities:
+    scene = load_scene("bluerov2-heavy")
+    s = runner.simulator(scene | {"name": "hard case dead-band", "provenance": {}})
+    kp, kd = (np.array(scene["vehicle"]["servo"][gain]) for gain in ("kp", "kd"))
+    s.set_state(position=CHATTER_START)
+    rows, switched = [], []
+    for _ in range(CHATTER_COUNT):
+        rotation = s.rotation[0]
+        tilt = 0.5 * np.array(
+            [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+        )
+        wanted = s.allocate(-kp * np.concatenate([rotation.T @ s.position[0], tilt]) - kd * s.twist[0])[0]
+        turning = (wanted < DEAD_BAND[0]) | (wanted > DEAD_BAND[1])
+        runner.advance(s, CONTROL_PERIOD, thrust=np.where(turning, wanted, 0.0))
+        rows.append((s.position[0], s.rotation[0], s.twist[0]))
+        switched.append(turning)
+    position, attitude, twist = (np.array(part) for part in zip(*rows, strict=True))
+    switches = np.abs(np.diff(np.array(switched, dtype=np.float64), axis=0)).sum()
+    return {"position": position, "attitude": attitude, "twist": twist, "switchings": np.array([[switches]])}
+
+
+@cache
+def _chatter_reference() -> Reference:
+    return converged(_run_chatter, 0.002, "with the same control period")
+
+
+CHATTER = Case(
+    name="thruster dead-band chatter",
+    description="BlueROV2 Heavy under a sampled PD with a dead-band, 20 s: pose, twist and number of switchings",
+    run=_run_chatter,
+    reference=_chatter_reference,
+    steps={4: 0.005, 3: 0.01, 2: 0.01, 1: 0.005},
+    interval=CONTROL_PERIOD,
+    coarsest=0.025,
+    reason="beyond 0.025 s a thruster near the edge of its dead-band may switch one control period earlier",
+)
+
+
+# A payload grasped and released by PETASUS-PUM in motion. Grasping is an inelastic impulse: with A_p the payload's
+# rigid and added inertia and V_p its twist, (M + J^T A_p J) nu+ = M nu- + J^T A_p V_p.
+PAYLOAD = {"mass": 2.0, "inertia": 0.01, "added": 1.0, "added_inertia": 0.004}
+PAYLOAD_TWIST = np.array([0.3, -0.1, 0.05, 0.05, -0.1, 0.1])
+PAYLOAD_TARGET = np.array([0.3, 0.5, 0.8, 0.5, 0.2])
+PAYLOAD_PART = 1.0
+
+
+def _payload_inertia() -> Floats:
+    mass, inertia, added, added_inertia = PAYLOAD.values()
+    return np.diag([mass + added] * 3 + [inertia + added_inertia] * 3)
+
+
+def _payload_scene(held: bool) -> Scene:
+    scene = load_scene("petasus-pum")
+    for link in scene["arm"]["links"]:
+        # Kinks of torque limits and end stops would hide the jumps of this case.
+        for key in ("limits", "effort"):
+            link["joint"].pop(key)
+    if held:
+        mass, inertia, added, added_inertia = PAYLOAD.values()
+        body = {"mass": mass, "inertia": [inertia] * 3, "volume": 0.001}
+        scene["payload"] = {"body": body | {"added_mass": [added] * 3 + [added_inertia] * 3}}
+    return scene | {"name": "hard case payload", "provenance": {}}
+
+
+def _copy_state(source: Simulator, to: Simulator, velocity: Floats) -> None:
+    if not np.isfinite(velocity).all():
+        raise NonFinite
+    to.set_state(position=source.position, rotation=source.rotation, q=source.q, twist=velocity[:6], qd=velocity[6:])
+
+
+def grasp_velocity(mass: Floats, joined: Floats, velocity: Floats) -> Floats:
+    """Velocities [V; q'] after grasping a payload at rest, with the mass matrix `joined` of both."""
+    return np.asarray(np.linalg.solve(joined, mass @ velocity), dtype=np.float64)
+
+
+def _run_payload(runner: CaseRunner) -> Quantities:
+    free, holding = (runner.simulator(_payload_scene(held)) for held in (False, True))
+    free.set_state(twist=PAYLOAD_TWIST)
+    payload = _payload_inertia()
+    values: Quantities = {}
+
+    def observe(s: Simulator, when: str) -> None:
+        values[f"end effector {when}"] = s.end_effector_pose()[:, :3, 3]
+        values[f"attitude {when}"] = s.rotation
+        values[f"twist {when}"] = s.twist
+        values[f"q' {when}"] = s.qd
+
+    runner.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
+    observe(free, "before")
+    before = np.concatenate([free.twist[0], free.qd[0]])
+    mass, jacobian = free.mass_matrix()[0], free.jacobian()[0]
+    joined = mass + jacobian.T @ payload @ jacobian
+    after = grasp_velocity(mass, joined, before)
+    impulse, energy = free.momentum()[0], 0.5 * before @ mass @ before
+    _copy_state(free, holding, after)
+    # Laws: the inertia of both together, conserved impulse, no gain of energy.
+    held = holding.mass_matrix()[0]
+    values["inertia held"] = np.array([[1.0 + np.linalg.norm(held - joined) / np.linalg.norm(joined)]])
+    gained = holding.momentum()[0] - impulse
+    values["impulse kept"] = 1.0 + np.abs([gained]) / np.repeat(np.linalg.norm(impulse.reshape(2, 3), axis=1), 3)
+    lost = energy - 0.5 * after @ held @ after
+    values["energy gain at grasp"] = np.array([[1.0 + max(0.0, -lost / energy)]])
+    runner.advance(holding, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
+    observe(holding, "holding")
+
+    velocity = np.concatenate([holding.twist[0], holding.qd[0]])
+    _copy_state(holding, free, velocity)
+    # The payload leaves with its own momentum and energy, by the twist of the end effector.
+    carried = free.jacobian()[0] @ velocity
+    whole, rest = (0.5 * velocity @ s.mass_matrix()[0] @ velocity for s in (holding, free))
+    values["energy at release"] = np.array([[(rest + 0.5 * carried @ payload @ carried) / whole]])
+    end = free.end_effector_pose()[0]
+    force, moment = end[:3, :3] @ (payload @ carried)[:3], end[:3, :3] @ (payload @ carried)[3:]
+    taken = np.concatenate([force, moment + np.cross(end[:3, 3], force)])
+    difference = free.momentum()[0] + taken - holding.momentum()[0]
+    scale = np.linalg.norm(holding.momentum()[0].reshape(2, 3), axis=1)
+    values["impulse at release"] = 1.0 + np.abs([difference]) / np.repeat(scale, 3)
+    runner.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
+    observe(free, "after release")
+    return values
+
+
+@cache
+def _payload_reference() -> Reference:
+    found = converged(_run_payload, 0.0025, "conservation laws at grasp and release")
+    for law in ("inertia held", "impulse kept", "energy gain at grasp", "energy at release", "impulse at release"):
+        found.values[law] = np.ones_like(found.values[law])
+    return found
+
+
+PAYLOAD_CASE = Case(
+    name="payload grasped and released",
+    description="PETASUS-PUM in motion grasps 2 kg at rest and releases it 1 s later: motion, impulse, energy",
+    run=_run_payload,
+    reference=_payload_reference,
+    steps={4: 0.01, 3: 0.01, 1: 0.002},
+    interval=PAYLOAD_PART,
+)
+
+CASES = (END_STOP, CHATTER, PAYLOAD_CASE)

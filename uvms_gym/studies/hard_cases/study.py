@@ -1,0 +1,69 @@
+"""All hard cases by all methods, and their results as data."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from uvms_gym.studies.hard_cases import CASES
+from uvms_gym.studies.hard_cases.case import DTYPES, Case, Run, evaluate, methods
+
+
+def select(parts: Sequence[str] = ()) -> list[Case]:
+    """Cases with one of `parts` in their names; all without parts.
+
+    Raises
+    ------
+    ValueError
+        No case has such a name.
+    """
+    cases = [case for case in CASES if not parts or any(part in case.name for part in parts)]
+    if not cases:
+        known = ", ".join(case.name for case in CASES)
+        raise ValueError(f"no hard case has {' or '.join(map(repr, parts))} in its name; known: {known}")
+    return cases
+
+
+def run_all(cases: Sequence[Case], tick: Callable[[], None] = lambda: None) -> list[Run]:
+    """Run cases by every method in both precisions, at the recommended step and at coarser ones.
+
+    `tick` is called once for each case, method and precision.
+    """
+    runs = []
+    for case in cases:
+        for dtype in DTYPES:
+            for method in methods():
+                runs.append(evaluate(case, method, dtype))
+                runs += [evaluate(case, method, dtype, step) for step in case.coarser_steps(method)]
+                tick()
+    return runs
+
+
+def as_data(cases: Sequence[Case], runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Cases, references and runs as dictionaries."""
+    rows = []
+    for case in cases:
+        reference = case.reference()
+        rows.append(
+            {
+                "case": case.name,
+                "description": case.description,
+                "reference": reference.source,
+                "uncertainty": reference.uncertainty,
+                "reason": case.reason,
+                "runs": [
+                    {
+                        "integrator": run.method,
+                        "dtype": run.dtype,
+                        "step": run.step,
+                        "recommended": run.recommended,
+                        "error": run.error,
+                        "errors": run.errors,
+                        "bound": run.bound,
+                        "verdict": run.verdict,
+                        "warnings": run.warnings[:1],
+                    }
+                    for run in runs
+                    if run.case == case.name
+                ],
+            }
+        )
+    return rows

@@ -1,0 +1,123 @@
+"""Figs. 5, 6 and 7: motion of the vehicle as joint 2 of its arm moves 45 degrees and back."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym import Simulator, load_scene
+from uvms_gym.studies.numerics import hermite_cubic
+
+Floats = NDArray[np.float64]
+
+STEP = 0.01
+TIME = 50.0
+TRAVEL = math.radians(45.0)
+JOINT = 1
+#: Settling time of a loop before the arm moves, s.
+SETTLING = 200.0
+#: Steps between samples.
+STRIDE = 10
+CASES = ("uncontrolled", "PD-controlled", "vehicle held")
+
+
+def target(home: Floats, time: float) -> tuple[Floats, Floats]:
+    """Joint targets and their rates: joint 2 follows q_0 + 45 deg (1 - cos(2 pi t / 50)) / 2, the others rest."""
+    q, qd = home.copy(), np.zeros_like(home)
+    angle = 2.0 * math.pi / TIME
+    q[JOINT] += 0.5 * TRAVEL * (1.0 - math.cos(angle * time))
+    qd[JOINT] = 0.5 * TRAVEL * angle * math.sin(angle * time)
+    return q, qd
+
+
+def case_scene(case: str) -> dict[str, Any]:
+    """PETASUS-PUM, with the vehicle held for the ideal end effector."""
+    scene: dict[str, Any] = load_scene("petasus-pum")
+    if case == "vehicle held":
+        scene["vehicle"]["fixed"] = True
+    return scene
+
+
+def follow(case: str, tick: Callable[[], None] = lambda: None) -> dict[str, Any]:
+    """Run a case from the equilibrium of its own loop; an uncontrolled vehicle starts at the world's origin.
+
+    The joint servos are PD, as in the paper, so the joints sag under the arm's weight in water. A start at q_0 itself
+    would superpose that sag, and the swing of the vehicle from it, on the scenario.
+    """
+    simulator = Simulator(case_scene(case), dt=STEP)
+    home = simulator.q[0]
+    loop: dict[str, Any] = {"pose_target": (np.zeros(3), np.eye(3))} if case == "PD-controlled" else {}
+    simulator.step(joint_target=home, substeps=round(SETTLING / STEP), **loop)
+    simulator.set_state(twist=np.zeros(6), qd=np.zeros_like(home), time=0.0)
+    if case == "uncontrolled":
+        simulator.set_state(position=np.zeros(3))
+    samples = [_sample(simulator)]
+    for i in range(round(TIME / STEP)):
+        coefficients = hermite_cubic(target(home, i * STEP), target(home, (i + 1) * STEP), STEP)
+        simulator.step(joint_target=coefficients[None], **loop)
+        if (i + 1) % STRIDE == 0:
+            samples.append(_sample(simulator))
+            tick()
+    columns = {name: np.array([sample[name] for sample in samples]) for name in samples[0]}
+    columns["joint_2_target"] = np.array([target(home, time)[0][JOINT] for time in columns["time"]])
+    return columns
+
+
+def arm_motion(tick: Callable[[], None] = lambda: None) -> dict[str, Any]:
+    """Run all cases.
+
+    Numbers are relative to each case's start; those of the end effector are relative to the held vehicle's.
+    """
+    cases = {case: follow(case, tick) for case in CASES}
+    ideal = cases["vehicle held"]["end_effector"]
+    return {
+        "cases": cases,
+        "numbers": {case: _numbers(columns, ideal) for case, columns in cases.items()},
+    }
+
+
+def rpy_of(rotation: Floats) -> Floats:
+    """Roll, pitch and yaw of R = R_z R_y R_x, rad."""
+    return np.array(
+        [
+            math.atan2(rotation[2, 1], rotation[2, 2]),
+            math.asin(max(-1.0, min(1.0, -rotation[2, 0]))),
+            math.atan2(rotation[1, 0], rotation[0, 0]),
+        ]
+    )
+
+
+def _sample(simulator: Simulator) -> dict[str, Any]:
+    return {
+        "time": float(simulator.time[0]),
+        "position": simulator.position[0],
+        "rpy": rpy_of(simulator.rotation[0]),
+        "end_effector": simulator.end_effector_pose()[0, :3, 3],
+        "q": simulator.q[0],
+    }
+
+
+def _numbers(columns: dict[str, Floats], ideal: Floats) -> dict[str, float]:
+    moved = np.linalg.norm(columns["position"], axis=1)
+    turned = np.linalg.norm(columns["rpy"], axis=1)
+    missed = np.linalg.norm(columns["end_effector"] - ideal, axis=1)
+    lagged = columns["q"][:, JOINT] - columns["joint_2_target"]
+    return {
+        "position_max": float(moved.max()),
+        "position_rms": _rms(moved),
+        "position_final": float(moved[-1]),
+        "angle_start": float(turned[0]),
+        "angle_max": float(turned.max()),
+        "angle_rms": _rms(turned),
+        "angle_final": float(turned[-1]),
+        "end_effector_max": float(missed.max()),
+        "end_effector_rms": _rms(missed),
+        "end_effector_final": float(missed[-1]),
+        "joint_2_error_max": float(np.abs(lagged).max()),
+    }
+
+
+def _rms(values: Floats) -> float:
+    return math.sqrt(float((values**2).mean()))

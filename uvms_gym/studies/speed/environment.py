@@ -1,0 +1,195 @@
+"""Overhead of the environments over the physics of the same substeps."""
+
+import time
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import performance
+from numpy.typing import NDArray
+
+from uvms_gym import Simulator
+from uvms_gym.studies.speed.physics import THRUST, assert_finite
+from uvms_gym.studies.speed.timing import Floats, Tick, Times, calls_per_sample, interleave, summary, timed
+
+ENV = "UVMS-StationKeep-v0"
+#: Physics steps per control step, the environments' default.
+SUBSTEPS = 5
+#: Batches of random actions, drawn beforehand and taken in turn; half of them are the negatives of the others.
+DRAWN = 8
+#: Control steps and physics steps of the single environment in one sample.
+SINGLE_CALLS = 200
+#: Duration of `benchmark_vector_step`, s.
+VECTOR_SECONDS, QUICK_VECTOR_SECONDS = 2.0, 0.2
+
+
+class VectorEnv:
+    """A vector environment under random actions; a unit of work is one control step of an instance.
+
+    Episodes are out of phase: at every step some of the N instances start the next one, as in a long run.
+    """
+
+    def __init__(self, scene: dict[str, Any], n: int, threads: int, dtype: str, seed: int) -> None:
+        self.name, self.n = scene["name"], n
+        options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads, "dtype": dtype}
+        self.env: Any = gymnasium.make_vec(ENV, num_envs=n, **options)
+        rng = np.random.default_rng(seed)
+        self.actions = _actions(rng, self.env.action_space.shape or ())
+        self.next = 0
+        self.last: tuple[NDArray[Any], ...] = ()
+        self.env.reset(seed=seed)
+        _stagger(self.env, rng, self.step)
+        self.calls = calls_per_sample(self.step)
+
+    def step(self) -> None:
+        """One control step of all instances."""
+        self.last = self.env.step(self.actions[self.next % DRAWN])[:2]
+        self.next += 1
+
+    def sample(self) -> Times:
+        """Time per control step and instance."""
+        return timed(self.step, self.calls).per(self.n)
+
+    def check(self) -> None:
+        """Raise ValueError if an observation or reward is not finite."""
+        if not all(np.isfinite(part).all() for part in self.last):
+            raise ValueError(f"{self.name}: a timed observation or reward is not finite")
+
+
+class Physics:
+    """The same substeps by the simulator alone, under inputs like the environment's.
+
+    A unit of work is `SUBSTEPS` steps of an instance, with `substeps` per call.
+    """
+
+    def __init__(self, simulator: Simulator, substeps: int, seed: int) -> None:
+        n = simulator.num_envs
+        rng = np.random.default_rng(seed)
+        self.simulator, self.substeps = simulator, substeps
+        low, high = simulator.thruster_limits.T
+        self.inputs: dict[str, Floats] = {"thrust": THRUST * rng.uniform(low, high, (n, simulator.num_thrusters))}
+        if simulator.num_joints:
+            # Cubics with small higher coefficients: they start anew with every call.
+            cubic = np.zeros((n, simulator.num_joints, 4))
+            cubic[..., 0], cubic[..., 1:] = simulator.q, 1e-6
+            self.inputs["joint_target"] = cubic
+        self.calls = calls_per_sample(self.step)
+
+    def step(self) -> None:
+        """One call."""
+        self.simulator.step(**self.inputs, substeps=self.substeps)
+
+    def sample(self) -> Times:
+        """Time per `SUBSTEPS` steps and instance."""
+        return timed(self.step, self.calls).per(self.simulator.num_envs * self.substeps / SUBSTEPS)
+
+    def check(self) -> None:
+        """Raise ValueError if the state is not finite."""
+        assert_finite(self.simulator.scene_name, self.simulator)
+
+
+def vector_study(
+    scene: dict[str, Any], n: int, threads: list[int], dtypes: list[str], repeats: int, seed: int, tick: Tick
+) -> list[dict[str, Any]]:
+    """Time of the vector environment and of the physics of the same substeps, interleaved.
+
+    `physics` is a call of `Simulator.step` with its inputs; `physics_alone` is the cost of as many more substeps in it.
+    """
+    cases: dict[Any, Any] = {}
+    for dtype in dtypes:
+        for count in threads:
+            case = VectorEnv(scene, n, count, dtype, seed)
+            cases[dtype, count, "env"] = case
+            for name, substeps in (("once", SUBSTEPS), ("twice", 2 * SUBSTEPS)):
+                cases[dtype, count, name] = Physics(case.env.unwrapped.simulator, substeps, seed)
+    samples = interleave(cases, repeats, tick)
+    rows = []
+    for dtype in dtypes:
+        for count in threads:
+            times = samples[dtype, count, "env"]
+            spent, once, twice = (samples[dtype, count, name].fair(count) for name in ("env", "once", "twice"))
+            # A call with twice the substeps passes its inputs once.
+            alone = 2.0 * twice - once
+            rows.append(
+                {
+                    "scene": scene["name"],
+                    "n": n,
+                    "threads": count,
+                    "dtype": dtype,
+                    "substeps": SUBSTEPS,
+                    "env": summary(spent),
+                    "physics": summary(once),
+                    "physics_alone": summary(alone),
+                    "percent": summary(100.0 * (spent / once - 1.0)),
+                    "percent_of_alone": summary(100.0 * (spent / alone - 1.0)),
+                    "samples": times,
+                }
+            )
+    return rows
+
+
+def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int, tick: Tick) -> dict[str, Any]:
+    """Time single calls of `gymnasium.make(...).step`, wrappers and all, and of the physics of the same substeps."""
+    env = gymnasium.make(ENV, scene=scene, substeps=SUBSTEPS, dtype=dtype)
+    rng = np.random.default_rng(seed)
+    actions = _actions(rng, env.action_space.shape or ())
+    env.reset(seed=seed)
+    physics = [Physics(env.unwrapped.simulator, substeps, seed) for substeps in (SUBSTEPS, 2 * SUBSTEPS)]  # type: ignore[attr-defined]
+
+    def steps() -> list[float]:
+        spent = []
+        for k in range(SINGLE_CALLS):
+            begun = time.perf_counter()
+            _, _, terminated, truncated, _ = env.step(actions[k % DRAWN])
+            spent.append(time.perf_counter() - begun)
+            if terminated or truncated:
+                env.reset()
+        return spent
+
+    def calls(case: Physics) -> list[float]:
+        return [timed(case.step, 1).wall for _ in range(SINGLE_CALLS)]
+
+    medians = []
+    for _ in range(repeats + 1):
+        medians.append([float(np.median(x)) for x in (steps(), *(calls(case) for case in physics))])
+        for case in physics:
+            case.check()
+        tick()
+    of_env, once, twice = np.array(medians[1:]).T
+    return {
+        "scene": scene["name"],
+        "dtype": dtype,
+        "substeps": SUBSTEPS,
+        "env": summary(of_env),
+        "physics": summary(once),
+        "physics_alone": summary(twice - once),
+        "above": summary(of_env - once),
+        "above_alone": summary(of_env - (twice - once)),
+    }
+
+
+def gymnasium_study(scene: dict[str, Any], n: int, threads: int, seconds: float, seed: int) -> float | None:
+    """Control steps per second by Gymnasium's own benchmark, which draws actions while timing; None before 1.4."""
+    if not hasattr(performance, "benchmark_vector_step"):
+        return None
+    env = gymnasium.make_vec(ENV, num_envs=n, scene=scene, substeps=SUBSTEPS, threads=threads)
+    try:
+        return float(performance.benchmark_vector_step(env, target_duration=seconds, seed=seed))  # type: ignore[arg-type]
+    finally:
+        env.close()
+
+
+def _actions(rng: np.random.Generator, shape: tuple[int, ...]) -> list[NDArray[np.float32]]:
+    """Actions with zero mean: no vehicle is driven away, and every episode has its full length."""
+    half = [rng.uniform(-1.0, 1.0, shape).astype(np.float32) for _ in range(DRAWN // 2)]
+    return [action for drawn in half for action in (drawn, -drawn)]
+
+
+def _stagger(env: Any, rng: np.random.Generator, step: Any) -> None:
+    """Run for the length of an episode, and reset each instance at a random step."""
+    length = gymnasium.spec(ENV).max_episode_steps or 1
+    at = rng.integers(length, size=env.num_envs)
+    for k in range(length):
+        step()
+        if (mask := at == k).any():
+            env.reset(options={"reset_mask": mask})

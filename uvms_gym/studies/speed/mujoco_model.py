@@ -1,0 +1,209 @@
+"""MuJoCo model of a scene, and native rollouts of it.
+
+One MuJoCo body per moving body, rigidly connected bodies merged; no contact, no limit, no constraint. Water is the
+ellipsoid fluid model on every body; thrusters and servos are actuators.
+"""
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.rollout import Rollout
+
+from uvms_gym.studies.speed.physics import THRUST, TWIST
+from uvms_gym.studies.speed.rigid_chain import Floats, Link, chain
+from uvms_gym.studies.speed.timing import Times, calls_per_sample, timed
+
+VERSION = mujoco.__version__
+#: Dynamic viscosity of water, Pa s.
+VISCOSITY = 1e-3
+#: Disabled features, which cost time without a function here. Energy and sensors are off by default, too.
+OFF = ("constraint", "contact", "limit", "equality", "frictionloss", "warmstart", "sensor", "autoreset")
+#: Instances and steps of one rollout.
+BATCH, STEPS = 32, 10
+STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+
+
+def build(
+    scene: dict[str, Any],
+    integrator: str = "RK4",
+    step: float = 0.01,
+    *,
+    water: bool = True,
+    weight: str = "none",
+    actuators: bool = True,
+) -> Any:
+    """Make the model.
+
+    Parameters
+    ----------
+    water : bool
+        False: vacuum.
+    weight : str
+        "none": no gravity, as for a body that floats; "buoyant": weight and, as `gravcomp`, buoyancy at the centre of
+        mass; "full": weight alone.
+    actuators : bool
+        False: no thrusters and servos.
+    """
+    root = ET.Element("mujoco")
+    ET.SubElement(root, "compiler", angle="radian", autolimits="false", boundmass="0", boundinertia="0")
+    density, gravity = scene["water"]["density"], scene["water"]["gravity"]
+    option = ET.SubElement(
+        root,
+        "option",
+        integrator=integrator,
+        timestep=repr(step),
+        gravity=_numbers(np.zeros(3) if weight == "none" else gravity),
+        density=_numbers(density if water else 0.0),
+        viscosity=_numbers(VISCOSITY if water else 0.0),
+    )
+    ET.SubElement(option, "flag", dict.fromkeys(OFF, "disable"))
+    parent = ET.SubElement(root, "worldbody")
+    drives = ET.Element("actuator")
+    for i, link in enumerate(chain(scene)):
+        parent = ET.SubElement(parent, "body", _place(link.placement[:3, 3], link.placement[:3, :3]))
+        if weight == "buoyant":
+            parent.set("gravcomp", repr(link.buoyancy / (link.mass * float(np.linalg.norm(gravity)))))
+        if link.joint is None:
+            ET.SubElement(parent, "freejoint")
+        else:
+            kind, viscous = "slide" if link.prismatic else "hinge", link.joint["friction"]["viscous"]
+            joint = {"name": f"joint {i}", "type": kind, "axis": _numbers(link.axis), "damping": repr(viscous)}
+            ET.SubElement(parent, "joint", joint)
+            if actuators and (servo := link.joint.get("servo")):
+                gains = {"kp": repr(servo["kp"]), "kv": repr(servo["kd"])}
+                ET.SubElement(drives, "position", gains, name=f"servo {i}", joint=f"joint {i}")
+        _matter(parent, link, water)
+        if link.joint is None and actuators:
+            ET.SubElement(parent, "site", name="vehicle")
+            for thruster in scene["vehicle"].get("thrusters", ()):
+                axis = np.array(thruster["axis"]) / np.linalg.norm(thruster["axis"])
+                gear = np.concatenate([axis, np.cross(thruster["position"], axis)])
+                ET.SubElement(drives, "motor", site="vehicle", gear=_numbers(gear))
+    root.append(drives)
+    return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+
+
+def _matter(parent: ET.Element, link: Link, water: bool) -> None:
+    """Mass, inertia and ellipsoid of the fluid model: the one of uniform density with these moments."""
+    c, mass, center = link.inertia, link.mass, link.center_of_mass
+    moments = [c[0, 0], c[1, 1], c[2, 2], c[0, 1], c[0, 2], c[1, 2]]
+    ET.SubElement(parent, "inertial", pos=_numbers(center), mass=repr(mass), fullinertia=_numbers(moments))
+    if water:
+        principal, turn = np.linalg.eigh(c)
+        turn[:, 0] *= np.linalg.det(turn)
+        axes = np.sqrt(np.maximum(2.5 / mass * (principal.sum() - 2.0 * principal), 1e-4))
+        geom = {"type": "ellipsoid", "size": _numbers(axes), "mass": "0", "contype": "0", "conaffinity": "0"}
+        ET.SubElement(parent, "geom", geom | _place(center, turn), fluidshape="ellipsoid")
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(repr(float(x)) for x in np.ravel(values))
+
+
+def _place(position: Floats, rotation: Floats) -> dict[str, str]:
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ravel(rotation))
+    return {"pos": _numbers(position), "quat": _numbers(quaternion)}
+
+
+def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: Floats) -> Floats:
+    """[V'; q''] in body axes, at a state as `Simulator.set_state` takes it.
+
+    MuJoCo's free joint has its linear velocity in world axes: v = R^T v_w, v' = R^T v_w' - omega x v.
+    """
+    data, turn, twist = mujoco.MjData(model), state["rotation"], state["twist"]
+    data.qpos[:], data.qvel[:] = coordinates(state)
+    data.qfrc_applied[:] = np.concatenate([turn @ wrench[:3], wrench[3:], torque])
+    mujoco.mj_forward(model, data)
+    linear = turn.T @ data.qacc[:3] - np.cross(twist[3:], twist[:3])
+    return np.concatenate([linear, data.qacc[3:]])
+
+
+def coordinates(state: dict[str, Floats]) -> tuple[Floats, Floats]:
+    """MuJoCo's positions and velocities at a state of one instance."""
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.ravel(state["rotation"]))
+    positions = np.concatenate([state["position"], quaternion, state["q"]])
+    return positions, np.concatenate([state["rotation"] @ state["twist"][:3], state["twist"][3:], state["qd"]])
+
+
+class Rolling:
+    """Native rollouts of a batch on `threads` threads with as many `MjData`; a unit of work is a step of an instance.
+
+    Every rollout continues the one before. Outputs are allocated once.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        scene: dict[str, Any],
+        *,
+        n: int = BATCH,
+        steps: int = STEPS,
+        threads: int = 1,
+        seed: int = 0,
+        measured: bool = True,
+    ) -> None:
+        rng = np.random.default_rng(seed)
+        self.name, self.work, self.steps = scene["name"], n * steps, steps
+        self.models, self.data = [model] * n, [mujoco.MjData(model) for _ in range(threads)]
+        self.pool = Rollout(nthread=threads if threads > 1 else 0)
+        size = mujoco.mj_stateSize(model, STATE)
+        self.start, self.states = np.zeros((n, size)), np.zeros((n, steps, size))
+        self.sensors = np.zeros((n, steps, model.nsensordata))
+        links = chain(scene)[1:]
+        home = np.array([link.joint.get("home", 0.0) if link.joint else 0.0 for link in links])
+        twist = TWIST * rng.normal(size=(n, 6))
+        for row, speed in zip(self.start, twist, strict=True):
+            state = {"position": np.zeros(3), "rotation": np.eye(3), "twist": speed, "q": home, "qd": 0.0 * home}
+            self.put(row, state)
+        thrusters = scene["vehicle"].get("thrusters", ())
+        low, high = np.array([thruster["limits"] for thruster in thrusters], dtype=float).reshape(-1, 2).T
+        self.controls = np.zeros((n, steps, model.nu))
+        if model.nu:
+            thrust = THRUST * rng.uniform(low, high, (n, len(thrusters)))
+            self.command(thrust, home)
+        self.calls = calls_per_sample(self.step) if measured else 1
+
+    def put(self, row: Floats, state: dict[str, Floats]) -> None:
+        """Write a state, as `Simulator.set_state` takes it, into a row of starts: [time, positions, velocities]."""
+        positions, velocities = coordinates(state)
+        row[:] = 0.0
+        row[1 : 1 + len(positions) + len(velocities)] = np.concatenate([positions, velocities])
+
+    def command(self, thrust: Floats, target: Floats) -> None:
+        """Hold thrusts (n, m) and joint targets (n,) or (n, joints): thrusters come first."""
+        model, thrusters = self.models[0], thrust.shape[1]
+        driven = [i for i in range(model.nu) if model.actuator(i).name.startswith("servo")]
+        others = [i for i in range(model.nu) if i not in driven]
+        assert len(others) == thrusters
+        self.controls[:, :, others] = thrust[:, None, :]
+        joints = [int(model.actuator(i).name.split()[1]) - 1 for i in driven]
+        self.controls[:, :, driven] = np.broadcast_to(target, (len(self.start), target.shape[-1]))[:, None, joints]
+
+    def step(self) -> None:
+        """One rollout, from `start`, without checks of its arguments."""
+        self.pool.rollout(
+            self.models,
+            self.data,
+            self.start,
+            self.controls,
+            control_spec=CONTROL,
+            skip_checks=True,
+            nstep=self.steps,
+            state=self.states,
+            sensordata=self.sensors,
+        )
+
+    def sample(self) -> Times:
+        """Time per step and instance."""
+        return timed(self.step, self.calls).per(self.work)
+
+    def check(self) -> None:
+        """Raise ValueError if a state is not finite; else continue from the last one."""
+        if not np.isfinite(self.states).all():
+            raise ValueError(f"{self.name}: MuJoCo's timed motion is not finite")
+        self.start[:] = self.states[:, -1]

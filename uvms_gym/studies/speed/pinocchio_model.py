@@ -1,0 +1,85 @@
+"""Pinocchio model of a scene's rigid bodies, and batches of its forward dynamics in C++."""
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from uvms_gym.studies.speed.rigid_chain import Floats, chain
+from uvms_gym.studies.speed.timing import Times, calls_per_sample, timed
+
+VERSION = pin.__version__
+#: States of one call.
+BATCH = 256
+#: Forward dynamics of a fourth-order step.
+STAGES = 4
+
+
+def build(scene: dict[str, Any]) -> Any:
+    """Make the model: a free-flyer, and joints about or along z, Pinocchio's fastest kind."""
+    vehicle, *links = chain(scene)
+    model = pin.Model()
+    model.gravity = pin.Motion(np.array(scene["water"]["gravity"]), np.zeros(3))
+    index = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "vehicle")
+    model.appendBodyToJoint(index, _inertia(vehicle), pin.SE3.Identity())
+    before = np.eye(4)
+    for i, link in enumerate(links):
+        # The body's frame is rotated so that the joint's axis is z, and back for the next bodies.
+        turn = np.eye(4)
+        turn[:3, :3] = np.linalg.qr(np.column_stack([link.axis, np.eye(3)]))[0][:, [1, 2, 0]]
+        turn[:3, 2] = link.axis
+        turn[:3, 0] *= np.linalg.det(turn)
+        kind = pin.JointModelPZ() if link.prismatic else pin.JointModelRZ()
+        index = model.addJoint(index, kind, _se3(np.linalg.inv(before) @ link.placement @ turn), f"joint {i}")
+        model.appendBodyToJoint(index, _inertia(link), _se3(np.linalg.inv(turn)))
+        before = turn
+    return model
+
+
+def _se3(transform: NDArray[Any]) -> Any:
+    return pin.SE3(transform[:3, :3], transform[:3, 3])
+
+
+def _inertia(link: Any) -> Any:
+    return pin.Inertia(link.mass, link.center_of_mass, link.inertia)
+
+
+def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: Floats) -> Floats:
+    """[V'; q''] at a state as `Simulator.set_state` takes it; Pinocchio's free-flyer has the body twist, too."""
+    place = pin.SE3ToXYZQUAT(pin.SE3(state["rotation"], state["position"]))
+    q, v = np.concatenate([place, state["q"]]), np.concatenate([state["twist"], state["qd"]])
+    found: Floats = pin.aba(model, model.createData(), q, v, np.concatenate([wrench, torque])).copy()
+    return found
+
+
+class Dynamics:
+    """Articulated-body dynamics of a batch of states on one thread; a unit of work is `STAGES` times that of one state.
+
+    `abaInParallel` loops in C++: a batch costs one call from Python, which needs no correction.
+    """
+
+    def __init__(self, scene: dict[str, Any], seed: int) -> None:
+        if not hasattr(pin, "abaInParallel"):
+            raise ImportError(f"Pinocchio {VERSION} lacks abaInParallel; run: pip install 'pin>=4.1'")
+        model = build(scene)
+        rng = np.random.default_rng(seed)
+        self.name, self.pool = scene["name"], pin.ModelPool(model, 1)
+        places = [pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv)) for _ in range(BATCH)]
+        # Columns, as Eigen has them: nothing is copied.
+        self.q = np.asfortranarray(np.transpose(places))
+        self.v, self.tau, self.found = (np.asfortranarray(rng.normal(size=(model.nv, BATCH))) for _ in range(3))
+        self.calls = calls_per_sample(self.step)
+
+    def step(self) -> None:
+        """One call."""
+        pin.abaInParallel(1, self.pool, self.q, self.v, self.tau, self.found)
+
+    def sample(self) -> Times:
+        """Time per `STAGES` dynamics of a state."""
+        return timed(self.step, self.calls).per(BATCH / STAGES)
+
+    def check(self) -> None:
+        """Raise ValueError if an acceleration is not finite."""
+        if not np.isfinite(self.found).all():
+            raise ValueError(f"{self.name}: a timed acceleration by Pinocchio is not finite")

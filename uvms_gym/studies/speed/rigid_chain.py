@@ -1,0 +1,123 @@
+"""Chain of rigid bodies of a scene for other programs: joints, masses and inertias, without hydrodynamics."""
+
+import copy
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym.studies.numerics import bodies, joints
+
+Floats = NDArray[np.float64]
+
+
+class Link(NamedTuple):
+    """A moving body with all bodies fixed to it, and its joint (None: the vehicle).
+
+    `placement` (4, 4) is the body's frame in that of the body before it, its joint at zero; `axis` (3,) a unit vector.
+    `center_of_mass` (3,), m, and `inertia` (3, 3), kg m^2 about it, are in the body's frame; `buoyancy` in N.
+    """
+
+    joint: dict[str, Any] | None
+    placement: Floats
+    axis: Floats
+    mass: float
+    center_of_mass: Floats
+    inertia: Floats
+    buoyancy: float
+
+    @property
+    def prismatic(self) -> bool:
+        """True for a prismatic joint."""
+        return self.joint is not None and self.joint["kind"] == "prismatic"
+
+
+def chain(scene: dict[str, Any]) -> list[Link]:
+    """Moving bodies of a scene as `load_scene` gives it, rigidly connected ones merged; the vehicle comes first."""
+    frames: list[tuple[dict[str, Any] | None, Floats]] = [(None, np.eye(4))]
+    parts: list[list[tuple[Floats, dict[str, Any]]]] = [[(np.eye(4), scene["vehicle"]["body"])]]
+    here = np.eye(4)
+
+    def add(joint: dict[str, Any]) -> Floats:
+        frames.append((joint, here @ transform(joint.get("frame"))))
+        parts.append([])
+        return np.eye(4)
+
+    if arm := scene.get("arm"):
+        mount = arm["mount"]
+        here = transform(mount.get("frame"))
+        if mount.get("joint"):
+            here = add(mount["joint"])
+        if arm.get("base"):
+            parts[-1].append((here, arm["base"]))
+        for link in arm.get("links", ()):
+            here = add(link["joint"])
+            parts[-1].append((here, link["body"]))
+        here = here @ transform(arm.get("end_effector"))
+    if payload := scene.get("payload"):
+        parts[-1].append((here @ transform(payload.get("frame")), payload["body"]))
+    return [_link(*frame, bodies, scene["water"]) for frame, bodies in zip(frames, parts, strict=True)]
+
+
+def transform(frame: dict[str, Any] | None) -> Floats:
+    """Homogeneous transform (4, 4) of a frame with `position` and `rpy`, R = Rz Ry Rx."""
+    result = np.eye(4)
+    if frame is not None:
+        for axis in (2, 1, 0):
+            result[:3, :3] = result[:3, :3] @ _rotation(axis, frame["rpy"][axis])
+        result[:3, 3] = frame["position"]
+    return result
+
+
+def dry(scene: dict[str, Any]) -> dict[str, Any]:
+    """Copy of a scene in a vacuum, under its gravity, as rigid-body programs model it. Viscous friction remains."""
+    result = copy.deepcopy(scene)
+    result["provenance"] = {}
+    result["water"] = {"density": 0.0, "gravity": scene["water"]["gravity"]}
+    for body in bodies(result):
+        for key in ("added_mass", "damping", "volume", "buoyancy"):
+            body.pop(key, None)
+    for joint in joints(result):
+        joint.pop("limits", None)
+        joint.pop("effort", None)
+        joint["friction"] = {"viscous": joint.get("friction", {}).get("viscous", 0.0)}
+    return result
+
+
+def _rotation(axis: int, angle: float) -> Floats:
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    result = np.eye(3)
+    result[i, i] = result[j, j] = np.cos(angle)
+    result[j, i] = np.sin(angle)
+    result[i, j] = -result[j, i]
+    return result
+
+
+def _point_inertia(mass: float, offset: Floats) -> Floats:
+    """Inertia (3, 3) of a point mass at `offset`, for the parallel-axis theorem."""
+    moments: Floats = mass * ((offset @ offset) * np.eye(3) - np.outer(offset, offset))
+    return moments
+
+
+def _link(
+    joint: dict[str, Any] | None, placement: Floats, parts: list[tuple[Floats, dict[str, Any]]], water: dict[str, Any]
+) -> Link:
+    masses = np.array([body["mass"] for _, body in parts])
+    centers = np.array([place[:3, :3] @ body["center_of_mass"] + place[:3, 3] for place, body in parts])
+    center = masses @ centers / masses.sum()
+    inertia = np.zeros((3, 3))
+    for (place, body), mass, offset in zip(parts, masses, centers - center, strict=True):
+        own = np.array(body["inertia"])
+        own = np.diag(own) if own.ndim == 1 else own
+        if body.get("inertia_at") == "origin":
+            own = own - _point_inertia(mass, np.array(body["center_of_mass"]))
+        inertia += place[:3, :3] @ own @ place[:3, :3].T + _point_inertia(mass, offset)
+    axis = np.zeros(3) if joint is None else np.array(joint["axis"]) / np.linalg.norm(joint["axis"])
+    buoyancy = sum(_buoyancy(body, water) for _, body in parts)
+    return Link(joint, placement, axis, float(masses.sum()), center, inertia, buoyancy)
+
+
+def _buoyancy(body: dict[str, Any], water: dict[str, Any]) -> float:
+    if (given := body.get("buoyancy")) is not None:
+        return float(given)
+    return float(water["density"] * np.linalg.norm(water["gravity"]) * (body.get("volume") or 0.0))

@@ -1,0 +1,77 @@
+"""Interleaved timing: every case once per round, so that other load on the machine affects all of them alike."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Tick = Callable[[], None]
+
+#: Least duration of a sample, s, by repeated calls: the first one, with caches filled by the case before, is one of
+#: several.
+SAMPLE = 3e-2
+
+
+class Times(NamedTuple):
+    """Seconds per unit of work, by the clock and in CPU time of the process; numbers, or (repeats,) each."""
+
+    wall: Any
+    cpu: Any
+
+    def fair(self, threads: int) -> Any:
+        """Time that is least disturbed by other load: CPU time for one thread, else wall-clock time."""
+        return self.cpu if threads == 1 else self.wall
+
+    def per(self, work: float) -> "Times":
+        """Time per unit of `work`."""
+        return Times(self.wall / work, self.cpu / work)
+
+
+class Case(Protocol):
+    """A case to time."""
+
+    def sample(self) -> Times:
+        """Run once, and return the time per unit of work."""
+
+    def check(self) -> None:
+        """Raise ValueError if results are not finite: NaN is fast."""
+
+
+def interleave(cases: Mapping[Any, Case], repeats: int, tick: Tick = lambda: None) -> dict[Any, Times]:
+    """Times of every case, after a discarded round."""
+    samples: dict[Any, list[Times]] = {name: [] for name in cases}
+    for _ in range(repeats + 1):
+        for name, case in cases.items():
+            samples[name].append(case.sample())
+            case.check()
+            tick()
+    return {name: Times(*np.array(values[1:]).T) for name, values in samples.items()}
+
+
+def rounds(cases: int, repeats: int) -> int:
+    """Number of calls of `tick` by `interleave`."""
+    return cases * (repeats + 1)
+
+
+def timed(call: Callable[[], object], calls: int) -> Times:
+    """Time per call."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    for _ in range(calls):
+        call()
+    return Times(time.perf_counter() - wall, time.process_time() - cpu).per(calls)
+
+
+def calls_per_sample(call: Callable[[], object], least: float = SAMPLE) -> int:
+    """Number of calls for a sample of the least duration, by the second of two calls."""
+    call()
+    return max(1, round(least / max(float(timed(call, 1).wall), 1e-7)))
+
+
+def summary(samples: Floats | Sequence[float]) -> dict[str, float]:
+    """Median, quartiles and least."""
+    values = np.asarray(samples, dtype=np.float64)
+    low, median, high = (float(x) for x in np.quantile(values, (0.25, 0.5, 0.75)))
+    return {"median": median, "low": low, "high": high, "least": float(values.min())}

@@ -1,0 +1,297 @@
+"""Modelled terms of a scene, each with the edit of the scene that removes it."""
+
+import copy
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym.studies.numerics import joints
+
+Table = dict[str, Any]
+
+#: Names of the term that belongs to the motion, and of all terms together.
+CURRENT, ALL = "current", "all of these at once"
+
+
+class Term(NamedTuple):
+    """A term of the model."""
+
+    name: str
+    #: True if the scene has it.
+    present: bool
+    #: Removes it from a scene, in place; None if the scene lacks it, or it cannot be removed alone.
+    remove: Callable[[Table], object] | None = None
+    #: Note for reports.
+    note: str = ""
+
+
+class _OfBody(NamedTuple):
+    """Kind of term of bodies: test for a body in its water, and edit that removes it."""
+
+    name: str
+    note: str
+    has: Callable[[Table, Table], bool]
+    remove: Callable[[Table, Table], None]
+
+
+class _OfJoint(NamedTuple):
+    """Kind of term of joints."""
+
+    name: str
+    note: str
+    has: Callable[[Table], bool]
+    remove: Callable[[Table], None]
+
+
+def terms_of(scene: Table) -> list[Term]:
+    """All terms that a scene can have, with their presence in this one and the edits that remove them.
+
+    Parameters
+    ----------
+    scene : dict
+        As `uvms_gym.load_scene` gives it.
+    """
+    terms = [_of_bodies(scene, group, kind) for group in _GROUPS for kind in _BODY_KINDS]
+    terms += [_current(scene), *(_of_joints(scene, kind) for kind in _JOINT_KINDS)]
+    terms += [_arm_base(scene), _payload(scene), _fins(scene), _tether(scene), _thrusters(scene)]
+    removals = [term.remove for term in terms if term.remove is not None]
+    if len(removals) > 1:
+        terms.append(Term(ALL, True, lambda scene: [remove(scene) for remove in removals], "rigid bodies remain"))
+    return [*terms, _servos(scene)]
+
+
+def edited(scene: Table, edit: Callable[[Table], object]) -> Table:
+    """Edited copy of a scene."""
+    scene = copy.deepcopy(scene)
+    # Provenance may name removed keys.
+    scene["provenance"] = {}
+    edit(scene)
+    return scene
+
+
+def _vehicle_bodies(scene: Table) -> Iterator[Table]:
+    """Vehicle and the bodies fixed to it."""
+    yield scene["vehicle"]["body"]
+    arm = scene.get("arm", {})
+    if arm.get("base") and "joint" not in arm["mount"]:
+        yield arm["base"]
+    if scene.get("payload") and not joints(scene):
+        yield scene["payload"]["body"]
+
+
+def _link_bodies(scene: Table) -> Iterator[Table]:
+    """Bodies moved by joints: links, an arm base behind a joint, a payload."""
+    arm = scene.get("arm", {})
+    if arm.get("base") and "joint" in arm["mount"]:
+        yield arm["base"]
+    yield from (link["body"] for link in arm.get("links", []))
+    if scene.get("payload") and joints(scene):
+        yield scene["payload"]["body"]
+
+
+_GROUPS = {"vehicle": _vehicle_bodies, "links": _link_bodies}
+
+
+def _matrix(values: Any) -> NDArray[np.float64]:
+    given = np.asarray(values, dtype=np.float64)
+    return np.diag(given) if given.ndim == 1 else given
+
+
+def _has_added_mass(body: Table, water: Table) -> bool:
+    return bool(_matrix(body["added_mass"]).any())
+
+
+def _has_coupling(body: Table, water: Table) -> bool:
+    matrix = _matrix(body["added_mass"])
+    return bool((matrix != np.diag(np.diag(matrix))).any())
+
+
+def _has_linear(body: Table, water: Table) -> bool:
+    return bool(_matrix(body["damping"]["linear"]).any())
+
+
+def _has_quadratic(body: Table, water: Table) -> bool:
+    return bool(_matrix(body["damping"]["quadratic"]).any())
+
+
+def _feels_flow(body: Table, water: Table) -> bool:
+    return _has_added_mass(body, water) or _has_linear(body, water) or _has_quadratic(body, water)
+
+
+def _restores(body: Table, water: Table) -> bool:
+    gravity = math.hypot(*water["gravity"])
+    if gravity == 0.0:
+        return False
+    mass = body["mass"]
+    displaced = body["buoyancy"] / gravity if "buoyancy" in body else water["density"] * body.get("volume", 0.0)
+    mass_moment = mass * np.array(body["center_of_mass"])
+    return mass != displaced or bool((mass_moment != displaced * np.array(body["center_of_buoyancy"])).any())
+
+
+def _remove_added_mass(body: Table, water: Table) -> None:
+    body["added_mass"] = [0.0] * 6
+
+
+def _remove_coupling(body: Table, water: Table) -> None:
+    body["added_mass"] = np.diag(_matrix(body["added_mass"])).tolist()
+
+
+def _remove_linear(body: Table, water: Table) -> None:
+    body["damping"]["linear"] = [0.0] * 6
+
+
+def _remove_quadratic(body: Table, water: Table) -> None:
+    body["damping"]["quadratic"] = [0.0] * 6
+
+
+def _remove_flow(body: Table, water: Table) -> None:
+    for remove in (_remove_added_mass, _remove_linear, _remove_quadratic):
+        remove(body, water)
+
+
+def _make_weightless(body: Table, water: Table) -> None:
+    """Displace as much water as the body weighs, at its centre of mass."""
+    mass, density = body["mass"], water["density"]
+    volume = mass / density
+    # The difference must be exactly zero, without rounding.
+    near = (volume, math.nextafter(volume, 0.0), math.nextafter(volume, math.inf))
+    body["volume"] = next((v for v in near if density * v == mass), volume)
+    body.pop("buoyancy", None)
+    body["center_of_buoyancy"] = body["center_of_mass"]
+
+
+_BODY_KINDS = (
+    _OfBody(
+        "added mass",
+        "with its convective (Munk) part, which follows from the same matrix and cannot be removed alone",
+        _has_added_mass,
+        _remove_added_mass,
+    ),
+    _OfBody(
+        "added mass, off-diagonal",
+        "off-diagonal entries in the frame of the given coefficients",
+        _has_coupling,
+        _remove_coupling,
+    ),
+    _OfBody("linear damping", "", _has_linear, _remove_linear),
+    _OfBody("quadratic damping", "", _has_quadratic, _remove_quadratic),
+    _OfBody("added mass, damping", "all of the above at once", _feels_flow, _remove_flow),
+    _OfBody(
+        "weight, buoyancy",
+        "removed by displacing as much water as a body weighs, at its centre of mass",
+        _restores,
+        _make_weightless,
+    ),
+)
+
+_ONLY_WHERE_REACHED = "acts only where a joint reaches it; a zero effect in this motion does not hold for others"
+_JOINT_KINDS = (
+    _OfJoint(
+        "joint friction, viscous",
+        "",
+        lambda joint: joint["friction"]["viscous"] > 0.0,
+        lambda joint: joint["friction"].update(viscous=0.0),
+    ),
+    _OfJoint(
+        "joint friction, Coulomb",
+        "",
+        lambda joint: joint["friction"]["coulomb"] > 0.0,
+        lambda joint: joint["friction"].update(coulomb=0.0),
+    ),
+    _OfJoint(
+        "end stops",
+        _ONLY_WHERE_REACHED,
+        lambda joint: "limits" in joint and joint["limits"]["stiffness"] + joint["limits"]["damping"] > 0.0,
+        lambda joint: joint.pop("limits", None),
+    ),
+    _OfJoint(
+        "effort limits", _ONLY_WHERE_REACHED, lambda joint: "effort" in joint, lambda joint: joint.pop("effort", None)
+    ),
+)
+
+
+def _of_bodies(scene: Table, group: str, kind: _OfBody) -> Term:
+    name, pick, water = f"{group}: {kind.name}", _GROUPS[group], scene["water"]
+    if group == "vehicle" and scene["vehicle"]["fixed"]:
+        return Term(name, False, note="the vehicle is held in the world")
+    if not any(kind.has(body, water) for body in pick(scene)):
+        return Term(name, False)
+    if kind.remove is _make_weightless and water["density"] == 0.0:
+        return Term(name, True, note="no edit removes the weight of single bodies without water")
+
+    def remove(scene: Table) -> None:
+        for body in pick(scene):
+            kind.remove(body, water)
+
+    return Term(name, True, remove, kind.note)
+
+
+def _of_joints(scene: Table, kind: _OfJoint) -> Term:
+    if not any(kind.has(joint) for joint in joints(scene)):
+        return Term(kind.name, False)
+
+    def remove(scene: Table) -> None:
+        for joint in joints(scene):
+            kind.remove(joint)
+
+    return Term(kind.name, True, remove, kind.note)
+
+
+def _current(scene: Table) -> Term:
+    bodies = [*([] if scene["vehicle"]["fixed"] else _vehicle_bodies(scene)), *_link_bodies(scene)]
+    if not any(_feels_flow(body, scene["water"]) for body in bodies):
+        return Term(CURRENT, False, note="no body of the scene interacts with the water")
+    note = "belongs to the motion, not to the scene; the kernel computes with a current in any case"
+    return Term(CURRENT, True, lambda scene: scene["water"].update(current=[0.0, 0.0, 0.0]), note)
+
+
+def _servos(scene: Table) -> Term:
+    present = any("servo" in joint for joint in joints(scene))
+    return Term("joint servos", present, note="they drive the arm" if present else "")
+
+
+def _arm_base(scene: Table) -> Term:
+    arm = scene.get("arm", {})
+    if not arm.get("base"):
+        return Term("arm base", False)
+    if "joint" in arm["mount"]:
+        return Term("arm base", True, note="it carries a joint, which needs its mass")
+    return Term("arm base", True, lambda scene: scene["arm"].pop("base", None), "its mass and its hydrodynamics")
+
+
+def _payload(scene: Table) -> Term:
+    if not scene.get("payload"):
+        return Term("payload", False)
+    return Term("payload", True, lambda scene: scene.pop("payload", None), "its mass and its hydrodynamics")
+
+
+def _fins(scene: Table) -> Term:
+    if not scene["vehicle"].get("fins") or scene["water"]["density"] == 0.0:
+        return Term("fins", False)
+    return Term("fins", True, lambda scene: scene["vehicle"].pop("fins", None), "at the scene's deflections")
+
+
+def _tether(scene: Table) -> Term:
+    if not scene["vehicle"].get("tether"):
+        return Term("tether", False)
+    return Term("tether", True, lambda scene: scene["vehicle"].pop("tether", None), "its weight and its damping")
+
+
+_DYNAMICS = ("lag", "dead_band", "map", "ambient_flow")
+
+
+def _thrusters(scene: Table) -> Term:
+    vehicle = scene["vehicle"]
+    if not (vehicle.get("thruster_lag") or any(t.get(key) for t in vehicle["thrusters"] for key in _DYNAMICS)):
+        return Term("thruster dynamics", False)
+
+    def remove(scene: Table) -> None:
+        scene["vehicle"].pop("thruster_lag", None)
+        for thruster in scene["vehicle"]["thrusters"]:
+            for key in _DYNAMICS:
+                thruster.pop(key, None)
+
+    return Term("thruster dynamics", True, remove, "this motion is driven by wrenches: only the cost is measured")
