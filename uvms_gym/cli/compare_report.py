@@ -121,7 +121,7 @@ def print_across(group: str, results: Results) -> None:
                 row.append(comparison.missing.get(name, "-"))
         rows.append(row)
     table(f"Pose error, {METRICS[HEADLINE].unit}, interquartile mean (* least)", ("", *names), rows)
-    header = ("", "condition", "least", "second", "least against second", "best learned against best classical")
+    header = ("", "condition", "least", "second", "margin", "best learned against best classical")
     table("Winners and margins", header, [_verdict(*result) for result in results], text_columns=4)
 
 
