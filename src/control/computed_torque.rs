@@ -1,14 +1,8 @@
 //! Computed torque: inverse dynamics of the nominal model, with a disturbance observer.
 
-use super::ActionMap;
 use super::dob::{Dob, FeedbackGains};
-use super::gains;
-use super::indices::ModelIndices;
-use super::model_based::{Law, ModelBased};
 use super::observer::{Estimate, Observer};
-use crate::description::Scene;
 use crate::dynamics::CompositeBody;
-use crate::error::ControlError;
 use crate::lane::Lane;
 use crate::lie::Vector6;
 
@@ -18,6 +12,10 @@ use crate::lie::Vector6;
 pub(super) struct ComputedTorque(Dob);
 
 impl ComputedTorque {
+    pub fn new(gains: FeedbackGains, observer: &Observer) -> Self {
+        Self(Dob::new(gains, observer))
+    }
+
     pub fn gains(&self) -> &FeedbackGains {
         self.0.gains()
     }
@@ -34,23 +32,5 @@ impl ComputedTorque {
         let held = now.momentum_transport(at.motion.twist) - now.force - self.0.disturbance(at);
         let wrench = now.momentum.scale_add(L::c(-1.0 / period), now.inertia.apply(self.0.feedback(at)) + held);
         next.momentum.scale_add(L::c(1.0 / period), wrench)
-    }
-}
-
-impl ModelBased {
-    /// Computed torque for a checked scene, acting every `period` s.
-    ///
-    /// # Errors
-    /// `ControlError::Gain` for a gain that is not finite or is negative.
-    pub fn computed_torque(
-        gains: FeedbackGains,
-        indices: ModelIndices,
-        scene: &Scene,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        let observer = Observer::new(gains.observer, gains.prediction_horizon, scene, period);
-        Ok(Self::new(Law::ComputedTorque(ComputedTorque(Dob::new(gains, &observer))), indices, observer, actions))
     }
 }

@@ -2,16 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ActionMap;
-use super::gains;
-use super::indices::ModelIndices;
 use super::kalman::WaveTransition;
-use super::model_based::{Law, ModelBased};
 use super::observer::{Estimate, Observer, ObserverGains};
 use super::pd::feedback;
-use crate::description::{Scene, VehicleServo};
+use crate::description::VehicleServo;
 use crate::dynamics::CompositeBody;
-use crate::error::ControlError;
 use crate::lane::Lane;
 use crate::lie::Vector6;
 
@@ -73,23 +68,5 @@ impl Dob {
     #[inline(always)]
     pub fn wrench<L: Lane<Real = f64>>(&self, at: &Estimate<L>, body: &CompositeBody<L>) -> Vector6<L> {
         self.feedback(at) - body.force - self.disturbance(at)
-    }
-}
-
-impl ModelBased {
-    /// DOB for a checked scene, acting every `period` s.
-    ///
-    /// # Errors
-    /// `ControlError::Gain` for a gain that is not finite or is negative.
-    pub fn dob(
-        gains: FeedbackGains,
-        indices: ModelIndices,
-        scene: &Scene,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        let observer = Observer::new(gains.observer, gains.prediction_horizon, scene, period);
-        Ok(Self::new(Law::Dob(Dob::new(gains, &observer)), indices, observer, actions))
     }
 }

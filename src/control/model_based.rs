@@ -4,13 +4,14 @@ use nalgebra::DVector;
 
 use super::computed_torque::ComputedTorque;
 use super::controller::{Controller, Widths};
-use super::dob::Dob;
+use super::dob::{Dob, FeedbackGains};
 use super::gains::{self, GainMap};
 use super::indices::ModelIndices;
-use super::mpc::{self, Mpc};
+use super::mpc::{self, Mpc, MpcGains};
 use super::observer::Observer;
 use super::rows::{achieved_wrench, load, read, reset_diverged, rows_of, store, write_action, write_actions};
 use super::{ActionMap, Actuation};
+use crate::description::Scene;
 use crate::dynamics::CompositeBody;
 use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
@@ -20,7 +21,7 @@ use crate::spatial::SpatialInertia;
 
 /// Control law on an estimate.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Law {
+enum Law {
     Dob(Dob),
     ComputedTorque(ComputedTorque),
     Mpc(Box<Mpc>),
@@ -41,16 +42,65 @@ impl Law {
 /// One kernel for all laws: compile time goes into the observer, which is then instantiated once per instruction set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelBased {
-    pub(super) law: Law,
-    pub(super) indices: ModelIndices,
-    pub(super) observer: Observer,
-    pub(super) actions: ActionMap,
-    pub(super) actuation: Actuation<f64>,
+    law: Law,
+    indices: ModelIndices,
+    observer: Observer,
+    actions: ActionMap,
+    actuation: Actuation<f64>,
 }
 
 impl ModelBased {
-    pub(super) fn new(law: Law, indices: ModelIndices, observer: Observer, actions: ActionMap) -> Self {
+    fn new(law: Law, indices: ModelIndices, observer: Observer, actions: ActionMap) -> Self {
         Self { law, indices, observer, actuation: Actuation::new(&actions), actions }
+    }
+
+    /// DOB for a checked scene, acting every `period` s.
+    ///
+    /// # Errors
+    /// `ControlError::Gain` for a gain that is not finite or is negative.
+    pub fn dob(
+        gains: FeedbackGains,
+        indices: ModelIndices,
+        scene: &Scene,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
+        gains::check(&gains)?;
+        let observer = Observer::new(gains.observer, gains.prediction_horizon, scene, period);
+        Ok(Self::new(Law::Dob(Dob::new(gains, &observer)), indices, observer, actions))
+    }
+
+    /// Computed torque for a checked scene, acting every `period` s.
+    ///
+    /// # Errors
+    /// As [`Self::dob`].
+    pub fn computed_torque(
+        gains: FeedbackGains,
+        indices: ModelIndices,
+        scene: &Scene,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
+        gains::check(&gains)?;
+        let observer = Observer::new(gains.observer, gains.prediction_horizon, scene, period);
+        Ok(Self::new(Law::ComputedTorque(ComputedTorque::new(gains, &observer)), indices, observer, actions))
+    }
+
+    /// MPC for a checked scene, acting every `period` s.
+    ///
+    /// # Errors
+    /// As [`Self::dob`].
+    pub fn mpc(
+        gains: MpcGains,
+        indices: ModelIndices,
+        scene: &Scene,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
+        gains::check(&gains)?;
+        let observer = Observer::new(gains.observer, 0.0, scene, period);
+        let mpc = Mpc::new(gains, scene, &observer, &actions);
+        Ok(Self::new(Law::Mpc(Box::new(mpc)), indices, observer, actions))
     }
 }
 

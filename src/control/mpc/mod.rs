@@ -1,5 +1,6 @@
 //! Linear model-predictive control.
 
+mod gains;
 mod model;
 #[cfg(test)]
 mod tests;
@@ -7,54 +8,19 @@ mod tests;
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::{Cholesky, DMatrix, DVector, Vector6};
-use serde::{Deserialize, Serialize};
 
 use super::ActionMap;
-use super::gains;
-use super::indices::ModelIndices;
-use super::model_based::{Law, ModelBased};
-use super::observer::{Estimate, Observer, ObserverGains};
+use super::observer::{Estimate, Observer};
 use crate::description::Scene;
 use crate::dynamics::CompositeBody;
-use crate::error::ControlError;
 use crate::lane::Lane;
-use model::LinearModel;
-
-/// Control periods for which each wrench of a plan is held.
-const MOVES: [usize; 4] = [1, 2, 4, 8];
+pub use gains::MpcGains;
+use model::{LinearModel, MOVES};
 
 /// Parameters of a plan: pose error, twist, wrench of the thrusters, previous command; then the steady external wrench,
 /// the wave wrench and its rate. Six each.
 const PARAMETERS: usize = 42;
 const PLAN: usize = 6 * MOVES.len();
-
-/// Gains of MPC: weights of the cost; pairs are linear and angular. Angles count by
-/// [`ATTITUDE_LEVER`](super::ATTITUDE_LEVER).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct MpcGains {
-    /// On velocities, s2.
-    pub velocity: [f64; 2],
-    /// On the wrench beyond the compensation of disturbances, forces and moments, over its limits, m2.
-    pub effort: [f64; 2],
-    /// On its change from one move to the next, m2.
-    pub change: [f64; 2],
-    /// Gains of the observer.
-    #[serde(flatten)]
-    pub observer: ObserverGains,
-}
-
-impl Default for MpcGains {
-    fn default() -> Self {
-        Self::new(ObserverGains::default())
-    }
-}
-
-impl MpcGains {
-    /// Default weights.
-    pub fn new(observer: ObserverGains) -> Self {
-        Self { velocity: [0.02; 2], effort: [0.03, 0.06], change: [0.01, 0.02], observer }
-    }
-}
 
 /// Model-predictive control: the plan of the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them,
 /// of least cost within the thrusters' limits.
@@ -78,27 +44,8 @@ pub(super) struct Mpc {
     bounds: DMatrix<f64>,
 }
 
-impl ModelBased {
-    /// MPC for a checked scene, acting every `period` s.
-    ///
-    /// # Errors
-    /// `ControlError::Gain` for a weight that is not finite or is negative.
-    pub fn mpc(
-        gains: MpcGains,
-        indices: ModelIndices,
-        scene: &Scene,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        let observer = Observer::new(gains.observer, 0.0, scene, period);
-        let mpc = Mpc::new(gains, scene, &observer, &actions);
-        Ok(Self::new(Law::Mpc(Box::new(mpc)), indices, observer, actions))
-    }
-}
-
 impl Mpc {
-    fn new(gains: MpcGains, scene: &Scene, observer: &Observer, actions: &ActionMap) -> Self {
+    pub fn new(gains: MpcGains, scene: &Scene, observer: &Observer, actions: &ActionMap) -> Self {
         let allocation = actions.allocation();
         let unit = allocation.wrench_limits();
         let model = LinearModel::new(observer.plant(), &scene.home(), unit, &gains, observer.period());

@@ -2,12 +2,14 @@
 
 use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 
-use super::{MOVES, MpcGains};
+use super::gains::MpcGains;
 use crate::control::indices::ATTITUDE_LEVER;
 use crate::control::kalman::WaveTransition;
 use crate::control::plant::{Plant, lag_decay};
 use crate::system::Joints;
 
+/// Control periods for which each wrench of a plan is held.
+pub(super) const MOVES: [usize; 4] = [1, 2, 4, 8];
 /// Control periods of the Riccati iteration for the cost beyond the plan.
 const TAIL: usize = 200;
 /// Least weight on effort: without any the cost has no minimum.

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::control::{ActionKind, Allocation};
+use crate::control::{ActionKind, Allocation, ObserverGains};
 
 fn observer(scene: &Scene) -> Observer {
     Observer::new(ObserverGains::default(), 0.0, scene, 0.1)
