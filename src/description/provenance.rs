@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
+use super::fault::Fault;
 use super::path::{self, Step};
-use super::{Fault, Scene};
 use crate::error::Problem;
 
 /// Origin of a number.
@@ -31,9 +31,6 @@ pub enum Origin {
 #[serde(transparent)]
 pub struct Provenance(pub BTreeMap<String, String>);
 
-/// Path, value and origin of one number of a scene.
-pub type Number = (String, f64, Option<(Origin, String)>);
-
 /// Splits `"cited: a book"`.
 fn split(text: &str) -> Option<(Origin, &str)> {
     let (origin, rest) = text.split_once(':')?;
@@ -48,7 +45,8 @@ fn split(text: &str) -> Option<(Origin, &str)> {
 }
 
 impl Provenance {
-    fn lookup(&self, root: &Value, steps: &[Step]) -> Option<(Origin, &str)> {
+    /// Provenance of the path `steps` in the tree `root`.
+    pub(super) fn lookup(&self, root: &Value, steps: &[Step]) -> Option<(Origin, &str)> {
         let matching =
             self.0.iter().filter_map(|(key, text)| Some((path::coverage(&path::parse(key), steps, root)?, text)));
         matching.max_by_key(|(coverage, _)| *coverage).and_then(|(_, text)| split(text))
@@ -66,34 +64,5 @@ impl Provenance {
             }
         }
         Ok(())
-    }
-}
-
-impl Scene {
-    /// The scene as a tree of TOML values, without its provenance.
-    pub(super) fn to_tree(&self) -> Value {
-        let bare = Scene { provenance: Provenance::default(), ..self.clone() };
-        let mut tree = Value::try_from(bare).expect("a scene is plain data");
-        tree.as_table_mut().expect("a scene is a table").remove("provenance");
-        tree
-    }
-
-    /// Provenance of the numbers at `path` (example: `arm.links[elbow].body.mass`); None if it is not stated.
-    pub fn provenance_of(&self, path: &str) -> Option<(Origin, &str)> {
-        let root = self.to_tree();
-        let (steps, _) = path::resolve(&root, path)?;
-        self.provenance.lookup(&root, &steps)
-    }
-
-    /// All numbers of the scene, including defaults: path, value and provenance.
-    pub fn numbers(&self) -> Vec<Number> {
-        let root = self.to_tree();
-        let numbers = path::numbers(&root).into_iter();
-        numbers
-            .map(|(path, x)| {
-                let origin = self.provenance.lookup(&root, &path::parse(&path));
-                (path, x, origin.map(|(origin, text)| (origin, text.to_owned())))
-            })
-            .collect()
     }
 }

@@ -12,4 +12,5 @@ pub mod tables;
 mod text;
 
 pub use body::Estimate;
-pub use outline::{Axis, Ends, Outline, Round, Shape};
+pub use outline::{Axis, Outline, Round, Shape};
+pub use solid::Ends;

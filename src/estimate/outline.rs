@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::solid::Solid;
+use super::solid::{Ends, Solid};
 use crate::description::{Frame, numbers, read_value};
 use crate::error::{DescriptionError, Problem};
 
@@ -99,17 +99,6 @@ pub enum Axis {
     Y,
     /// Up.
     Z,
-}
-
-/// Ends of a box or cylinder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Ends {
-    /// In the water: coefficients of finite bodies.
-    #[default]
-    Free,
-    /// Joined to the next part, as in an arm: strip theory, as for a section of an infinite body.
-    Joined,
 }
 
 impl Shape {

@@ -3,8 +3,20 @@
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
 
-use super::{Ends, lamb, tables};
+use super::{lamb, tables};
+
+/// Ends of a box or cylinder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ends {
+    /// In the water: coefficients of finite bodies.
+    #[default]
+    Free,
+    /// Joined to the next part, as in an arm: strip theory, as for a section of an infinite body.
+    Joined,
+}
 
 /// A solid.
 #[derive(Debug, Clone, Copy, PartialEq)]

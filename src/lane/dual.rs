@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{Lane, assigning_ops};
+use super::number::{Lane, assigning_ops};
 
 /// `value + slope e` with `e^2 = 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]

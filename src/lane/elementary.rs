@@ -2,7 +2,7 @@
 
 use std::hint::cold_path;
 
-use super::{Lane, Real};
+use super::number::{Lane, Real};
 
 /// `c[0] + c[1] x + c[2] x^2 + ...`
 #[inline(always)]

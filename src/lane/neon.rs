@@ -5,8 +5,8 @@ use std::arch::aarch64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
+use super::number::{Lane, assigning_ops};
 use super::simd::simd_lane;
-use super::{Lane, assigning_ops};
 
 simd_lane! {
     /// Two instances in double precision (NEON).

@@ -1,6 +1,6 @@
 //! Prefetching of memory.
 
-use super::Lane;
+use super::number::Lane;
 
 /// Size of a cache line, bytes.
 #[cfg(target_arch = "x86_64")]

@@ -1,6 +1,6 @@
 //! Access to tables with one row per quantity and one column per instance.
 
-use super::{Lane, Real};
+use super::number::{Lane, Real};
 
 /// A group of columns of a table, one per lane.
 pub struct Rows<'a, T> {

@@ -3,7 +3,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
-use super::{Lane, assigning_ops};
+use super::number::{Lane, assigning_ops};
 
 macro_rules! scalar_lane {
     ($real:ty, $fraction:expr, $exponent:expr, $inverse_sqrt:expr) => {

@@ -4,8 +4,8 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
+use super::number::{Lane, assigning_ops};
 use super::simd::simd_lane;
-use super::{Lane, assigning_ops};
 
 const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
 

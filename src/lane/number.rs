@@ -1,0 +1,141 @@
+//! Traits of lanes, of their number types and of kernels.
+
+use std::fmt::Debug;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+use super::isa::Isa;
+
+/// One number per instance of a group of `LANES` instances.
+pub trait Lane:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + Send
+    + 'static
+{
+    /// Number type of one lane.
+    type Real: Real;
+    /// One boolean per lane.
+    type Mask: Copy;
+    /// Instances per group.
+    const LANES: usize;
+    /// Whether a group is one instance. (As the whole condition of an `if` it spares the compiler the branch not taken.)
+    const SCALAR: bool = Self::LANES == 1;
+
+    /// The same number in every lane.
+    fn splat(x: Self::Real) -> Self;
+    /// Reads `LANES` numbers from the front of `from`.
+    fn load(from: &[Self::Real]) -> Self;
+    /// Writes `LANES` numbers to the front of `to`.
+    fn store(self, to: &mut [Self::Real]);
+    /// `self * a + b`, rounded once if the machine has fused multiply-add.
+    fn mul_add(self, a: Self, b: Self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// Magnitude.
+    fn abs(self) -> Self;
+    /// Nearest integer, ties to even.
+    fn round(self) -> Self;
+    /// Lanes where `self < other`; false for NaN.
+    fn lt(self, other: Self) -> Self::Mask;
+    /// `yes` in lanes where the mask is true, else `no`.
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
+    /// Logical and of masks.
+    fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// The mask as bits: bit k is lane k.
+    fn bits(mask: Self::Mask) -> u32;
+    /// Mantissa in [1, 2) and binary exponent of a positive normal number; unspecified for others.
+    fn split(self) -> (Self, Self);
+    /// `1 / sqrt(x)` of a positive normal number to within 3.5 %, from its bits; unspecified for others.
+    fn inverse_sqrt_estimate(self) -> Self;
+    /// Reads `LANES` f32 from the front of `from`; exact.
+    fn load_single(from: &[f32]) -> Self;
+    /// Writes the nearest f32 to the front of `to`.
+    fn store_single(self, to: &mut [f32]);
+    /// Writes f64 to the front of `to`; exact.
+    fn store_double(self, to: &mut [f64]);
+
+    /// True if the mask is true in any lane.
+    #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        Self::bits(mask) != 0
+    }
+
+    /// A constant.
+    #[inline(always)]
+    fn c(x: f64) -> Self {
+        Self::splat(Self::Real::from_f64(x))
+    }
+    /// Zero.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::c(0.0)
+    }
+    /// `b - self * a`.
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self, b: Self) -> Self {
+        (-self).mul_add(a, b)
+    }
+    /// Minimum; `other` where either is NaN.
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(self.lt(other), self, other)
+    }
+    /// Maximum; `other` where either is NaN.
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self::select(other.lt(self), self, other)
+    }
+}
+
+/// Computation over lanes of any width.
+pub trait Kernel<T: Real> {
+    /// Runs the computation. Implementations, and all functions that they call on the hot path, are `#[inline(always)]`, so that
+    /// they are compiled with the instruction set of the caller.
+    fn run<L: Lane<Real = T>>(&mut self);
+}
+
+/// Number type of lanes.
+pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static {
+    /// Instances per block of memory: a multiple of every lane width.
+    const BLOCK: usize;
+    /// Unit round-off times two.
+    const EPSILON: f64;
+    /// True if shorter polynomials reach this type's accuracy.
+    const SINGLE: bool;
+
+    /// Nearest value.
+    fn from_f64(x: f64) -> Self;
+    /// Exact conversion.
+    fn to_f64(self) -> f64;
+    /// Runs a kernel on the lanes of `isa`; on the narrowest if `isa` is not available on this machine.
+    fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
+    /// Runs a kernel one instance at a time, on the scalars of `isa`: the same bits as [`Self::dispatch`] in half the
+    /// machine code, for work whose speed does not matter.
+    fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
+}
+
+/// Implements the compound assignment operators by the binary ones.
+macro_rules! assigning_ops {
+    ($lane:ty) => {
+        impl std::ops::AddAssign for $lane {
+            #[inline(always)]
+            fn add_assign(&mut self, other: Self) {
+                *self = *self + other;
+            }
+        }
+        impl std::ops::SubAssign for $lane {
+            #[inline(always)]
+            fn sub_assign(&mut self, other: Self) {
+                *self = *self - other;
+            }
+        }
+    };
+}
+pub(crate) use assigning_ops;
