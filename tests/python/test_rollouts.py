@@ -139,7 +139,7 @@ def test_what_cannot_be_rolled_out_is_refused() -> None:
         Rollout(gym.make("UVMS-StationKeep-v0"), PD(env))
     with pytest.raises(TypeError, match="controller of uvms_gym, not str"):
         Rollout(env, "pd")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="instance 2: there are 2"):
+    with pytest.raises(ValueError, match="instance is 2, but must be from 0 to below 2"):
         Rollout(env, PD(env), trace=[2])
     env.reset(seed=0)
     with pytest.raises(ValueError, match="the policy reads 44 observation entries and gives 6 action entries"):

@@ -155,7 +155,7 @@ fn a_malformed_outline_is_one_line_with_key_and_value() {
         ("[[shapes]]\nbox = [1, 1]", &["shapes[0].box", "expected 3 numbers, found 2"]),
         ("[[shapes]]\nname = 'leg'\ncylinder = { radius = 0.0, length = 1.0 }", &["shapes[0].cylinder", "0.0"]),
         ("[[shapes]]\ncylinder = { radius = 0.1 }", &["shapes[0].cylinder.length", "missing"]),
-        ("[[shapes]]\nbox = [1, 1, 1]\nperforation = 0.8", &["shapes[0].perforation", "0.8", "its parts"]),
+        ("[[shapes]]\nbox = [1, 1, 1]\nperforation = 0.8", &["shapes[0].perforation", "0.8", "their parts"]),
         ("[[shapes]]\nbox = [1, 1, 1]\nperforation = [0.1, 0.2]", &["shapes[0].perforation", "found 2"]),
         ("[[shapes]]\nbox = [1, 1, 1]\nmass = 3\nrelative_density = 1", &["shapes[0].mass", "not both", "3"]),
         ("[[shapes]]\nbox = [1, 1, 1]\nmass = nan", &["shapes[0].mass", "NaN"]),
