@@ -130,7 +130,7 @@ fn convert_fin(fin: &mut Fin) {
 
 /// True for the entries of a 3-vector, or of each half of a 6-vector, along y and z.
 fn changes_sign(i: usize) -> bool {
-    i % 3 != 0
+    !i.is_multiple_of(3)
 }
 
 /// `-x`, with 0 for 0.
