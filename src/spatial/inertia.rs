@@ -173,7 +173,7 @@ impl<L: Lane> SpatialInertia<L> {
         }
     }
 
-    /// Adds a body's own inertia; with `SPARSE`, that of one that [`Self::is_sparse`].
+    /// Adds the inertia of a body; with `SPARSE`, one that [`Self::is_sparse`].
     #[inline(always)]
     pub fn plus_own<P: Param<L>, const SPARSE: bool>(&self, own: &SpatialInertia<P>) -> Self {
         let Self { mut m, mut h, mut j } = *self;
@@ -207,7 +207,7 @@ impl<L: Lane> SpatialInertia<L> {
 
     /// Bias wrench `B V = -ad_V^T A V = [omega x p; v x p + omega x l]` with momentum `[p; l] = A V`.
     ///
-    /// For a rigid body this is `[HC eq. 5]`; with added mass it holds the Munk moment.
+    /// For a rigid body this is `[HC eq. 5]`; with added mass it contains the Munk moment.
     #[inline(always)]
     pub fn bias_wrench(&self, twist: Vector6<L>) -> Vector6<L> {
         bias(twist, self.apply(twist))
@@ -374,10 +374,10 @@ impl<L: Lane> SpatialInertia<L> {
     /// S omega = b_2 - H^T M^-1 b_1,   M v = b_1 - H omega
     /// ```
     ///
-    /// Two divisions, by the determinants, of which the adjugates need not wait: they are what takes longest, and the six
-    /// of an `L D L^T` would wait for each other.
+    /// Two divisions, by the determinants, which run in parallel with the adjugates. Divisions take longest, and the six of an
+    /// `L D L^T` depend on each other.
     ///
-    /// The determinants keep to the range of f32 for entries between 1e-12 and 1e12.
+    /// The determinants stay in the range of f32 for entries between 1e-12 and 1e12.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
         let (h, m) = (Matrix3(self.h), adjugate(&self.m));
