@@ -54,22 +54,22 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>, B>(
     target: Option<(L, L)>,
 ) -> (L, L) {
     let ahead = h.mul_add(qd, q);
-    let (mut torque, mut falls) = (command, L::zero());
+    let (mut torque, mut decrease) = (command, L::zero());
     if let (Some(servo), Some((position, rate))) = (&joint.servo, target) {
         let (kp, kd) = (servo.kp.get(), servo.kd.get());
         torque = kp.mul_add(position - ahead, kd.mul_add(rate - qd, torque));
-        falls = h.mul_add(kp, kd) * h;
+        decrease = h.mul_add(kp, kd) * h;
     }
     if let Some(effort) = joint.effort {
         // Beyond the effort, the secant from the present demand to where the demand vanishes.
         let effort = effort.get();
         let demand = torque.abs();
-        falls = falls * L::select(effort.lt(demand), effort / demand, L::c(1.0));
+        decrease = decrease * L::select(effort.lt(demand), effort / demand, L::c(1.0));
         torque = torque.min(effort).max(-effort);
     }
     if let Some(actuator) = &joint.actuator {
         let (effort, demand): (L, L) = (actuator.effort(ahead), torque.abs());
-        falls = falls * L::select(effort.lt(demand), effort / demand, L::c(1.0));
+        decrease = decrease * L::select(effort.lt(demand), effort / demand, L::c(1.0));
         torque = torque.min(effort).max(-effort);
     }
     if let Some(friction) = &joint.friction {
@@ -78,7 +78,7 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>, B>(
             slope = coulomb.get().mul_add(inverse_sqrt(qd.mul_add(qd, speed_squared.get())), slope);
         }
         torque = slope.neg_mul_add(qd, torque);
-        falls = slope.mul_add(h, falls);
+        decrease = slope.mul_add(h, decrease);
     }
     if let Some(limits) = &joint.limits {
         let [lower, upper] = get_all(&limits.range);
@@ -87,7 +87,7 @@ pub fn implicit_joint_torque<L: Lane, P: Param<L>, B>(
         let depth = excess.abs();
         torque = stiffness.neg_mul_add(excess, (damping * depth).neg_mul_add(qd, torque));
         let spring = L::select(L::zero().lt(depth), stiffness, L::zero());
-        falls = h.mul_add(spring, damping * depth).mul_add(h, falls);
+        decrease = h.mul_add(spring, damping * depth).mul_add(h, decrease);
     }
-    (torque, falls)
+    (torque, decrease)
 }
