@@ -7,8 +7,8 @@ use crate::system::{Flow, State};
 
 /// Velocities `nu = [V; q']` after the end effector has grasped a point mass at rest: `(M + J^T A_p J) nu+ = M nu-` with the
 /// added mass in M.
-pub fn grasp_impulse(balance: &ClosedFormModel, state: &mut State, mass: f64) {
-    let form = balance.at(state, Flow::from(nalgebra::Vector3::zeros()));
+pub fn grasp_impulse(model: &ClosedFormModel, state: &mut State, mass: f64) {
+    let form = model.at(state, Flow::from(nalgebra::Vector3::zeros()));
     let n = form.joints();
     let before = DVector::from_iterator(6 + n, state.twist.iter().chain(&state.qd[..n]).copied());
     let (inertia, jacobian) = (form.mass_matrix(), form.jacobian());

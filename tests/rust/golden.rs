@@ -20,10 +20,10 @@ const FORWARD_DYNAMICS: [(&str, ForwardDynamics); 2] =
     [("closed form", closed_form), ("articulated bodies", articulated_bodies)];
 
 fn closed_form(scene: &Scene, case: &Case) -> DVector<f64> {
-    let balance = ClosedFormModel::new(scene).unwrap();
+    let model = ClosedFormModel::new(scene).unwrap();
     let external = case.external_with_wrench();
     let loads = Loads { thrust: &[], external: &external, joint_command: &case.joint_torque, ..Loads::default() };
-    balance.at(&case.at.state(), Vector3::from(case.current)).accelerations(&loads).unwrap()
+    model.at(&case.at.state(), Vector3::from(case.current)).accelerations(&loads).unwrap()
 }
 
 fn articulated_bodies(scene: &Scene, case: &Case) -> DVector<f64> {
@@ -236,11 +236,11 @@ fn miss(ours: &State, theirs: &State) -> f64 {
 fn val_mass_matrix_bias_and_jacobian_equal_pinocchio() {
     let mut compared = 0;
     for (scene, SceneCases { scene: name, cases }) in golden("pinocchio_dry.json") {
-        let balance = ClosedFormModel::new(&scene).unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
         for (i, case) in cases.iter().enumerate() {
             let Some(theirs) = &case.expected.details else { continue };
             let what = |quantity: &str| format!("{name}, case {i}, {quantity}");
-            let form = balance.at(&case.at.state(), Vector3::zeros());
+            let form = model.at(&case.at.state(), Vector3::zeros());
             let first = if scene.vehicle.fixed { 6 } else { 0 };
             let free = 6 + case.at.q.len() - first;
             let mass_matrix = form.mass_matrix().view((first, first), (free, free)).into_owned();

@@ -106,8 +106,8 @@ fn val_rates_of_a_servo_on_one_joint_of_a_floating_vehicle() {
         joint.servo = Some(JointServo { kp, kd });
         joint.friction.viscous = 0.25;
         let state = State { q: scene.home(), ..State::default() };
-        let balance = ClosedFormModel::new(&scene).unwrap();
-        let mobility = balance.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
+        let mobility = model.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
         let found = rates(&scene, &Inputs::default(), JOINTS);
         for root in roots(1.0 / mobility[(7, 7)], kd + 0.25, kp) {
             assert_has(&found, root, 1e-9);
@@ -149,8 +149,8 @@ fn an_end_stop_is_a_rate_of_its_own() {
     let survey = simulator.modal_analysis(None).unwrap();
     let modes = survey.modes(OFF);
     let state = State { q: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], ..State::default() };
-    let balance = ClosedFormModel::new(&scene).unwrap();
-    let mobility = balance.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
+    let model = ClosedFormModel::new(&scene).unwrap();
+    let mobility = model.at(&state, Vector3::zeros()).mass_matrix().clone().try_inverse().unwrap();
     let frequency = (50.0 * mobility[(6, 6)]).sqrt();
     assert!(modes[0].stop && (modes[0].rate - Complex::new(0.0, frequency)).norm() < 0.02 * frequency, "{modes:?}");
     // It bounds the step only where stops are asked for.

@@ -246,14 +246,14 @@ fn a_cable_pulls_towards_its_fixed_point_and_its_drag_with_the_current() {
 
 #[test]
 fn a_payload_is_grasped_without_a_loss_of_momentum() {
-    let balance = ClosedFormModel::new(&scene()).unwrap();
+    let model = ClosedFormModel::new(&scene()).unwrap();
     let mass = 1.5;
     let mut state = State { q: scene().home(), ..State::default() };
     state.twist = na::Vector6::new(0.2, -0.1, 0.15, 0.1, -0.2, 0.3);
     state.qd[..4].copy_from_slice(&[0.1, -0.2, 0.3, 0.2]);
     let before = state.clone();
-    crate::task::grasp_impulse(&balance, &mut state, mass);
-    let form = balance.at(&before, na::Vector3::zeros());
+    crate::task::grasp_impulse(&model, &mut state, mass);
+    let form = model.at(&before, na::Vector3::zeros());
     let n = form.joints();
     let all = |s: &State| na::DVector::from_iterator(6 + n, s.twist.iter().chain(&s.qd[..n]).copied());
     let (old, new) = (all(&before), all(&state));

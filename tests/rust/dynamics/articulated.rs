@@ -1,4 +1,4 @@
-//! The articulated-body form against the closed form: two derivations of one balance.
+//! The articulated-body form against the closed form: two derivations of the same equations.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -11,7 +11,7 @@ use uvms_gym::hydro::{CoefficientFrame, CoefficientMatrix};
 use uvms_gym::lane::Shared;
 use uvms_gym::system::{Compiled, Factors, Flow, ScaledSystem, State, compile};
 
-/// Random loads of a scene, as both forms take them.
+/// Random loads of a scene, in the layout of both forms.
 struct RandomLoads {
     thrust: Vec<f64>,
     torque: Vec<f64>,
@@ -59,8 +59,8 @@ fn compare(scene: &Scene, state: &State, loads: &RandomLoads, precision: Precisi
     let external: Vec<Vector6<f64>> = loads.external.chunks(6).map(Vector6::from_column_slice).collect();
     let applied =
         Loads { thrust: &loads.thrust, external: &external, joint_command: &loads.torque, ..Loads::default() };
-    let balance = ClosedFormModel::new(scene).unwrap();
-    let form = balance.at(state, flow);
+    let model = ClosedFormModel::new(scene).unwrap();
+    let form = model.at(state, flow);
     let closed = form.accelerations(&applied).unwrap();
     let residual = form.residual(&articulated, &applied).unwrap();
     let first = if scene.vehicle.fixed { 6 } else { 0 };
@@ -111,9 +111,9 @@ fn articulated_and_closed_form_agree_on_shipped_scenes() {
     }
 }
 
-/// Full matrices change places as far as their axes lie along the joint's, and keep what is left of the turn.
+/// Full damping matrices whose axes lie along the joint's are permuted; the remaining rotation is kept.
 #[test]
-fn full_drag_turned_about_joints_agrees_with_the_closed_form() {
+fn full_damping_turned_about_joints_agrees_with_the_closed_form() {
     let mut turned = 0;
     for seed in 0..40 {
         let mut scene = Scene::shipped(["petasus-pum", "bluerov2-heavy-alpha5"][seed as usize % 2]).unwrap();
@@ -179,7 +179,7 @@ fn a_current_changes_nothing_but_the_observer() {
 }
 
 #[test]
-fn a_fixed_arm_obeys_the_joint_rows_alone() {
+fn a_fixed_arm_obeys_the_joint_rows_only() {
     for seed in 0..40 {
         let scene = random_scene(seed, Options { fixed: Some(true), links: Some(4), ..Options::default() });
         let state = State { twist: Vector6::zeros(), ..random_state(seed, &scene) };
@@ -209,9 +209,9 @@ fn factors_on_parameters_give_the_scene_that_has_them() {
     }
 }
 
-/// Memory for parameters of instances' own goes from hand to hand: what was in it must not show.
+/// Memory for the parameters of single instances is reused: earlier contents must have no effect.
 #[test]
-fn parameters_leave_nothing_behind() {
+fn parameters_have_no_effect_on_later_instances() {
     let own = |i: usize, payload: f64| Factors { mass: 1.0 + 0.01 * i as f64, volume: 0.98, payload, ..Factors::ONE };
     for (n, integrator) in
         [(1, "mk4"), (1, "lagged-added-mass"), (200, "mk4"), (200, "lagged-added-mass"), (200, "mk4")]
@@ -249,9 +249,9 @@ fn parameters_leave_nothing_behind() {
     }
 }
 
-/// In the xz plane of the last joint's frame, and off it: there its inertia is not mostly zeros.
+/// Payloads in the xz plane of the last joint's frame, and off it, where the inertia is not sparse.
 #[test]
-fn payloads_are_held_wherever_the_end_effector_is() {
+fn payloads_are_held_at_any_end_effector() {
     // (Seeds of motions that a step of 10 ms can follow.)
     let places = [([0.1, 0.0, 0.0], true), ([0.1, 0.2, 0.0], true), ([0.0, 0.0, 0.2], false), ([0.1, 0.2, 0.3], false)];
     for ((offset, sparse), seed) in places.into_iter().zip([1, 3, 5, 9]) {

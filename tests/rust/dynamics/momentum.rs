@@ -1,4 +1,4 @@
-//! Momentum and outer forces in lanes, and predictions by them, against the closed form.
+//! Composite body in lanes, and predictions with it, against the closed form.
 
 use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
@@ -24,7 +24,7 @@ fn gap(a: &lie::Vector6<f64>, b: &Vector6<f64>) -> f64 {
 }
 
 #[test]
-fn a_system_as_one_body_is_the_closed_form_summed_up() {
+fn the_composite_body_is_the_sum_of_the_closed_form() {
     for (seed, scene) in scenes().enumerate() {
         let state = random_state(seed as u64, &scene);
         let system = compile(&scene).system;
@@ -32,8 +32,8 @@ fn a_system_as_one_body_is_the_closed_form_summed_up() {
         let twist = lie::Vector6::from_array(state.twist.into());
         let whole = CompositeBody::of(&system, gravity, twist, (&state.q, &state.qd), &mut Scratch::<f64>::new());
 
-        let balance = ClosedFormModel::new(&scene).unwrap();
-        let form = balance.at(&state, Vector3::zeros());
+        let model = ClosedFormModel::new(&scene).unwrap();
+        let form = model.at(&state, Vector3::zeros());
         let n = form.joints();
         let mut velocities = DVector::zeros(6 + n);
         velocities.rows_mut(0, 6).copy_from(&state.twist);
@@ -94,8 +94,8 @@ fn predictions_start_as_the_closed_form_says() {
         let then =
             Plant::new(&scene).predict(&motion, [&arm, &later(&arm, time)], &wrenches, time, &mut Scratch::new());
         let rate = (then.motion.twist - motion.twist).to_array();
-        let balance = ClosedFormModel::new(&scene).unwrap();
-        let form = balance.at(&state, Vector3::zeros());
+        let model = ClosedFormModel::new(&scene).unwrap();
+        let form = model.at(&state, Vector3::zeros());
         let mut accelerations = DVector::zeros(6 + form.joints());
         accelerations.rows_mut(0, 6).copy_from_slice(&rate.map(|x| x / time));
         let needed = form.inverse_dynamics(&accelerations, &Loads::default()).unwrap().wrench;

@@ -14,7 +14,7 @@ fn serial_chain_is_the_closed_form() {
     };
     for name in Scene::shipped_names() {
         let scene = Scene::shipped(name).unwrap();
-        let (balance, chain) = (ClosedFormModel::new(&scene).unwrap(), SerialChain::new(&scene).unwrap());
+        let (model, chain) = (ClosedFormModel::new(&scene).unwrap(), SerialChain::new(&scene).unwrap());
         let n = chain.joints();
         for _ in 0..20 {
             let rotation = Rotation3::from_euler_angles(draw(), draw(), 3.0 * draw());
@@ -23,7 +23,7 @@ fn serial_chain_is_the_closed_form() {
             for k in 0..n {
                 (state.q[k], state.qd[k]) = (2.0 * draw(), draw());
             }
-            let form = balance.at(&state, Vector3::zeros());
+            let form = model.at(&state, Vector3::zeros());
             let velocities = Velocities::from_fn(|k, _| match k {
                 0..6 => state.twist[k],
                 _ => state.qd[k - 6],
@@ -48,7 +48,7 @@ fn serial_chain_is_the_closed_form() {
 }
 
 #[test]
-fn what_joints_make_by_themselves_falls_by_its_secants() {
+fn passive_torque_decreases_by_its_secants() {
     let scene = Scene::shipped("petasus-pum").unwrap();
     let chain = SerialChain::new(&scene).unwrap();
     for i in 0..5 {

@@ -273,8 +273,8 @@ fn body_poses_of_the_balance_are_those_of_the_scene() {
         let mut state = State::default();
         let mut random = Random::new(seed);
         scene.joints().enumerate().for_each(|(i, _)| state.q[i] = random.between(-3.0, 3.0));
-        let balance = ClosedFormModel::new(&scene).unwrap();
-        let poses = balance.at(&state, na::Vector3::zeros()).body_poses();
+        let model = ClosedFormModel::new(&scene).unwrap();
+        let poses = model.at(&state, na::Vector3::zeros()).body_poses();
         for (pose, expected) in poses[1..].iter().zip(direct(&scene, &state.q)) {
             let rotation = pose.rotation - expected.fixed_view::<3, 3>(0, 0);
             let position = pose.position - expected.fixed_view::<3, 1>(0, 3);

@@ -1,4 +1,4 @@
-//! Laws of the closed form: what composing systems must give.
+//! Laws of the composition of systems.
 
 use nalgebra::{DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::description::{Body, InertiaPoint, Link, Scene, Water};
@@ -27,7 +27,7 @@ fn difference(a: &ClosedForm, b: &ClosedForm) -> f64 {
 }
 
 #[test]
-fn two_bodies_screwed_together_are_one_body_of_their_summed_inertia() {
+fn two_bodies_fixed_together_are_one_body_of_their_summed_inertia() {
     let water = Water { density: 0.0, gravity: Vector3::zeros(), current: Vector3::zeros() };
     let scene = scene(false);
     let arm = scene.arm.as_ref().unwrap();
@@ -96,7 +96,7 @@ fn composing_is_associative() {
 
         let state = random_state(1, &scene);
         let n = scene.joints().count();
-        let balance = ClosedFormModel::new(&scene).unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
         let evaluate = |system: &Composite| {
             assert_eq!((system.bodies(), system.joints()), (6, n));
             let equations = system.at(&state.twist, &state.q[..n], &state.qd[..n], &current());
@@ -112,7 +112,7 @@ fn composing_is_associative() {
                 DVector::from_vec(drift),
             )
         };
-        let reference = evaluate(&balance.system);
+        let reference = evaluate(&model.system);
         for system in [&inwards, &outwards, &halves] {
             let got = evaluate(system);
             assert!(relative(&got.0, &reference.0) < 1e-13);
@@ -128,8 +128,8 @@ fn composing_is_associative() {
 #[test]
 fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
     let scene = scene(false);
-    let balance = ClosedFormModel::new(&scene).unwrap();
-    let form = balance.at(&random_state(0, &scene), Vector3::zeros());
+    let model = ClosedFormModel::new(&scene).unwrap();
+    let form = model.at(&random_state(0, &scene), Vector3::zeros());
     let n = scene.joints().count();
     assert_eq!(form.wrench_influence().shape(), (6 + n, 6 * (n + 1)));
     assert_eq!(form.torque_influence().shape(), (6 + n, n));
@@ -144,14 +144,14 @@ fn payload_and_fixed_base_belong_to_the_bodies_that_carry_them() {
 }
 
 #[test]
-fn what_is_screwed_onto_the_screwed_belongs_to_the_vehicle() {
+fn bodies_fixed_in_sequence_belong_to_the_vehicle() {
     let mut scene = scene(false);
     scene.arm.as_mut().unwrap().links.clear();
     let state = random_state(0, &scene);
-    let balance = ClosedFormModel::new(&scene).unwrap();
-    let form = balance.at(&state, current());
+    let model = ClosedFormModel::new(&scene).unwrap();
+    let form = model.at(&state, current());
     // The vehicle's block of W is the identity, so its merged wrenches are the sum over all bodies' own columns.
-    let still = balance.system.at(&Vector6::zeros(), &[], &[], &Vector3::zeros());
+    let still = model.system.at(&Vector6::zeros(), &[], &[], &Vector3::zeros());
     let gravity = state.rotation.tr_mul(&scene.water.gravity);
     let expected: Vector6<f64> = (still.bodies.iter().enumerate())
         .map(|(k, motion)| {
@@ -183,8 +183,8 @@ fn end_effector_sits_on_the_last_body() {
         let state = random_state(8, &scene);
         let end_effector = Pose::from_frame(&scene.arm.as_ref().unwrap().end_effector);
         let end = |scene: &Scene| {
-            let balance = ClosedFormModel::new(scene).unwrap();
-            let form = balance.at(&state, Vector3::zeros());
+            let model = ClosedFormModel::new(scene).unwrap();
+            let form = model.at(&state, Vector3::zeros());
             (form.body_poses(), form.end_effector_pose())
         };
         let (poses, pose) = end(&scene);
@@ -207,10 +207,10 @@ fn end_effector_sits_on_the_last_body() {
 #[test]
 fn arm_alone_has_the_rows_of_the_arm_on_a_held_vehicle() {
     let scene = scene(false);
-    let balance = ClosedFormModel::new(&scene).unwrap();
+    let model = ClosedFormModel::new(&scene).unwrap();
     let at = State { twist: Vector6::zeros(), ..random_state(3, &scene) };
-    let whole = balance.at(&at, Vector3::zeros());
-    let arm = balance.arm.as_ref().unwrap().at(&Vector6::zeros(), &at.q[..3], &at.qd[..3], &Vector3::zeros());
+    let whole = model.at(&at, Vector3::zeros());
+    let arm = model.arm.as_ref().unwrap().at(&Vector6::zeros(), &at.q[..3], &at.qd[..3], &Vector3::zeros());
     let whole_mass = whole.mass_matrix().view((6, 6), (3, 3)).into_owned();
     assert!(relative(&arm.mass_matrix.view((6, 6), (3, 3)).into_owned(), &whole_mass) < 1e-14);
     assert!(relative(&arm.bias.rows(6, 3).into_owned(), &whole.bias().rows(6, 3).into_owned()) < 1e-13);
@@ -231,13 +231,13 @@ fn joint_loading_is_one_more_link() {
 #[test]
 fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
     for (seed, scene) in scenes() {
-        let balance = ClosedFormModel::new(&scene).unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
         let at = random_state(seed, &scene);
         let n = scene.joints().count();
         let acceleration = DVector::from_fn(6 + n, |i, _| (i as f64).cos());
         let h = 1e-5;
         let (before, after) = (advance(&at, &acceleration, -h), advance(&at, &acceleration, h));
-        let form = |state| balance.at(state, Vector3::zeros());
+        let form = |state| model.at(state, Vector3::zeros());
         let (now, before, after) = (form(&at), form(&before), form(&after));
 
         let twist_of = |now: &Pose, before: &Pose, after: &Pose| {
@@ -253,8 +253,7 @@ fn twists_are_the_rates_of_poses_and_drifts_those_of_jacobians() {
         let end = twist_of(&now.end_effector_pose(), &before.end_effector_pose(), &after.end_effector_pose());
         assert!((end - now.jacobian() * velocities(&at, n)).norm() < 1e-8);
 
-        let equations =
-            |state: &State| balance.system.at(&state.twist, &state.q[..n], &state.qd[..n], &Vector3::zeros());
+        let equations = |state: &State| model.system.at(&state.twist, &state.q[..n], &state.qd[..n], &Vector3::zeros());
         let (states, forms) = ([advance(&at, &acceleration, -h), advance(&at, &acceleration, h)], equations(&at));
         let [before, after] = [equations(&states[0]), equations(&states[1])];
         for k in 0..forms.bodies.len() {

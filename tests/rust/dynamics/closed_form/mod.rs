@@ -4,8 +4,9 @@ use nalgebra::allocator::Allocator;
 use nalgebra::{DefaultAllocator, Dim, OMatrix};
 
 mod composition;
+mod energy;
 mod fossen;
-mod ledger;
+
 mod motion;
 mod solve;
 mod water;

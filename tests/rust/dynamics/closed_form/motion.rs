@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Rotation3, Vector6};
 use uvms_gym::system::State;
 
-/// The state after `dt`, right to second order.
+/// State after `dt`, accurate to second order.
 pub fn advance(state: &State, accelerations: &DVector<f64>, dt: f64) -> State {
     let mean: Vector6<f64> = state.twist + accelerations.fixed_rows::<6>(0) * (0.5 * dt);
     let turn = Rotation3::new(mean.fixed_rows::<3>(3) * dt).into_inner();

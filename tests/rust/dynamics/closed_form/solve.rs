@@ -1,4 +1,4 @@
-//! Forward and inverse dynamics, trim, and what they refuse.
+//! Forward and inverse dynamics, trim, and refused input.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3, Vector6};
 use uvms_gym::description::{Body, Frame, Friction, InertiaPoint, JointKind, JointLimits, Link, Scene};
@@ -43,8 +43,8 @@ fn compound_pendulum_falls_as_by_hand() {
     let scene = planar_arm(vec![planar_link(0.0, Vector3::y(), center, inertia, mass)]);
     let mut state = State::default();
     (state.q[0], state.qd[0]) = (0.6, 1.7);
-    let balance = ClosedFormModel::new(&scene).unwrap();
-    let acceleration = balance.at(&state, Vector3::zeros()).accelerations(&Loads::default()).unwrap();
+    let model = ClosedFormModel::new(&scene).unwrap();
+    let acceleration = model.at(&state, Vector3::zeros()).accelerations(&Loads::default()).unwrap();
     // +q about y dips the link below the horizon: its weight speeds that up.
     let expected = mass * 9.81 * center * 0.6_f64.cos() / (inertia + mass * center * center);
     assert!((acceleration[6] - expected).abs() < 1e-13 * expected);
@@ -67,8 +67,8 @@ fn val_planar_two_link_arm() {
     let mass = DMatrix::from_row_slice(2, 2, &[alpha + 2.0 * beta * c, delta + beta * c, delta + beta * c, delta]);
     let coriolis = DMatrix::from_row_slice(2, 2, &[-beta * s * qd2, -beta * s * (qd1 + qd2), beta * s * qd1, 0.0]);
 
-    let balance = ClosedFormModel::new(&scene).unwrap();
-    let form = balance.at(&state, Vector3::zeros());
+    let model = ClosedFormModel::new(&scene).unwrap();
+    let form = model.at(&state, Vector3::zeros());
     assert!(relative(&form.mass_matrix().view((6, 6), (2, 2)).into_owned(), &mass) < 1e-14);
     let bias = form.bias().rows(6, 2).into_owned();
     assert!(relative(&bias, &(coriolis * DVector::from_row_slice(&[qd1, qd2]))) < 1e-13);
@@ -98,8 +98,8 @@ fn arm_with_a_fixed_base_is_the_lower_rows_of_the_free_one() {
 #[test]
 fn inverse_dynamics_undoes_forward_dynamics() {
     for (seed, scene) in scenes() {
-        let balance = ClosedFormModel::new(&scene).unwrap();
-        let form = balance.at(&random_state(seed, &scene), current());
+        let model = ClosedFormModel::new(&scene).unwrap();
+        let form = model.at(&random_state(seed, &scene), current());
         let push = Push::new(seed, &scene);
         let loads = push.loads();
         let acceleration = form.accelerations(&loads).unwrap();
@@ -118,15 +118,15 @@ fn inverse_dynamics_undoes_forward_dynamics() {
 #[test]
 fn trim_holds_the_system_at_rest() {
     let scene = scene(true);
-    let balance = ClosedFormModel::new(&scene).unwrap();
+    let model = ClosedFormModel::new(&scene).unwrap();
     let moving = random_state(7, &scene);
     for water in [Vector3::zeros(), current()] {
-        let effort = balance.trim(&moving, water).unwrap();
+        let effort = model.trim(&moving, water).unwrap();
         let mut external = vec![Vector6::zeros(); 5];
         external[0] = effort.wrench;
         let loads = Loads { external: &external, joint_command: effort.joint_torques.as_slice(), ..Loads::default() };
         let rest = State { twist: Vector6::zeros(), qd: [0.0; 9], ..moving.clone() };
-        assert!(balance.at(&rest, water).accelerations(&loads).unwrap().norm() < 1e-10);
+        assert!(model.at(&rest, water).accelerations(&loads).unwrap().norm() < 1e-10);
         assert!(effort.wrench.norm() > 10.0);
     }
 }
@@ -134,8 +134,8 @@ fn trim_holds_the_system_at_rest() {
 #[test]
 fn bad_input_is_refused_with_its_numbers() {
     let mut bad = scene(true);
-    let balance = ClosedFormModel::new(&bad).unwrap();
-    let form = balance.at(&random_state(0, &bad), Vector3::zeros());
+    let model = ClosedFormModel::new(&bad).unwrap();
+    let form = model.at(&random_state(0, &bad), Vector3::zeros());
     let wrong = |loads: Loads| form.accelerations(&loads).unwrap_err();
     assert_eq!(
         wrong(Loads { thrust: &[1.0], ..Loads::default() }),
@@ -174,8 +174,8 @@ fn joints_resist_as_described() {
     let mut at = State::default();
     at.q[..3].copy_from_slice(&[0.6, 0.1, -0.9]);
     at.qd[..3].copy_from_slice(&[-2.0, 0.0, 0.5]);
-    let balance = ClosedFormModel::new(&scene).unwrap();
-    let torques = balance.at(&at, Vector3::zeros()).joint_torques(&Loads::default()).unwrap();
+    let model = ClosedFormModel::new(&scene).unwrap();
+    let torques = model.at(&at, Vector3::zeros()).joint_torques(&Loads::default()).unwrap();
     let close = |got: f64, expected: f64| assert!((got - expected).abs() < 1e-13, "{got} {expected}");
     close(torques.friction[0], 1.0 + 0.2 * 2.0 / (4.0_f64 + 0.0025).sqrt());
     close(torques.friction[1], 0.0);

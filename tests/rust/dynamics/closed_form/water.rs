@@ -1,4 +1,4 @@
-//! What water does: Fossen's form, Munk's moment, currents.
+//! Water: Fossen's form, Munk's moment, currents.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::description::{Body, Damping, Frame, InertiaPoint, Payload, Scene};
@@ -66,8 +66,8 @@ fn val_vehicle_alone_is_fossens_six_degree_form() {
         let turning = Vector6::new(turning.x, turning.y, turning.z, 0.0, 0.0, 0.0);
         let bias = c_rb * state.twist + m_a * turning + c_a * nu_r;
 
-        let balance = ClosedFormModel::new(&scene).unwrap();
-        let form = balance.at(&state, v_c);
+        let model = ClosedFormModel::new(&scene).unwrap();
+        let form = model.at(&state, v_c);
         assert!((form.mass_matrix() - dynamic(&(m_rb + m_a))).norm() < 1e-13 * m_rb.norm());
         assert!((form.bias() - DVector::from_column_slice(bias.as_slice())).norm() < 1e-13 * bias.norm());
 
@@ -99,10 +99,10 @@ fn val_munk_moment_turns_a_slender_body_broadside() {
         ..scene.vehicle.body
     };
     let (u, v) = (1.2, 0.3);
-    let balance = ClosedFormModel::new(&scene).unwrap();
+    let model = ClosedFormModel::new(&scene).unwrap();
     // Moving through still water, and held in water that moves the other way: the same moment.
     let moving = State { twist: Vector6::new(u, v, 0.0, 0.0, 0.0, 0.0), ..State::default() };
-    for form in [balance.at(&moving, Vector3::zeros()), balance.at(&State::default(), Vector3::new(-u, -v, 0.0))] {
+    for form in [model.at(&moving, Vector3::zeros()), model.at(&State::default(), Vector3::new(-u, -v, 0.0))] {
         let moment = -form.bias()[5];
         assert!((moment + (m_y - m_x) * u * v).abs() < 1e-14);
         assert!(form.bias().rows(0, 5).norm() < 1e-14);
@@ -110,7 +110,7 @@ fn val_munk_moment_turns_a_slender_body_broadside() {
 }
 
 #[test]
-fn body_that_drifts_with_the_current_feels_no_water() {
+fn body_that_drifts_with_the_current_has_no_water_forces() {
     // Anisotropic added mass, spinning about all axes: every force of the water, added mass and drag, is in what the
     // dry body does not do.
     let mut wet = aligned_vehicle();
@@ -128,8 +128,8 @@ fn body_that_drifts_with_the_current_feels_no_water() {
     let mut twist = vector6(3);
     twist.fixed_rows_mut::<3>(0).copy_from(&water);
     let state = State { rotation, twist, ..State::default() };
-    let balance = ClosedFormModel::new(&wet).unwrap();
-    let form = balance.at(&state, current());
+    let model = ClosedFormModel::new(&wet).unwrap();
+    let form = model.at(&state, current());
     assert!(form.damping()[0].norm() < 1e-13);
     let acceleration = form.accelerations(&Loads::default()).unwrap();
     // The world velocity and the spin are constant: v' + omega x v = 0.
@@ -142,11 +142,11 @@ fn body_that_drifts_with_the_current_feels_no_water() {
 fn system_in_a_current_is_the_one_in_still_water_seen_from_the_moving_frame() {
     for (seed, scene) in scenes() {
         let state = random_state(seed, &scene);
-        let balance = ClosedFormModel::new(&scene).unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
         let push = Push::new(seed, &scene);
         let loads = push.loads();
-        let flowing = balance.at(&state, current()).accelerations(&loads).unwrap();
-        let still = balance.at(&relative_to_water(&state, &current()), Vector3::zeros()).accelerations(&loads).unwrap();
+        let flowing = model.at(&state, current()).accelerations(&loads).unwrap();
+        let still = model.at(&relative_to_water(&state, &current()), Vector3::zeros()).accelerations(&loads).unwrap();
         // V_r' = V' + [omega x R^T v_c; 0]; the joints do not care who looks.
         let mut expected = flowing.clone();
         let turning = state.twist.fixed_rows::<3>(3).cross(&(state.rotation.transpose() * current()));
@@ -157,7 +157,7 @@ fn system_in_a_current_is_the_one_in_still_water_seen_from_the_moving_frame() {
 }
 
 #[test]
-fn drag_holds_in_the_frame_that_its_coefficients_were_given_for() {
+fn damping_holds_in_the_frame_of_its_coefficients() {
     let mut scene = vehicle_alone();
     let lever = Vector3::new(0.1, -0.2, 0.3);
     let body = &mut scene.vehicle.body;
@@ -168,8 +168,8 @@ fn drag_holds_in_the_frame_that_its_coefficients_were_given_for() {
     };
     // Forward motion crosses the drag frame's negative y axis.
     let state = State { twist: Vector6::new(1.5, 0.0, 0.0, 0.0, 0.0, 0.0), ..State::default() };
-    let balance = ClosedFormModel::new(&scene).unwrap();
-    let drag = balance.at(&state, Vector3::zeros()).damping()[0];
+    let model = ClosedFormModel::new(&scene).unwrap();
+    let drag = model.at(&state, Vector3::zeros()).damping()[0];
     let force = Vector3::new(-30.0 * 1.5 * 1.5, 0.0, 0.0);
     let moment = lever.cross(&force);
     assert!((drag - Vector6::new(force.x, 0.0, 0.0, moment.x, moment.y, moment.z)).norm() < 1e-12);

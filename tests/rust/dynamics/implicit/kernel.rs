@@ -12,7 +12,7 @@ use uvms_gym::system::{JOINTS, State, System, compile};
 
 use crate::random_scene::{Options, Random, random_scene, random_state};
 
-/// What acts in a comparison.
+/// Scene, state and loads of a comparison.
 struct Case {
     scene: Scene,
     state: State,
@@ -54,7 +54,7 @@ impl Case {
         loads
     }
 
-    /// `[V'; q'']` by the recursion, explicit where there is no step.
+    /// `[V'; q'']` by the recursion, explicit without a step.
     fn recursion(&self, h: Option<f64>) -> DVector<f64> {
         let system: System<Shared<f64>> = compile(&self.scene).system;
         let r = self.state.rotation;
@@ -85,9 +85,9 @@ impl Case {
     /// The same by dense matrices, without gravity.
     fn dense(&self, h: f64) -> DVector<f64> {
         let Self { scene, state, .. } = self;
-        let balance = ClosedFormModel::new(scene).unwrap();
+        let model = ClosedFormModel::new(scene).unwrap();
         let n = scene.joints().count();
-        let equations = balance.system.at(&state.twist, &state.q[..n], &state.qd[..n], &Vector3::zeros());
+        let equations = model.system.at(&state.twist, &state.q[..n], &state.qd[..n], &Vector3::zeros());
         let mut matrix = equations.mass_matrix.clone();
         let mut force = -equations.bias.clone();
         // Bodies in the order that they were composed in; an arm without a base has one without mass.
@@ -157,7 +157,7 @@ impl Case {
     }
 }
 
-/// Secants of drag, with bounds of lift and of full quadratic coefficients, in body frame.
+/// Secants of damping, with bounds of lift and of full quadratic coefficients, in body frame.
 fn drag_slope(body: &Body, twist: &Vector6<f64>) -> Matrix6<f64> {
     let to = Pose::from_frame(&body.hydrodynamic_frame).adjoint_inverse();
     let there = to * twist;
@@ -192,7 +192,7 @@ fn the_recursion_equals_the_dense_system() {
 }
 
 #[test]
-fn without_a_step_it_is_the_explicit_form() {
+fn zero_step_gives_the_explicit_form() {
     for seed in 0..150 {
         let case = Case::new(seed, true);
         let (a, b) = (case.recursion(Some(0.0)), case.recursion(None));
@@ -201,7 +201,7 @@ fn without_a_step_it_is_the_explicit_form() {
 }
 
 #[test]
-fn greater_steps_never_make_it_singular() {
+fn large_steps_keep_it_regular() {
     for seed in 0..50 {
         let mut case = Case::new(seed, true);
         case.state.twist *= 100.0;

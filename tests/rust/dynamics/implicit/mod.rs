@@ -1,4 +1,4 @@
-//! The linearly implicit method: its kernel against a dense twin, its order, and what it must survive.
+//! The linearly implicit method: its kernel against dense matrices, its order, and stiff cases.
 
 mod kernel;
 mod order;

@@ -39,7 +39,7 @@ fn order(scene: &Scene, start: &State, inputs: &Inputs) -> f64 {
 }
 
 #[test]
-fn the_order_is_two_on_a_tumbling_system_with_drag() {
+fn the_order_is_two_on_a_tumbling_system_with_damping() {
     for quadratic in [false, true] {
         let (scene, start) = tumbling(quadratic);
         let observed = order(&scene, &start, &Inputs::default());

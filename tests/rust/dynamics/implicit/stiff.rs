@@ -1,4 +1,4 @@
-//! What explicit methods do not survive: steps of 0.1 s against rates of up to 1e6 1/s.
+//! Stiff cases on which explicit methods fail: steps of 0.1 s against rates of up to 1e6 1/s.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use uvms_gym::batch::{Inputs, Precision, Simulator, SimulatorOptions};
@@ -28,7 +28,7 @@ fn states(scene: &Scene, integrator: &str, precision: Precision, start: &State, 
 }
 
 #[test]
-fn stiff_linear_drag_decays_at_every_step() {
+fn stiff_linear_damping_decays_at_every_step() {
     for rate in [1.0, 1e2, 1e4, 1e6] {
         for precision in [Precision::Double, Precision::Single] {
             let mut scene = body();
@@ -136,7 +136,7 @@ fn with_gains(name: &str, factor: f64) -> Scene {
     scene
 }
 
-/// How far joints and vehicle are from their targets in the end.
+/// Final distance of joints and vehicle from their targets.
 fn held(scene: &Scene, integrator: &str, steps: usize) -> f64 {
     let start = State { q: scene.home(), ..State::default() };
     let n = scene.joints().count();
@@ -223,7 +223,7 @@ fn a_stop_that_is_hit_at_speed_gives_no_energy() {
 }
 
 #[test]
-fn a_fast_tumble_is_cut_into_pieces_for_its_own_lane_alone() {
+fn a_fast_tumble_takes_substeps_in_its_own_lane_only() {
     let scene = body();
     let still = State::default();
     let fast = State { twist: Vector6::new(0.1, 0.0, 0.0, 12.0, 9.0, -14.0), ..State::default() };

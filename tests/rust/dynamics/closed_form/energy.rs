@@ -1,4 +1,4 @@
-//! Laws of the books: energy, momentum, power.
+//! Laws of energy, momentum and power.
 
 use nalgebra::{DVector, SVector, Vector1, Vector3, Vector6};
 use uvms_gym::description::Scene;
@@ -11,14 +11,14 @@ use crate::random_scene::random_state;
 
 const H: f64 = 1e-5;
 
-/// The rate of `book` along the motion of the system under `loads`.
+/// Rate of `quantity` along the motion of the system under `loads`.
 fn rate<const N: usize>(
-    balance: &ClosedFormModel,
+    model: &ClosedFormModel,
     state: &State,
     accelerations: &DVector<f64>,
-    book: impl Fn(&ClosedForm) -> SVector<f64, N>,
+    quantity: impl Fn(&ClosedForm) -> SVector<f64, N>,
 ) -> SVector<f64, N> {
-    let at = |dt| book(&balance.at(&advance(state, accelerations, dt), Vector3::zeros()));
+    let at = |dt| quantity(&model.at(&advance(state, accelerations, dt), Vector3::zeros()));
     (at(H) - at(-H)) / (2.0 * H)
 }
 
@@ -28,13 +28,13 @@ fn energy_changes_by_the_powers_put_in() {
     for (seed, mut scene) in scenes() {
         for held in [false, true] {
             scene.vehicle.fixed = held;
-            let balance = ClosedFormModel::new(&scene).unwrap();
+            let model = ClosedFormModel::new(&scene).unwrap();
             let state = random_state(seed, &scene);
             let push = Push::new(seed, &scene);
-            let form = balance.at(&state, Vector3::zeros());
+            let form = model.at(&state, Vector3::zeros());
             let accelerations = form.accelerations(&push.loads()).unwrap();
             let power = form.power(&push.loads()).unwrap();
-            let energy = rate(&balance, &state, &accelerations, |form| Vector1::new(form.energy().total()));
+            let energy = rate(&model, &state, &accelerations, |form| Vector1::new(form.energy().total()));
             let parts =
                 [power.damping, power.friction, power.end_stop, power.thrust, power.external, power.joint_command];
             let scale = 1.0 + parts.map(f64::abs).iter().sum::<f64>();
@@ -50,16 +50,16 @@ fn energy_changes_by_the_powers_put_in() {
 #[test]
 fn energy_balances_in_a_current_for_an_observer_who_drifts_with_it() {
     for (seed, scene) in scenes() {
-        let balance = ClosedFormModel::new(&scene).unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
         let state = random_state(seed, &scene);
         let push = Push::new(seed, &scene);
-        let accelerations = balance.at(&state, current()).accelerations(&push.loads()).unwrap();
+        let accelerations = model.at(&state, current()).accelerations(&push.loads()).unwrap();
         let energy = |dt| {
             let seen = relative_to_water(&advance(&state, &accelerations, dt), &current());
-            balance.at(&seen, Vector3::zeros()).energy().total()
+            model.at(&seen, Vector3::zeros()).energy().total()
         };
         let rate = (energy(H) - energy(-H)) / (2.0 * H);
-        let still = balance.at(&relative_to_water(&state, &current()), Vector3::zeros());
+        let still = model.at(&relative_to_water(&state, &current()), Vector3::zeros());
         let power = still.power(&push.loads()).unwrap().total();
         assert!((rate - power).abs() < 1e-7 * power.abs().max(100.0), "{seed}: {rate} {power}");
     }
@@ -68,9 +68,9 @@ fn energy_balances_in_a_current_for_an_observer_who_drifts_with_it() {
 #[test]
 fn kinetic_energy_is_half_the_mass_matrix_form() {
     for (seed, scene) in scenes() {
-        let balance = ClosedFormModel::new(&scene).unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
         let state = random_state(seed, &scene);
-        let form = balance.at(&state, Vector3::zeros());
+        let form = model.at(&state, Vector3::zeros());
         let nu = velocities(&state, form.joints());
         let energy = form.energy();
         let expected = 0.5 * nu.dot(&(form.mass_matrix() * &nu));
@@ -88,27 +88,27 @@ fn momentum_is_conserved_without_water() {
 }
 
 #[test]
-fn impulse_is_conserved_in_still_water_without_drag_and_gravity() {
+fn impulse_is_conserved_in_still_water_without_damping_and_gravity() {
     for (seed, scene) in scenes() {
         let scene = lossless(&scene);
         conserves(seed, &scene, |form| form.momentum().total(), |form| form.momentum().total_scale);
     }
 }
 
-/// Whatever the joints do.
+/// With any motion of the joints.
 fn conserves(
     seed: u64,
     scene: &Scene,
     momentum: impl Fn(&ClosedForm) -> Vector6<f64>,
     scale: impl Fn(&ClosedForm) -> [f64; 2],
 ) {
-    let balance = ClosedFormModel::new(scene).unwrap();
+    let model = ClosedFormModel::new(scene).unwrap();
     let state = random_state(seed, scene);
     let push = Push::new(seed, scene);
-    let form = balance.at(&state, Vector3::zeros());
+    let form = model.at(&state, Vector3::zeros());
     let loads = Loads { joint_command: &push.joint_command, ..Loads::default() };
     let accelerations = form.accelerations(&loads).unwrap();
-    let drift = rate(&balance, &state, &accelerations, &momentum);
+    let drift = rate(&model, &state, &accelerations, &momentum);
     let total = momentum(&form);
     for (part, scale) in scale(&form).into_iter().enumerate() {
         assert!(drift.fixed_rows::<3>(3 * part).norm() < 1e-8 * scale, "{seed}: {drift}");
@@ -120,31 +120,31 @@ fn conserves(
 #[test]
 fn momentum_changes_by_the_wrench_about_the_world_origin() {
     let scene = lossless(&scene(true));
-    let balance = ClosedFormModel::new(&scene).unwrap();
+    let model = ClosedFormModel::new(&scene).unwrap();
     let state = random_state(6, &scene);
     let push = Push::new(6, &scene);
-    let form = balance.at(&state, Vector3::zeros());
+    let form = model.at(&state, Vector3::zeros());
     let loads = Loads { thrust: &[], ..push.loads() };
     let accelerations = form.accelerations(&loads).unwrap();
-    let drift = rate(&balance, &state, &accelerations, |form| form.momentum().total());
+    let drift = rate(&model, &state, &accelerations, |form| form.momentum().total());
     let wrench: Vector6<f64> =
         form.body_poses().iter().zip(&push.external).map(|(pose, wrench)| pose.wrench_to_parent(wrench)).sum();
     assert!((drift - wrench).norm() < 1e-7 * wrench.norm());
 }
 
 #[test]
-fn books_of_the_water_go_by_the_twist_relative_to_it() {
+fn energy_and_impulse_of_the_water_depend_on_the_relative_twist() {
     for (seed, scene) in scenes() {
         let scene = lossless(&scene);
-        let balance = ClosedFormModel::new(&scene).unwrap();
+        let model = ClosedFormModel::new(&scene).unwrap();
         let state = random_state(seed, &scene);
-        let (flowing, seen) = (balance.at(&state, current()), relative_to_water(&state, &current()));
-        let still = balance.at(&seen, Vector3::zeros());
+        let (flowing, seen) = (model.at(&state, current()), relative_to_water(&state, &current()));
+        let still = model.at(&seen, Vector3::zeros());
         let energies = [flowing.energy().kinetic_added, still.energy().kinetic_added];
         assert!((energies[0] - energies[1]).abs() < 1e-13 * energies[1]);
         // Linear impulse is conserved in a current too; angular is not, the water's being left behind.
         let accelerations = flowing.accelerations(&Loads::default()).unwrap();
-        let impulse = |dt| balance.at(&advance(&state, &accelerations, dt), current()).momentum().total();
+        let impulse = |dt| model.at(&advance(&state, &accelerations, dt), current()).momentum().total();
         let drift = (impulse(H) - impulse(-H)) / (2.0 * H);
         assert!(drift.fixed_rows::<3>(0).norm() < 1e-8 * flowing.momentum().total_scale[0]);
     }
