@@ -75,6 +75,8 @@ def scenes() -> list[str]:
 def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units.
 
+    Tables that state axes = "ned" are converted to x forward, y left, z up.
+
     Raises SceneError, whose message names file, key and value.
     """
 
@@ -85,7 +87,7 @@ def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
     """A scene as TOML text, which reads back as an equal scene."""
 
 def lint_scene(scene: str | PathLike[str] | dict[str, Any]) -> list[str]:
-    """What is possible in a scene, but hardly meant: one line each, with key and numbers."""
+    """Warnings about implausible values of a valid scene: one line each, with key and numbers."""
 
 def scene_template() -> str:
     """TOML text of a scene with every key that there is, its unit and default in comments."""

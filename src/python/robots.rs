@@ -1,4 +1,4 @@
-//! Users' own robots: the template, doubts, estimates from shapes, arms from URDF.
+//! Users' own robots: template, plausibility warnings, estimates from shapes, arms from URDF.
 
 use std::path::PathBuf;
 
@@ -35,8 +35,8 @@ pub fn dump_scene(scene: &Bound<'_, PyAny>) -> PyResult<String> {
     Ok(read(scene)?.to_toml_string())
 }
 
-/// What is possible in a scene, but hardly meant: out of trim, buoyancy below weight, no added mass, thrusters that leave out
-/// an axis, drag that drives.
+/// Warnings about implausible values of a valid scene: out of trim, buoyancy below weight, no added mass, axes without
+/// thruster, damping that adds energy.
 ///
 /// Parameters
 /// ----------
@@ -46,7 +46,7 @@ pub fn dump_scene(scene: &Bound<'_, PyAny>) -> PyResult<String> {
 /// Returns
 /// -------
 /// list of str
-///     One line each: key, what is doubted, and the numbers.
+///     One line per warning: key, reason and numbers.
 ///
 /// Raises
 /// ------

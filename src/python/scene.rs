@@ -28,7 +28,7 @@ pub fn scenes() -> Vec<&'static str> {
 /// ----------
 /// scene : str, os.PathLike or dict
 ///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form. Vectors and matrices
-///     in a dict may be NumPy arrays.
+///     in a dict may be NumPy arrays. Tables that state `axes = "ned"` are in Fossen's body axes (z down) and are converted.
 ///
 /// Returns
 /// -------
