@@ -334,7 +334,6 @@ impl<L: Lane> SpatialInertia<L> {
     pub fn apply_across(&self, [cx, cy, dx, dy]: [L; 4], p: &mut Vector6<L>) {
         let (m, h, j) = (&self.m, &self.h, &self.j);
         let (f, t) = (&mut p.linear.0, &mut p.angular.0);
-        // sum + a x + b y
         #[inline(always)]
         fn plus<L: Lane>(sum: L, a: L, x: L, b: L, y: L) -> L {
             a.mul_add(x, b.mul_add(y, sum))
@@ -375,9 +374,7 @@ impl<L: Lane> SpatialInertia<L> {
     /// ```
     ///
     /// Two divisions, by the determinants, which run in parallel with the adjugates. Divisions take longest, and the six of an
-    /// `L D L^T` depend on each other.
-    ///
-    /// The determinants stay in the range of f32 for entries between 1e-12 and 1e12.
+    /// `L D L^T` depend on each other. The determinants stay in the range of f32 for entries from 1e-12 to 1e12.
     #[inline(always)]
     pub fn solve(&self, b: Vector6<L>) -> Vector6<L> {
         let (h, m) = (Matrix3(self.h), adjugate(&self.m));
