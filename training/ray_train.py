@@ -10,6 +10,7 @@ torch and Ray. RLlib keeps steps as Python objects, so RLlib, not the environmen
 """
 
 import argparse
+import importlib
 from typing import Any
 
 import gymnasium
@@ -40,6 +41,8 @@ class WithoutInfos(gymnasium.vector.VectorWrapper):
 
 def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv:
     """Make the vector environment of a runner."""
+    # Registers the environments in the processes of runners.
+    importlib.import_module("uvms_gym")
     return WithoutInfos(gymnasium.make_vec(ENV, num_envs=config["num_envs"], threads=1))
 
 

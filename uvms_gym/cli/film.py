@@ -1,8 +1,8 @@
 """Files of pictures: .mp4, .gif, .png."""
 
-from collections.abc import Callable, Generator
+from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,99 +10,54 @@ from PIL import Image
 
 Picture = NDArray[np.uint8]
 
-#: Suffixes of files, which select the format.
-SUFFIXES = (".mp4", ".gif", ".png")
 #: Greatest frame rate of a GIF, 1/s.
 _GIF_RATE = 25.0
 
 
-class Film(Protocol):
-    """A file of pictures."""
+def write_film(path: Path, pictures: Iterable[Picture], rate: float) -> None:
+    """Write pictures at `rate` per second as a video or an animation, or the last one, by the suffix of the file.
 
-    def add(self, picture: Picture) -> None:
-        """Append a picture."""
-
-    def close(self) -> None:
-        """Complete the file."""
-
-
-def film(path: Path, rate: float) -> Film:
-    """Open a file for pictures at `rate` per second, by its suffix."""
-    kinds: dict[str, Callable[[Path, float], Film]] = {".mp4": Mp4, ".gif": Gif, ".png": Png}
-    return kinds[path.suffix.lower()](path, rate)
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    {".mp4": _write_mp4, ".gif": _write_gif, ".png": _write_png}[path.suffix.lower()](path, iter(pictures), rate)
 
 
-class Mp4:
-    """A video (H.264), by imageio-ffmpeg."""
+def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
+    """H.264, by imageio-ffmpeg."""
+    import imageio_ffmpeg
 
-    def __init__(self, path: Path, rate: float) -> None:
-        self._path, self._rate = path, rate
-        self._writer: Generator[None, Any, None] | None = None
-
-    def add(self, picture: Picture) -> None:
-        """Append a picture."""
-        if self._writer is None:
-            import imageio_ffmpeg
-
-            height, width, _ = picture.shape
-            self._writer = imageio_ffmpeg.write_frames(
-                str(self._path),
-                (width, height),
-                fps=self._rate,
-                quality=8,
-                macro_block_size=2,
-                ffmpeg_log_level="error",
-            )
-            self._writer.send(None)
-        self._writer.send(np.ascontiguousarray(picture))
-
-    def close(self) -> None:
-        """Complete the file."""
-        if self._writer is not None:
-            self._writer.close()
+    first = next(pictures)
+    height, width, _ = first.shape
+    options = {"quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
+    writer = imageio_ffmpeg.write_frames(str(path), (width, height), fps=rate, **options)
+    writer.send(None)
+    try:
+        for picture in chain([first], pictures):
+            writer.send(np.ascontiguousarray(picture))
+    finally:
+        writer.close()
 
 
-class Gif:
-    """An animation, by Pillow: half the size, at most 25 pictures per second."""
-
-    def __init__(self, path: Path, rate: float) -> None:
-        self._path = path
-        self._every = max(1, round(rate / _GIF_RATE + 0.49))
-        self._duration = round(1000.0 * self._every / rate)
-        self._images: list[Image.Image] = []
-        self._count = 0
-
-    def add(self, picture: Picture) -> None:
-        """Append a picture."""
-        if self._count % self._every == 0:
+def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
+    """Half the size, at most 25 pictures per second, by Pillow."""
+    every = max(1, round(rate / _GIF_RATE + 0.49))
+    images = []
+    for count, picture in enumerate(pictures):
+        if count % every == 0:
             image = Image.fromarray(picture)
             image = image.resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS)
-            self._images.append(image.quantize(128, dither=Image.Dither.NONE))
-        self._count += 1
-
-    def close(self) -> None:
-        """Complete the file."""
-        if self._images:
-            first, *rest = self._images
-            first.save(self._path, save_all=True, append_images=rest, duration=self._duration, loop=0, optimize=True)
+            images.append(image.quantize(128, dither=Image.Dither.NONE))
+    duration = round(1000.0 * every / rate)
+    images[0].save(path, save_all=True, append_images=images[1:], duration=duration, loop=0, optimize=True)
 
 
-class Png:
-    """The last picture only, by Pillow."""
-
-    def __init__(self, path: Path, rate: float) -> None:
-        del rate
-        self._path = path
-        self._picture: Picture | None = None
-
-    def add(self, picture: Picture) -> None:
-        """Append a picture."""
-        self._picture = picture
-
-    def close(self) -> None:
-        """Complete the file."""
-        if self._picture is not None:
-            image = Image.fromarray(self._picture)
-            # A dithered palette is small and looks like full colour.
-            palette = image.quantize(256, Image.Quantize.MAXCOVERAGE)
-            image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(self._path, optimize=True)
+def _write_png(path: Path, pictures: Iterator[Picture], rate: float) -> None:
+    """The last picture, by Pillow."""
+    *_, last = pictures
+    image = Image.fromarray(last)
+    # A dithered palette is small and looks like full colour.
+    palette = image.quantize(256, Image.Quantize.MAXCOVERAGE)
+    image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)

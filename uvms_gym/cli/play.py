@@ -3,7 +3,7 @@
 import contextlib
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -90,7 +90,7 @@ def play(
                 for _ in _run(shown, control, seed, steps):
                     bar.advance(task)
             else:
-                _film(out, shown, control, seed, steps, lambda: bar.advance(task))
+                _film(out, shown, _run(shown, control, seed, steps), lambda: bar.advance(task))
         except OSError as error:
             raise fail(f"cannot write {out}: {error.strerror or error}") from None
     if shown.time < (steps - 0.5) * period:
@@ -159,20 +159,20 @@ def _run(env: gymnasium.Env[Any, Any], control: Controller, seed: int, steps: in
                 return
 
 
-def _film(out: Path, env: _Recorder, control: Controller, seed: int, steps: int, tick: Any) -> None:
-    from uvms_gym.cli.film import film
+def _film(out: Path, env: _Recorder, instants: Iterator[None], tick: Callable[[], None]) -> None:
+    """Write pictures of all instants; for a single picture render the last one only."""
+    from uvms_gym.cli.film import write_film
 
-    made = film(out, env.metadata["render_fps"])
-    moving = out.suffix.lower() != ".png"
-    try:
-        for _ in _run(env, control, seed, steps):
-            if moving:
-                made.add(env.render())
+    def pictures() -> Iterator[Any]:
+        for _ in instants:
             tick()
-        if not moving:
-            made.add(env.render())
-    finally:
-        made.close()
+            if suffix != ".png":
+                yield env.render()
+        if suffix == ".png":
+            yield env.render()
+
+    suffix = out.suffix.lower()
+    write_film(out, pictures(), env.metadata["render_fps"])
 
 
 def _need(*modules: str) -> None:

@@ -2,15 +2,16 @@
 
 import multiprocessing
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, contextmanager
-from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from uvms_gym import Simulator
-from uvms_gym.studies.speed.timing import Case, Floats, Tick, Times, calls_per_sample, interleave, summary, timed
+from uvms_gym.studies.speed.timing import Floats, Tick, Times, calls_per_sample, interleave, summary, timed
 
 #: Standard deviation of initial twists (m/s and rad/s), range of held thrusts (share of the limits), and step, s.
 TWIST, THRUST, DT = 0.1, 0.05, 0.01
@@ -115,19 +116,13 @@ def steps(settings: Sequence[Setting], repeats: int, tick: Tick) -> list[dict[st
         `instruction_set`, `bytes` per instance and `samples` of seconds: `Times`.
     """
     with ExitStack() as stack:
-        workers = {
-            name: stack.enter_context(worker(name, [s for s in settings if s.instruction_set == name]))
-            for name in dict.fromkeys(setting.instruction_set for setting in settings)
-            if name is not None
-        }
-        cases: dict[int, Any] = {}
-        counts = dict.fromkeys(workers, 0)
-        for k, setting in enumerate(settings):
-            if setting.instruction_set is None:
-                cases[k] = Stepping(setting)
-            else:
-                cases[k] = Remote(workers[setting.instruction_set], counts[setting.instruction_set])
-                counts[setting.instruction_set] += 1
+        cases: dict[int, Any] = {k: Stepping(s) for k, s in enumerate(settings) if s.instruction_set is None}
+        for name in dict.fromkeys(s.instruction_set for s in settings if s.instruction_set is not None):
+            chosen = {k: setting for k, setting in enumerate(settings) if setting.instruction_set == name}
+            pool = stack.enter_context(_worker(name))
+            facts = _result(pool, _prepare, list(chosen.values()))
+            cases |= {k: Remote(pool, index, facts[index]) for index, k in enumerate(chosen)}
+        cases = dict(sorted(cases.items()))
         samples = interleave(cases, repeats, tick)
         facts = [case.facts() for case in cases.values()]
     rows = []
@@ -142,82 +137,59 @@ def steps(settings: Sequence[Setting], repeats: int, tick: Tick) -> list[dict[st
 class Remote:
     """A case in a worker process."""
 
-    def __init__(self, connection: Connection, index: int) -> None:
-        self.connection, self.index = connection, index
-
-    def ask(self, what: str) -> Any:
-        """Result of a method of the worker's case."""
-        self.connection.send((self.index, what))
-        return _answer(self.connection)
+    def __init__(self, pool: ProcessPoolExecutor, index: int, facts: dict[str, Any]) -> None:
+        self._pool, self._index, self._facts = pool, index, facts
 
     def sample(self) -> Times:
-        """Time per step and instance, measured by the worker."""
-        return Times(*self.ask("sample"))
+        """Time per step and instance, measured and checked by the worker."""
+        times: Times = _result(self._pool, _sample, self._index)
+        return times
 
     def check(self) -> None:
         """Do nothing: the worker has checked."""
 
     def facts(self) -> dict[str, Any]:
         """Facts of the worker's case."""
-        return dict(self.ask("facts"))
+        return self._facts
 
 
 @contextmanager
-def worker(instruction_set: str, settings: Sequence[Setting]) -> Iterator[Connection]:
-    """Start a process with an instruction set, which a process selects once.
-
-    Raises
-    ------
-    ValueError
-        This machine lacks it.
-    """
-    context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there, list(settings)), daemon=True)
+def _worker(instruction_set: str) -> Iterator[ProcessPoolExecutor]:
+    """Start a process with an instruction set, which a process selects once."""
     before = os.environ.get("UVMS_INSTRUCTION_SET")
-    os.environ["UVMS_INSTRUCTION_SET"] = instruction_set
-    try:
-        process.start()
-    finally:
-        if before is None:
-            del os.environ["UVMS_INSTRUCTION_SET"]
-        else:
-            os.environ["UVMS_INSTRUCTION_SET"] = before
-    there.close()
-    try:
-        _answer(here)
-        yield here
-    finally:
-        here.close()
-        process.join()
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        os.environ["UVMS_INSTRUCTION_SET"] = instruction_set
+        try:
+            pool.submit(os.getpid).result()
+        finally:
+            if before is None:
+                del os.environ["UVMS_INSTRUCTION_SET"]
+            else:
+                os.environ["UVMS_INSTRUCTION_SET"] = before
+        yield pool
 
 
-def _serve(connection: Connection, settings: Sequence[Setting]) -> None:
-    """Answer requests until the connection closes."""
-    cases: list[Stepping] = []
-    try:
-        cases = [Stepping(setting) for setting in settings]
-        connection.send(("done", None))
-        while True:
-            index, what = connection.recv()
-            case: Case = cases[index]
-            result = getattr(case, what)()
-            case.check()
-            connection.send(("done", result))
-    except (EOFError, BrokenPipeError, KeyboardInterrupt):
-        return
-    except Exception as error:
-        connection.send(("failed", str(error)))
+#: Cases of a worker process.
+_cases: list[Stepping] = []
 
 
-def _answer(connection: Connection) -> Any:
+def _prepare(settings: Sequence[Setting]) -> list[dict[str, Any]]:
+    """Make the cases of this worker, and return their facts; ValueError where the instruction set is missing."""
+    _cases[:] = [Stepping(setting) for setting in settings]
+    return [case.facts() for case in _cases]
+
+
+def _sample(index: int) -> Times:
+    times = _cases[index].sample()
+    _cases[index].check()
+    return times
+
+
+def _result(pool: ProcessPoolExecutor, function: Callable[..., Any], argument: Any) -> Any:
     try:
-        outcome, result = connection.recv()
-    except EOFError:
-        outcome, result = "failed", "a measuring process exited"
-    if outcome == "failed":
-        raise ValueError(str(result))
-    return result
+        return pool.submit(function, argument).result()
+    except BrokenProcessPool:
+        raise ValueError("a measuring process exited") from None
 
 
 def parameter_costs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -34,7 +34,7 @@ class _OfBody(NamedTuple):
     name: str
     note: str
     has: Callable[[Table, Table], bool]
-    remove: Callable[[Table, Table], None]
+    remove: Callable[[Table, Table], object]
 
 
 class _OfJoint(NamedTuple):
@@ -43,7 +43,7 @@ class _OfJoint(NamedTuple):
     name: str
     note: str
     has: Callable[[Table], bool]
-    remove: Callable[[Table], None]
+    remove: Callable[[Table], object]
 
 
 def terms_of(scene: Table) -> list[Term]:
@@ -56,7 +56,8 @@ def terms_of(scene: Table) -> list[Term]:
     """
     terms = [_of_bodies(scene, group, kind) for group in _GROUPS for kind in _BODY_KINDS]
     terms += [_current(scene), *(_of_joints(scene, kind) for kind in _JOINT_KINDS)]
-    terms += [_arm_base(scene), _payload(scene), _fins(scene), _tether(scene), _thrusters(scene)]
+    terms += [_arm_base(scene), _payload(scene), _vehicle_part(scene, "fins", "at the scene's deflections")]
+    terms += [_vehicle_part(scene, "tether", "its weight and its damping"), _thrusters(scene)]
     removals = [term.remove for term in terms if term.remove is not None]
     if len(removals) > 1:
         terms.append(Term(ALL, True, lambda scene: [remove(scene) for remove in removals], "rigid bodies remain"))
@@ -100,25 +101,13 @@ def _matrix(values: Any) -> NDArray[np.float64]:
     return np.diag(given) if given.ndim == 1 else given
 
 
-def _has_added_mass(body: Table, water: Table) -> bool:
-    return bool(_matrix(body["added_mass"]).any())
-
-
-def _has_coupling(body: Table, water: Table) -> bool:
-    matrix = _matrix(body["added_mass"])
+def _is_coupled(matrix: NDArray[np.float64]) -> bool:
     return bool((matrix != np.diag(np.diag(matrix))).any())
 
 
-def _has_linear(body: Table, water: Table) -> bool:
-    return bool(_matrix(body["damping"]["linear"]).any())
-
-
-def _has_quadratic(body: Table, water: Table) -> bool:
-    return bool(_matrix(body["damping"]["quadratic"]).any())
-
-
 def _feels_flow(body: Table, water: Table) -> bool:
-    return _has_added_mass(body, water) or _has_linear(body, water) or _has_quadratic(body, water)
+    tables = (body["added_mass"], body["damping"]["linear"], body["damping"]["quadratic"])
+    return any(np.any(table) for table in tables)
 
 
 def _restores(body: Table, water: Table) -> bool:
@@ -131,25 +120,9 @@ def _restores(body: Table, water: Table) -> bool:
     return mass != displaced or bool((mass_moment != displaced * np.array(body["center_of_buoyancy"])).any())
 
 
-def _remove_added_mass(body: Table, water: Table) -> None:
-    body["added_mass"] = [0.0] * 6
-
-
-def _remove_coupling(body: Table, water: Table) -> None:
-    body["added_mass"] = np.diag(_matrix(body["added_mass"])).tolist()
-
-
-def _remove_linear(body: Table, water: Table) -> None:
-    body["damping"]["linear"] = [0.0] * 6
-
-
-def _remove_quadratic(body: Table, water: Table) -> None:
-    body["damping"]["quadratic"] = [0.0] * 6
-
-
 def _remove_flow(body: Table, water: Table) -> None:
-    for remove in (_remove_added_mass, _remove_linear, _remove_quadratic):
-        remove(body, water)
+    body["added_mass"] = [0.0] * 6
+    body["damping"].update(linear=[0.0] * 6, quadratic=[0.0] * 6)
 
 
 def _make_weightless(body: Table, water: Table) -> None:
@@ -167,17 +140,27 @@ _BODY_KINDS = (
     _OfBody(
         "added mass",
         "with its convective (Munk) part, which follows from the same matrix and cannot be removed alone",
-        _has_added_mass,
-        _remove_added_mass,
+        lambda body, water: bool(np.any(body["added_mass"])),
+        lambda body, water: body.update(added_mass=[0.0] * 6),
     ),
     _OfBody(
         "added mass, off-diagonal",
         "off-diagonal entries in the frame of the given coefficients",
-        _has_coupling,
-        _remove_coupling,
+        lambda body, water: _is_coupled(_matrix(body["added_mass"])),
+        lambda body, water: body.update(added_mass=np.diag(_matrix(body["added_mass"])).tolist()),
     ),
-    _OfBody("linear damping", "", _has_linear, _remove_linear),
-    _OfBody("quadratic damping", "", _has_quadratic, _remove_quadratic),
+    _OfBody(
+        "linear damping",
+        "",
+        lambda body, water: bool(np.any(body["damping"]["linear"])),
+        lambda body, water: body["damping"].update(linear=[0.0] * 6),
+    ),
+    _OfBody(
+        "quadratic damping",
+        "",
+        lambda body, water: bool(np.any(body["damping"]["quadratic"])),
+        lambda body, water: body["damping"].update(quadratic=[0.0] * 6),
+    ),
     _OfBody("added mass, damping", "all of the above at once", _feels_flow, _remove_flow),
     _OfBody(
         "weight, buoyancy",
@@ -263,21 +246,15 @@ def _arm_base(scene: Table) -> Term:
 
 
 def _payload(scene: Table) -> Term:
-    if not scene.get("payload"):
-        return Term("payload", False)
-    return Term("payload", True, lambda scene: scene.pop("payload", None), "its mass and its hydrodynamics")
+    edit = (lambda scene: scene.pop("payload", None)) if scene.get("payload") else None
+    return Term("payload", edit is not None, edit, "its mass and its hydrodynamics" if edit else "")
 
 
-def _fins(scene: Table) -> Term:
-    if not scene["vehicle"].get("fins") or scene["water"]["density"] == 0.0:
-        return Term("fins", False)
-    return Term("fins", True, lambda scene: scene["vehicle"].pop("fins", None), "at the scene's deflections")
-
-
-def _tether(scene: Table) -> Term:
-    if not scene["vehicle"].get("tether"):
-        return Term("tether", False)
-    return Term("tether", True, lambda scene: scene["vehicle"].pop("tether", None), "its weight and its damping")
+def _vehicle_part(scene: Table, key: str, note: str) -> Term:
+    dry = key == "fins" and scene["water"]["density"] == 0.0
+    if dry or not scene["vehicle"].get(key):
+        return Term(key, False)
+    return Term(key, True, lambda scene: scene["vehicle"].pop(key, None), note)
 
 
 _DYNAMICS = ("lag", "dead_band", "map", "ambient_flow")
