@@ -79,7 +79,7 @@ def test_equations_hold_in_fossens_form(scene: Any) -> None:
     inputs = random_inputs(s)
     a = s.forward_dynamics(**inputs)
     wrenches = s.body_wrenches(**some(inputs, WRENCHES))
-    F = sum(wrenches[name] for name in ("thrust", "fins", "tether", "external")).reshape(5, -1)
+    F = np.sum([wrenches[name] for name in ("thrust", "fins", "tether", "external")], axis=0).reshape(5, -1)
     command = s.joint_torques(**some(inputs, TORQUES))["command"]
     tau = np.einsum("nij,nj->ni", s.wrench_influence(), F) + np.einsum("nij,nj->ni", s.torque_influence(), command)
     v_c, a_c = (np.einsum("nji,nj->ni", s.rotation, v) for v in (s.current, s.current_acceleration))

@@ -79,27 +79,27 @@ print(s.instruction_set, digest.hexdigest())
 """
 
 
-def run_with_lanes(lanes: str) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | {"UVMS_INSTRUCTION_SET": lanes}
+def run_with_instruction_set(instruction_set: str) -> subprocess.CompletedProcess[str]:
+    environment = os.environ | {"UVMS_INSTRUCTION_SET": instruction_set}
     environment["PYTHONPATH"] = os.pathsep.join([os.path.dirname(__file__), os.environ.get("PYTHONPATH", "")])
     return subprocess.run([sys.executable, "-c", DIGEST], env=environment, capture_output=True, text=True)
 
 
 def test_the_width_of_lanes_makes_no_difference() -> None:
     digests = {}
-    for lanes in ("avx512", "avx2", "fma"):
-        result = run_with_lanes(lanes)
+    for instruction_set in ("avx512", "avx2", "fma"):
+        result = run_with_instruction_set(instruction_set)
         if result.returncode != 0:
             assert "this machine offers" in result.stderr
             continue
         used, digest = result.stdout.split()
-        assert used == lanes
-        digests[lanes] = digest
+        assert used == instruction_set
+        digests[instruction_set] = digest
     assert len(set(digests.values())) == 1, digests
 
 
 def test_unknown_lanes_are_refused() -> None:
-    result = run_with_lanes("mmx")
+    result = run_with_instruction_set("mmx")
     assert result.returncode == 1
     assert 'ValueError: UVMS_INSTRUCTION_SET="mmx": this machine offers' in result.stderr
 
@@ -229,7 +229,7 @@ def test_a_step_releases_the_gil_and_keeps_others_out() -> None:
 
 
 def test_the_digest_of_states_tells_them_apart() -> None:
-    """What the comparison of lanes rests on."""
+    """Assumption of the comparison of instruction sets."""
     a, b = moving("free-body", seed=0), moving("free-body", seed=1)
     digests = {hashlib.sha256(s.position.tobytes()).hexdigest() for s in (a, b)}
     assert len(digests) == 2
