@@ -1,6 +1,7 @@
 //! End-effector tracking by resolved motion, from observations alone.
 
 mod gains;
+mod model;
 mod predictor;
 #[cfg(test)]
 mod tests;
@@ -8,6 +9,7 @@ mod tests;
 use nalgebra::{SMatrix, Vector3, Vector6};
 
 pub use gains::{MAX_DELAY, ResolvedMotionGains};
+use model::{NominalModel, TrackingState};
 use predictor::Predictor;
 
 use super::controller::{Controller, Widths};
@@ -15,9 +17,9 @@ use super::gains::{GainMap, to_map};
 use super::indices::BlockIndices;
 use super::{ACTIONS, ActionMap, Actuation};
 use crate::description::{JointLimits, Scene};
-use crate::dynamics::{EquationsOfMotion, PassiveTorque, SerialChain, VELOCITIES, Velocities};
+use crate::dynamics::{EquationsOfMotion, VELOCITIES, Velocities};
 use crate::error::ControlError;
-use crate::system::{JOINTS, Joints};
+use crate::system::JOINTS;
 
 /// Share of its travel within which a joint near a limit loses mobility.
 const MARGIN: f64 = 0.15;
@@ -61,29 +63,12 @@ pub struct ResolvedMotion {
     gains: ResolvedMotionGains,
     actions: ActionMap,
     actuation: Actuation<f64>,
-    chain: SerialChain,
+    model: NominalModel,
     predictor: Option<Predictor>,
-    /// Control period, s.
-    period: f64,
     home: Vec<f64>,
     limits: Vec<Option<JointLimits>>,
     /// 1 for the vehicle's actuated axes, else 0.
     actuated: [f64; 6],
-}
-
-/// State of vehicle, arm and reference.
-#[derive(Debug, Clone, PartialEq)]
-struct TrackingState {
-    /// Pose error of the end effector, m and rad.
-    error: Vector6<f64>,
-    velocities: Velocities,
-    /// Direction against gravity, vehicle axes, as measured: of length 1 but for noise.
-    up: Vector3<f64>,
-    q: Joints,
-    /// Twist of the reference, end-effector axes.
-    reference: Vector6<f64>,
-    /// Its acceleration, m/s^2; the angular part is not observed.
-    acceleration: Vector6<f64>,
 }
 
 impl ResolvedMotion {
@@ -100,12 +85,12 @@ impl ResolvedMotion {
         period: f64,
     ) -> Result<Self, ControlError> {
         gains.check()?;
-        let chain = SerialChain::new(scene).map_err(|error| ControlError::Model(error.to_string()))?;
+        let model = NominalModel::new(scene, period)?;
         let actuated = actions.allocation().wrench_limits().map(|limit| f64::from(u8::from(limit > 0.0)));
         let (home, limits) = scene.joints().map(|joint| (joint.home, joint.limits.clone())).unzip();
         let predictor = gains.predicts().then(|| Predictor::new(&gains, scene, &actions, period));
         let actuation = Actuation::new(&actions);
-        Ok(Self { indices, gains, actions, actuation, chain, predictor, period, home, limits, actuated })
+        Ok(Self { indices, gains, actions, actuation, model, predictor, home, limits, actuated })
     }
 
     fn read(&self, observation: &[f32]) -> TrackingState {
@@ -128,16 +113,6 @@ impl ResolvedMotion {
             acceleration
         });
         TrackingState { error, velocities, up, q, reference, acceleration }
-    }
-
-    /// EquationsOfMotion of the equations of motion, and the joints' passive torques.
-    fn terms(&self, now: &TrackingState) -> (EquationsOfMotion, [PassiveTorque; JOINTS]) {
-        let mut passive = [PassiveTorque::default(); JOINTS];
-        for (k, passive) in passive.iter_mut().enumerate().take(self.home.len()) {
-            *passive = self.chain.passive(k, now.q[k], now.velocities[6 + k]);
-        }
-        let up = now.up.try_normalize(0.0).unwrap_or_else(Vector3::z);
-        (self.chain.at(&up, &now.q, &now.velocities), passive)
     }
 
     /// Commanded accelerations, for an integral of the pose error.
@@ -192,12 +167,13 @@ impl ResolvedMotion {
         let n = self.home.len();
         let mut now = self.read(observation);
         let (integral, memory) = memory.split_at_mut(if self.gains.integral_gain > 0.0 { 6 } else { 0 });
-        let estimate = self.predictor.as_ref().map(|predictor| (predictor, predictor.estimate(self, &mut now, memory)));
+        let estimate =
+            self.predictor.as_ref().map(|predictor| (predictor, predictor.estimate(&self.model, &mut now, memory)));
         let own;
         let (terms, passive) = match &estimate {
             Some((_, estimate)) => (&estimate.terms, &estimate.passive),
             None => {
-                own = self.terms(&now);
+                own = self.model.terms(&now);
                 (&own.0, &own.1)
             }
         };
@@ -210,7 +186,7 @@ impl ResolvedMotion {
                 effort[6 + k] -= passive[k].torque;
                 if estimate.is_some() {
                     // Implicit in the joint's damping: light joints come to rest well within a period.
-                    effort[6 + k] += self.period * self.joint_damping(&passive[k]) * acceleration[6 + k];
+                    effort[6 + k] += self.model.period * self.model.joint_damping(&passive[k]) * acceleration[6 + k];
                 }
             }
         }
@@ -230,18 +206,13 @@ impl ResolvedMotion {
                 || self.actions.torques().iter().enumerate().any(|(k, limit)| missed(6 + k, *limit));
             for (z, error) in integral.iter_mut().zip(&now.error) {
                 if !(saturated && *z * error > 0.0) {
-                    *z += self.period * error;
+                    *z += self.model.period * error;
                 }
             }
         }
         if let Some((predictor, estimate)) = &estimate {
-            predictor.remember(self, &now, &reached, estimate, memory);
+            predictor.remember(&self.model, &now, &reached, estimate, memory);
         }
-    }
-
-    /// Decrease of a joint's passive torque per rate, over a period.
-    fn joint_damping(&self, passive: &PassiveTorque) -> f64 {
-        passive.damping + self.period * passive.stiffness
     }
 
     /// Wrench and torques of an action within the actuators' limits.

@@ -2,7 +2,8 @@
 
 use nalgebra::{Cholesky, Const, Vector6};
 
-use super::{ResolvedMotion, ResolvedMotionGains, TrackingState};
+use super::gains::ResolvedMotionGains;
+use super::model::{NominalModel, TrackingState};
 use crate::control::ActionMap;
 use crate::description::Scene;
 use crate::dynamics::{EquationsOfMotion, MassMatrix, PassiveTorque, VELOCITIES, Velocities};
@@ -41,7 +42,7 @@ pub(super) struct Estimate {
     wrench: Vector6<f64>,
     /// nu- and the wrench at the next measurement, where they are predicted already.
     next: Option<(Velocities, Vector6<f64>)>,
-    /// EquationsOfMotion of the present equations of motion.
+    /// Present equations of motion.
     pub terms: EquationsOfMotion,
     /// Present passive torques of the joints.
     pub passive: [PassiveTorque; JOINTS],
@@ -86,7 +87,7 @@ impl Predictor {
     }
 
     /// Updates the estimate by a measurement, and predicts `now` from its instant to the present.
-    pub fn estimate(&self, of: &ResolvedMotion, now: &mut TrackingState, memory: &mut [f64]) -> Estimate {
+    pub fn estimate(&self, model: &NominalModel, now: &mut TrackingState, memory: &mut [f64]) -> Estimate {
         let size = self.size();
         let (count, memory) = memory.split_at_mut(1);
         let (predicted, memory) = memory.split_at_mut(size);
@@ -100,8 +101,8 @@ impl Predictor {
             for k in 0..size {
                 now.velocities[k] = predicted[k] + self.corrections[k][0] * innovation[k];
             }
-            let (terms, passive) = of.terms(now);
-            let effect = self.inertia(of, &terms, &passive) * innovation / of.period;
+            let (terms, passive) = model.terms(now);
+            let effect = self.inertia(model, &terms, &passive) * innovation / model.period;
             for k in 0..size {
                 let limit = self.greatest[k];
                 disturbance[k] = (disturbance[k] + self.corrections[k][1] * effect[k]).clamp(-limit, limit);
@@ -113,22 +114,27 @@ impl Predictor {
         let mut next = None;
         let past = periods.min(self.delay);
         for step in (0..past).rev() {
-            let (terms, passive) = known.take().unwrap_or_else(|| of.terms(now));
+            let (terms, passive) = known.take().unwrap_or_else(|| model.terms(now));
             let effort = padded(&efforts[step * size..][..size]);
-            self.advance(of, now, &terms, &passive, &effort, &mut wrench, &disturbance, step as f64 + 0.5);
+            self.advance(model, now, &terms, &passive, &effort, &mut wrench, &disturbance, step as f64 + 0.5);
             if step + 1 == past {
                 next = Some((now.velocities, wrench));
             }
         }
-        let (terms, passive) = known.unwrap_or_else(|| of.terms(now));
+        let (terms, passive) = known.unwrap_or_else(|| model.terms(now));
         Estimate { disturbance, wrench, next, moves: periods >= self.delay, terms, passive }
     }
 
     /// `M + T D`.
-    fn inertia(&self, of: &ResolvedMotion, terms: &EquationsOfMotion, passive: &[PassiveTorque; JOINTS]) -> MassMatrix {
+    fn inertia(
+        &self,
+        model: &NominalModel,
+        terms: &EquationsOfMotion,
+        passive: &[PassiveTorque; JOINTS],
+    ) -> MassMatrix {
         let mut inertia = terms.mass;
         for k in 0..self.joints {
-            inertia[(6 + k, 6 + k)] += of.period * of.joint_damping(&passive[k]);
+            inertia[(6 + k, 6 + k)] += model.period * model.joint_damping(&passive[k]);
         }
         inertia
     }
@@ -137,7 +143,7 @@ impl Predictor {
     #[expect(clippy::too_many_arguments, reason = "all of the model's state")]
     fn advance(
         &self,
-        of: &ResolvedMotion,
+        model: &NominalModel,
         now: &mut TrackingState,
         terms: &EquationsOfMotion,
         passive: &[PassiveTorque; JOINTS],
@@ -146,7 +152,7 @@ impl Predictor {
         disturbance: &Velocities,
         before: f64,
     ) {
-        let period = of.period;
+        let period = model.period;
         let mut net = effort + disturbance - terms.bias;
         for k in 0..6 {
             net[k] += (wrench[k] - effort[k]) * self.lag[1];
@@ -156,7 +162,7 @@ impl Predictor {
             net[6 + k] += passive[k].torque;
         }
         // Without a factor, which does not happen, velocities stay.
-        let factor: Option<Cholesky<f64, Const<VELOCITIES>>> = self.inertia(of, terms, passive).cholesky();
+        let factor: Option<Cholesky<f64, Const<VELOCITIES>>> = self.inertia(model, terms, passive).cholesky();
         let change = factor.map_or_else(Velocities::zeros, |factor| factor.solve(&net) * period);
         let mean = now.velocities + change * 0.5;
         now.velocities = (now.velocities + change).map(|x| x.clamp(-FASTEST, FASTEST));
@@ -179,7 +185,7 @@ impl Predictor {
     /// Stores the commanded effort, and the prediction of the next measurement.
     pub fn remember(
         &self,
-        of: &ResolvedMotion,
+        model: &NominalModel,
         now: &TrackingState,
         effort: &Velocities,
         estimate: &Estimate,
@@ -189,7 +195,7 @@ impl Predictor {
         let (predicted, wrench) = estimate.next.unwrap_or_else(|| {
             let (mut later, mut wrench) = (now.clone(), estimate.wrench);
             self.advance(
-                of,
+                model,
                 &mut later,
                 &estimate.terms,
                 &estimate.passive,

@@ -75,7 +75,7 @@ impl Plant {
     fn pass(&mut self, policy: &ResolvedMotion, effort: &Velocities, load: &Velocities) {
         let (now, dt) = (&mut self.now, PERIOD / f64::from(SUBSTEPS));
         for _ in 0..SUBSTEPS {
-            let (terms, passive) = policy.terms(now);
+            let (terms, passive) = policy.model.terms(now);
             let mut net = effort + load - terms.bias;
             (0..N).for_each(|k| net[6 + k] += passive[k].torque);
             now.velocities += terms.mass.cholesky().unwrap().solve(&net) * dt;
