@@ -35,9 +35,9 @@ def resident() -> int:
 def combinations() -> list[tuple[str, str, str, str]]:
     """All that can be made: id, scene, action, disturbance."""
     ids = sorted(name for name in gymnasium.registry if name.startswith("UVMS-"))
-    levels = list(uvms_gym.disturbances())
+    levels = list(uvms_gym.disturbance_levels())
     found = []
-    for env_id, scene, action in itertools.product(ids, uvms_gym.scenes(), ACTIONS):
+    for env_id, scene, action in itertools.product(ids, uvms_gym.scene_names(), ACTIONS):
         try:
             gymnasium.make_vec(env_id, num_envs=1, scene=scene, action=action).close()
         except ValueError:

@@ -6,7 +6,7 @@ envs = OwnTasks(gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=64))
 venv = NativeVecEnv(OwnTasks(gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=64, autoreset_mode="Disabled")))
 ```
 
-`unwrapped.simulator` is a copy of the true state, one row per instance, and `info` has the shipped reward's terms. Both
+`unwrapped.snapshot()` is a copy of the true state, one row per instance, and `info` has the shipped reward's terms. Both
 functions below take many instances or one. To wrap a native vector environment mind the ends of episodes: with
 `SameStep` the simulator has gone on to the next episode when the step returns, so take `NextStep` or `Disabled`.
 """
@@ -57,12 +57,12 @@ class OwnTask(gymnasium.Wrapper, RecordConstructorArgs):
     def reset(self, **kwargs: Any) -> tuple[np.ndarray, dict[str, Any]]:
         """Start an episode."""
         _, info = self.env.reset(**kwargs)
-        return look(self.unwrapped.simulator)[0], info
+        return look(self.unwrapped.snapshot())[0], info
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """One control period."""
         _, _, terminated, truncated, info = self.env.step(action)
-        simulator = self.unwrapped.simulator
+        simulator = self.unwrapped.snapshot()
         return look(simulator)[0], float(judge(simulator, info)[0]), terminated, truncated, info
 
 
@@ -83,12 +83,12 @@ class OwnTasks(gymnasium.vector.VectorWrapper):
         _, infos = self.env.reset(**kwargs)
         mask = (kwargs.get("options") or {}).get("reset_mask")
         self._over[slice(None) if mask is None else mask] = False
-        return look(self.unwrapped.simulator), infos
+        return look(self.unwrapped.snapshot()), infos
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """One control period."""
         _, _, terminated, truncated, infos = self.env.step(actions)
-        simulator = self.unwrapped.simulator
+        simulator = self.unwrapped.snapshot()
         rewards = judge(simulator, infos)
         # With NextStep these have just started an episode.
         rewards[self._over] = 0.0

@@ -14,8 +14,8 @@ from uvms_gym._core import (
     integrators,
     lint_scene,
     load_scene,
+    scene_names,
     scene_template,
-    scenes,
 )
 from uvms_gym.controllers import (
     DOB,
@@ -30,7 +30,7 @@ from uvms_gym.controllers import (
     StateWarning,
 )
 from uvms_gym.controllers.registry import make_controller
-from uvms_gym.disturbances import disturbances
+from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
 from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
@@ -52,7 +52,7 @@ __all__ = [
     "StateWarning",
     "StepWarning",
     "__version__",
-    "disturbances",
+    "disturbance_levels",
     "dump_scene",
     "estimate",
     "import_urdf",
@@ -60,8 +60,8 @@ __all__ = [
     "lint_scene",
     "load_scene",
     "make_controller",
+    "scene_names",
     "scene_template",
-    "scenes",
 ]
 
 register_envs()

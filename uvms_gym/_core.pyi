@@ -18,7 +18,7 @@ __all__ = [
     "StepWarning",
     "Task",
     "__version__",
-    "disturbances",
+    "disturbance_levels",
     "dump_scene",
     "estimate",
     "gain_names",
@@ -26,8 +26,8 @@ __all__ = [
     "integrators",
     "lint_scene",
     "load_scene",
+    "scene_names",
     "scene_template",
-    "scenes",
     "task_defaults",
     "tasks",
 ]
@@ -69,7 +69,7 @@ def tasks() -> list[tuple[str, str]]:
 def task_defaults(task: str) -> dict[str, Any]:
     """Default options of the task of that name, as plain values."""
 
-def scenes() -> list[str]:
+def scene_names() -> list[str]:
     """Names of the scenes that come with the package."""
 
 def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
@@ -80,8 +80,8 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
     Raises SceneError, whose message names file, key and value.
     """
 
-def disturbances() -> list[tuple[str, str, str]]:
-    """Levels of disturbances: name, a sentence for people, and the components as JSON."""
+def disturbance_levels() -> list[tuple[str, str, str]]:
+    """Levels of disturbances: name, description, and the components as JSON."""
 
 def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
     """A scene as TOML text, which reads back as an equal scene."""
@@ -469,12 +469,17 @@ class Renderer:
 class _Block(TypedDict):
     name: str
     offset: int
-    scale: list[float]
-    bound: list[float]
+    length: int
+    scale: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
     unit: str
     description: str
 
 _Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
+_StepArrays: TypeAlias = tuple[
+    NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]
+]
 
 @final
 class Task:
@@ -514,9 +519,8 @@ class Task:
     def scene(self) -> dict[str, Any]:
         """The complete scene, as `load_scene` gives it."""
 
-    @property
-    def simulator(self) -> Simulator:
-        """A copy of the physics as it stands: the true state, and a simulator to look ahead with."""
+    def snapshot(self) -> Simulator:
+        """Simulator with a copy of the current state."""
 
     @property
     def observation_bound(self) -> NDArray[np.float32]:
@@ -524,66 +528,58 @@ class Task:
 
     @property
     def layout(self) -> list[_Block]:
-        """Blocks of an observation, each with name, offset, scale, bound, unit and description."""
+        """Blocks of an observation."""
 
     @property
-    def action_layout(self) -> list[tuple[str, list[float], str]]:
-        """Entries of an action, each with name, what -1 and +1 ask for, and unit."""
+    def action_layout(self) -> list[_Block]:
+        """Entries of an action, one block each."""
+
+    @property
+    def privileged_layout(self) -> list[_Block]:
+        """Parts of a row of `privileged`."""
 
     def privileged(self) -> NDArray[np.float64]:
-        """What observations do not tell: true state, flow, parameters and target, (N, m)."""
-
-    @property
-    def privileged_layout(self) -> list[tuple[str, int]]:
-        """Names and lengths of the parts of a row of `privileged`."""
+        """Privileged information: true state, flow, parameters and target, (N, m)."""
 
     def reset(
-        self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: ArrayLike
+        self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes: of all instances, or of those that `mask` picks; observations (N, d), measures (k, N).
+        """Start episodes of all instances, or of those in `mask`; observations (N, d), metrics (k, N).
 
-        Keywords give what is not to be drawn, one row for all or (N, .).
+        Keywords give parts of the start, one row for all or (N, .), that are drawn otherwise.
         """
 
-    def step(
-        self, actions: NDArray[np.float32]
-    ) -> tuple[
-        NDArray[np.float32],
-        NDArray[np.float64],
-        NDArray[np.bool_],
-        NDArray[np.bool_],
-        NDArray[np.float64],
-        _Finals | None,
-    ]:
+    def step(self, actions: NDArray[np.float32], out: _StepArrays) -> _Finals | None:
         """One control period of all instances under `actions` (N, a).
 
-        Gives observations, rewards, terminated, truncated, measures (k, N), and of episodes that ended and were
-        replaced the instances, last observations, last measures (k, k) and what these did not tell (k, m).
+        Writes observations (N, d), rewards, terminated and truncated (N,), and metrics (k, N) to `out`. Returns the
+        ends of e episodes that were replaced: instances (e,), last observations (e, d), metrics (k, e) and privileged
+        information (e, m).
         """
 
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
-        """One control period of the one instance that there is, under `action` (a,).
+        """One control period of a single instance under `action` (a,).
 
-        Gives observation (d,), reward, terminated, truncated and measures by name. TypeError for anything but a float32
-        array of that shape; nothing has changed then.
+        Returns observation (d,), reward, terminated, truncated and metrics by name. TypeError for anything but a
+        float32 array of that shape; nothing has changed then.
         """
 
     def episodes(self) -> dict[str, NDArray[Any]]:
-        """What the episodes drew, and how far they are.
+        """Drawn parts and progress of the episodes.
 
         seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
         (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
 
     def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
-        """What disturbances will come to in the next `steps` control periods of instance `i`.
+        """Disturbance of instance `i` over the next `steps` control periods, for a vehicle that stays in place.
 
-        For a vehicle that stays where it is: time (T,), current and acceleration (T, 3), wrench (T, 6), gains
+        time (T,), current and acceleration (T, 3), wrench (T, 6), gains
         (T, thrusters) and payload (T,).
         """
 
     def paths(self, count: int) -> NDArray[np.float64]:
-        """(N, count, 3) places all along the paths of the end effectors; count is 0 for tasks without."""
+        """(N, count, 3) points along the reference paths of the end effectors; count is 0 for tasks without a path."""
     def controller(self, kind: str, gains: dict[str, float | list[float] | None]) -> Controller:
         """A classical controller by its kind and its gains; defaults where a gain is None or missing."""
 

@@ -1,26 +1,26 @@
-"""Disturbances by name."""
+"""Named levels of disturbances."""
 
 import json
 from typing import Any, NamedTuple
 
-from uvms_gym._core import disturbances as _levels
+from uvms_gym._core import disturbance_levels as _levels
 
 
 class Level(NamedTuple):
-    """A named disturbance.
+    """Named level of disturbances.
 
     Attributes
     ----------
     description : str
         One sentence.
     components : dict
-        What `disturbance=` of an environment takes in place of the name.
+        Components by name, as an environment's option `disturbance` takes them.
     """
 
     description: str
     components: dict[str, Any]
 
 
-def disturbances() -> dict[str, Level]:
-    """Levels of disturbances by name, mild to wild; those with "-hard" are to be held out for evaluation."""
+def disturbance_levels() -> dict[str, Level]:
+    """Levels of disturbances by name, from mild to strong; hold out those with "-hard" for evaluation."""
     return {name: Level(description, json.loads(components)) for name, description, components in _levels()}

@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym._task.base import INFO
 from uvms_gym.controllers import Controller
-from uvms_gym.envs._base import INFO, TaskVectorEnv
+from uvms_gym.envs.base import TaskVectorEnv
 
 Floats = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-import uvms_gym
+from uvms_gym._core import Simulator
 
 _FINAL = ("final_obs", "final_info")
 
@@ -65,9 +65,9 @@ class NativeVecEnv(VecEnv):
     `DummyVecEnv` of single environments in a `Monitor`, bit for bit. Other instances' infos are empty dicts of their
     own; the measures of all instances are in `infos`, as arrays.
 
-    Attributes and methods of single instances: `set_attr` sets one beside the environment, which `get_attr` then finds
-    first, as `DummyVecEnv` does with the outermost wrapper. `get_attr` gives `simulator` and `episode` of the instance
-    alone, its own spaces, and otherwise what the vector environment has. `env_method` knows `reset`, `render`,
+    Attributes and methods of single instances: `set_attr` sets an attribute beside the environment, which `get_attr`
+    finds first, as `DummyVecEnv` does with the outermost wrapper. `get_attr` gives `episode` of the instance alone, its
+    own spaces, and otherwise the vector environment's attributes. `env_method` calls `reset`, `render`, `snapshot`,
     `get_state` and `set_state`.
 
     Parameters
@@ -203,18 +203,18 @@ class NativeVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call `reset`, `render`, `get_state` or `set_state` of each of the instances.
+        """Call `reset`, `render`, `snapshot`, `get_state` or `set_state` of each of the instances.
 
         Raises
         ------
         AttributeError
-            There is no such method of one instance.
+            Any other method.
         """
         method = getattr(self, f"_{method_name}_of", None)
         if method is None:
             raise AttributeError(
-                f"{method_name!r} is no method of a single instance: those are 'reset', 'render', 'get_state' and "
-                "'set_state'; methods of all instances together are called on `envs`"
+                f"{method_name!r} cannot be called on single instances; possible: 'reset', 'render', 'snapshot', "
+                "'get_state' and 'set_state'. Call methods of all instances together on `envs`."
             )
         return cast(
             list[Any],
@@ -273,11 +273,6 @@ class NativeVecEnv(VecEnv):
             return {key: entry for key, entry in value.items() if key != "autoreset_mode"}
         if name == "episode":
             return {key: rows[i : i + 1] for key, rows in value.items()}
-        if isinstance(value, uvms_gym.Simulator):
-            (scene, _), options = value.__getnewargs_ex__()
-            one = uvms_gym.Simulator(scene, 1, **options)
-            one.__setstate__(value.__getstate__()[i : i + 1])
-            return one
         return value
 
     def _reset_of(
@@ -290,6 +285,17 @@ class NativeVecEnv(VecEnv):
     def _render_of(self, indices: list[int]) -> list[Any]:
         pictures = cast(Any, self.envs.render())
         return [None if pictures is None else pictures[i] for i in indices]
+
+    def _snapshot_of(self, indices: list[int]) -> list[Simulator]:
+        whole = cast(Any, self.envs.unwrapped).snapshot()
+        (scene, _), options = whole.__getnewargs_ex__()
+        state = whole.__getstate__()
+        snapshots = []
+        for i in indices:
+            one = Simulator(scene, 1, **options)
+            one.__setstate__(state[i : i + 1])
+            snapshots.append(one)
+        return snapshots
 
     def _get_state_of(self, indices: list[int]) -> list[dict[str, NDArray[Any]]]:
         state = cast(Any, self.envs.unwrapped).get_state()

@@ -38,6 +38,8 @@ pub struct ActionRange {
     pub limits: [f64; 2],
     /// N or N m.
     pub unit: &'static str,
+    /// Quantity and axes.
+    pub description: &'static str,
 }
 
 /// Map between actions and the thrusts and joint torques of one vehicle, in both directions.
@@ -96,10 +98,16 @@ impl ActionMap {
                     name: (*name).to_owned(),
                     limits: [-limit, limit],
                     unit: if k < 3 { "N" } else { "N m" },
+                    description: "wrench on the vehicle, body axes",
                 })
                 .collect(),
             ActionKind::Thrusters => (names.into_iter().take(self.allocation.count()).enumerate())
-                .map(|(i, name)| ActionRange { name: name.to_owned(), limits: self.allocation.limits(i), unit: "N" })
+                .map(|(i, name)| ActionRange {
+                    name: name.to_owned(),
+                    limits: self.allocation.limits(i),
+                    unit: "N",
+                    description: "thrust",
+                })
                 .collect(),
         }
     }

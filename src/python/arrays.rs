@@ -1,7 +1,7 @@
 //! Array arguments in, fresh arrays out.
 
-use numpy::ndarray::{ArrayD, IxDyn};
-use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::ndarray::{Array2, ArrayD, IxDyn};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -13,10 +13,25 @@ pub type Given<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 /// A fresh array.
 pub type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
 
+/// A one-dimensional array.
+pub type Row<'py, T> = Bound<'py, PyArray1<T>>;
+
+/// A two-dimensional array.
+pub type Rows<'py, T> = Bound<'py, PyArray2<T>>;
+
 /// An array of `shape` from its numbers by rows.
 pub fn array<'py>(py: Python<'py>, shape: &[usize], numbers: Vec<f64>) -> PyResult<Array<'py>> {
     let array = ArrayD::from_shape_vec(IxDyn(shape), numbers).map_err(|e| PyValueError::new_err(e.to_string()))?;
     Ok(array.into_pyarray(py))
+}
+
+/// A fresh (count, .) array from its entries by rows.
+pub fn matrix<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
+    let width = flat.len() / count.max(1);
+    match Array2::from_shape_vec((count, width), flat) {
+        Ok(array) => Ok(array.into_pyarray(py)),
+        Err(error) => Err(PyValueError::new_err(error.to_string())),
+    }
 }
 
 /// Shape and numbers by rows of anything that NumPy takes for an array of real numbers.

@@ -8,8 +8,10 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
+use super::arrays::{Rows, matrix};
+use super::choices::{name_of, one_of};
 use super::errors::OrRaise;
-use super::task::{Rows, Task, name_of, one_of, rows};
+use super::task::Task;
 use uvms_gym::control::{
     self, Activation, GainMap, Layer, Network, Normalisation, Output, PolicySpec, Residual, gain_value,
 };
@@ -80,7 +82,7 @@ impl Controller {
         let mut memory: Vec<f64> = memory.as_array().iter().copied().collect();
         let mut actions = vec![0.0; n * a];
         py.detach(|| self.inner.act(&observations, &mut memory, &mut actions)).or_raise()?;
-        Ok((rows(py, actions, n)?, rows(py, memory, n)?))
+        Ok((matrix(py, actions, n)?, matrix(py, memory, n)?))
     }
 }
 

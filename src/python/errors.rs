@@ -1,4 +1,4 @@
-//! Errors as Python exceptions.
+//! Library errors as Python exceptions.
 
 use pyo3::create_exception;
 use pyo3::exceptions::{PyUserWarning, PyValueError};
@@ -12,24 +12,24 @@ create_exception!(
     uvms_gym,
     SceneError,
     PyValueError,
-    "A scene that cannot be read, or that no physical system can have. The message names the file, the key and the value."
+    "Unreadable or physically impossible scene. The message names the file, the key and the value."
 );
 
 create_exception!(
     uvms_gym,
     StepWarning,
     PyUserWarning,
-    "A step that is too large for the scene: its result is wrong, or not even finite. The message names the rate, what moves \
-     that fast, and the step that suits it."
+    "Step too large for the scene: its result is inaccurate or not finite. The message names the rate, the mode of motion, \
+     and a suitable step."
 );
 
-/// An error of the library on its way to Python.
+/// Conversion of a library error to a Python exception.
 pub trait IntoPyErr {
-    /// The exception that Python users see.
+    /// The Python exception.
     fn into_py_err(self) -> PyErr;
 }
 
-/// Results of the library as results of the Python module.
+/// Conversion of a library result to a Python result.
 pub trait OrRaise<T> {
     /// The value, or the exception.
     fn or_raise(self) -> PyResult<T>;
@@ -58,4 +58,20 @@ macro_rules! value_errors {
     )*};
 }
 
-value_errors!(DynamicsError, ControlError, PolicyError, RenderError, SimulatorError, TaskError);
+value_errors!(DynamicsError, ControlError, PolicyError, RenderError, SimulatorError);
+
+/// Calls out of order raise Gymnasium's `ResetNeeded`, all other errors a `ValueError`.
+impl IntoPyErr for TaskError {
+    fn into_py_err(self) -> PyErr {
+        if !matches!(self, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
+            return PyValueError::new_err(self.to_string());
+        }
+        Python::attach(|py| {
+            let class = py.import("gymnasium.error").and_then(|module| module.getattr("ResetNeeded"));
+            match class.and_then(|class| class.call1((self.to_string(),))) {
+                Ok(raised) => PyErr::from_value(raised),
+                Err(error) => error,
+            }
+        })
+    }
+}

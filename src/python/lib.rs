@@ -1,12 +1,14 @@
 //! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
 
 mod arrays;
+mod choices;
 mod controllers;
 mod disturbance;
 mod equations;
 mod errors;
 mod inputs;
 mod integrators;
+mod layout;
 mod linearize;
 mod model;
 mod motion;
@@ -18,6 +20,7 @@ mod rollout;
 mod scene;
 mod simulator;
 mod stability;
+mod starts;
 mod state;
 mod task;
 
@@ -29,7 +32,7 @@ mod core {
     #[pymodule_export]
     use super::controllers::{Controller, Mlp, gain_names};
     #[pymodule_export]
-    use super::disturbance::disturbances;
+    use super::disturbance::disturbance_levels;
     #[pymodule_export]
     use super::errors::{SceneError, StepWarning};
     #[pymodule_export]
@@ -41,7 +44,7 @@ mod core {
     #[pymodule_export]
     use super::rollout::Rollout;
     #[pymodule_export]
-    use super::scene::{load_scene, scenes};
+    use super::scene::{load_scene, scene_names};
     #[pymodule_export]
     use super::simulator::Simulator;
     #[pymodule_export]

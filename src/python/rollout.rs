@@ -7,10 +7,11 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
+use super::arrays::{Row, Rows, matrix};
 use super::controllers::Controller;
 use super::errors::OrRaise;
 use super::stability::warn;
-use super::task::{Row, Rows, Task, refused, rows};
+use super::task::Task;
 use uvms_gym::batch::{self, RolloutStats};
 use uvms_gym::control;
 use uvms_gym::task::INFO;
@@ -76,10 +77,10 @@ impl Rollout {
         for trace in self.rollout.traces() {
             let (steps, entry) = (trace.rewards.len(), PyDict::new(py));
             entry.set_item("instance", trace.instance)?;
-            entry.set_item("observations", rows(py, trace.observations.clone(), steps)?)?;
-            entry.set_item("actions", rows(py, trace.actions.clone(), steps)?)?;
+            entry.set_item("observations", matrix(py, trace.observations.clone(), steps)?)?;
+            entry.set_item("actions", matrix(py, trace.actions.clone(), steps)?)?;
             entry.set_item("rewards", PyArray1::from_slice(py, &trace.rewards))?;
-            entry.set_item("info", rows(py, trace.info.clone(), steps)?)?;
+            entry.set_item("info", matrix(py, trace.info.clone(), steps)?)?;
             traces.append(entry)?;
         }
         Ok(traces)
@@ -123,7 +124,7 @@ impl Task {
         if let Some(unstable) = batch.warn_of_step() {
             warn(py, &unstable.to_string())?;
         }
-        py.detach(|| batch.run(&**policy, rollout, steps)).map_err(refused)?;
+        py.detach(|| batch.run(&**policy, rollout, steps)).or_raise()?;
         if let Some(stray) = batch.warn_of_motion() {
             warn(py, &stray.to_string())?;
         }

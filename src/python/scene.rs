@@ -18,7 +18,7 @@ const DEPTH: usize = 32;
 
 /// Names of the scenes that come with the package.
 #[pyfunction]
-pub fn scenes() -> Vec<&'static str> {
+pub fn scene_names() -> Vec<&'static str> {
     Scene::shipped_names()
 }
 
@@ -27,7 +27,7 @@ pub fn scenes() -> Vec<&'static str> {
 /// Parameters
 /// ----------
 /// scene : str, os.PathLike or dict
-///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form. Vectors and matrices
+///     Name of a shipped scene (see `scene_names`), path of a TOML file, or a dict of the same form. Vectors and matrices
 ///     in a dict may be NumPy arrays. Tables that state `axes = "ned"` are in Fossen's body axes (z down) and are converted.
 ///
 /// Returns

@@ -1,45 +1,39 @@
 //! `_core.Task`.
 
 use numpy::ndarray::{Array1, Array2, Dimension};
-use numpy::{IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyList, PyString, PyTuple};
+use pyo3::types::{PyDict, PyString, PyTuple};
 
-use super::arrays;
-use super::disturbance::set_starts;
-use super::errors::{IntoPyErr, OrRaise};
-use super::outputs::{Past, Sheets};
+use super::arrays::{self, Row, Rows, matrix};
+use super::choices::{name_of, one_of};
+use super::errors::OrRaise;
+use super::outputs::StepArrays;
 use super::scene;
 use super::simulator::Simulator;
 use super::stability::warn;
+use super::starts;
 use uvms_gym::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
 use uvms_gym::error::TaskError;
-use uvms_gym::task::{INFO, METRICS, Metrics, StartOverride, TASKS, TaskOptions, privileged_layout};
+use uvms_gym::task::{INFO, METRICS, Metrics, TASKS, TaskOptions};
 
 const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
     [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
 
-pub(super) type Rows<'py, T> = Bound<'py, PyArray2<T>>;
-pub(super) type Row<'py, T> = Bound<'py, PyArray1<T>>;
-/// Instances, their last observations, their last measures (k, k), what these did not tell (k, m).
+/// Ends of e episodes: instances (e,), last observations (e, d), last metrics (k, e), last privileged information (e, m).
 type Finals<'py> = (Row<'py, i64>, Rows<'py, f32>, Rows<'py, f64>, Rows<'py, f64>);
-/// Observations, rewards, terminated, truncated, measures (k, N), ends of episodes.
-type StepResult<'py> =
-    (Rows<'py, f32>, Row<'py, f64>, Row<'py, bool>, Row<'py, bool>, Rows<'py, f64>, Option<Finals<'py>>);
-
-/// Observation, reward, terminated, truncated, measures.
+/// Observation, reward, terminated, truncated, metrics.
 type OneStep<'py> = (Row<'py, f32>, f64, bool, bool, Bound<'py, PyDict>);
 
-/// A batch of episodes of a task: physics, observations, rewards and resets in one call.
+/// Batch of episodes of a task: physics, observations, rewards and resets in one call.
 ///
 /// The environments in `uvms_gym.envs` wrap it and document its arguments.
 #[pyclass(module = "uvms_gym._core")]
 pub struct Task {
     pub(super) batch: TaskBatch,
-    past: Past,
     info: InfoForm,
 }
 
@@ -63,7 +57,7 @@ pub fn task_defaults<'py>(py: Python<'py>, task: &str) -> PyResult<Bound<'py, Py
 
 #[pymethods]
 impl Task {
-    /// Names of the measures, in the order of the rows of `info`.
+    /// Names of the metrics, in the order of the rows of `info`.
     #[classattr]
     const INFO: [&'static str; METRICS] = Metrics::NAMES;
 
@@ -95,7 +89,7 @@ impl Task {
         };
         let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps).or_raise()?;
         let info = InfoForm::new(py, batch.task().metric_names())?;
-        Ok(Self { batch, past: Past::default(), info })
+        Ok(Self { batch, info })
     }
 
     /// Names of the metrics, in the order of the rows of `info`.
@@ -122,9 +116,8 @@ impl Task {
         scene::to_python(self.batch.simulator().scene(), py)
     }
 
-    /// A copy of the physics as it stands: the true state, and a simulator to look ahead with.
-    #[getter]
-    fn simulator(&self) -> Simulator {
+    /// Simulator with a copy of the current state.
+    fn snapshot(&self) -> Simulator {
         Simulator { inner: self.batch.simulator().clone() }
     }
 
@@ -134,42 +127,13 @@ impl Task {
         PyArray1::from_slice(py, self.batch.task().layout().bound())
     }
 
-    /// Blocks of an observation, each with name, offset, scale, bound, unit and description.
-    #[getter]
-    fn layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
-        let blocks = PyList::empty(py);
-        for block in self.batch.task().layout().blocks() {
-            let entry = PyDict::new(py);
-            entry.set_item("name", block.name)?;
-            entry.set_item("offset", block.offset)?;
-            entry.set_item("scale", block.scale.clone())?;
-            entry.set_item("bound", block.bound.clone())?;
-            entry.set_item("unit", block.unit)?;
-            entry.set_item("description", block.description)?;
-            blocks.append(entry)?;
-        }
-        Ok(blocks)
-    }
-
-    /// Entries of an action, each with name, what -1 and +1 ask for, and unit.
-    #[getter]
-    fn action_layout(&self) -> Vec<(String, [f64; 2], &'static str)> {
-        self.batch.task().action_ranges().into_iter().map(|r| (r.name, r.limits, r.unit)).collect()
-    }
-
-    /// What observations do not tell: true state, flow, parameters and target, (N, m).
+    /// Privileged information: true state, flow, parameters and target, (N, m).
     fn privileged<'py>(&self, py: Python<'py>) -> PyResult<Rows<'py, f64>> {
-        rows(py, self.batch.privileged(), self.batch.instances())
+        matrix(py, self.batch.privileged(), self.batch.instances())
     }
 
-    /// Names and lengths of the parts of a row of `privileged`.
-    #[getter]
-    fn privileged_layout(&self) -> Vec<(&'static str, usize)> {
-        privileged_layout(self.batch.task().joint_count()).into()
-    }
-
-    /// Starts episodes: of all instances, or of those that `mask` picks. Keywords give what is not to be drawn, (N, .).
-    /// Returns observations (N, d) and measures (k, N).
+    /// Starts episodes of all instances, or of those in `mask`. Keywords give parts of the start, (N, .), that are drawn
+    /// otherwise. Returns observations (N, d) and metrics (k, N).
     #[pyo3(signature = (seeds, mask=None, **given))]
     fn reset<'py>(
         &mut self,
@@ -179,43 +143,43 @@ impl Task {
         given: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<(Rows<'py, f32>, Rows<'py, f64>)> {
         let mask = mask.map(|mask| mask.as_array().to_vec());
-        let starts = self.starts(given)?;
-        let begun = self.batch.reset(&seeds, mask.as_deref(), &starts).map_err(refused)?;
-        Ok((self.observations(py, begun.observations)?, rows(py, begun.info, self.info.len())?))
+        let starts = starts::read(given, self.batch.instances(), self.batch.task().joint_count())?;
+        let begun = self.batch.reset(&seeds, mask.as_deref(), &starts).or_raise()?;
+        Ok((self.observations(py, begun.observations)?, matrix(py, begun.info, self.info.len())?))
     }
 
-    /// One control period of all instances under `actions` (N, a).
-    fn step<'py>(&mut self, py: Python<'py>, actions: &Rows<'py, f32>) -> PyResult<StepResult<'py>> {
+    /// One control period of all instances under `actions` (N, a), written to `out`: observations (N, d), rewards,
+    /// terminated and truncated (N,), metrics (k, N). Returns the ends of episodes that were replaced.
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        actions: &Rows<'py, f32>,
+        out: StepArrays<'py>,
+    ) -> PyResult<Option<Finals<'py>>> {
         let expected = [self.batch.instances(), self.batch.task().action_len()];
         if actions.shape() != expected {
             let message = format!("actions have shape {:?}, expected {expected:?}", actions.shape());
             return Err(PyValueError::new_err(message));
         }
         let actions = copied(actions)?;
-        let (n, width) = (self.batch.instances(), self.batch.task().observation_len());
-        let sheets = self.past.take(py, [n, width, self.info.len()])?;
-        let finals = self.step_into(py, &actions, sheets.open()?.outputs()?)?;
-        self.past.keep(&sheets);
-        let finals = if finals.is_empty() {
-            None
-        } else {
-            let instances: Array1<i64> = finals.iter().map(|end| end.instance as i64).collect();
-            let last: Vec<f32> = finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
-            let info = Array2::from_shape_fn((self.info.len(), finals.len()), |(k, i)| finals[i].info[k]);
-            let truth = rows(py, finals.iter().flat_map(|end| end.privileged.iter().copied()).collect(), finals.len())?;
-            Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py), truth))
-        };
-        let Sheets { observations, rewards, terminated, truncated, info } = sheets;
-        Ok((observations, rewards, terminated, truncated, info, finals))
+        let finals = self.step_into(py, &actions, out.lock()?.outputs()?)?;
+        if finals.is_empty() {
+            return Ok(None);
+        }
+        let instances: Array1<i64> = finals.iter().map(|end| end.instance as i64).collect();
+        let last: Vec<f32> = finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
+        let info = Array2::from_shape_fn((self.info.len(), finals.len()), |(k, i)| finals[i].info[k]);
+        let truth = matrix(py, finals.iter().flat_map(|end| end.privileged.iter().copied()).collect(), finals.len())?;
+        Ok(Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py), truth)))
     }
 
-    /// One control period of the one instance that there is, under `action` (a,), float32; TypeError if it is anything else.
+    /// One control period of a single instance under `action` (a,), float32; TypeError for anything else.
     fn step_one<'py>(&mut self, py: Python<'py>, action: &Row<'py, f32>) -> PyResult<OneStep<'py>> {
         if action.len() != self.batch.task().action_len() {
             return Err(PyTypeError::new_err("an action of another length"));
         }
         let action = copied(action)?;
-        // Likewise a copy: to lock an array, as whoever writes to one has to, would take longer.
+        // Copied afterwards: locking an array for writing takes longer.
         let mut observation = vec![0.0; self.batch.task().observation_len()];
         let (mut reward, mut flags, mut info) = ([0.0], [[false]; 2], [0.0; INFO]);
         let each = flags.each_mut().map(|flag| &mut flag[..]);
@@ -225,14 +189,14 @@ impl Task {
         Ok((observation, reward[0], terminated, truncated, self.info.fill(py, &info)?))
     }
 
-    /// Everything that makes the batch go on as if it had not been interrupted: two arrays (N, .).
+    /// Complete state of the batch: two arrays (N, .).
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<(Rows<'py, f64>, Rows<'py, f64>)> {
         let Saved { physics, episodes } = self.batch.save();
         let n = self.batch.instances();
-        Ok((rows(py, physics, n)?, rows(py, episodes, n)?))
+        Ok((matrix(py, physics, n)?, matrix(py, episodes, n)?))
     }
 
-    /// Continues from what `__getstate__` of a batch with the same arguments gave.
+    /// Continues from the state of a batch with the same arguments.
     fn __setstate__(&mut self, state: (Bound<'_, PyAny>, Bound<'_, PyAny>)) -> PyResult<()> {
         let (physics, episodes) = (arrays::read("physics", &state.0)?.1, arrays::read("episodes", &state.1)?.1);
         self.batch.load(&Saved { physics, episodes }).or_raise()
@@ -251,13 +215,14 @@ impl Task {
         Ok(((self.scene(py)?, task).into_pyobject(py)?, options))
     }
 
-    /// What the episodes drew, and how far they are: seed, episode and step (N,), target_position (N, 3),
+    /// Drawn parts and progress of the episodes: seed, episode and step (N,), target_position (N, 3),
     /// target_rotation (N, 3, 3), current (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n).
     fn episodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let n = self.batch.instances();
         let all = (0..n).map(|i| self.batch.episode(i).ok_or(TaskError::NotBegun { instance: i }));
-        let all: Vec<_> = all.collect::<Result<_, _>>().map_err(refused)?;
-        let gather = |of: &dyn Fn(&uvms_gym::task::Episode) -> Vec<f64>| rows(py, all.iter().flat_map(of).collect(), n);
+        let all: Vec<_> = all.collect::<Result<_, _>>().or_raise()?;
+        let gather =
+            |of: &dyn Fn(&uvms_gym::task::Episode) -> Vec<f64>| matrix(py, all.iter().flat_map(of).collect(), n);
         let result = PyDict::new(py);
         result.set_item("seed", PyArray1::from_iter(py, all.iter().map(|e| e.key().seed)))?;
         result.set_item("episode", PyArray1::from_iter(py, all.iter().map(|e| e.key().episode)))?;
@@ -273,7 +238,7 @@ impl Task {
         Ok(result)
     }
 
-    /// Places all along the paths of the end effectors, (N, count, 3); count is 0 for tasks without.
+    /// Points along the reference paths of the end effectors, (N, count, 3); count is 0 for tasks without a path.
     fn paths<'py>(&self, py: Python<'py>, count: usize) -> PyResult<arrays::Array<'py>> {
         let n = self.batch.instances();
         let places = (0..n).filter_map(|i| self.batch.episode(i)).flat_map(|e| e.path(count).into_flattened());
@@ -283,13 +248,13 @@ impl Task {
 }
 
 impl Task {
-    /// A step, without the GIL, and the warnings that go with it.
+    /// One step without the GIL, and its warnings.
     fn step_into(&mut self, py: Python<'_>, actions: &[f32], out: Outputs<'_>) -> PyResult<Vec<Final>> {
         let batch = &mut self.batch;
         if let Some(unstable) = batch.warn_of_step() {
             warn(py, &unstable.to_string())?;
         }
-        let finals = py.detach(|| batch.step_into(actions, out)).map_err(refused)?;
+        let finals = py.detach(|| batch.step_into(actions, out)).or_raise()?;
         if let Some(stray) = batch.warn_of_motion() {
             warn(py, &stray.to_string())?;
         }
@@ -299,98 +264,17 @@ impl Task {
     fn observations<'py>(&self, py: Python<'py>, flat: Vec<f32>) -> PyResult<Rows<'py, f32>> {
         let width = self.batch.task().observation_len();
         let count = flat.len() / width;
-        rows(py, flat, count)
-    }
-
-    /// One start per instance, from arrays by name.
-    fn starts(&self, given: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<StartOverride>> {
-        let Some(given) = given.filter(|given| !given.is_empty()) else { return Ok(Vec::new()) };
-        let n = self.batch.instances();
-        let joints = self.batch.task().joint_count();
-        let mut starts = vec![StartOverride::default(); n];
-        for (name, values) in given.iter() {
-            let name: String = name.extract()?;
-            if name == "disturbance" {
-                set_starts(&mut starts, &values)?;
-                continue;
-            }
-            let Some(width) = start_width(&name, joints) else {
-                return Err(PyValueError::new_err(format!("there is no start of the name '{name}'")));
-            };
-            let values = arrays::rows(&name, &values, n, &[width])?;
-            for (i, start) in starts.iter_mut().enumerate() {
-                let row = &values[i * width..(i + 1) * width];
-                match name.as_str() {
-                    "position" => start.position = row.try_into().ok(),
-                    "attitude" => start.attitude = row.try_into().ok(),
-                    "twist" => start.twist = row.try_into().ok(),
-                    "q" => start.q = Some(row.to_vec()),
-                    "qd" => start.qd = Some(row.to_vec()),
-                    "target_position" => start.target_position = row.try_into().ok(),
-                    "target_attitude" => start.target_attitude = row.try_into().ok(),
-                    _ => start.current = row.try_into().ok(),
-                }
-            }
-        }
-        Ok(starts)
+        matrix(py, flat, count)
     }
 }
 
-/// An error of a call; those about the order of calls are Gymnasium's own.
-pub(super) fn refused(error: TaskError) -> PyErr {
-    if !matches!(error, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
-        return error.into_py_err();
-    }
-    Python::attach(|py| {
-        let class = py.import("gymnasium.error").and_then(|module| module.getattr("ResetNeeded"));
-        match class.and_then(|class| class.call1((error.to_string(),))) {
-            Ok(raised) => PyErr::from_value(raised),
-            Err(error) => error,
-        }
-    })
-}
-
-/// The value of that name.
-pub(super) fn one_of<T, const K: usize>(what: &str, name: &str, choices: [(&str, T); K]) -> PyResult<T> {
-    let known = choices.each_ref().map(|(name, _)| format!("'{name}'")).join(", ");
-    let found = choices.into_iter().find(|(choice, _)| *choice == name);
-    found
-        .map(|(_, value)| value)
-        .ok_or_else(|| PyValueError::new_err(format!("{what} is '{name}', but must be one of {known}")))
-}
-
-/// The name of that value.
-pub(super) fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
-    choices.into_iter().find(|(_, choice)| *choice == value).map(|(name, _)| name)
-}
-
-/// Numbers that a given part of a start has.
-fn start_width(name: &str, joints: usize) -> Option<usize> {
-    match name {
-        "position" | "target_position" | "current" => Some(3),
-        "attitude" | "target_attitude" => Some(4),
-        "twist" => Some(6),
-        "q" | "qd" => Some(joints),
-        _ => None,
-    }
-}
-
-/// Its entries, by rows wherever they lie. A copy: the caller's array may change while other Python threads run.
+/// Entries by rows. A copy, because the caller's array may change while other Python threads run.
 fn copied<D: Dimension>(array: &Bound<'_, PyArray<f32, D>>) -> PyResult<Vec<f32>> {
     if array.is_c_contiguous() && array.data().is_aligned() {
         return Ok(array.to_vec()?);
     }
     let by_rows = array.call_method1(intern!(array.py(), "copy"), ("C",))?;
     Ok(by_rows.cast::<PyArray<f32, D>>()?.to_vec()?)
-}
-
-/// A fresh (count, .) array.
-pub(super) fn rows<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
-    let width = flat.len() / count.max(1);
-    match Array2::from_shape_vec((count, width), flat) {
-        Ok(array) => Ok(array.into_pyarray(py)),
-        Err(error) => Err(PyValueError::new_err(error.to_string())),
-    }
 }
 
 /// Form of the `info` of one instance: its names and a dict that has them all.
@@ -411,7 +295,7 @@ impl InfoForm {
         self.names.len()
     }
 
-    /// A dict of these values. The copy of a dict that has all names already does not grow.
+    /// A dict of these values. A copy of a dict with all names does not grow.
     fn fill<'py>(&self, py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyDict>> {
         let info = self.blank.bind(py).copy()?;
         for (name, value) in self.names.iter().zip(values) {

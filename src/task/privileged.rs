@@ -3,19 +3,32 @@
 use super::pose::Pose;
 use crate::system::{FACTORS, Factors, Flow, State};
 
-/// Names and lengths of the parts of [`privileged`], for `joints` joints.
-pub fn privileged_layout(joints: usize) -> [(&'static str, usize); 10] {
+/// Named part of a row of [`privileged`].
+pub struct PrivilegedPart {
+    /// Name.
+    pub name: &'static str,
+    /// Number of entries.
+    pub length: usize,
+    /// Unit.
+    pub unit: &'static str,
+    /// Meaning and axes.
+    pub description: &'static str,
+}
+
+/// Parts of [`privileged`] in order, for `joints` joints.
+pub fn privileged_layout(joints: usize) -> [PrivilegedPart; 10] {
+    let part = |name, length, unit, description| PrivilegedPart { name, length, unit, description };
     [
-        ("position", 3),
-        ("rotation", 9),
-        ("twist", 6),
-        ("q", joints),
-        ("qd", joints),
-        ("current", 3),
-        ("current_acceleration", 3),
-        ("parameters", FACTORS),
-        ("target_position", 3),
-        ("target_rotation", 9),
+        part("position", 3, "m", "vehicle origin, world axes"),
+        part("rotation", 9, "1", "rotation matrix by rows, body to world"),
+        part("twist", 6, "m/s and rad/s", "absolute twist [v; omega], body axes"),
+        part("q", joints, "rad or m", "joint coordinates"),
+        part("qd", joints, "rad/s or m/s", "joint rates"),
+        part("current", 3, "m/s", "velocity of the water, world axes"),
+        part("current_acceleration", 3, "m/s^2", "acceleration of the water, world axes"),
+        part("parameters", FACTORS, "1 and kg", "factors on the scene's parameters, and the payload"),
+        part("target_position", 3, "m", "target, world axes"),
+        part("target_rotation", 9, "1", "target's rotation matrix by rows, to world axes"),
     ]
 }
 

@@ -143,7 +143,12 @@ impl Task {
                 JointKind::Revolute => "N m",
                 JointKind::Prismatic => "N",
             };
-            ranges.push(ActionRange { name: name.clone(), limits: [-torque, *torque], unit });
+            ranges.push(ActionRange {
+                name: name.clone(),
+                limits: [-torque, *torque],
+                unit,
+                description: "joint torque",
+            });
         }
         if self.options.action == ActionKind::Residual {
             ranges.iter_mut().for_each(|range| range.limits = range.limits.map(|limit| limit * self.options.residual));

@@ -1,9 +1,9 @@
 """Shared by the tests."""
 
 import copy
-import inspect
 import itertools
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import gymnasium
@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 import uvms_gym
 from uvms_gym import MLP, PD, PID, Simulator, load_scene
 from uvms_gym.controllers import NoControl
+from uvms_gym.envs import TaskOptions
 
 PARTS = ("position", "rotation", "quaternion", "twist", "q", "qd", "time", "current", "current_acceleration")
 
@@ -214,17 +215,26 @@ def small(task: str) -> str:
 
 def scenes_with_thrusters() -> list[str]:
     """Shipped scenes that tasks take: those with thrusters for all six axes."""
-    return [name for name in uvms_gym.scenes() if Simulator(name).num_thrusters >= 6]
+    return [name for name in uvms_gym.scene_names() if Simulator(name).num_thrusters >= 6]
 
 
-def choices(task: str, argument: str) -> list[str]:
-    """Names that an argument of a task's environments may have, by its annotation; [] if there is no such argument."""
-    annotation = get_type_hints(type(gymnasium.make(task).unwrapped).__init__).get(argument)
+def choices(task: str, option: str) -> list[str]:
+    """Names that an option of a task may have, by its annotation; [] if there is no such option."""
+    annotation = get_type_hints(options_class(task)).get(option)
     parts = [annotation, *get_args(annotation)]
     return [name for part in parts if get_origin(part) is Literal for name in get_args(part)]
 
 
+def options_class(task: str) -> type[TaskOptions]:
+    """Class of the options of a task's environments."""
+    return type(gymnasium.make(task).unwrapped).options_class  # type: ignore[attr-defined,no-any-return]
+
+
 def disturbances(task: str) -> list[str]:
     """Names of the disturbances that the task's environments take."""
-    names = getattr(uvms_gym, "disturbances", list)()
-    return list(names) if "disturbance" in inspect.signature(type(gymnasium.make(task).unwrapped)).parameters else []
+    return list(uvms_gym.disturbance_levels()) if "disturbance" in option_names(options_class(task)) else []
+
+
+def option_names(options: type[TaskOptions]) -> list[str]:
+    """Names of the fields of options."""
+    return [field.name for field in fields(options)]

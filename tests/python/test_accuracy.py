@@ -217,7 +217,7 @@ def test_the_recommended_step_is_accurate_stable_and_not_warned_of() -> None:
     assert step(rows) == 0.01
 
 
-@pytest.mark.parametrize("name", uvms_gym.scenes())
+@pytest.mark.parametrize("name", uvms_gym.scene_names())
 def test_every_shipped_scene_can_be_stripped_of_what_dissipates(name: str) -> None:
     (fine,) = conservation.drifts(load_scene(name), [Setting("mk4", "f64", 0.005)], episodes=2, seconds=1.0, seed=0)
     for quantity in conservation.QUANTITIES:

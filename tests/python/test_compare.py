@@ -216,7 +216,7 @@ def test_every_condition_makes_an_environment_and_changes_episodes() -> None:
 
 
 def test_conditions_are_what_they_say() -> None:
-    storm = uvms_gym.disturbances()["storm"].components
+    storm = uvms_gym.disturbance_levels()["storm"].components
     assert made("lag")["thruster_lag"] == 0.2
     assert made("delay")["disturbance"] == {**storm, "delay": {"time": 0.2}}
     assert made("storm-hard")["disturbance"] == "storm-hard"

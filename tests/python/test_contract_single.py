@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import uvms_gym
-from uvms_gym.envs._arguments import RESET_OPTIONS
+from uvms_gym._task.arguments import RESET_OPTIONS
 
 TASKS = task_ids()
 pytestmark = pytest.mark.parametrize("task", TASKS)
@@ -206,13 +206,12 @@ def test_observations_are_of_order_one(task):
             observations, *_ = envs.step(policy.predict(observations)[0])
             seen.append(observations)
         for block in envs.layout:
-            part = np.array(seen)[:, :, block["offset"] : block["offset"] + len(block["scale"])]
+            part = np.array(seen)[:, :, block.slice]
             size = np.sqrt(np.mean(part**2))
-            assert size < 20.0, (scene, block["name"], size)
+            assert size < 20.0, (scene, block.name, size)
             # Actions and directions are bounded by themselves.
-            assert block["name"] in ("previous_action", "up") or np.abs(part).max() < np.max(block["bound"]), block[
-                "name"
-            ]
+            bound = np.max(np.array(block.high) / block.scale)
+            assert block.name in ("previous_action", "up") or np.abs(part).max() < bound, block.name
 
 
 # Reset
@@ -263,7 +262,7 @@ def test_options_set_state_and_current(task):
     half = np.sqrt(0.5)
     options = {"position": [0.3, -0.2, 0.1], "attitude": [half, 0, 0, half], "twist": [0.1, 0, 0, 0, 0, 0.1]}
     _, info = env.reset(seed=0, options={**options, "current": [0.0, 0.2, 0.0]})
-    simulator = env.simulator
+    simulator = env.snapshot()
     np.testing.assert_array_equal(simulator.position, [options["position"]])
     np.testing.assert_allclose(simulator.quaternion, [options["attitude"]], atol=1e-15)
     np.testing.assert_array_equal(simulator.twist, [options["twist"]])

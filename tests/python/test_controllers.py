@@ -97,7 +97,7 @@ def test_files_give_the_same_policy_and_say_what_it_is_for(tmp_path: Path) -> No
         6,
         0.05,
     ]
-    assert spec["observation"] == [(b["name"], len(b["scale"])) for b in StationKeepEnv(scene=SMALL).layout]
+    assert spec["observation"] == [(b.name, b.length) for b in StationKeepEnv(scene=SMALL).layout]
     again.save(tmp_path / "b.safetensors")
     assert (tmp_path / "a.safetensors").read_bytes() == (tmp_path / "b.safetensors").read_bytes()
 

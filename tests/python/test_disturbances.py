@@ -17,7 +17,7 @@ from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
 ENV = "UVMS-StationKeep-v0"
 ARM = "bluerov2-heavy-alpha5"
 SMALL = "bluerov2-heavy"
-LEVELS = list(uvms_gym.disturbances())
+LEVELS = list(uvms_gym.disturbance_levels())
 ALL = {"base": "storm-hard", "script": {"current": np.full((30, 3), 0.1), "wrench": np.ones((25, 6))}}
 
 
@@ -135,18 +135,18 @@ def test_seized_masses_slow_the_arm_and_dropped_ones_do_not():
     velocities = []
     for _ in range(130):
         env.step(np.zeros(6))
-        velocities.append([*env.simulator.twist[0], *env.simulator.qd[0]])
+        velocities.append([*env.snapshot().twist[0], *env.snapshot().qd[0]])
     change = np.linalg.norm(np.diff(velocities, axis=0), axis=1)
     # The step after the 50th is the first with the payload: velocities jump.
     assert change[49] > 10 * max(*change[40:49], *change[51:60])
     assert change[99] < 3 * max(*change[90:99], *change[100:110])
-    assert env.simulator.parameters["payload"][0] == 0.0
+    assert env.snapshot().parameters["payload"][0] == 0.0
     with_it = StationKeepEnv(scene=ARM, disturbance={"payload": {**payload, "hold": 100}})
     with_it.reset(seed=1)
     play(with_it, 30)
-    assert with_it.simulator.parameters["payload"][0] == 2.0
+    assert with_it.snapshot().parameters["payload"][0] == 2.0
     with_it.reset(seed=1)
-    assert with_it.simulator.parameters["payload"][0] == 0.0
+    assert with_it.snapshot().parameters["payload"][0] == 0.0
 
 
 def test_delay_shifts_what_is_measured_and_nothing_else():
@@ -158,7 +158,7 @@ def test_delay_shifts_what_is_measured_and_nothing_else():
         action = draw.uniform(-1, 1, 6)
         late.append(delayed.step(action)[0])
         now.append(plain.step(action)[0])
-    offsets = {block["name"]: slice(block["offset"], block["offset"] + len(block["scale"])) for block in plain.layout}
+    offsets = {block.name: block.slice for block in plain.layout}
     for name, where in offsets.items():
         for k in range(31):
             if name in ("joint_reference", "joint_reference_rate", "previous_action"):
@@ -195,17 +195,17 @@ def test_gains_weaken_thrusters():
 def test_parameters_are_drawn_per_episode():
     envs = StationKeepVectorEnv(64, scene=ARM, disturbance="calm", randomize=True, autoreset_mode="Disabled")
     envs.reset(seed=0)
-    first = envs.simulator.parameters
+    first = envs.snapshot().parameters
     for name in ("mass", "added_mass", "linear_damping", "quadratic_damping", "thrust"):
         assert 0.7 <= first[name].min() < 0.75 and 1.25 < first[name].max() <= 1.3
     assert same(first["volume"], first["mass"])
     envs.reset()
-    assert not same(envs.simulator.parameters["mass"], first["mass"])
+    assert not same(envs.snapshot().parameters["mass"], first["mass"])
     envs.reset(seed=0)
-    assert same(envs.simulator.parameters["mass"], first["mass"])
+    assert same(envs.snapshot().parameters["mass"], first["mass"])
     off = StationKeepEnv(scene=ARM, disturbance="storm", randomize=False)
     off.reset(seed=0)
-    assert off.simulator.parameters["mass"][0] == 1.0
+    assert off.snapshot().parameters["mass"][0] == 1.0
 
 
 def test_a_reset_may_bring_its_own():
@@ -248,7 +248,7 @@ def test_specs_carry_disturbances():
     env = gym.make(ENV, scene=SMALL, disturbance=disturbance, randomize={"mass": 0.1})
     again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     assert same(env.reset(seed=1)[0], again.reset(seed=1)[0])
-    level = uvms_gym.disturbances()["storm"]
+    level = uvms_gym.disturbance_levels()["storm"]
     assert json.loads(json.dumps(level.components)) == level.components
     named, spelt = (StationKeepEnv(scene=SMALL, disturbance=d) for d in ("storm", level.components))
     assert same(named.reset(seed=1)[0], spelt.reset(seed=1)[0])
@@ -275,7 +275,9 @@ def test_what_is_not_known_is_refused_by_name(arguments, named):
         StationKeepEnv(scene=SMALL, **arguments)
 
 
-words = st.sampled_from([*uvms_gym.disturbances()["storm"].components, "base", "speed", "share", "time", "storm", "x"])
+words = st.sampled_from(
+    [*uvms_gym.disturbance_levels()["storm"].components, "base", "speed", "share", "time", "storm", "x"]
+)
 values = st.recursive(
     st.none() | st.booleans() | st.floats(-2, 2) | st.floats() | st.integers() | words,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(words, inner, max_size=3),
@@ -333,7 +335,7 @@ def test_what_is_lost_is_thrust_not_command(dynamics: dict[str, Any]) -> None:
         env.reset(seed=0)
         for _ in range(3):
             env.step(np.full(8, 0.4, dtype=np.float32))
-        return env.unwrapped.simulator.thrust  # type: ignore[attr-defined]
+        return env.unwrapped.snapshot().thrust  # type: ignore[attr-defined]
 
     whole = thrust(1.0)
     assert np.abs(whole).min() > 1.0
@@ -345,7 +347,7 @@ def test_parameters_asked_for_apart_stay_at_reset() -> None:
     def factors(randomize: Any, **options: Any) -> Any:
         env = gym.make("UVMS-StationKeep-v0", scene=SMALL, disturbance="storm", randomize=randomize)
         env.reset(seed=3, options=options)
-        return {name: row.tolist() for name, row in env.unwrapped.simulator.parameters.items()}  # type: ignore[attr-defined]
+        return {name: row.tolist() for name, row in env.unwrapped.snapshot().parameters.items()}  # type: ignore[attr-defined]
 
     for randomize in (False, 0.3):
         assert factors(randomize) == factors(randomize, disturbance="storm")

@@ -11,15 +11,21 @@ from gymnasium.utils.env_checker import check_env
 from helpers import assert_parity
 
 import uvms_gym
-from uvms_gym.envs._arguments import RESET_OPTIONS
-from uvms_gym.envs._base import INFO
-from uvms_gym.envs._options import DEFAULTS, PREVIEW, TOLERANCE
-from uvms_gym.envs._options import REWARD as REWARDS
-from uvms_gym.envs.ee_track import EETrackEnv, EETrackVectorEnv
-from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
+from uvms_gym._task.arguments import RESET_OPTIONS
+from uvms_gym.envs import (
+    INFO,
+    EETrackEnv,
+    EETrackOptions,
+    EETrackVectorEnv,
+    Preview,
+    StationKeepEnv,
+    StationKeepVectorEnv,
+    TaskOptions,
+    Tolerance,
+)
 
 ENV = "UVMS-EETrack-v0"
-REWARD = REWARDS["ee-track"]
+REWARD = EETrackOptions.reward_defaults
 ARM = "bluerov2-heavy-alpha5"
 SCENES = ["petasus-pum", ARM, "bluerov2-heavy", "rexrov"]
 KINDS = ["point", "line", "circle", "figure-eight", "spline"]
@@ -33,13 +39,14 @@ def span(values):
 
 def tables(env):
     rows = [
-        f"| {i} | {name} | {low:.4g} | {high:.4g} | {unit} |"
-        for i, (name, (low, high), unit) in enumerate(env.action_layout)
+        f"| {block.offset} | {block.name} | {block.low[0]:.4g} | {block.high[0]:.4g} | {block.unit} |"
+        for block in env.action_layout
     ]
     for block in env.layout:
-        first, last = block["offset"], block["offset"] + len(block["scale"]) - 1
-        what = f"`{block['name']}`: {block['description']}"
-        rows.append(f"| {first}-{last} | {what} | {span(block['scale'])} | {span(block['bound'])} | {block['unit']} |")
+        first, last = block.offset, block.offset + block.length - 1
+        what = f"`{block.name}`: {block.description}"
+        bound = span([high / scale for high, scale in zip(block.high, block.scale, strict=True)])
+        rows.append(f"| {first}-{last} | {what} | {span(block.scale)} | {bound} | {block.unit} |")
     return rows
 
 
@@ -50,17 +57,17 @@ def test_documented_tables_are_those_of_the_native_layout():
 
 def test_documentation_names_all_arguments_options_and_measures():
     text = EETrackEnv.__doc__
-    for name in (*DEFAULTS["ee-track"], *RESET_OPTIONS, *REWARD, *TOLERANCE, *PREVIEW, *KINDS, "render_mode"):
-        assert f"`{name}`" in text or f'`"{name}"`' in text, name
+    options = TaskOptions.__doc__ + EETrackOptions.__doc__
+    for name in EETrackOptions().to_dict():
+        assert re.search(rf"^    (\w+, )*{name}(, \w+)* : ", options, re.MULTILINE), name
+    for name in (*RESET_OPTIONS, "render_mode"):
+        assert f"`{name}`" in text, name
+    for name in (*REWARD, *Tolerance.__annotations__, *Preview.__annotations__):
+        assert f"`{name}`" in options, name
+    for name in KINDS:
+        assert f'"{name}"' in options, name
     for name in INFO:
         assert f"`{name}`" in text or name.startswith(("rms_", "mean_", "end_effector_")), name
-
-
-def test_defaults_are_one():
-    code = EETrackEnv.__init__
-    values = dict(zip(code.__code__.co_varnames[1 : code.__code__.co_argcount], code.__defaults__, strict=True))
-    assert values.pop("render_mode") is None
-    assert values == DEFAULTS["ee-track"]
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -71,8 +78,8 @@ def test_gymnasium_finds_nothing_wrong(scene, action):
 
 
 def entries(env, name):
-    block = next(block for block in env.layout if block["name"] == name)
-    return slice(block["offset"], block["offset"] + len(block["scale"])), np.array(block["scale"])
+    block = next(block for block in env.layout if block.name == name)
+    return block.slice, np.array(block.scale)
 
 
 @pytest.mark.parametrize("reference", [*KINDS, "mixed"])
@@ -86,13 +93,13 @@ def test_a_reference_starts_at_rest_at_home_and_moves_at_its_rate(reference):
     assert infos["attitude_error"].max() < 1e-7
     where, scale = entries(envs, "reference_twist")
     assert np.abs(observations[:, where]).max() == 0.0
-    home = envs.simulator.end_effector_pose()
+    home = envs.snapshot().end_effector_pose()
     np.testing.assert_allclose(envs.episode["target_position"], home[:, :3, 3], atol=1e-12)
     np.testing.assert_allclose(envs.episode["target_rotation"], home[:, :3, :3], atol=1e-12)
     positions, rotations, twists = [], [], []
     for _ in range(200):
         observations = envs.step(controller.predict(observations)[0])[0]
-        pose = envs.simulator.end_effector_pose()[:, :3, :3]
+        pose = envs.snapshot().end_effector_pose()[:, :3, :3]
         episode = envs.episode
         positions.append(episode["target_position"])
         rotations.append(episode["target_rotation"])
@@ -123,7 +130,7 @@ def test_the_preview_is_where_the_reference_will_be():
     observation, _ = env.reset(seed=5)
     seen, targets, poses = [], [], []
     for _ in range(120):
-        pose = env.simulator.end_effector_pose()[0]
+        pose = env.snapshot().end_effector_pose()[0]
         poses.append(pose)
         seen.append((observation[where] * scale).reshape(2, 2, 3))
         targets.append(env.episode["target_position"][0])
@@ -467,12 +474,9 @@ def test_privileged_information_is_the_truth():
     _, info = env.reset(seed=3)
     for _ in range(3):
         _, _, _, _, info = env.step(np.zeros(11))
-    parts, at = {}, 0
-    for name, length in env.privileged_layout:
-        parts[name] = info["privileged"][at : at + length]
-        at += length
-    assert at == len(info["privileged"])
-    simulator, episode = env.simulator, env.episode
+    parts = {block.name: info["privileged"][block.slice] for block in env.privileged_layout}
+    assert sum(block.length for block in env.privileged_layout) == len(info["privileged"])
+    simulator, episode = env.snapshot(), env.episode
     np.testing.assert_array_equal(parts["position"], simulator.position[0])
     np.testing.assert_array_equal(parts["rotation"].reshape(3, 3), simulator.rotation[0])
     np.testing.assert_array_equal(parts["twist"], simulator.twist[0])

@@ -69,7 +69,7 @@ def test_a_run_that_diverges_shows_nothing_but_numbers(task):
         assert envs.observation_space.contains(observations)
         assert np.isfinite(rewards).all()
         assert (rewards[ends] <= infos["reward_diverged"][ends]).all()
-        gone = np.isnan(envs.unwrapped.simulator.twist).any(axis=1)
+        gone = np.isnan(envs.unwrapped.snapshot().twist).any(axis=1)
         assert ends[gone].all()
         lost += gone.sum()
         if (ends | stops).any():

@@ -10,7 +10,7 @@ from helpers import bodies, fixed_base
 
 pytest.importorskip("typer")
 
-from uvms_gym import Simulator, load_scene, scenes
+from uvms_gym import Simulator, load_scene, scene_names
 from uvms_gym.cli import explain, main
 from uvms_gym.studies.accuracy.driven_motion import driven_motion
 from uvms_gym.studies.numerics import joints
@@ -54,7 +54,7 @@ def complete() -> dict[str, Any]:
     return load_scene(scene)
 
 
-@pytest.mark.parametrize("name", scenes())
+@pytest.mark.parametrize("name", scene_names())
 def test_terms_of_a_shipped_scene_are_those_that_its_numbers_hold(name: str) -> None:
     scene = load_scene(name)
     listed = found(scene)

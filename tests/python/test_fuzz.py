@@ -278,7 +278,7 @@ WRONG = (ValueError, TypeError, OverflowError, IndexError, KeyError, AttributeEr
 
 def random_calls(thing: Any, snapshot: Callable[[], bytes], rng: random.Random, names: list[str], count: int) -> None:
     """Call methods, and set attributes of a simulator, at random; a refusal leaves the state as it was, bit for bit."""
-    simulator: Simulator = thing if isinstance(thing, Simulator) else thing.unwrapped.simulator
+    simulator: Simulator = thing if isinstance(thing, Simulator) else thing.unwrapped.snapshot()
     sizes = (0, 1, 3, 4, 6, simulator.num_joints, simulator.num_thrusters, 6 + simulator.num_joints)
     attributes = members(thing)[1] if thing is simulator else []
     for _ in range(count):
@@ -295,11 +295,11 @@ def random_calls(thing: Any, snapshot: Callable[[], bytes], rng: random.Random, 
             assert snapshot() == before
 
 
-@pytest.mark.parametrize("name", uvms_gym.scenes())
+@pytest.mark.parametrize("name", uvms_gym.scene_names())
 def test_random_calls_do_a_simulator_no_harm(name: str) -> None:
     rng = random.Random() if SOAK else random.Random(name)
     each = 40
-    for _ in range(max(1, CASES // (each * len(uvms_gym.scenes()))) if SOAK else 4):
+    for _ in range(max(1, CASES // (each * len(uvms_gym.scene_names()))) if SOAK else 4):
         simulator = Simulator(name, 2, dt=0.005, dtype=rng.choice(["float64", "float32"]))
         methods, _ = members(simulator)
         random_calls(simulator, lambda s=simulator: pickle.dumps(s), rng, methods, each)
@@ -329,7 +329,7 @@ def test_random_calls_do_an_environment_no_harm(name: str, vector: bool) -> None
             env = gymnasium.make(name, **options).unwrapped
         if rng.random() < 0.9:
             env.reset(seed=1)
-        random_calls(env, lambda e=env: pickle.dumps(e.unwrapped.simulator), rng, ["reset", "step"], each)
+        random_calls(env, lambda e=env: pickle.dumps(e.unwrapped.snapshot()), rng, ["reset", "step"], each)
         observations, _ = env.reset(seed=2)
         assert np.all(np.isfinite(observations))
         env.step(env.action_space.sample() * 0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from helpers import dry, fixed_base, is_fixed, moving, random_inputs
 
-from uvms_gym import Simulator, load_scene, scenes
+from uvms_gym import Simulator, load_scene, scene_names
 
-SCENES: list[Any] = [*scenes(), pytest.param(fixed_base(), id="fixed-base")]
+SCENES: list[Any] = [*scene_names(), pytest.param(fixed_base(), id="fixed-base")]
 WRENCHES = ("thrust", "wrench", "external", "pose_target")
 TORQUES = ("joint_torque", "joint_target")
 
@@ -305,7 +305,7 @@ def test_a_neutral_vehicle_without_arm_stays_at_rest() -> None:
     assert np.abs(s.position).max() < 100 * rounding
 
 
-@pytest.mark.parametrize("name", scenes())
+@pytest.mark.parametrize("name", scene_names())
 def test_every_scene_stays_at_the_equilibrium_that_trim_finds(name: str) -> None:
     s = Simulator(name)
     trim = s.trim()

@@ -46,11 +46,11 @@ def test_everything_public_is_exported_and_typed() -> None:
 def test_everything_has_a_docstring() -> None:
     members = [value for name, value in vars(Simulator).items() if not name.startswith("_")]
     assert len(members) > 40
-    for member in [Simulator, uvms_gym.SceneError, uvms_gym.scenes, uvms_gym.load_scene, *members]:
+    for member in [Simulator, uvms_gym.SceneError, uvms_gym.scene_names, uvms_gym.load_scene, *members]:
         assert inspect.getdoc(member), member
 
 
-@pytest.mark.parametrize("name", uvms_gym.scenes())
+@pytest.mark.parametrize("name", uvms_gym.scene_names())
 def test_scene_files_are_package_data(name: str) -> None:
     path = Path(uvms_gym.__file__).parent / "scenes" / f"{name}.toml"
     assert uvms_gym.load_scene(path) == uvms_gym.load_scene(str(path)) == uvms_gym.load_scene(name)

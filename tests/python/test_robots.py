@@ -74,7 +74,7 @@ def test_an_import_that_cannot_be_says_so(options: dict[str, Any], message: str)
 
 
 def test_a_dumped_scene_reads_back(tmp_path: Path) -> None:
-    for name in uvms_gym.scenes():
+    for name in uvms_gym.scene_names():
         path = tmp_path / f"{name}.toml"
         path.write_text(uvms_gym.dump_scene(name))
         assert uvms_gym.load_scene(path) == uvms_gym.load_scene(name)

@@ -11,7 +11,7 @@ from helpers import assert_same, moving, state_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uvms_gym import SceneError, Simulator, load_scene, scenes
+from uvms_gym import SceneError, Simulator, load_scene, scene_names
 
 
 def paths(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -26,7 +26,7 @@ def set_at(root: Any, path: tuple[Any, ...], value: Any) -> None:
     root[path[-1]] = value
 
 
-@pytest.mark.parametrize("name", scenes())
+@pytest.mark.parametrize("name", scene_names())
 def test_a_dict_means_the_same_as_the_file(name: str) -> None:
     scene = load_scene(name)
     assert load_scene(scene) == scene
@@ -140,7 +140,7 @@ JUNK = st.recursive(
     lambda inner: st.lists(inner, max_size=6) | st.dictionaries(st.text(max_size=3) | st.integers(), inner, max_size=3),
     max_leaves=6,
 )
-ALL = {name: load_scene(name) for name in scenes()}
+ALL = {name: load_scene(name) for name in scene_names()}
 
 
 @given(data=st.data())

@@ -14,13 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from uvms_gym import Simulator, integrators, scenes
+from uvms_gym import Simulator, integrators, scene_names
 
 INTEGRATORS = [entry["name"] for entry in integrators()]
 DTYPES = ["float64", "float32"]
 
 
-@pytest.mark.parametrize("name", scenes())
+@pytest.mark.parametrize("name", scene_names())
 def test_shapes(name: str) -> None:
     s = Simulator(name, 3)
     n, m = s.num_joints, s.num_thrusters
@@ -449,7 +449,7 @@ def test_copies_and_pickles_go_on_alike(integrator: str, dtype: str) -> None:
         assert_same(state_of(other), state_of(s))
 
 
-@pytest.mark.parametrize("name", scenes())
+@pytest.mark.parametrize("name", scene_names())
 def test_a_pickled_scene_goes_on_alike(name: str) -> None:
     s = moving(name)
     other = pickle.loads(pickle.dumps(s))

@@ -107,7 +107,7 @@ def test_a_speed_that_is_none_is_refused(speed: Any, error: type[Exception], tex
             ask(speed)
 
 
-@pytest.mark.parametrize("name", uvms_gym.scenes())
+@pytest.mark.parametrize("name", uvms_gym.scene_names())
 @pytest.mark.parametrize(
     ("integrator", "dt"), [("mk4", 0.01), ("mk4", 0.02), ("mk3", 0.01), ("mk3", 0.02), ("mk2", 0.01), ("ros2", 0.01)]
 )

@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym.envs._arguments import RESET_OPTIONS
-from uvms_gym.envs._options import DEFAULTS as ALL_DEFAULTS
-from uvms_gym.envs._options import REWARD as REWARDS
-from uvms_gym.envs.station_keep import INFO, StationKeepEnv, StationKeepVectorEnv
+from uvms_gym._task.arguments import RESET_OPTIONS
+from uvms_gym.envs import INFO, StationKeepEnv, StationKeepOptions, StationKeepVectorEnv, TaskOptions
 
 ENV = "UVMS-StationKeep-v0"
-DEFAULTS = ALL_DEFAULTS["station-keep"]
-REWARD = REWARDS["station-keep"]
+DEFAULTS = StationKeepOptions().to_dict()
+REWARD = StationKeepOptions.reward_defaults
 SMALL = "bluerov2-heavy"
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"]
 
@@ -32,33 +30,45 @@ def span(values):
 def test_documented_tables_are_those_of_the_native_layout():
     env = StationKeepEnv()
     rows = [
-        f"| {i} | {name} | {low:.4g} | {high:.4g} | {unit} |"
-        for i, (name, (low, high), unit) in enumerate(env.action_layout)
+        f"| {block.offset} | {block.name} | {block.low[0]:.4g} | {block.high[0]:.4g} | {block.unit} |"
+        for block in env.action_layout
     ]
     for block in env.layout:
-        first, last = block["offset"], block["offset"] + len(block["scale"]) - 1
-        what = f"`{block['name']}`: {block['description']}"
-        rows.append(f"| {first}-{last} | {what} | {span(block['scale'])} | {span(block['bound'])} | {block['unit']} |")
+        first, last = block.offset, block.offset + block.length - 1
+        what = f"`{block.name}`: {block.description}"
+        bound = span([high / scale for high, scale in zip(block.high, block.scale, strict=True)])
+        rows.append(f"| {first}-{last} | {what} | {span(block.scale)} | {bound} | {block.unit} |")
     documented = [line.strip() for line in StationKeepEnv.__doc__.splitlines() if re.match(r"\s*\| \d", line)]
     assert documented == rows
 
 
 def test_documentation_names_all_arguments_options_and_measures():
     text = StationKeepEnv.__doc__
-    for name in (*DEFAULTS, *RESET_OPTIONS, *REWARD, "render_mode"):
+    options = TaskOptions.__doc__ + StationKeepOptions.__doc__
+    for name in DEFAULTS:
+        assert re.search(rf"^    (\w+, )*{name}(, \w+)* : ", options, re.MULTILINE), name
+    for name in (*RESET_OPTIONS, "render_mode"):
         assert f"`{name}`" in text, name
+    for name in REWARD:
+        assert f"`{name}`" in options, name
     for name in INFO:
         assert f"`{name}`" in text or name.startswith(("rms_", "mean_", "end_effector_")), name
 
 
-def test_defaults_are_one():
-    signature = StationKeepEnv.__init__.__kwdefaults__ or {}
-    code = StationKeepEnv.__init__
-    values = dict(zip(code.__code__.co_varnames[1 : code.__code__.co_argcount], code.__defaults__, strict=True))
-    values.update(signature)
-    assert values.pop("render_mode") is None
-    assert values == DEFAULTS
-    assert StationKeepEnv(scene=SMALL).options == {**DEFAULTS, "scene": SMALL}
+def test_options_are_one_object_or_keywords():
+    options = StationKeepOptions(scene=SMALL, substeps=4)
+    assert StationKeepEnv(scene=SMALL, substeps=4).options == StationKeepEnv(options).options == options
+    assert StationKeepEnv(options, substeps=5).options.to_dict() == {**DEFAULTS, "scene": SMALL}
+    assert StationKeepVectorEnv(2, options).options == options
+    storm = gym.make("UVMS-StationKeep-Storm-v0", options=options).unwrapped.options
+    assert (storm.scene, storm.disturbance, storm.substeps) == (SMALL, "storm", 10)
+    with pytest.raises(AttributeError):
+        options.dt = 0.1
+    for make in (StationKeepEnv, lambda **given: StationKeepVectorEnv(2, **given)):
+        with pytest.raises(TypeError, match="options must be StationKeepOptions, not dict"):
+            make(options={"scene": SMALL})
+        with pytest.raises(TypeError, match="unexpected keyword argument 'speed'; known: scene, action"):
+            make(options=options, speed=1.0)
 
 
 def test_weights_scale_their_terms():
@@ -225,7 +235,7 @@ def test_a_pd_refuses_observations_that_are_not_finite(value):
 def test_reset_options_give_the_start():
     turn = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]
     env = StationKeepEnv(scene="bluerov2-heavy-alpha5")
-    n = env.simulator.num_joints
+    n = env.snapshot().num_joints
     options = {
         "position": [1.0, 2.0, -3.0],
         "attitude": turn,
@@ -237,7 +247,7 @@ def test_reset_options_give_the_start():
         "current": [0.0, 0.2, 0.0],
     }
     _, info = env.reset(seed=0, options=options)
-    simulator, episode = env.simulator, env.episode
+    simulator, episode = env.snapshot(), env.episode
     np.testing.assert_array_equal(simulator.position, [options["position"]])
     np.testing.assert_allclose(simulator.quaternion, [turn], atol=1e-15)
     np.testing.assert_array_equal(simulator.twist, [options["twist"]])
@@ -259,11 +269,11 @@ def test_reset_options_give_the_start():
 def test_a_copy_of_the_simulator_does_not_move_the_environment():
     env = StationKeepEnv(scene=SMALL)
     env.reset(seed=1)
-    simulator = env.simulator
+    simulator = env.snapshot()
     simulator.step(wrench=np.full((1, 6), 50.0), substeps=10)
-    assert not np.array_equal(simulator.position, env.simulator.position)
+    assert not np.array_equal(simulator.position, env.snapshot().position)
     env.step(np.zeros(6))
-    assert env.simulator.time == pytest.approx(0.05)
+    assert env.snapshot().time == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize("scene", SCENES)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from helpers import assert_same, moving, random_inputs, state_of
 
-from uvms_gym import Simulator, scenes
+from uvms_gym import Simulator, scene_names
 
 DTYPES = ["float64", "float32"]
 
@@ -60,12 +60,12 @@ import hashlib
 import itertools
 import warnings
 from helpers import *
-from uvms_gym import StepWarning, scenes, integrators
+from uvms_gym import StepWarning, scene_names, integrators
 
 warnings.simplefilter("ignore", StepWarning)  # it is the same wrong motion on all
 digest = hashlib.sha256()
 production = [entry["name"] for entry in integrators() if entry["kind"] == "production"]
-for name, integrator, dtype, own in itertools.product(scenes(), production, ("float64", "float32"), (False, True)):
+for name, integrator, dtype, own in itertools.product(scene_names(), production, ("float64", "float32"), (False, True)):
     s = moving(name, 9, dt=0.002, dtype=dtype, integrator=integrator)
     if own:
         s.scale_parameters(mass=np.linspace(1.0, 1.2, 9), added_mass=np.linspace(0.8, 1.2, 9))
@@ -106,7 +106,7 @@ def test_unknown_lanes_are_refused() -> None:
 
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("integrator", ["mk4", "mk1", "quaternion-rk4"])
-@pytest.mark.parametrize("name", scenes())
+@pytest.mark.parametrize("name", scene_names())
 def test_ten_substeps_are_ten_steps(name: str, integrator: str, dtype: str) -> None:
     a = moving(name, integrator=integrator, dtype=dtype)
     b = moving(name, integrator=integrator, dtype=dtype)
@@ -171,7 +171,7 @@ def test_time_is_the_sum_of_steps(dtype: str) -> None:
 
 
 def test_forward_dynamics_is_what_a_small_step_does() -> None:
-    for name in scenes():
+    for name in scene_names():
         s = moving(name, dt=1e-7, integrator="mk1")
         inputs = random_inputs(s)
         before = state_of(s)

@@ -120,7 +120,7 @@ def _arguments(
     check_range("--episodes", episodes, 2, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
     return {
-        "scene": check_list("scene", scene, uvms_gym.scenes()),
+        "scene": check_list("scene", scene, uvms_gym.scene_names()),
         "integrator": list(dict.fromkeys(integrator or known)),
         "step": sorted(set(step or (QUICK_STEPS if quick else work_precision.STEPS))),
         "tolerance": sorted(set(tolerance or (QUICK_TOLERANCES if quick else work_precision.TOLERANCES)), reverse=True),

@@ -45,7 +45,7 @@ def disturbances(
     Pictures show the water's velocity, the force and the remaining gain of the thrusters, with the vehicle at its
     target.
     """
-    levels = uvms_gym.disturbances()
+    levels = uvms_gym.disturbance_levels()
     if name is not None and name not in levels:
         raise fail(f"there is no level {name!r}; known: {', '.join(levels)}")
     check_range("--seconds", seconds, 1.0, LONGEST)

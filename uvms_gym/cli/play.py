@@ -69,7 +69,7 @@ def play(
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
     name = Path(chosen).name if chosen.startswith(registry.MLP_PREFIX) else chosen
-    title = f"{made.unwrapped.simulator.scene_name}  ·  {name}"  # type: ignore[attr-defined]
+    title = f"{made.unwrapped.snapshot().scene_name}  ·  {name}"  # type: ignore[attr-defined]
     overlay = _overlay(title, disturbance or "", steps * period) if out is not None or window else None
     for file in (out, plot):
         if file is not None:
@@ -96,7 +96,7 @@ def play(
     if shown.time < (steps - 0.5) * period:
         line(f"the episode ended after {shown.time:g} s")
     if plot is not None:
-        names = [name for name, _, _ in made.unwrapped.action_layout]  # type: ignore[attr-defined]
+        names = [block.name for block in made.unwrapped.action_layout]  # type: ignore[attr-defined]
         with user_errors(verb="write"):
             plot_episode(plot, f"{title}, {disturbance}" if disturbance else title, names, shown.instants)
     for file in (out, plot):

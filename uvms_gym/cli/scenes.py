@@ -35,7 +35,7 @@ STEPS = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 def list_scenes() -> None:
     """List the shipped scenes."""
     rows = []
-    for name in uvms_gym.scenes():
+    for name in uvms_gym.scene_names():
         simulator = uvms_gym.Simulator(name)
         scene = simulator.scene
         freedom = simulator.num_joints + (0 if scene["vehicle"]["fixed"] else 6)

@@ -2,15 +2,15 @@
 
 import inspect
 import warnings
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
-from uvms_gym.envs._arguments import Actions
-from uvms_gym.envs._base import TaskBase
-from uvms_gym.envs._options import Options, native
+from uvms_gym._task.arguments import Actions
+from uvms_gym._task.base import TaskBase
+from uvms_gym._task.options import native, option_names
 
 
 class StateWarning(UserWarning):
@@ -136,12 +136,12 @@ class ClassicalController(Controller):
     def __init__(self, env: Any = None, **arguments: Any) -> None:
         name = type(self).__name__
         gains = {key: arguments.pop(key) for key in self._names if key in arguments}
-        if unknown := arguments.keys() - Options.__annotations__.keys():
+        if unknown := arguments.keys() - option_names():
             raise TypeError(f"{name}: unexpected argument {min(unknown)!r}; gains: {', '.join(self._names) or 'none'}")
         if env is None:
             arguments = {"task": self._task, **arguments}
         # The disturbance tells the sensors' delay, which is a gain from here on.
-        options = options_of(name, env, cast(Options, arguments), "disturbance")
+        options = options_of(name, env, arguments, "disturbance")
         self.native = native(options).controller(self.kind, {key: _plain(key, gain) for key, gain in gains.items()})
         self._options = {key: value for key, value in options.items() if key != "disturbance"}
 
@@ -163,18 +163,18 @@ class ClassicalController(Controller):
         return _remade, (type(self), self._options, self.gains)
 
 
-def options_of(controller: str, env: Any, given: Options, *more: str) -> Options:
+def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> dict[str, Any]:
     """Options that matter to a controller, of an environment or as given; `more` of them to some."""
     if env is not None:
         if given:
             raise TypeError(f"pass either env or options, not both: {', '.join(given)}")
         inner = _unwrapped(controller, env)
-        given = {**inner.options, "task": inner.task}
+        given = {**inner.options.to_dict(), "task": inner.task}
     matters = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", *more)
-    return cast(Options, {key: value for key, value in given.items() if key in matters})
+    return {key: value for key, value in given.items() if key in matters}
 
 
-def _remade(kind: type[Any], options: Options, gains: dict[str, Any]) -> Any:
+def _remade(kind: type[Any], options: dict[str, Any], gains: dict[str, Any]) -> Any:
     """Make a controller again after pickling."""
     return kind(**gains, **options)
 

@@ -4,14 +4,14 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Self, Unpack
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
+from uvms_gym._task.options import native
 from uvms_gym.controllers.base import Controller, options_of
-from uvms_gym.envs._options import Options, native
 
 
 class MLP(Controller):
@@ -73,7 +73,7 @@ class MLP(Controller):
         history: int = 1,
         residual: bool = False,
         notes: Mapping[str, str] | None = None,
-        **options: Unpack[Options],
+        **options: Any,
     ) -> None:
         if (mean is None) != (variance is None):
             raise ValueError("give both mean and variance, or neither")
@@ -123,9 +123,7 @@ class MLP(Controller):
         raise ValueError(f"no layers found among the names {', '.join(state_dict)}")
 
     @classmethod
-    def load(
-        cls, file: str | os.PathLike[str], env: Any = None, *, residual: bool = False, **options: Unpack[Options]
-    ) -> Self:
+    def load(cls, file: str | os.PathLike[str], env: Any = None, *, residual: bool = False, **options: Any) -> Self:
         """Read a policy from a safetensors file, and check that it is for `env` (or `options`), if given.
 
         With `residual` it must be a residual policy, without it must not.
@@ -204,6 +202,6 @@ def _array(name: str, given: ArrayLike | None, dimensions: int) -> NDArray[np.fl
     return array
 
 
-def _task(controller: str, env: Any, given: Options) -> _core.Task | None:
+def _task(controller: str, env: Any, given: dict[str, Any]) -> _core.Task | None:
     """Task of a policy, if it is given."""
     return native(options_of(controller, env, given)) if env is not None or given else None

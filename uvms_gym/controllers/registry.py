@@ -8,16 +8,16 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Unpack
+from typing import Any, Literal, NamedTuple
 
 from uvms_gym import _core
+from uvms_gym._task.options import native
 from uvms_gym.controllers.base import Controller, options_of
 from uvms_gym.controllers.feedback import PD, PID, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP
 from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque
 from uvms_gym.controllers.residual import Residual
 from uvms_gym.controllers.resolved_motion import ResolvedMotion
-from uvms_gym.envs._options import Options, native
 
 #: Folder of shipped policies and tuned gains.
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
@@ -86,7 +86,7 @@ def make_controller(
     *,
     gains: Literal["tuned", "scene"] = "tuned",
     seed: int | None = None,
-    **options: Unpack[Options],
+    **options: Any,
 ) -> Controller:
     """Make a controller by its name, with tuned gains or a shipped policy.
 
@@ -157,29 +157,29 @@ def check_name(name: str, task: str) -> None:
         raise ValueError(f"{what}; known: {', '.join(names(task))}, {MLP_PREFIX}FILE")
 
 
-def seeds(name: str, env: Any = None, **options: Unpack[Options]) -> tuple[int, ...]:
+def seeds(name: str, env: Any = None, **options: Any) -> tuple[int, ...]:
     """Training seeds of a learned controller's shipped policies for an environment; none for classical ones."""
     if name not in LEARNED:
         return ()
     return _shipped(options_of("controller", env, options)).get(name, ())
 
 
-def available(env: Any = None, **options: Unpack[Options]) -> tuple[str, ...]:
+def available(env: Any = None, **options: Any) -> tuple[str, ...]:
     """Controllers available for this task (gains or policy shipped)."""
     given = options_of("controller", env, options)
     shipped = _shipped(given)
     return tuple(name for name in names(given.get("task", "station-keep")) if name in CLASSICAL or name in shipped)
 
 
-def folder(env: Any = None, **options: Unpack[Options]) -> Path:
+def folder(env: Any = None, **options: Any) -> Path:
     """Folder of shipped gains and policies for an environment; it may not exist."""
     given = options_of("controller", env, options)
     made = native(given)
     task = TASKS[given.get("task", "station-keep")]
-    return PRETRAINED / task / made.simulator.scene_name / f"{made.control_period:.6g}s"
+    return PRETRAINED / task / made.snapshot().scene_name / f"{made.control_period:.6g}s"
 
 
-def tuned(name: str, env: Any = None, **options: Unpack[Options]) -> dict[str, Any] | None:
+def tuned(name: str, env: Any = None, **options: Any) -> dict[str, Any] | None:
     """Shipped gains of a classical controller: `gains` as its class takes them, and the record of their tuning.
 
     None where none are shipped.
@@ -206,7 +206,7 @@ def tuned(name: str, env: Any = None, **options: Unpack[Options]) -> dict[str, A
     return entry
 
 
-def policy_file(name: str, seed: int | None = None, env: Any = None, **options: Unpack[Options]) -> Path:
+def policy_file(name: str, seed: int | None = None, env: Any = None, **options: Any) -> Path:
     """File of a learned controller's shipped policy.
 
     Raises
@@ -228,7 +228,7 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
     return place / f"{name}-{seed}.safetensors"
 
 
-def _classical(name: str, given: Options, gains: str) -> Controller:
+def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
     entry = CLASSICAL.get(name)
     if entry is None:
         raise Unavailable(f"controller {name} cannot be a base")
@@ -250,7 +250,7 @@ def _entry(name: str) -> ClassicalEntry | LearnedEntry:
     return CLASSICAL[name] if name in CLASSICAL else LEARNED[name]
 
 
-def _shipped(given: Options) -> dict[str, tuple[int, ...]]:
+def _shipped(given: dict[str, Any]) -> dict[str, tuple[int, ...]]:
     """Training seeds of the policies shipped for these options, by controller."""
     place = folder(**given)
     found: dict[str, list[int]] = {}
@@ -261,8 +261,8 @@ def _shipped(given: Options) -> dict[str, tuple[int, ...]]:
     return {name: tuple(sorted(found[name])) for name in LEARNED if name in found}
 
 
-def _action(given: Options) -> str:
-    return given.get("action", "wrench")
+def _action(given: dict[str, Any]) -> str:
+    return str(given.get("action", "wrench"))
 
 
 def _places() -> str:

@@ -1,14 +1,41 @@
 """End-effector tracking: `UVMS-EETrack-v0`, single and vector."""
 
-from typing import Literal, Unpack
+from dataclasses import dataclass
+from typing import ClassVar, Literal
 
-from gymnasium.vector import AutoresetMode
+from uvms_gym._task.base import INFO
+from uvms_gym._task.options import Preview, RewardWeights, TaskOptions
+from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 
-from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._base import INFO, TaskEnv, TaskVectorEnv
-from uvms_gym.envs._options import Disturbance, Options, Preview, Randomize, RewardWeights, Scene, Tolerance
+__all__ = ["INFO", "EETrackEnv", "EETrackOptions", "EETrackVectorEnv"]
 
-__all__ = ["INFO", "EETrackEnv", "EETrackVectorEnv"]
+
+@dataclass(frozen=True, kw_only=True)
+class EETrackOptions(TaskOptions, task="ee-track"):
+    """Options of end-effector tracking: those of `TaskOptions`, and the reference.
+
+    Attributes
+    ----------
+    reference : {"mixed", "point", "line", "circle", "figure-eight", "spline"}
+        Kind of the reference path; "mixed" draws one for each episode.
+    reference_size : float
+        Greatest amplitude or radius, m, in [0, 5]; 50 to 100 % of it are drawn.
+    reference_speed : float
+        Greatest speed, m/s, in [0, 2]; 50 to 100 % of it are drawn.
+    reference_turn : float
+        Greatest amplitude of turns about the vertical, rad, in [0, 0.6]; out of the horizontal less than a third of it.
+    preview : dict or None
+        Any of `points`, the number of reference points seen ahead, 0 to 8 (3), and `spacing`, the time between them, s,
+        in [0, 10] (0.2).
+    """
+
+    reward_defaults: ClassVar[RewardWeights] = {**TaskOptions.reward_defaults, "diverged": 100.0}
+
+    reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"] = "mixed"
+    reference_size: float = 0.4
+    reference_speed: float = 0.2
+    reference_turn: float = 0.4
+    preview: Preview | None = None
 
 
 class EETrackEnv(TaskEnv):
@@ -76,7 +103,8 @@ class EETrackEnv(TaskEnv):
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2) of the end effector, relative thrusts and torques u in
     [-1, 1] and actions a the reward is
     `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`, less 100 where the run
-    diverges: as much as 100 steps a metre away, so that nobody flees. The four weights are the argument `reward`.
+    diverges: as much as 100 steps a metre away, so ending the episode early never pays. The four weights are the
+    argument `reward`.
 
     ## Starting State
     Vehicle at rest up to 0.05 m and 0.05 rad from where it has the end effector on the reference (world origin, level,
@@ -99,30 +127,16 @@ class EETrackEnv(TaskEnv):
     `disturbance_force`, `payload` and `thruster_gain` tell of the disturbance, as in `StationKeepEnv`.
 
     ## Arguments
-    - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
-    - `action` (`"wrench"`): `"wrench"`, `"thrusters"` or `"residual"`.
-    - `reference` (`"mixed"`): `"point"`, `"line"`, `"circle"`, `"figure-eight"`, `"spline"`, or `"mixed"`, which draws
-      one of them for each episode.
-    - `reference_size` (0.4), `reference_speed` (0.2): greatest amplitude or radius, m, and greatest speed, m/s; 50 to
-      100 % of each are drawn.
-    - `reference_turn` (0.4): greatest amplitude of its turns about the vertical, rad; out of the horizontal less than a
-      third of it.
-    - `preview` (None): a dict with any of `points` (3), the number of points of the reference seen ahead, up to 8, and
-      `spacing` (0.2 s), the time between them.
-    - `disturbance` (None), `randomize` (None), `thruster_lag` (None): as `StationKeepEnv` has them; noise and delay of
-      the pose error are those of the end effector, what is seen ahead is off by as much, and `arm` has no effect.
-    - `dt` (0.01), `substeps` (5), `integrator` (`"mk4"`), `dtype` (`"float64"`), `max_current` (0.3), `start_distance`
-      (0.05), `start_angle` (0.05), `target_distance` (0), `target_turn` (0), `reward` (None: `pose` 0.1, `effort` 0.02,
-      `rate` 0.1, `diverged` 100), `tolerance` (None: `position` 0.05, `attitude` 0.1), `residual` (0.3), `privileged`
-      (False),
-      `threads` (None), `render_mode` (None): as `StationKeepEnv` has them; the target is where the vehicle would be at
-      the start.
+    `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as `StationKeepEnv` has it.
+    The drawn target is where the vehicle would be at the start. Noise and delay of the pose error are those of the end
+    effector, the preview is off by as much, and the component `arm` of a disturbance has no effect.
 
-    `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
+    `reset(options=...)` sets parts of the start, which are drawn otherwise: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude` (of the vehicle, where
     the reference starts), `current` (3, world, the scene's own included), and `disturbance`. SI units.
 
-    `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`.
+    `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
+    `rate` at 0.2.
 
     ```python
     >>> import gymnasium, uvms_gym
@@ -137,84 +151,12 @@ class EETrackEnv(TaskEnv):
     - v0: first version.
     """
 
-    task = "ee-track"
-
-    def __init__(
-        self,
-        scene: Scene = "petasus-pum",
-        action: Literal["wrench", "thrusters", "residual"] = "wrench",
-        reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"] = "mixed",
-        reference_size: float = 0.4,
-        reference_speed: float = 0.2,
-        reference_turn: float = 0.4,
-        preview: Preview | None = None,
-        dt: float = 0.01,
-        substeps: int = 5,
-        integrator: str = "mk4",
-        dtype: Literal["float64", "float32"] = "float64",
-        max_current: float = 0.3,
-        start_distance: float = 0.05,
-        start_angle: float = 0.05,
-        target_distance: float = 0.0,
-        target_turn: float = 0.0,
-        disturbance: Disturbance | None = None,
-        randomize: Randomize | None = None,
-        thruster_lag: float | None = None,
-        reward: RewardWeights | None = None,
-        tolerance: Tolerance | None = None,
-        residual: float = 0.3,
-        privileged: bool = False,
-        threads: int | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        options: Options = {
-            "scene": scene,
-            "action": action,
-            "reference": reference,
-            "reference_size": reference_size,
-            "reference_speed": reference_speed,
-            "reference_turn": reference_turn,
-            "preview": preview,
-            "dt": dt,
-            "substeps": substeps,
-            "integrator": integrator,
-            "dtype": dtype,
-            "max_current": max_current,
-            "start_distance": start_distance,
-            "start_angle": start_angle,
-            "target_distance": target_distance,
-            "target_turn": target_turn,
-            "disturbance": disturbance,
-            "randomize": randomize,
-            "thruster_lag": thruster_lag,
-            "reward": reward,
-            "tolerance": tolerance,
-            "residual": residual,
-            "privileged": privileged,
-            "threads": threads,
-        }
-        super().__init__(options, render_mode)
+    options_class = EETrackOptions
+    options: EETrackOptions
 
 
 class EETrackVectorEnv(TaskVectorEnv):
-    """Many `EETrackEnv`, stepped together in one native call: as `StationKeepVectorEnv`, with its arguments.
+    """N instances of `EETrackEnv`, stepped together in one native call; parameters are those of `TaskVectorEnv`."""
 
-    Raises
-    ------
-    ValueError, TypeError
-        An argument is out of range or unknown.
-    """
-
-    task = "ee-track"
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        max_episode_steps: int | None = EPISODE_STEPS,
-        copy: bool = True,
-        render_mode: str | None = None,
-        **options: Unpack[Options],
-    ) -> None:
-        super().__init__(num_envs, autoreset_mode, max_episode_steps, copy, render_mode, options)
+    options_class = EETrackOptions
+    options: EETrackOptions

@@ -1,4 +1,4 @@
-"""Pictures of environments."""
+"""Rendering of environments."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, overload
@@ -12,24 +12,24 @@ from uvms_gym._core import Renderer, Simulator, Task
 Picture = NDArray[np.uint8]
 
 RENDER_MODES = ("rgb_array",)
-#: Places along a path that is drawn.
+#: Points along a drawn path.
 _PLACES = 97
 
 
 def check_mode(render_mode: str | None) -> None:
-    """Refuse what is no render mode.
+    """Refuse unknown render modes.
 
     Raises
     ------
     ValueError
-        It is neither None nor one of `RENDER_MODES`; `gymnasium.make` and Gymnasium's wrappers make others of these.
+        `render_mode` is neither None nor one of `RENDER_MODES`; other modes are wrappers of `gymnasium.make`.
     """
     if render_mode is not None and render_mode not in RENDER_MODES:
         raise ValueError(f"render_mode is {render_mode!r}, but must be None or 'rgb_array'")
 
 
 class Pictures(Sequence[Picture]):
-    """One picture (height, width, 3) per instance of what was when it was made; drawn when first looked at."""
+    """Pictures (height, width, 3) of all instances at one instant, each drawn at its first access."""
 
     def __init__(self, renderer: Renderer, shots: Mapping[str, NDArray[Any]]) -> None:
         self._renderer = renderer
@@ -54,14 +54,14 @@ class Pictures(Sequence[Picture]):
 
 
 class Rendering:
-    """`render` for the environments of a task."""
+    """Pictures of the instances of an environment."""
 
     render_mode: str | None
     _native: Task
     _renderer: Renderer | None = None
 
     def _pictures(self) -> Pictures | None:
-        """Pictures of all instances as they are now; None, and Gymnasium's warning, without a render mode."""
+        """Pictures of the current state; None, with Gymnasium's warning, without a render mode."""
         if self.render_mode is None:
             logger.warn("You are calling render method without specifying any render mode.")
             return None
@@ -72,7 +72,7 @@ class Rendering:
 
 def shots(native: Task) -> dict[str, NDArray[Any]]:
     """Arguments of `Renderer.draw`, one row per instance."""
-    simulator, episode = native.simulator, native.episodes()
+    simulator, episode = native.snapshot(), native.episodes()
     pose = np.zeros((native.num_envs, 4, 4))
     pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = episode["target_rotation"], episode["target_position"], 1.0
     path = native.paths(_PLACES)
@@ -85,17 +85,17 @@ def shots(native: Task) -> dict[str, NDArray[Any]]:
         "payload": simulator.parameters["payload"],
         "thrust": _thrusts(native, simulator, episode),
         "path": path,
-        # Where there is a path the pose is one of the end effector.
+        # With a path, the pose is the end effector's.
         "point" if path.size else "target": pose,
     }
 
 
 def _thrusts(native: Task, simulator: Simulator, episode: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
-    """Thrusts (N, m) that the last actions asked for."""
+    """Thrusts (N, m) commanded by the last actions."""
     entries, action = native.action_layout, episode["action"]
-    limits = np.array([limits for _, limits, _ in entries]).T
-    asked = np.abs(action) * np.where(action > 0.0, limits[1], limits[0])
-    names = [name for name, _, _ in entries]
+    low, high = (np.array([entry[side][0] for entry in entries]) for side in ("low", "high"))
+    asked = np.abs(action) * np.where(action > 0.0, high, low)
+    names = [entry["name"] for entry in entries]
     count = simulator.num_thrusters
     if names[:count] == simulator.thruster_names:
         return np.asarray(asked[:, :count])

@@ -1,14 +1,25 @@
 """Station keeping: `UVMS-StationKeep-v0`, single and vector."""
 
-from typing import Literal, Unpack
+from dataclasses import dataclass
 
-from gymnasium.vector import AutoresetMode
+from uvms_gym._task.base import INFO
+from uvms_gym._task.options import TaskOptions
+from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 
-from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._base import INFO, TaskEnv, TaskVectorEnv
-from uvms_gym.envs._options import Disturbance, Options, Randomize, RewardWeights, Scene, Tolerance
+__all__ = ["INFO", "StationKeepEnv", "StationKeepOptions", "StationKeepVectorEnv"]
 
-__all__ = ["INFO", "StationKeepEnv", "StationKeepVectorEnv"]
+
+@dataclass(frozen=True, kw_only=True)
+class StationKeepOptions(TaskOptions, task="station-keep"):
+    """Options of station keeping: those of `TaskOptions`, and the arm's motion.
+
+    Attributes
+    ----------
+    arm_amplitude : float
+        Greatest swing of the arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
+    """
+
+    arm_amplitude: float = 0.4
 
 
 class StationKeepEnv(TaskEnv):
@@ -115,41 +126,18 @@ class StationKeepEnv(TaskEnv):
     `payload` what is held (kg), and `thruster_gain` what is left of the weakest thruster's thrust.
 
     ## Arguments
-    - `scene` (`"petasus-pum"`): name of a shipped scene with thrusters, path of a TOML file, or a dict.
-    - `action` (`"wrench"`): `"wrench"`, `"thrusters"` or `"residual"`.
-    - `dt` (0.01), `substeps` (5): physics step, s, and steps per control period. At 0.01 s the end effector errs by
-      1e-9 to 3e-9 m (f64; 1e-6 to 7e-6 m in f32) after 10 s of driven motion, in the median (`uvms accuracy`). A `dt`
-      that is too large for the scene is warned of by `uvms_gym.StepWarning`, once, at the first `step`.
-    - `integrator` (`"mk4"`), `dtype` (`"float64"`): as `uvms_gym.Simulator` has them.
-    - `max_current` (0.3): greatest speed of the drawn current, m/s, where there is no `disturbance`.
-    - `start_distance` (0.05), `start_angle` (0.05): greatest initial error, m and rad.
-    - `target_distance` (0), `target_turn` (0): greatest distance (m) of a drawn target from the world origin, and
-      greatest heading (rad).
-    - `arm_amplitude` (0.4): greatest swing of the arm's reference about home, rad (0.25 m per rad if prismatic).
-    - `disturbance` (None): see above.
-    - `randomize` (None): parameters that differ from the scene's in every episode, for all bodies alike: `True` for
-      factors of 0.7 to 1.3 on `mass`, `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`,
-      a number for another share, or a dict of shares or ranges by name, with `volume` (on top of the factor on mass,
-      which it goes with, so that what floats still does) and `payload` (kg). `False` takes away what the disturbance
-      has of it.
-    - `thruster_lag` (None): time constant of all thrusters, s, in place of the scene's.
-    - `reward` (None): a dict with any of `pose` (0.1), `effort` (0.02), `rate` (0.1) and `diverged` (0).
-    - `tolerance` (None): a dict with any of `position` (0.05 m) and `attitude` (0.1 rad); the reward does not know it.
-    - `residual` (0.3): greatest correction of `action="residual"`, over the actuators' limits.
-    - `privileged` (False): whether `info["privileged"]` has the true state, current, parameters and target, (m,), for
-      asymmetric critics: parts by the names and lengths in `env.unwrapped.privileged_layout`, SI units, world axes but
-      for the twist.
-    - `threads` (None): most threads; one instance never uses more than one.
-    - `render_mode` (None): `"rgb_array"`, or through `gymnasium.make` also `"human"`: pictures drawn in Rust.
+    `options`, a `StationKeepOptions`, or its fields as keyword arguments; and `render_mode` (None): `"rgb_array"`, or
+    through `gymnasium.make` also `"human"`. Pictures are drawn in Rust.
 
-    `reset(options=...)` gives parts of the start that are not to be drawn: `position` (3), `attitude` (quaternion
+    `reset(options=...)` sets parts of the start, which are drawn otherwise: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,
-    the scene's own included). SI units. `disturbance` is one for that episode, of components that the environment was
-    made with and with the same `delay`; parameters stay those of `randomize`, if it was given. The vector environment
-    also takes a list of one per instance.
+    the scene's own included). SI units. `disturbance` replaces the disturbance for that episode, with components that
+    the environment was made with and the same `delay`; parameters stay those of `randomize`, if it was given. The
+    vector environment also takes a list of one per instance.
 
-    `UVMS-StationKeep-Storm-v0` is this task under conditions that controllers are compared in: `disturbance="storm"`,
-    `thruster_lag=0.1`, `substeps=10`, so a control period of 0.1 s and as much delay of the sensors, 200 steps.
+    `UVMS-StationKeep-Storm-v0` is this task as controllers are compared in it. It differs from
+    `disturbance="storm"` alone: `thruster_lag=0.1`; `substeps=10`, so a control period of 0.1 s, which is also the
+    sensors' delay; 200 steps; and reward weights `effort` 0.05 and `rate` 0.8, for commands about as calm as a PD's.
 
     ```python
     >>> import gymnasium, uvms_gym
@@ -164,95 +152,12 @@ class StationKeepEnv(TaskEnv):
     - v0: first version.
     """
 
-    task = "station-keep"
-
-    def __init__(
-        self,
-        scene: Scene = "petasus-pum",
-        action: Literal["wrench", "thrusters", "residual"] = "wrench",
-        dt: float = 0.01,
-        substeps: int = 5,
-        integrator: str = "mk4",
-        dtype: Literal["float64", "float32"] = "float64",
-        max_current: float = 0.3,
-        start_distance: float = 0.05,
-        start_angle: float = 0.05,
-        target_distance: float = 0.0,
-        target_turn: float = 0.0,
-        arm_amplitude: float = 0.4,
-        disturbance: Disturbance | None = None,
-        randomize: Randomize | None = None,
-        thruster_lag: float | None = None,
-        reward: RewardWeights | None = None,
-        tolerance: Tolerance | None = None,
-        residual: float = 0.3,
-        privileged: bool = False,
-        threads: int | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        options: Options = {
-            "scene": scene,
-            "action": action,
-            "dt": dt,
-            "substeps": substeps,
-            "integrator": integrator,
-            "dtype": dtype,
-            "max_current": max_current,
-            "start_distance": start_distance,
-            "start_angle": start_angle,
-            "target_distance": target_distance,
-            "target_turn": target_turn,
-            "arm_amplitude": arm_amplitude,
-            "disturbance": disturbance,
-            "randomize": randomize,
-            "thruster_lag": thruster_lag,
-            "reward": reward,
-            "tolerance": tolerance,
-            "residual": residual,
-            "privileged": privileged,
-            "threads": threads,
-        }
-        super().__init__(options, render_mode)
+    options_class = StationKeepOptions
+    options: StationKeepOptions
 
 
 class StationKeepVectorEnv(TaskVectorEnv):
-    """Many `StationKeepEnv`, stepped together in one native call.
+    """N instances of `StationKeepEnv`, stepped together in one native call; parameters are those of `TaskVectorEnv`."""
 
-    It gives the same numbers as a `SyncVectorEnv` of single environments, bit for bit, whatever the number of
-    instances and threads.
-
-    Parameters
-    ----------
-    num_envs : int
-        Number of instances N.
-    autoreset_mode : AutoresetMode or str
-        As Gymnasium defines them; `NEXT_STEP` is the default. `DISABLED` wants `reset(options={"reset_mask": mask})`.
-    max_episode_steps : int or None
-        Episodes are truncated after so many steps; None or 0: never.
-    copy : bool
-        Taken for compatibility: all arrays returned are the caller's own. Steps write to those alone that nobody holds
-        any more.
-    render_mode : str or None
-        `"rgb_array"`: `render()` gives a sequence of N pictures, each drawn when first looked at.
-    **options
-        As `StationKeepEnv` has them.
-
-    Raises
-    ------
-    ValueError, TypeError
-        An argument is out of range or unknown.
-    """
-
-    task = "station-keep"
-
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        max_episode_steps: int | None = EPISODE_STEPS,
-        copy: bool = True,
-        render_mode: str | None = None,
-        **options: Unpack[Options],
-    ) -> None:
-        super().__init__(num_envs, autoreset_mode, max_episode_steps, copy, render_mode, options)
+    options_class = StationKeepOptions
+    options: StationKeepOptions

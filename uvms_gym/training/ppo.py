@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from uvms_gym import MLP, Residual
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.registry import make_controller, tuned
-from uvms_gym.envs._base import TaskVectorEnv
+from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.sb3 import make_vec_env
 from uvms_gym.training import continuation
 from uvms_gym.training.evaluation import SEED, episode_steps, evaluate

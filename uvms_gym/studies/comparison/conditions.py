@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium
 
 from uvms_gym.controllers.registry import TASKS
-from uvms_gym.disturbances import disturbances
+from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import EPISODE_STEPS
 from uvms_gym.studies.comparison.metrics import VARIATION_REWARD
 
@@ -89,7 +89,9 @@ def _level(options: Options) -> Components:
     given = options.get("disturbance")
     if given is None:
         return {"current": {"speed": [0.0, options.get("max_current", 0.3)]}}
-    return copy.deepcopy(disturbances()[given].components) if isinstance(given, str) else copy.deepcopy(dict(given))
+    return (
+        copy.deepcopy(disturbance_levels()[given].components) if isinstance(given, str) else copy.deepcopy(dict(given))
+    )
 
 
 def _with(options: Options, **changes: Any) -> Components:
@@ -179,8 +181,8 @@ def make_conditions(
         An environment, a disturbance or a departure is unknown, or the environment is of another kind.
     """
     for name in levels:
-        if name not in disturbances():
-            raise ValueError(f"there is no disturbance {name!r}; known: {', '.join(disturbances())}")
+        if name not in disturbance_levels():
+            raise ValueError(f"there is no disturbance {name!r}; known: {', '.join(disturbance_levels())}")
     for name in departures:
         if name not in DEPARTURES:
             raise ValueError(f"there is no condition {name!r}; known: {', '.join(DEPARTURES)}")

@@ -101,7 +101,7 @@ def vector_study(
             case = VectorEnv(scene, n, count, dtype, seed)
             cases[dtype, count, "env"] = case
             for name, substeps in (("once", SUBSTEPS), ("twice", 2 * SUBSTEPS)):
-                cases[dtype, count, name] = Physics(case.env.unwrapped.simulator, substeps, seed)
+                cases[dtype, count, name] = Physics(case.env.unwrapped.snapshot(), substeps, seed)
     samples = interleave(cases, repeats, tick)
     rows = []
     for dtype in dtypes:
@@ -134,7 +134,7 @@ def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int, tic
     rng = np.random.default_rng(seed)
     actions = _actions(rng, env.action_space.shape or ())
     env.reset(seed=seed)
-    physics = [Physics(env.unwrapped.simulator, substeps, seed) for substeps in (SUBSTEPS, 2 * SUBSTEPS)]  # type: ignore[attr-defined]
+    physics = [Physics(env.unwrapped.snapshot(), substeps, seed) for substeps in (SUBSTEPS, 2 * SUBSTEPS)]  # type: ignore[attr-defined]
 
     def steps() -> list[float]:
         spent = []

@@ -1,4 +1,4 @@
-"""What `step` and `reset` are given, checked."""
+"""Checks of the arguments of `step` and `reset`."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from uvms_gym.envs._options import as_json
+from uvms_gym._task.options import as_json
 
 Actions = NDArray[np.float32]
 
-#: Parts of an episode's start that `reset(options=...)` takes instead of drawing them.
+#: Options of `reset`: parts of an episode's start that are drawn otherwise.
 RESET_OPTIONS = (
     "position",
     "attitude",
@@ -27,7 +27,10 @@ _FLOAT32 = np.dtype(np.float32)
 
 
 def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
-    """Check shape and type, and clip what float32 may not hold; whether it is finite is checked further down."""
+    """Actions as float32, clipped where float32 overflows; refuses other shapes and types.
+
+    The native module refuses entries that are not finite.
+    """
     if type(given) is np.ndarray and given.dtype is _FLOAT32 and given.shape == shape:
         return given
     try:
@@ -44,7 +47,7 @@ def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
 
 
 def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
-    """Check the names of reset options; a new dict without those whose value is None."""
+    """Reset options without those that are None; refuses unknown names."""
     if not isinstance(options, Mapping | None):
         raise TypeError(f"options must be a dict or None, not {type(options).__name__}")
     known = (*RESET_OPTIONS, *extra)
@@ -58,7 +61,7 @@ def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
 
 
 def _disturbances(given: Any) -> str | list[str]:
-    """One disturbance for all instances, or a list with one for each."""
+    """JSON of one disturbance for all instances, or of a list with one per instance."""
     if isinstance(given, list | tuple):
         return [as_json("disturbance", one) for one in given]
     return as_json("disturbance", given)

@@ -1,24 +1,24 @@
-"""What all environments have in common: spaces, state, reset and step; single and vector."""
+"""Single and vector environments of any task."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, cast
+from collections.abc import Sequence
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from uvms_gym._core import Simulator, Task
-from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.envs._arguments import Actions, as_actions, starts
-from uvms_gym.envs._options import Options, check_count, native
+from uvms_gym._task.arguments import Actions, as_actions, starts
+from uvms_gym._task.base import EPISODE_STEPS, INFO, TaskBase
+from uvms_gym._task.options import TaskOptions, native
 from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering, check_mode
 
 Observations = NDArray[np.float32]
 
-INFO = tuple(Task.INFO)
+#: Observations, rewards, terminated, truncated and metrics (k, N) of a step.
+StepArrays = tuple[Observations, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
+
 _MASKS = tuple(f"_{name}" for name in INFO)
 _SEEDS = 2**64
 _MODES = {
@@ -28,107 +28,34 @@ _MODES = {
 }
 
 
-class TaskBase(Rendering):
-    """Spaces, state and read access."""
+class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
+    """One instance of a task.
 
-    #: Name of the task.
-    task: ClassVar[str]
+    Parameters
+    ----------
+    options : TaskOptions or None
+        Options of the task; None: the defaults.
+    render_mode : str or None
+        `"rgb_array"`: `render` draws a picture. `gymnasium.make` also takes `"human"`.
+    **kwargs
+        Fields of `options` by name; they take precedence.
 
-    _native: Task
-    _privileged: bool
-    options: Options
-
-    _action_shape: tuple[int, ...]
-
-    def _spaces(self) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-        """Spaces of one instance's observation and action."""
-        bound = self._native.observation_bound
-        action = np.ones(len(self._native.action_layout), dtype=np.float32)
-        self._action_shape = action.shape
-        return spaces.Box(-bound, bound, dtype=np.float32), spaces.Box(-action, action, dtype=np.float32)
-
-    @property
-    def simulator(self) -> Simulator:
-        """A copy of the physics at this instant: the true state to read, and a simulator to look ahead with."""
-        return self._native.simulator
-
-    @property
-    def layout(self) -> Sequence[Mapping[str, Any]]:
-        """Blocks of an observation: name, offset, scale, bound, unit, description."""
-        return self._native.layout
-
-    @property
-    def action_layout(self) -> list[tuple[str, list[float], str]]:
-        """Entries of an action: name, what -1 and +1 ask for, unit."""
-        return self._native.action_layout
-
-    @property
-    def privileged_layout(self) -> list[tuple[str, int]]:
-        """Names and lengths of the parts of `info["privileged"]`."""
-        return self._native.privileged_layout
-
-    @property
-    def episode(self) -> dict[str, NDArray[Any]]:
-        """What the running episodes drew, and where their references are; one row per instance."""
-        return self._native.episodes()
-
-    def disturbance(self, instance: int = 0, steps: int = EPISODE_STEPS) -> dict[str, NDArray[np.float64]]:
-        """What will disturb an instance in its next `steps` control periods, if it stays where it is.
-
-        Called after `reset` it tells of the whole episode. Waves, tether and pushes depend on where the vehicle is, a
-        little; all else is exact.
-
-        Returns
-        -------
-        dict of numpy.ndarray
-            time (T,), s since the episode's start; current (T, 3), m/s, and its acceleration (T, 3), m/s^2, world axes;
-            wrench (T, 6), N and N m, body axes, thrusters excluded; gains (T, thrusters), what is left of each
-            thruster's thrust; payload (T,), kg.
-
-        Raises
-        ------
-        IndexError, ValueError, gymnasium.error.ResetNeeded
-            There is no such instance, `steps` is out of range, or there is no episode.
-        """
-        check_count("instance", instance, least=0)
-        check_count("steps", steps, least=0)
-        return self._native.disturbance(instance, steps)
-
-    def get_state(self) -> dict[str, NDArray[np.float64]]:
-        """Everything that makes the environment go on as if it had not been interrupted."""
-        physics, episodes = self._native.__getstate__()
-        return {"physics": physics, "episodes": episodes}
-
-    def set_state(self, state: Mapping[str, ArrayLike]) -> None:
-        """Continue, bit for bit, from what `get_state` of an environment with the same arguments gave.
-
-        Raises
-        ------
-        ValueError, TypeError
-            The state is not one of such an environment; nothing has changed then.
-        """
-        if not isinstance(state, Mapping):
-            raise TypeError(f"state must be a dict as get_state gives it, not {type(state).__name__}")
-        for part in ("physics", "episodes"):
-            if part not in state:
-                raise ValueError(f"state lacks {part!r}, which get_state gives")
-        self._native.__setstate__((state["physics"], state["episodes"]))
-
-
-class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
-    """One instance of a task."""
+    Raises
+    ------
+    ValueError, TypeError
+        An option is unknown or out of range; the message names it and what is allowed.
+    """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (as gym.Env declares it)
         "render_modes": list(RENDER_MODES),
         "render_fps": 20.0,
     }
 
-    def __init__(self, options: Options, render_mode: str | None) -> None:
+    def __init__(self, options: TaskOptions | None = None, *, render_mode: str | None = None, **kwargs: Any) -> None:
         check_mode(render_mode)
         self.render_mode = render_mode
-        self.options = options
-        self._native = native({**options, "task": self.task})
-        self._privileged = bool(options.get("privileged"))
+        self.options = self._resolve(options, kwargs)
+        self._native = native(self.options)
         self._seeded = False
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
         self.observation_space, self.action_space = self._spaces()
@@ -136,13 +63,12 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
-        """Start an episode: the first of `seed`, or without one the next of the stream.
+        """Start an episode: the first of `seed`, or without a seed the next of the stream.
 
         Raises
         ------
         ValueError, TypeError
-            An unknown option (the message lists the known ones), or an impossible start; the running episode goes
-            on then.
+            Unknown option (the message lists the known ones), or impossible start; the running episode continues then.
         """
         given = starts(options)
         super().reset(seed=seed)
@@ -151,8 +77,8 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
         self._seeded = True
         named: dict[str, Any] = dict(zip(INFO, info[:, 0].tolist(), strict=True))
-        if self._privileged:
-            self._tell_truth(named)
+        if self.options.privileged:
+            self._add_privileged(named)
         return observations[0], named
 
     def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
@@ -168,14 +94,14 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         try:
             result = self._native.step_one(action)  # type: ignore[arg-type]
         except TypeError:
-            result = None  # No array as policies give them: made one here, so that no error of that shows this one.
+            result = None  # Not a float32 array. It is converted outside of this block, so that errors are not chained.
         if result is None:
             result = self._native.step_one(as_actions(action, self._action_shape))
-        if self._privileged:
-            self._tell_truth(result[4])
+        if self.options.privileged:
+            self._add_privileged(result[4])
         return result
 
-    def _tell_truth(self, info: dict[str, Any]) -> None:
+    def _add_privileged(self, info: dict[str, Any]) -> None:
         info["privileged"] = self._native.privileged()[0]
 
     def render(self) -> Picture | None:
@@ -184,31 +110,57 @@ class TaskEnv(TaskBase, gym.Env[Observations, Actions]):
         return None if pictures is None else pictures[0]
 
 
-class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
-    """Many instances of a task."""
+class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):
+    """N instances of a task, stepped together in one native call.
+
+    The numbers are those of a `SyncVectorEnv` of single environments, bit for bit, for any number of instances and
+    threads.
+
+    Parameters
+    ----------
+    num_envs : int
+        Number of instances N.
+    options : TaskOptions or None
+        Options of the task; None: the defaults.
+    autoreset_mode : AutoresetMode or str
+        Autoreset mode of Gymnasium; `NEXT_STEP` is the default. `DISABLED` takes `reset(options={"reset_mask": mask})`.
+    max_episode_steps : int or None
+        Length at which episodes are truncated, control periods; None or 0: never.
+    copy : bool
+        True: every step returns new arrays. False: every step returns the same arrays of observations, rewards, flags
+        and metrics, with new contents, which saves their allocation.
+    render_mode : str or None
+        `"rgb_array"`: `render()` returns a sequence of N pictures, each drawn at its first access.
+    **kwargs
+        Fields of `options` by name; they take precedence.
+
+    Raises
+    ------
+    ValueError, TypeError
+        An argument is unknown or out of range; the message names it and what is allowed.
+    """
 
     def __init__(
         self,
-        num_envs: int,
-        autoreset_mode: AutoresetMode | str,
-        max_episode_steps: int | None,
-        copy: bool,
-        render_mode: str | None,
-        options: Options,
+        num_envs: int = 1,
+        options: TaskOptions | None = None,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = EPISODE_STEPS,
+        copy: bool = True,
+        render_mode: str | None = None,
+        **kwargs: Any,
     ) -> None:
         check_mode(render_mode)
         self.render_mode = render_mode
         self.copy = copy
-        self.options = options
+        self.options = self._resolve(options, kwargs)
         self.num_envs = num_envs
         mode = AutoresetMode(autoreset_mode)
         self._native = native(
-            {**options, "task": self.task},
-            num_envs=num_envs,
-            autoreset=_MODES[mode],
-            max_episode_steps=max_episode_steps,
+            self.options, num_envs=num_envs, autoreset=_MODES[mode], max_episode_steps=max_episode_steps
         )
-        self._privileged = bool(options.get("privileged"))
+        self._arrays: StepArrays | None = None
         self._seeded = False
         self.metadata = {
             "render_modes": list(RENDER_MODES),
@@ -227,15 +179,15 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         Parameters
         ----------
         seed : int, sequence or None
-            `seed + i` for instance i, or N seeds; where there is None the stream goes on.
+            `seed + i` for instance i, or N seeds; None continues the stream.
         options : dict or None
-            As that of the single environment, each for all instances or with N rows, and `reset_mask`. It is not
+            Options of the single environment, each for all instances or with N rows, and `reset_mask`. The dict is not
             changed.
 
         Raises
         ------
         ValueError, TypeError
-            An unknown option, an impossible start, or a mask that is none; all episodes go on then.
+            Unknown option, impossible start or invalid mask; all episodes continue then.
         """
         given = starts(options, "reset_mask")
         mask = given.pop("reset_mask", None)
@@ -264,12 +216,14 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         Raises
         ------
         ValueError
-            An action is not finite or there is a wrong shape; nothing has changed then.
+            An action is not finite, or the shape is wrong; nothing has changed then.
         gymnasium.error.ResetNeeded
-            There is no episode, or autoreset is disabled and one is over.
+            There is no episode, or autoreset is disabled and an episode is over.
         """
         given = as_actions(actions, (self.num_envs, *self._action_shape))
-        observations, rewards, terminated, truncated, info, finals = self._native.step(given)
+        arrays = self._step_arrays()
+        finals = self._native.step(given, arrays)
+        observations, rewards, terminated, truncated, info = arrays
         infos = self._infos(info)
         if finals is not None:
             where, last, measures, truth = finals
@@ -287,21 +241,37 @@ class TaskVectorEnv(TaskBase, gym.vector.VectorEnv[Observations, Actions, NDArra
         return observations, rewards, terminated, truncated, infos
 
     def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
-        """Give N pictures, each drawn when first looked at; without a render mode warn, and N times None."""
+        """Sequence of N pictures, each drawn at its first access; without a render mode a warning and N times None."""
         pictures = self._pictures()
         return (None,) * self.num_envs if pictures is None else pictures
+
+    def _step_arrays(self) -> StepArrays:
+        """Arrays for the results of a step: new ones, or without `copy` always the same."""
+        if self._arrays is not None:
+            return self._arrays
+        n = self.num_envs
+        arrays = (
+            np.empty((n, *cast(tuple[int, ...], self.single_observation_space.shape)), dtype=np.float32),
+            np.empty(n),
+            np.empty(n, dtype=np.bool_),
+            np.empty(n, dtype=np.bool_),
+            np.empty((len(INFO), n)),
+        )
+        if not self.copy:
+            self._arrays = arrays
+        return arrays
 
     def _infos(
         self, info: NDArray[np.float64], mask: NDArray[np.bool_] | None = None, truth: NDArray[np.float64] | None = None
     ) -> dict[str, Any]:
-        """Measures (k, N) by name, each with a mask of its own, and the truth (N, m): of all, or of those in `mask`."""
+        """Metrics (k, N) by name, each with its mask, and the privileged information (N, m); 0 outside of `mask`."""
         masks = np.ones((len(INFO), self.num_envs), dtype=np.bool_)
         if mask is not None:
             masks[:] = mask
             info[:, ~mask] = 0.0
         infos: dict[str, Any] = dict(zip(INFO, info, strict=True))
         infos.update(zip(_MASKS, masks, strict=True))
-        if self._privileged:
+        if self.options.privileged:
             truth = self._native.privileged() if truth is None else truth
             if mask is not None:
                 truth[~mask] = 0.0

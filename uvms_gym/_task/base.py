@@ -1,0 +1,119 @@
+"""Read access that single and vector environments of all tasks share."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from uvms_gym._core import Simulator, Task
+from uvms_gym._task.layout import Block, blocks
+from uvms_gym._task.options import TaskOptions, check_count
+
+#: Episode length of the registered environments, control periods.
+EPISODE_STEPS = 400
+
+#: Names of the metrics in `info`.
+INFO = tuple(Task.INFO)
+
+
+class TaskBase:
+    """Spaces, layouts, state and forecast of an environment."""
+
+    #: Class of the environment's options.
+    options_class: ClassVar[type[TaskOptions]]
+
+    options: TaskOptions
+    _native: Task
+    _action_shape: tuple[int, ...]
+
+    def _resolve(self, options: TaskOptions | None, given: Mapping[str, Any]) -> TaskOptions:
+        """Options with changes by name."""
+        if options is None:
+            return self.options_class.of(given)
+        if not isinstance(options, self.options_class):
+            raise TypeError(f"options must be {self.options_class.__name__}, not {type(options).__name__}")
+        return options.with_changes(given)
+
+    def _spaces(self) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        """Spaces of one instance's observation and action."""
+        bound = self._native.observation_bound
+        action = np.ones(len(self._native.action_layout), dtype=np.float32)
+        self._action_shape = action.shape
+        return spaces.Box(-bound, bound, dtype=np.float32), spaces.Box(-action, action, dtype=np.float32)
+
+    @property
+    def task(self) -> str:
+        """Name of the task."""
+        return self.options.task
+
+    @property
+    def layout(self) -> tuple[Block, ...]:
+        """Blocks of an observation."""
+        return blocks(self._native.layout)
+
+    @property
+    def action_layout(self) -> tuple[Block, ...]:
+        """Entries of an action, one block each."""
+        return blocks(self._native.action_layout)
+
+    @property
+    def privileged_layout(self) -> tuple[Block, ...]:
+        """Parts of `info["privileged"]`."""
+        return blocks(self._native.privileged_layout)
+
+    @property
+    def episode(self) -> dict[str, NDArray[Any]]:
+        """Drawn parts and progress of the running episodes, one row per instance.
+
+        seed, episode, step (N,); target_position (N, 3), m, and target_rotation (N, 3, 3), as of now; current (N, 3),
+        m/s, world axes; action (N, a); joint_reference and joint_reference_rate (N, n), where joints follow one.
+        """
+        return self._native.episodes()
+
+    def snapshot(self) -> Simulator:
+        """Simulator with a copy of the current state of all instances: to read the true state, or to look ahead."""
+        return self._native.snapshot()
+
+    def disturbance(self, instance: int = 0, steps: int = EPISODE_STEPS) -> dict[str, NDArray[np.float64]]:
+        """Disturbance of an instance over its next `steps` control periods, for a vehicle that stays in place.
+
+        After `reset` it covers the whole episode. Waves, tether and pushes depend a little on the vehicle's position;
+        the rest is exact.
+
+        Returns
+        -------
+        dict of numpy.ndarray
+            time (T,), s since the episode's start; current (T, 3), m/s, and its acceleration (T, 3), m/s^2, world axes;
+            wrench (T, 6), N and N m, body axes, thrusters excluded; gains (T, thrusters), remaining share of each
+            thruster's thrust; payload (T,), kg.
+
+        Raises
+        ------
+        IndexError, ValueError, gymnasium.error.ResetNeeded
+            `instance` or `steps` is out of range, or there is no episode.
+        """
+        check_count("instance", instance, least=0)
+        check_count("steps", steps, least=0)
+        return self._native.disturbance(instance, steps)
+
+    def get_state(self) -> dict[str, NDArray[np.float64]]:
+        """Complete state, to continue from with `set_state`."""
+        physics, episodes = self._native.__getstate__()
+        return {"physics": physics, "episodes": episodes}
+
+    def set_state(self, state: Mapping[str, ArrayLike]) -> None:
+        """Continue, bit for bit, from the state of an environment with the same arguments.
+
+        Raises
+        ------
+        ValueError, TypeError
+            The state is not one of such an environment; nothing has changed then.
+        """
+        if not isinstance(state, Mapping):
+            raise TypeError(f"state must be a dict as get_state gives it, not {type(state).__name__}")
+        for part in ("physics", "episodes"):
+            if part not in state:
+                raise ValueError(f"state lacks {part!r}, which get_state gives")
+        self._native.__setstate__((state["physics"], state["episodes"]))

@@ -1,0 +1,289 @@
+"""Options of tasks, their checks, and the native batch made from them."""
+
+import json
+import math
+import operator
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Literal, Self, TypedDict
+
+import numpy as np
+
+from uvms_gym._core import Task
+
+Scene = str | os.PathLike[str] | dict[str, Any]
+#: Name of a level, or components by name: see `uvms_gym.disturbance_levels`.
+Disturbance = str | Mapping[str, Any]
+#: Switch, share, or ranges by the name of the parameter.
+Randomize = bool | float | Mapping[str, Any]
+
+
+class RewardWeights(TypedDict, total=False):
+    """Weights of the reward's terms; the others keep their defaults."""
+
+    pose: float
+    effort: float
+    rate: float
+    diverged: float
+
+
+class Tolerance(TypedDict, total=False):
+    """Errors below which a pose counts as reached, m and rad; the others keep their defaults."""
+
+    position: float
+    attitude: float
+
+
+class Preview(TypedDict, total=False):
+    """Number of reference points seen ahead, and the time between them, s; the others keep their defaults."""
+
+    points: int
+    spacing: float
+
+
+#: Options that are dicts, and their keys with types.
+_GROUPS: dict[str, Mapping[str, Any]] = {
+    "reward": RewardWeights.__annotations__,
+    "tolerance": Tolerance.__annotations__,
+    "preview": Preview.__annotations__,
+}
+#: Options of the batch, not of the task.
+_BATCH = ("integrator", "dtype", "threads")
+#: Greatest count of the native module.
+_MOST = 2**31 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskOptions:
+    """Options that all tasks have.
+
+    Attributes
+    ----------
+    scene : str, os.PathLike or dict
+        Name of a shipped scene with thrusters, path of a TOML file, or a dict.
+    action : {"wrench", "thrusters", "residual"}
+        Meaning of an action's entries; see the environment's action space.
+    dt : float
+        Physics step, s, in (0, 1]. At 0.01 s the end effector errs by 1e-9 to 3e-9 m (f64; 1e-6 to 7e-6 m in f32) after
+        10 s of driven motion, in the median (`uvms accuracy`). A step too large for the scene raises a
+        `uvms_gym.StepWarning`, once, at the first `step`.
+    substeps : int
+        Physics steps per control period, 1 to 10000.
+    integrator : str
+        Name of an integrator; see `uvms_gym.integrators`.
+    dtype : {"float64", "float32"}
+        Number type of the physics.
+    max_current : float
+        Greatest speed of the drawn steady current, m/s, >= 0; used where `disturbance` is None. The scene's own current
+        is added.
+    start_distance, start_angle : float
+        Greatest initial position error, m, in [0, 10), and attitude error, rad, >= 0.
+    target_distance, target_turn : float
+        Greatest distance of a drawn target from the world origin, m, >= 0, and its greatest heading, rad, >= 0.
+    disturbance : str, dict or None
+        Name of a level, or components by name; see `StationKeepEnv`. None: a steady current.
+    randomize : bool, float, dict or None
+        Parameters that differ from the scene's in every episode, for all bodies alike: `True` for factors of 0.7 to 1.3
+        on `mass`, `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`; a number for
+        another share; or a dict of shares or ranges by name, with `volume` (on top of the factor on mass, which it
+        follows, so that a floating body still floats) and `payload` (kg). `False` removes the randomization of the
+        disturbance.
+    thruster_lag : float or None
+        Time constant of all thrusters, s, in [0, 10], in place of the scene's.
+    reward : dict or None
+        Any of the weights `pose` (0.1), `effort` (0.02), `rate` (0.1) and `diverged` (0; 100 in end-effector tracking),
+        >= 0.
+    tolerance : dict or None
+        Any of `position` (0.05 m) and `attitude` (0.1 rad), >= 0: errors below which `info["success"]` is 1. The reward
+        does not depend on them.
+    residual : float
+        Greatest correction of `action="residual"`, relative to the actuators' limits, in [0, 1].
+    privileged : bool
+        Add the true state, current, parameters and target to `info["privileged"]`, (m,), for asymmetric critics;
+        `env.unwrapped.privileged_layout` describes the entries.
+    threads : int or None
+        Greatest number of threads, >= 1; None: all. One instance never uses more than one.
+    """
+
+    #: Name of the task.
+    task: ClassVar[str] = ""
+    #: Classes of the tasks' options, by the name of the task.
+    by_task: ClassVar[dict[str, type["TaskOptions"]]] = {}
+    #: Default weights of the task's reward.
+    reward_defaults: ClassVar[RewardWeights] = {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 0.0}
+
+    scene: Scene = "petasus-pum"
+    action: Literal["wrench", "thrusters", "residual"] = "wrench"
+    dt: float = 0.01
+    substeps: int = 5
+    integrator: str = "mk4"
+    dtype: Literal["float64", "float32"] = "float64"
+    max_current: float = 0.3
+    start_distance: float = 0.05
+    start_angle: float = 0.05
+    target_distance: float = 0.0
+    target_turn: float = 0.0
+    disturbance: Disturbance | None = None
+    randomize: Randomize | None = None
+    thruster_lag: float | None = None
+    reward: RewardWeights | None = None
+    tolerance: Tolerance | None = None
+    residual: float = 0.3
+    privileged: bool = False
+    threads: int | None = None
+
+    def __init_subclass__(cls, task: str, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.task = task
+        cls.by_task[task] = cls
+
+    def __post_init__(self) -> None:
+        """Check types and counts; ranges are checked by the native module."""
+        for field in fields(self):
+            name, value, default = field.name, getattr(self, field.name), field.default
+            if isinstance(default, str) and name != "scene" and not isinstance(value, str):
+                raise TypeError(f"{name} is {value!r}, but must be a string")
+            if isinstance(default, bool) and not isinstance(value, (bool, np.bool_)):
+                raise TypeError(f"{name} is {value!r}, but must be True or False")
+            if isinstance(default, float) or (name == "thruster_lag" and value is not None):
+                _check_number(name, value)
+            if name in _GROUPS:
+                _check_group(name, value)
+        check_count("substeps", self.substeps)
+        if self.threads is not None:
+            check_count("threads", self.threads)
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> Self:
+        """Options by name.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Unknown option (the message lists the known ones), or a value of the wrong type.
+        """
+        cls._check_names(given)
+        return cls(**given)
+
+    def with_changes(self, given: Mapping[str, Any]) -> Self:
+        """Copy with other values by name; errors as of `of`."""
+        self._check_names(given)
+        return replace(self, **given)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Options by name, without `task`; values are not copied."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def _check_names(cls, given: Mapping[str, Any]) -> None:
+        known = [field.name for field in fields(cls)]
+        if unknown := given.keys() - known:
+            raise TypeError(f"unexpected keyword argument {min(unknown)!r}; known: {', '.join(known)}")
+
+
+def option_names() -> set[str]:
+    """Names of the options of all tasks, and `task`."""
+    return {"task"}.union(*([field.name for field in fields(kind)] for kind in TaskOptions.by_task.values()))
+
+
+def options_by_task(given: Mapping[str, Any]) -> TaskOptions:
+    """Options of the task in `given["task"]`, station keeping by default; errors as of `TaskOptions.of`."""
+    task = given.get("task", "station-keep")
+    if task not in TaskOptions.by_task:
+        raise ValueError(f"task is {task!r}, but must be one of {', '.join(map(repr, TaskOptions.by_task))}")
+    return TaskOptions.by_task[task].of({name: value for name, value in given.items() if name != "task"})
+
+
+def native(
+    options: TaskOptions | Mapping[str, Any],
+    *,
+    num_envs: int = 1,
+    autoreset: str = "disabled",
+    max_episode_steps: int | None = None,
+) -> Task:
+    """Native batch of a task with these options (of a dict see `options_by_task`).
+
+    Raises
+    ------
+    TypeError, ValueError
+        Unknown option, or a value out of its range (`uvms_gym.SceneError` for the scene).
+    """
+    if not isinstance(options, TaskOptions):
+        options = options_by_task(options)
+    check_count("num_envs", num_envs)
+    if max_episode_steps is not None:
+        check_count("max_episode_steps", max_episode_steps, least=0)
+    given = {name: value for name, value in options.to_dict().items() if value is not None}
+    given.pop("scene", None)
+    batch = {name: given.pop(name, None) for name in _BATCH}
+    del given["privileged"]
+    given["task"] = options.task
+    given["reward"] = {**options.reward_defaults, **given.get("reward", {})}
+    if "disturbance" in given:
+        given["disturbance"] = as_json("disturbance", given["disturbance"])
+    if isinstance(given.get("randomize"), Mapping):
+        given["randomize"] = {name: span for name, span in given["randomize"].items() if span is not None}
+    return Task(
+        options.scene,
+        given,
+        **batch,
+        num_envs=num_envs,
+        autoreset=autoreset,
+        max_episode_steps=max_episode_steps or None,
+    )
+
+
+def _check_group(name: str, given: Any) -> None:
+    """Check names and numbers of an option that is a dict."""
+    if not isinstance(given, Mapping | None):
+        raise TypeError(f"{name} is {given!r}, but must be a dict or None")
+    known = _GROUPS[name]
+    for key, value in (given or {}).items():
+        if key not in known:
+            kind = "reward weight" if name == "reward" else f"entry of {name}"
+            raise ValueError(f"unknown {kind} {key!r}; known: {', '.join(known)}")
+        if known[key] is int:
+            check_count(f"{name}[{key!r}]", value, least=0)
+        else:
+            _check_number(f"{name}[{key!r}]", value)
+
+
+def _check_number(name: str, value: Any) -> None:
+    try:
+        math.isfinite(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, but must be a real number") from None
+    except OverflowError:
+        raise ValueError(f"{name} is an integer of {value.bit_length()} bits, which is too large") from None
+
+
+def check_count(name: str, value: Any, least: int = 1) -> None:
+    """Refuse anything but an integer from `least` to 2**31 - 1."""
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} is {value!r}, but must be an integer") from None
+    if count < least:
+        raise ValueError(f"{name} is {count}, but must be at least {least}")
+    if count > _MOST:
+        raise ValueError(f"{name} is {count}, but must be at most {_MOST}")
+
+
+def as_json(name: str, given: Any) -> str:
+    """JSON of a name or a dict of plain values and arrays."""
+    if not isinstance(given, str | Mapping):
+        raise TypeError(f"{name} is {given!r}, but must be the name of a level or a dict of components")
+    try:
+        return json.dumps(given, allow_nan=False, default=_plain)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"{name} must hold plain values: {error}") from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    kind = type(value).__name__
+    raise TypeError(f"a {kind} is not allowed; use numbers, strings, lists, dicts or arrays")
