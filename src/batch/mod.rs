@@ -9,8 +9,8 @@ mod episodes;
 mod monitoring;
 mod options;
 mod simulator;
-mod stepping;
-mod storage;
+pub mod stepping;
+pub mod storage;
 
 pub use episodes::{
     Autoreset, Beginning, Final, Outputs, Rollout, RolloutStats, Saved, StepResult, TaskBatch, Trace, Transition,

@@ -11,7 +11,7 @@ mod indices;
 mod kalman;
 mod mlp;
 mod model_based;
-mod mpc;
+pub mod mpc;
 mod observer;
 mod pd;
 mod pd_restoring;
@@ -20,9 +20,6 @@ mod plant;
 mod residual;
 mod resolved_motion;
 mod rows;
-
-#[cfg(test)]
-mod tests;
 
 pub use action::{ActionKind, ActionMap, ActionRange};
 pub use actuation::{ACTIONS, Actuated, Actuation};
@@ -34,7 +31,7 @@ pub use indices::{ATTITUDE_LEVER, BlockIndices, ModelIndices, ObservationIndices
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 pub use model_based::ModelBased;
 pub use mpc::MpcGains;
-pub use observer::ObserverGains;
+pub use observer::{Observer, ObserverGains};
 pub use pd::Pd;
 pub use pd_restoring::PdRestoring;
 pub use pid::{Pid, PidGains};

@@ -12,10 +12,11 @@ mod golden;
 mod hydro;
 mod lane;
 mod laws;
-mod layers;
+
 mod lie;
 mod random_scene;
 mod render;
+mod source;
 mod spatial;
 mod stability;
 mod system;

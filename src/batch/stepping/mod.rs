@@ -6,4 +6,4 @@ pub mod equations_of_motion;
 mod lagged_added_mass;
 mod scratch_pool;
 mod step;
-mod threads;
+pub mod threads;

@@ -4,7 +4,7 @@ use std::collections::TryReserveError;
 use std::ops::{Deref, DerefMut};
 
 /// Bytes of a cache line.
-const LINE: usize = 64;
+pub const LINE: usize = 64;
 
 /// An array of fixed length that starts at a cache line. Rows of blocks are as long as a cache line, so that no load or store
 /// of a row touches two.
@@ -50,32 +50,5 @@ impl<T> Deref for Aligned<T> {
 impl<T> DerefMut for Aligned<T> {
     fn deref_mut(&mut self) -> &mut [T] {
         &mut self.memory[self.start..]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn on_a_line<T>(numbers: &[T]) -> bool {
-        numbers.as_ptr().addr().is_multiple_of(LINE)
-    }
-
-    #[test]
-    fn numbers_and_copies_of_them_begin_on_a_line() {
-        for count in [1, 8, 1000, 100_000] {
-            let (single, mut double) = (Aligned::filled(count, 0.5f32).unwrap(), Aligned::filled(count, 0.5).unwrap());
-            double[count - 1] = 2.0;
-            let copy = double.clone();
-            assert!(on_a_line(&single) && on_a_line(&double) && on_a_line(&copy));
-            assert_eq!((single.len(), double.len()), (count, count));
-            assert_eq!(*copy, *double);
-        }
-    }
-
-    #[test]
-    fn none_are_none_and_too_many_are_refused() {
-        assert!(Aligned::filled(0, 0.0).unwrap().clone().is_empty());
-        assert!(Aligned::filled(usize::MAX, 0.0).is_err());
     }
 }

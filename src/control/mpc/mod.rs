@@ -1,9 +1,7 @@
 //! Linear model-predictive control.
 
 mod gains;
-mod model;
-#[cfg(test)]
-mod tests;
+pub mod model;
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
@@ -19,8 +17,9 @@ use model::{LinearModel, MOVES};
 
 /// Parameters of a plan: pose error, twist, wrench of the thrusters, previous command; then the steady external wrench,
 /// the wave wrench and its rate. Six each.
-const PARAMETERS: usize = 42;
-const PLAN: usize = 6 * MOVES.len();
+pub const PARAMETERS: usize = 42;
+/// Entries of a plan.
+pub const PLAN: usize = 6 * MOVES.len();
 
 /// Model-predictive control: the plan of the wrench over the next 15 control periods, held over 1, 2, 4 and 8 of them,
 /// of least cost within the thrusters' limits.
@@ -31,17 +30,17 @@ const PLAN: usize = 6 * MOVES.len();
 /// disturbance with its waves. A plan without limits that keeps within them is optimal; otherwise a quadratic program is
 /// solved. `[Clarabel]`
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Mpc {
+pub struct Mpc {
     gains: MpcGains,
     /// Greatest wrench along each axis alone: unit of plans.
-    unit: [f64; 6],
+    pub unit: [f64; 6],
     /// Hessian of the cost: by plan, and by plan and parameters.
     hessian: DMatrix<f64>,
-    cross: DMatrix<f64>,
+    pub cross: DMatrix<f64>,
     /// Plan without limits per parameter.
-    gain: DMatrix<f64>,
+    pub gain: DMatrix<f64>,
     /// Thrusts of a wrench in units, over their limits on either side: rows are at most 1.
-    bounds: DMatrix<f64>,
+    pub bounds: DMatrix<f64>,
 }
 
 impl Mpc {
@@ -97,7 +96,7 @@ impl Mpc {
     }
 
     /// The plan of least cost within the limits, by the cost's gradient at the zero plan.
-    fn solve(&self, gradient: &DVector<f64>) -> Option<DVector<f64>> {
+    pub fn solve(&self, gradient: &DVector<f64>) -> Option<DVector<f64>> {
         let rows = self.bounds.nrows();
         let mut upper = (Vec::new(), Vec::new(), vec![0]);
         for k in 0..PLAN {

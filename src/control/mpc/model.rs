@@ -9,14 +9,14 @@ use crate::control::plant::{Plant, lag_decay};
 use crate::system::Joints;
 
 /// Control periods for which each wrench of a plan is held.
-pub(super) const MOVES: [usize; 4] = [1, 2, 4, 8];
+pub const MOVES: [usize; 4] = [1, 2, 4, 8];
 /// Control periods of the Riccati iteration for the cost beyond the plan.
 const TAIL: usize = 200;
 /// Least weight on effort: without any the cost has no minimum.
 const LEAST_EFFORT: f64 = 1e-8;
 
 /// The linear model, and the square roots of the weights.
-pub(super) struct LinearModel {
+pub struct LinearModel {
     inverse: Matrix6<f64>,
     period: f64,
     /// Decay of the thrusters' gap over a period: at its end, and on average.

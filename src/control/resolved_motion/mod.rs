@@ -3,8 +3,6 @@
 mod gains;
 mod model;
 mod predictor;
-#[cfg(test)]
-mod tests;
 
 use nalgebra::{SMatrix, Vector3, Vector6};
 

@@ -1,4 +1,8 @@
 //! Many instances at once.
 
+mod aligned;
+mod fill;
 mod instances;
+mod precision;
 mod task;
+mod threads;

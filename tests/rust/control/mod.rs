@@ -1,3 +1,6 @@
 //! Controllers and thruster allocation.
 
+mod actions;
 mod mlp;
+mod mpc;
+mod resolved_motion;

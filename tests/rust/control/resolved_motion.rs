@@ -1,11 +1,16 @@
 //! Laws of resolved motion, on a plant that is its own model.
 
-use nalgebra::{Rotation3, Vector3, Vector6};
+use std::rc::Rc;
 
-use super::*;
-use crate::control::{ActionKind, Allocation};
-use crate::dynamics::{ClosedFormModel, Loads};
-use crate::system::State;
+use nalgebra::{Rotation3, Vector3, Vector6};
+use uvms_gym::control::{
+    ACTIONS, ActionKind, ActionMap, Actuation, Allocation, BlockIndices, Controller, MAX_DELAY, ResolvedMotion,
+    ResolvedMotionGains, TrackingIndices, Widths,
+};
+use uvms_gym::description::Scene;
+use uvms_gym::dynamics::{ClosedFormModel, Loads, SerialChain, Velocities};
+use uvms_gym::error::ControlError;
+use uvms_gym::system::{JOINTS, Joints, State};
 
 const PERIOD: f64 = 0.1;
 const SUBSTEPS: u32 = 50;
@@ -31,10 +36,13 @@ fn scene() -> Scene {
     Scene::shipped("petasus-pum").unwrap()
 }
 
-fn policy(gains: ResolvedMotionGains) -> Result<ResolvedMotion, ControlError> {
+fn actions() -> ActionMap {
     let allocation = Allocation::new(&scene().vehicle).unwrap();
-    let actions = ActionMap::new(ActionKind::Wrench, allocation, JOINT_TORQUES.to_vec());
-    ResolvedMotion::new(&scene(), reading(), gains, actions, PERIOD)
+    ActionMap::new(ActionKind::Wrench, allocation, JOINT_TORQUES.to_vec())
+}
+
+fn policy(gains: ResolvedMotionGains) -> Result<ResolvedMotion, ControlError> {
+    ResolvedMotion::new(&scene(), reading(), gains, actions(), PERIOD)
 }
 
 fn gains() -> ResolvedMotionGains {
@@ -44,40 +52,59 @@ fn gains() -> ResolvedMotionGains {
 /// Vehicle and arm in still water, and the pose error for small motions.
 #[derive(Clone)]
 struct Plant {
+    chain: Rc<SerialChain>,
+    actuation: Rc<Actuation<f64>>,
+    home: Joints,
     rotation: Rotation3<f64>,
-    now: TrackingState,
+    now: Motion,
+}
+
+/// State of the plant.
+#[derive(Clone)]
+struct Motion {
+    error: Vector6<f64>,
+    velocities: Velocities,
+    up: Vector3<f64>,
+    q: Joints,
 }
 
 impl Plant {
     fn at_home() -> Self {
         let mut q = [0.0; JOINTS];
         scene().joints().zip(&mut q).for_each(|(joint, q)| *q = joint.home);
-        let now = TrackingState {
-            error: Vector6::zeros(),
-            velocities: Velocities::zeros(),
-            up: Vector3::z(),
-            q,
-            reference: Vector6::zeros(),
-            acceleration: Vector6::zeros(),
-        };
-        Self { rotation: Rotation3::identity(), now }
+        let now = Motion { error: Vector6::zeros(), velocities: Velocities::zeros(), up: Vector3::z(), q };
+        let (chain, actuation) = (SerialChain::new(&scene()).unwrap(), Actuation::new(&actions()));
+        let rotation = Rotation3::identity();
+        Self { chain: Rc::new(chain), actuation: Rc::new(actuation), home: q, rotation, now }
     }
 
-    fn observation(&self, home: &[f64]) -> Vec<f32> {
+    fn observation(&self) -> Vec<f32> {
         let now = &self.now;
-        let q = now.q.iter().zip(home).map(|(q, home)| q - home);
+        let q = now.q.iter().zip(&self.home).map(|(q, home)| q - home);
         let (twist, rates) = now.velocities.as_slice()[..6 + N].split_at(6);
         let row = now.error.iter().chain(twist).chain(&now.up).copied().chain(q.take(N));
         row.chain(rates.iter().copied()).chain([0.0; 6]).map(|x| x as f32).collect()
     }
 
+    /// Wrench and torques of an action within the actuators' limits.
+    fn reached(&self, action: &[f32]) -> Velocities {
+        let mut entries = [0.0; ACTIONS];
+        entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
+        let actuated = self.actuation.act(&entries);
+        let mut reached = Velocities::zeros();
+        reached.fixed_rows_mut::<6>(0).copy_from_slice(&actuated.wrench.to_array());
+        reached.fixed_rows_mut::<JOINTS>(6).copy_from_slice(&actuated.torques);
+        reached
+    }
+
     /// A control period under an effort and a load.
-    fn pass(&mut self, policy: &ResolvedMotion, effort: &Velocities, load: &Velocities) {
+    fn pass(&mut self, effort: &Velocities, load: &Velocities) {
         let (now, dt) = (&mut self.now, PERIOD / f64::from(SUBSTEPS));
         for _ in 0..SUBSTEPS {
-            let (terms, passive) = policy.model.terms(now);
+            let terms = self.chain.at(&now.up, &now.q, &now.velocities);
+            let passive = |k: usize| self.chain.passive(k, now.q[k], now.velocities[6 + k]).torque;
             let mut net = effort + load - terms.bias;
-            (0..N).for_each(|k| net[6 + k] += passive[k].torque);
+            (0..N).for_each(|k| net[6 + k] += passive(k));
             now.velocities += terms.mass.cholesky().unwrap().solve(&net) * dt;
             now.error += terms.jacobian * now.velocities * dt;
             (0..N).for_each(|k| now.q[k] += now.velocities[6 + k] * dt);
@@ -99,12 +126,12 @@ fn closed_loop(
 ) -> (f64, f64, Vec<f64>) {
     let widths = policy.widths();
     let (mut plant, mut memory, mut action) = (start, vec![0.0; widths.memory], vec![0.0; widths.action]);
-    let mut seen = vec![plant.observation(&policy.home)];
+    let mut seen = vec![plant.observation()];
     let mut sum = 0.0;
     for k in 0..periods {
         policy.act(&seen[seen.len().saturating_sub(1 + late)], &mut memory, &mut action).unwrap();
-        plant.pass(policy, &policy.reached(&action), load);
-        seen.push(plant.observation(&policy.home));
+        plant.pass(&plant.reached(&action), load);
+        seen.push(plant.observation());
         if k >= periods / 2 {
             sum += plant.now.error.norm_squared();
         }
@@ -140,8 +167,8 @@ fn without_errors_all_velocities_die_out_at_their_gains() {
         }
         // What is seen is rounded to single precision.
         let mut action = vec![0.0; 11];
-        policy.act(&plant.observation(&policy.home), &mut [], &mut action).unwrap();
-        let effort = policy.reached(&action);
+        policy.act(&plant.observation(), &mut [], &mut action).unwrap();
+        let effort = plant.reached(&action);
         let mut state = State { rotation: plant.rotation.into_inner(), q: plant.now.q, ..State::default() };
         state.twist = plant.now.velocities.fixed_rows::<6>(0).into_owned();
         state.qd[..N].copy_from_slice(&plant.now.velocities.as_slice()[6..6 + N]);
@@ -189,7 +216,7 @@ fn options_at_zero_are_no_options() {
     let mut plant = Plant::at_home();
     plant.now.error[0] = 0.1;
     let (policy_plain, mut plain) = (policy(gains()).unwrap(), vec![0.0; 11]);
-    let row = plant.observation(&policy_plain.home);
+    let row = plant.observation();
     policy_plain.act(&row, &mut [], &mut plain).unwrap();
     let integrated = {
         let policy = policy(integrating).unwrap();
@@ -227,13 +254,13 @@ fn the_integral_takes_out_what_a_constant_force_leaves_and_does_not_wind_up() {
     plant.now.error[0] = 20.0;
     let (mut memory, mut action) = (vec![0.0; 6], vec![0.0; 11]);
     for _ in 0..1000 {
-        policy.act(&plant.observation(&policy.home), &mut memory, &mut action).unwrap();
+        policy.act(&plant.observation(), &mut memory, &mut action).unwrap();
     }
     assert!(memory[0] <= PERIOD * 20.0 * (1.0 + 1e-6), "{memory:?}");
     // It turns at once.
     let before = memory[0];
     plant.now.error[0] = -20.0;
-    policy.act(&plant.observation(&policy.home), &mut memory, &mut action).unwrap();
+    policy.act(&plant.observation(), &mut memory, &mut action).unwrap();
     assert!(memory[0] < before);
 }
 

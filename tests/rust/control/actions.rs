@@ -3,10 +3,10 @@
 use nalgebra::{Vector3, Vector6};
 use proptest::prelude::*;
 
-use super::*;
-use crate::description::{Scene, Thruster, Vehicle, VehicleServo};
-use crate::error::ControlError;
-use crate::lane::Real;
+use uvms_gym::control::*;
+use uvms_gym::description::{Scene, Thruster, Vehicle, VehicleServo};
+use uvms_gym::error::ControlError;
+use uvms_gym::lane::Real;
 
 fn heavy() -> Vehicle {
     Scene::shipped("bluerov2-heavy").unwrap().vehicle

@@ -1,9 +1,11 @@
-//! Optimality of plans.
+//! Model predictive control: the plan is the best one within the limits.
 
+use nalgebra::{DVector, Vector6};
 use proptest::prelude::*;
-
-use super::*;
-use crate::control::{ActionKind, Allocation, ObserverGains};
+use uvms_gym::control::mpc::model::{LinearModel, MOVES};
+use uvms_gym::control::mpc::{Mpc, PARAMETERS, PLAN};
+use uvms_gym::control::{ActionKind, ActionMap, Allocation, MpcGains, Observer, ObserverGains};
+use uvms_gym::description::Scene;
 
 fn observer(scene: &Scene) -> Observer {
     Observer::new(ObserverGains::default(), 0.0, scene, 0.1)
@@ -17,7 +19,7 @@ fn mpc(name: &str) -> Mpc {
 
 fn model(mpc: &Mpc, name: &str) -> LinearModel {
     let scene = Scene::shipped(name).unwrap();
-    LinearModel::new(observer(&scene).plant(), &scene.home(), mpc.unit, &mpc.gains, 0.1)
+    LinearModel::new(observer(&scene).plant(), &scene.home(), mpc.unit, mpc.gains(), 0.1)
 }
 
 fn cost(model: &LinearModel, plan: &DVector<f64>, parameters: &DVector<f64>) -> f64 {
