@@ -15,14 +15,14 @@ mod episode;
 mod kernel;
 mod metrics;
 mod model;
-mod observation;
+pub mod observation;
 mod observe;
 mod options;
-mod path;
+pub mod path;
 mod payload;
 mod pose;
 mod privileged;
-mod random;
+pub mod random;
 mod reference;
 mod registry;
 mod reward;
@@ -31,9 +31,6 @@ mod stage_state;
 mod start;
 mod station_keep;
 mod task;
-
-#[cfg(test)]
-mod tests;
 
 pub use controllers::ControllerKind;
 pub use definition::{BaseController, Frame, TaskDefinition, TaskKernel};

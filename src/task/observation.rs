@@ -61,13 +61,7 @@ pub struct Layout {
 
 impl Layout {
     /// Appends a block with a (scale, greatest physical magnitude) per entry; without entries, nothing.
-    pub(super) fn push(
-        &mut self,
-        name: &'static str,
-        unit: &'static str,
-        description: &'static str,
-        entries: &[(f64, f64)],
-    ) {
+    pub fn push(&mut self, name: &'static str, unit: &'static str, description: &'static str, entries: &[(f64, f64)]) {
         if entries.is_empty() {
             return;
         }
@@ -105,7 +99,7 @@ impl Layout {
     }
 
     /// One over the scale, and the bound, of each entry.
-    pub(super) fn scaling(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
+    pub fn scaling(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
         self.scale.iter().zip(&self.bound).map(|(scale, bound)| [1.0 / scale, f64::from(*bound)])
     }
 }
@@ -149,7 +143,7 @@ pub struct ObservationWriter<'a, T> {
 impl<'a, T: Real> ObservationWriter<'a, T> {
     /// For entries of `lanes` instances each, with these scales and bounds.
     #[inline(always)]
-    pub(super) fn new(scaling: &'a [[T; 2]], entries: &'a mut [f32], lanes: usize) -> Self {
+    pub fn new(scaling: &'a [[T; 2]], entries: &'a mut [f32], lanes: usize) -> Self {
         Self { places: scaling.iter().zip(entries.chunks_exact_mut(lanes)) }
     }
 
@@ -168,33 +162,5 @@ impl<'a, T: Real> ObservationWriter<'a, T> {
         let Some((&[by, bound], entry)) = self.places.next() else { unreachable!("more entries than the layout has") };
         let bound = L::splat(bound);
         (value * L::splat(by)).min(bound).max(-bound).store_single(entry);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn blocks_follow_each_other_without_gaps() {
-        let mut layout = Layout::default();
-        layout.push("a", "m", "", &[(0.5, 10.0), (2.0, 10.0)]);
-        layout.push("nothing", "m", "", &[]);
-        layout.push("b", "m", "", &[(1.0, 3.0); 3]);
-        assert_eq!((layout.len(), layout.blocks().len()), (5, 2));
-        assert_eq!(layout.block("b").unwrap().offset, 2);
-        assert_eq!(layout.bound(), [20.0, 5.0, 3.0, 3.0, 3.0]);
-        assert_eq!(layout.scaling().next(), Some([2.0, 20.0]));
-    }
-
-    #[test]
-    fn entries_are_scaled_clipped_and_never_invalid() {
-        let mut row = [0.0; 5];
-        let scaling = [[2.0, 20.0], [0.5, 5.0], [1.0, 3.0], [1.0, 3.0], [1.0, 3.0]];
-        let mut writer = ObservationWriter::new(&scaling, &mut row, 1);
-        for value in [1.0, -100.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-            writer.put(value);
-        }
-        assert_eq!(row, [2.0, -5.0, 3.0, 3.0, -3.0]);
     }
 }

@@ -20,5 +20,6 @@ mod source;
 mod spatial;
 mod stability;
 mod system;
+mod task;
 mod thrusters;
 mod urdf;

@@ -221,7 +221,7 @@ impl Gust {
 
 /// From 0 to 1 as x goes from 0 to 1, with zero slope there and beyond.
 #[inline(always)]
-pub(super) fn smooth_step<L: Lane>(x: L) -> L {
+pub fn smooth_step<L: Lane>(x: L) -> L {
     let x = x.min(L::c(1.0)).max(L::zero());
     x * x * x.mul_add(L::c(-2.0), L::c(3.0))
 }

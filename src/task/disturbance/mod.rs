@@ -7,7 +7,7 @@
 mod arm;
 mod column;
 mod context;
-mod current;
+pub mod current;
 mod draws;
 mod impulse;
 mod kernel;
@@ -20,8 +20,6 @@ mod rows;
 mod script;
 mod sensors;
 mod span;
-#[cfg(test)]
-mod tests;
 mod tether;
 mod thrusters;
 mod waves;
@@ -102,7 +100,7 @@ impl Disturbance {
     }
 
     /// Refuses numbers that are out of range, and what the context cannot have.
-    pub(super) fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
+    pub fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
         self.current.iter().try_for_each(SteadyCurrent::check)?;
         self.drift.iter().try_for_each(Drift::check)?;
         self.gust.iter().try_for_each(Gust::check)?;
@@ -127,12 +125,12 @@ impl Disturbance {
     }
 
     /// Where its numbers lie, from row `start` on; `None` if there is nothing that changes within an episode.
-    pub(super) fn rows(&self, context: &DisturbanceContext, start: usize) -> Option<DisturbanceRows> {
+    pub fn rows(&self, context: &DisturbanceContext, start: usize) -> Option<DisturbanceRows> {
         DisturbanceRows::new(self, context, start)
     }
 
     /// Refuses another one that asks for more than what there is memory for.
-    pub(super) fn check_room(&self, other: &Self, period: f64) -> Result<(), TaskError> {
+    pub fn check_room(&self, other: &Self, period: f64) -> Result<(), TaskError> {
         let periods = |of: &Self| of.delay.as_ref().map_or(0, |delay| delay.in_periods(period));
         let lacking = [
             ("drift", self.drift.is_none() && other.drift.is_some()),
@@ -178,7 +176,7 @@ impl Disturbance {
     }
 
     /// Factors on the scene's parameters in an episode.
-    pub(super) fn factors(&self, key: EpisodeKey) -> Factors<f64> {
+    pub fn factors(&self, key: EpisodeKey) -> Factors<f64> {
         let parameters = self.parameters.as_ref();
         parameters.map_or(Factors::ONE, |parameters| parameters.draw(&Stream::new(key, Purpose::Parameters)))
     }

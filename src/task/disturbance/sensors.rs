@@ -167,7 +167,7 @@ impl SensorRows {
     }
 
     /// Nothing is older than what was measured first.
-    pub(in crate::task) fn fill<T: Real>(&self, memory: &mut Column<'_, T>) {
+    pub fn fill<T: Real>(&self, memory: &mut Column<'_, T>) {
         for row in self.ring + self.measured..self.ring + self.slots * self.measured {
             let first = memory.get(row - self.measured);
             memory.set(row, first);

@@ -2,12 +2,11 @@
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 use proptest::prelude::*;
-
-use super::*;
-use crate::control::{ActionKind, Controller};
-use crate::description::Scene;
-use crate::error::{ControlError, TaskError};
-use crate::system::{JOINTS, State, rotation_vector};
+use uvms_gym::control::{ActionKind, Controller};
+use uvms_gym::description::Scene;
+use uvms_gym::error::{ControlError, TaskError};
+use uvms_gym::system::{JOINTS, State, rotation_vector};
+use uvms_gym::task::*;
 
 fn scene() -> Scene {
     Scene::shipped("bluerov2-heavy-alpha5").unwrap()
@@ -29,7 +28,7 @@ fn wrench(command: &Command<f64>) -> Vector6<f64> {
     command.actuated.wrench.to_array().into()
 }
 
-fn norm(v: crate::lie::Vector3<f64>) -> f64 {
+fn norm(v: uvms_gym::lie::Vector3<f64>) -> f64 {
     v.dot(v).sqrt()
 }
 
@@ -478,7 +477,7 @@ fn joints_are_driven_by_no_more_than_their_effort_and_enough_to_hold_the_arm() {
     for name in ["petasus-pum", "bluerov2-heavy-alpha5"] {
         let scene = Scene::shipped(name).unwrap();
         let task = Task::new(&scene, TaskOptions { task: EETrack::default().into(), ..Default::default() }).unwrap();
-        let trim = crate::dynamics::ClosedFormModel::new(&scene).unwrap();
+        let trim = uvms_gym::dynamics::ClosedFormModel::new(&scene).unwrap();
         let home = State { q: scene.home(), ..State::default() };
         let holding = trim.trim(&home, Vector3::zeros()).unwrap().joint_torques;
         let ranges = task.action_ranges();

@@ -3,14 +3,14 @@
 use nalgebra as na;
 use proptest::prelude::*;
 use serde_json::{Value, json};
-
-use super::*;
-use crate::control::Allocation;
-use crate::description::Scene;
-use crate::dynamics::ClosedFormModel;
-use crate::lane::Rows;
-use crate::lie::{Matrix3, Pose, Vector3, Vector6};
-use crate::system::State;
+use uvms_gym::control::Allocation;
+use uvms_gym::description::Scene;
+use uvms_gym::dynamics::ClosedFormModel;
+use uvms_gym::lane::Rows;
+use uvms_gym::lie::{Matrix3, Pose, Vector3, Vector6};
+use uvms_gym::system::State;
+use uvms_gym::task::EpisodeKey;
+use uvms_gym::task::disturbance::*;
 
 const PERIOD: f64 = 0.05;
 
@@ -147,7 +147,11 @@ fn gusts_are_smooth_bounded_and_come_again() {
         assert!((20..100).contains(&rises), "{rises}");
     }
     // C1: the slope does not jump, however finely one looks.
-    let slope = |x: f64| (current::smooth_step(x + 1e-7) - current::smooth_step(x - 1e-7)) / 2e-7;
+    let slope = |x: f64| {
+        (uvms_gym::task::disturbance::current::smooth_step(x + 1e-7)
+            - uvms_gym::task::disturbance::current::smooth_step(x - 1e-7))
+            / 2e-7
+    };
     for x in [0.0, 1.0] {
         assert!(slope(x).abs() < 1e-6 && (slope(x - 1e-4) - slope(x + 1e-4)).abs() < 1e-3);
     }
@@ -252,7 +256,7 @@ fn a_payload_is_grasped_without_a_loss_of_momentum() {
     state.twist = na::Vector6::new(0.2, -0.1, 0.15, 0.1, -0.2, 0.3);
     state.qd[..4].copy_from_slice(&[0.1, -0.2, 0.3, 0.2]);
     let before = state.clone();
-    crate::task::grasp_impulse(&model, &mut state, mass);
+    uvms_gym::task::grasp_impulse(&model, &mut state, mass);
     let form = model.at(&before, na::Vector3::zeros());
     let n = form.joints();
     let all = |s: &State| na::DVector::from_iterator(6 + n, s.twist.iter().chain(&s.qd[..n]).copied());
