@@ -1,11 +1,11 @@
-"""What is tuned of each controller, and within which ranges."""
+"""Tuned parameters of each controller, and their ranges."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from search import Space
 
-#: What the numbers of a parameter are of, by how many there are.
+#: Names of a parameter's entries, by their number.
 NAMES = {
     2: ("linear", "angular"),
     3: ("linear", "angular", "joints"),
@@ -18,10 +18,10 @@ EACH: Groups = tuple((axis,) for axis in range(6))
 
 
 class Parameter(NamedTuple):
-    """A keyword argument of a controller, and the range that it is sought in.
+    """A keyword argument of a controller, and its range.
 
-    The range is of factors on the controller's own value, one factor per group of its numbers, or of the value itself
-    where `absolute`. A range with a `floor` has a lower end that is as good as nothing, so that the best may be there.
+    The range is of factors on the controller's default, one factor per group of its entries, or of the value itself
+    where `absolute`. The lower end of a range with a `floor` is practically zero: the optimum may lie there.
     """
 
     name: str
@@ -33,17 +33,17 @@ class Parameter(NamedTuple):
 
     @property
     def labels(self) -> list[str]:
-        """Names of what is sought."""
+        """Names of the factors or values."""
         names = NAMES.get(sum(map(len, self.groups)), ())
         return [f"{self.name}[{','.join(names[i] for i in group)}]" for group in self.groups] or [self.name]
 
 
 def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
-    """What is tuned, by the controller's name; gains on the vehicle have one factor per group of `axes`."""
+    """Parameters by the controller's name; gains on the vehicle have one factor per group of `axes`."""
     pd = (Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes))
     horizon = Parameter("prediction_horizon", 0.01, 1.0, absolute=True, floor=True)
     observer = Parameter("observer_bandwidth", 0.2, 20.0, ((0,), (1,)), absolute=True)
-    # What the observer takes for granted about disturbances.
+    # Disturbance model of the observer.
     expected = (
         Parameter("wave_acceleration", 0.003, 3.0, ((0,), (1,)), absolute=True, floor=True),
         Parameter("wave_frequency", 0.3, 4.0, absolute=True),
@@ -77,10 +77,10 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
     }
 
 
-#: The controller whose effort limits the others', by task.
+#: Controller with the effort that limits the others', by task.
 BASES = {"station-keep": "pd", "ee-track": "resolved"}
 
 
 def space_of(sought: Sequence[Parameter]) -> Space:
-    """Where to look for these parameters."""
+    """Search space of parameters."""
     return Space(*zip(*((label, p.low, p.high, p.floor) for p in sought for label in p.labels)))

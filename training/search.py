@@ -1,4 +1,4 @@
-"""Search by CMA-ES in the logarithms of positive numbers, in ranges that grow; files that are whole at any time."""
+"""Search by CMA-ES in the logarithms of positive numbers, in growing ranges; atomic files."""
 
 import json
 import os
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-#: Share of a range, at either end, that counts as its edge; how far the range is widened there.
+#: Width of a range's edge, and of its extension there, over that of the range.
 EDGE, WIDEN = 0.05, 0.5
-#: Standard deviation of the first generation, over the width of a range; how much less where the start is known.
+#: Standard deviation of the first generation, over the width of a range; factor on it for known starts.
 SIGMA, KNOWN = 0.15, 0.4
-#: How many values a search ends with.
+#: Number of final values of a search.
 FINALISTS = 8
 
 
@@ -32,7 +32,7 @@ class Space:
         self.widened: list[str] = []
 
     def values(self, places: Floats) -> Floats:
-        """Values of places (..., n), which are moved into the range first."""
+        """Values of places (..., n), clipped to the range."""
         places = np.clip(places, self.low, self.high)
         return np.exp(self._start + places * (self._end - self._start))
 
@@ -41,18 +41,18 @@ class Space:
         return (np.log(values) - self._start) / (self._end - self._start)
 
     def outside(self, places: Floats) -> Floats:
-        """Square of the distance of places (..., n) from the range."""
+        """Squared distance of places (..., n) from the range."""
         return np.square(places - np.clip(places, self.low, self.high)).sum(axis=-1)
 
     def edges(self, place: Floats) -> list[tuple[int, bool]]:
-        """Numbers of a place (n,) that are at an edge, and whether it is the upper one."""
+        """Indices of entries of a place (n,) at an edge, each with True for the upper edge."""
         margin = EDGE * (self.high - self.low)
         lower = (place < self.low + margin) & ~self._floor
         upper = place > self.high - margin
         return [(int(i), False) for i in np.flatnonzero(lower)] + [(int(i), True) for i in np.flatnonzero(upper)]
 
     def widen(self, place: Floats) -> None:
-        """Make room where a place is at an edge."""
+        """Extend the range where a place is at an edge."""
         for i, upper in self.edges(place):
             if upper:
                 self.high[i] += WIDEN
@@ -62,7 +62,7 @@ class Space:
 
     @property
     def ranges(self) -> dict[str, list[float]]:
-        """Ends of the ranges as they are now."""
+        """Ends of the current ranges."""
         low, high = self.values(self.low), self.values(self.high)
         return {label: [rounded(low[i]), rounded(high[i])] for i, label in enumerate(self.labels)}
 
@@ -76,23 +76,23 @@ def search(
     population: int,
     seed: int,
 ) -> list[Floats]:
-    """Seek the least score by CMA-ES.
+    """Minimise a score by CMA-ES.
 
     Parameters
     ----------
     space
-        Where to look; its ranges are widened where the search leads to an edge.
+        Search space; its ranges grow where the search reaches an edge.
     evaluate : callable
-        Scores of a generation: of its number and the values (population, n) of its candidates.
+        Scores of a generation, from its number and the values (population, n) of its candidates.
     start : numpy.ndarray (n,) or None
-        Where to begin; NaN: anywhere, so from the middle of the range; None: that for all.
+        Start; NaN entries start in the middle of the range, and so do all for None.
     seed : int
-        The same scores lead to the same search.
+        Seed of the candidates; equal scores give an equal search.
 
     Returns
     -------
     list of numpy.ndarray (n,)
-        Values worth another look: means of the last generations, late to early, and the best of the very last.
+        Finalists: means of the last generations, late to early, and the best candidate of the last one.
     """
     rng = np.random.default_rng(seed)
     given = np.full(len(space.labels), np.nan) if start is None else space.places(start)
@@ -112,7 +112,7 @@ def search(
         best = places[np.argmin(scores)]
         strategy.tell(list(places), list(scores * (1.0 + space.outside(places))))
         means.append(np.array(strategy.mean))
-        # What a widened range holds must still be looked at.
+        # Extended ranges need generations to be searched.
         if generation < 0.8 * generations:
             space.widen(means[-1])
     back = np.unique(np.linspace(0, generations // 4, FINALISTS - 1).astype(int))
@@ -120,7 +120,7 @@ def search(
 
 
 def write(path: Path, data: dict[str, Any]) -> None:
-    """Write JSON, each list of numbers on a line, so that the file is whole whenever that is interrupted."""
+    """Write JSON atomically, each list of numbers on one line."""
     text = json.dumps(data, indent=1, allow_nan=False)
     text = re.sub(
         r"\[[^][{}\"]*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]).replace("[ ", "[").replace(" ]", "]"), text
@@ -132,11 +132,11 @@ def write(path: Path, data: dict[str, Any]) -> None:
 
 
 def store(file: Path, name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:
-    """Put a controller's entry into `gains.json`, and leave the others alone."""
+    """Replace a controller's entry in `gains.json`; the others stay."""
     known = json.loads(file.read_text()) if file.exists() else {}
     write(file, {**known, name: {"gains": gains, "tuning": record}})
 
 
 def rounded(x: float) -> float:
-    """Four digits of a number."""
+    """Round to four digits."""
     return float(f"{x:.4g}")

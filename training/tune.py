@@ -1,21 +1,21 @@
-"""Tune the gains of classical controllers: the same number of simulated episodes for each, the comparison's measure.
+"""Tune the gains of classical controllers, each with the same number of simulated episodes.
 
 ```sh
 pip install -e '.[cli,train]'
-python training/tune.py --controller pd,pid
-python training/tune.py --controller pd,pid --period 0.05
+python training/tune.py --controller pd --controller pid
+python training/tune.py --controller pd --controller pid --period 0.05
 ```
 
-CMA-ES (`pycma`) searches in the logarithm of the gains. All candidates of a generation fly the same episodes, every
-generation has new ones, and none of them is one of the comparison's. What the search ends with is flown once more on
-fresh episodes, and the best goes into the package's `gains.json`, with how it was found. The base, which is the PD in
-station keeping, is tuned for its errors alone; the others start from its gains where they have the same, and pay for
-effort beyond `LIMIT` times its own in the same episodes, which it flies besides.
+The objective is the pose error of the comparison. CMA-ES (`pycma`) searches in the logarithm of the gains. All
+candidates of a generation run the same episodes; every generation has new ones, none of them of the comparison. The
+finalists run on fresh episodes, and the best is written to the package's `gains.json` with a record of the search. The
+base (PD in station keeping) is tuned for its errors alone; the others start from its gains, where they have the same,
+with a penalty for effort beyond `LIMIT` times the base's in the same episodes.
 
-In the storm the score of 64 episodes has a standard deviation of 4 %, but that of the difference between neighbours
-that fly the same ones is 1.2 %; with the 1024 of the last candidates it is 0.3 %.
+In the storm the score of 64 episodes has a standard deviation of 4 %, but the difference between neighbours on the same
+episodes has 1.2 %, and 0.3 % with the 1024 episodes of finalists.
 
-A run that was stopped goes on where it was when the same command is given again.
+The same command resumes an interrupted run.
 """
 
 import datetime
@@ -49,27 +49,27 @@ from uvms_gym.studies.records import circumstances
 
 Floats = NDArray[np.float64]
 
-#: Seeds of the episodes: the comparison has those below, the training's own evaluation those above.
+#: Seeds of the episodes: below are those of the comparison, above those of evaluations in training.
 SEEDS = range(1_000_000, 2_000_000)
 #: Greatest effort, over the tuned base's on the same episodes.
 LIMIT = 1.1
-#: Controllers whose commands may vary no more than `CALM_LIMIT` times as much as the tuned base's.
+#: Controllers with a limit on the variation of commands, and the limit, over the tuned base's.
 CALM = ("dob-calm",)
 CALM_LIMIT = 1.2
 
-#: Episodes that each of the last candidates flies.
+#: Episodes of each finalist.
 FINAL_EPISODES = 1024
 
 
 class Limits(NamedTuple):
-    """Greatest effort, and greatest variation of commands; None where there is no limit."""
+    """Greatest effort and variation of commands; None: no limit."""
 
     effort: float | None = None
     variation: float | None = None
 
 
 class Score(NamedTuple):
-    """How a controller did: pose error, m; means of effort and command variation; share of episodes that diverged."""
+    """Score of a controller: pose error, m; means of effort and command variation; share of diverged episodes."""
 
     pose: float
     effort: float
@@ -77,11 +77,11 @@ class Score(NamedTuple):
     diverged: float
 
     def within(self, limits: Limits) -> bool:
-        """Whether it keeps to the limits."""
+        """True within the limits."""
         return self._over(limits) == 1.0
 
     def objective(self, limits: Limits) -> float:
-        """Pose error, times (value / limit)^2 beyond a limit, times 1 + 10 times the share that diverged."""
+        """Pose error, times (value / limit)^2 beyond a limit, times 1 + 10 times the share of diverged episodes."""
         return self.pose * self._over(limits) ** 2 * (1.0 + 10.0 * self.diverged)
 
     def _over(self, limits: Limits) -> float:
@@ -90,20 +90,20 @@ class Score(NamedTuple):
 
 
 class Arena:
-    """Episodes of an environment to score controllers in."""
+    """Episodes of an environment, for scores of controllers."""
 
     def __init__(self, env: str, options: dict[str, Any], steps: int) -> None:
         self.env, self.options, self.steps = env, options, steps
         self._batches: dict[int, Any] = {}
 
     def batch(self, episodes: int) -> Any:
-        """Make the environment, or find it again."""
+        """Vector environment of a number of episodes, made once."""
         if episodes not in self._batches:
             self._batches[episodes] = gymnasium.make_vec(self.env, num_envs=episodes, **self.options)
         return self._batches[episodes]
 
     def score(self, controller: Controller, seed: int, episodes: int) -> Score:
-        """Score a controller in episodes of as many seeds."""
+        """Score a controller in the episodes with seeds from `seed` on."""
         batch = self.batch(episodes)
         batch.reset(seed=seed)
         rollout = Rollout(batch, controller)
@@ -114,9 +114,9 @@ class Arena:
 
 
 class Tuner:
-    """Scores gains of one controller."""
+    """Scores of a controller's gains."""
 
-    #: The tuned controller whose effort is the limit.
+    #: Tuned base, whose effort is the limit.
     limiting: Controller | None = None
 
     def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter]) -> None:
@@ -125,7 +125,7 @@ class Tuner:
         self._own = {p.name: np.asarray(own.gains[p.name], dtype=np.float64) for p in sought}
 
     def controller(self, gains: dict[str, Any]) -> Controller:
-        """Make the controller with these gains."""
+        """Make the controller with given gains."""
         return self._entry.kind(self._arena.batch(FINAL_EPISODES), **{**self._entry.gains, **gains})
 
     def gains(self, values: Floats) -> dict[str, Any]:
@@ -140,11 +140,11 @@ class Tuner:
         return gains
 
     def factors(self, gains: dict[str, Any]) -> dict[str, Floats]:
-        """Gains over the controller's own values."""
+        """Gains over the controller's defaults."""
         return {name: np.asarray(value) / self._own[name] for name, value in gains.items()}
 
     def start(self, factors: dict[str, Floats]) -> Floats:
-        """Where the search begins: at these factors, as far as there are such; NaN elsewhere."""
+        """Start of the search: known factors, NaN elsewhere."""
         numbers: list[Any] = []
         for parameter in self._sought:
             known = factors.get(parameter.name, np.full_like(self._own[parameter.name], np.nan))
@@ -164,7 +164,7 @@ class Tuner:
 
 
 class Budget(NamedTuple):
-    """Episodes of a search, the same for all controllers."""
+    """Budget of a search, the same for all controllers."""
 
     generations: int
     population: int
@@ -182,9 +182,9 @@ def tune(
     settings: dict[str, Any],
     tick: Callable[[], object] = lambda: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Tune a controller; gains, and the record of how they were found.
+    """Tune a controller; returns its gains and the record of the search.
 
-    `checkpoint` holds the scores of the generations so far, from which the search goes on if `settings` are the same.
+    `checkpoint` holds the scores of the generations so far; the search resumes from it if `settings` are the same.
     """
     done: dict[str, Any] = {"settings": settings, "seconds": 0.0, "scores": []}
     try:
@@ -200,7 +200,7 @@ def tune(
             first = SEEDS.start + generation * budget.episodes
             limits = tuner.limits(first, budget.episodes)
             with warnings.catch_warnings():
-                # Wild candidates may shake a vehicle until its steps are wrong.
+                # Steps may be inaccurate with extreme candidates.
                 warnings.simplefilter("ignore", StepWarning)
                 scores = [tuner.score(tuner.gains(x), first, budget.episodes) for x in candidates]
             done["scores"].append([score.objective(limits) for score in scores])
@@ -221,7 +221,7 @@ def tune(
         gains = tuner.gains(values)
         score = tuner.score(gains, first, FINAL_EPISODES)
         edges = [space.labels[i] for i, _ in space.edges(space.places(values))]
-        # Least of all an edge, then what is within the limits, then the objective.
+        # In this order: fewest edges, within the limits, objective.
         finals.append(((len(edges), not score.within(limits), score.objective(limits)), gains, edges, score))
     _, gains, edges, score = min(finals, key=lambda final: final[0])
     record = {
@@ -255,12 +255,14 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    controller: Annotated[str, typer.Option(help="Which to tune, in this order; the others need the base's gains.")],
+    controller: Annotated[
+        list[str], typer.Option(help="Controller; may be repeated: the base first, as the others need its gains.")
+    ],
     env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
     period: Annotated[float | None, typer.Option(help="Control period, s. [default: the environment's]")] = None,
     axes: Annotated[
-        Literal["alike", "each"], typer.Option(help="Whether x and y, roll and pitch have the same factors.")
+        Literal["alike", "each"], typer.Option(help="Factors of gains: shared by x and y, roll and pitch, or by axis.")
     ] = "alike",
     generations: Annotated[int, typer.Option(help="Generations of the search, 1 to 1000.")] = 40,
     population: Annotated[int, typer.Option(help="Candidates of a generation, 4 to 1000.")] = 32,
@@ -268,21 +270,20 @@ def main(
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     threads: Annotated[int | None, typer.Option(help="Most threads. [default: one per core]")] = None,
     policies: Annotated[Path, typer.Option(help="Folder for the gains.")] = PRETRAINED,
-    work: Annotated[Path, typer.Option(help="Folder for what an interrupted search goes on from.")] = Path("out/tune"),
+    work: Annotated[Path, typer.Option(help="Folder for the state of interrupted searches.")] = Path("out/tune"),
 ) -> None:
-    """Tune gains of classical controllers, and put them into the package."""
+    """Tune gains of classical controllers, and write them into the package."""
     check_range("--generations", generations, 1, 1000)
     check_range("--population", population, 4, 1000)
     check_range("--episodes", episodes, 4, 10_000)
     budget = Budget(generations, population, episodes)
     if generations * episodes + FINAL_EPISODES > len(SEEDS):
-        raise fail(f"--generations times --episodes is {generations * episodes}, more than there are seeds for tuning")
+        raise fail(f"--generations times --episodes is {generations * episodes}, but must be below {len(SEEDS)}")
     arena = _arena(env, scene, period, threads)
     batch = arena.batch(FINAL_EPISODES)
     task, place = batch.unwrapped.task, folder(batch).relative_to(PRETRAINED)
     known = parameters(EACH if axes == "each" else ALIKE)
-    names = [name.strip() for name in controller.split(",")]
-    for name in names:
+    for name in controller:
         with user_errors():
             check_name(name, task)
         if name not in known:
@@ -290,7 +291,7 @@ def main(
     prepare(policies / place, work / place / "any.json")
     file, base = policies / place / "gains.json", BASES[task]
     where = circumstances("tune", {})
-    for name in names:
+    for name in controller:
         ours = Tuner(arena, name, known[name])
         gains, start = None, None
         if name != base:
@@ -334,7 +335,7 @@ def main(
 
 
 def _arena(env: str, scene: str, period: float | None, threads: int | None) -> Arena:
-    """Make the episodes; they last as long whatever the control period."""
+    """Make the episodes; their duration does not depend on the control period."""
     loaded = read_scene(scene)
     with user_errors(f"{env}: "):
         usual = gymnasium.make_vec(env, num_envs=1, scene=loaded)

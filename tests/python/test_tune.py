@@ -121,7 +121,7 @@ def command(folder, *arguments):
 
 def test_the_command_tunes_and_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr("tune.FINAL_EPISODES", 8)
-    assert command(tmp_path, "--controller", "pd,pid") == 0
+    assert command(tmp_path, "--controller", "pd", "--controller", "pid") == 0
     file = tmp_path / "p" / "UVMS-StationKeep" / "petasus-pum" / "0.05s" / "gains.json"
     first = json.loads(file.read_text())
     assert list(first) == ["pd", "pid"]
@@ -167,7 +167,7 @@ def test_an_interrupt_is_told_and_loses_nothing(tmp_path, capsys, monkeypatch):
         (["--controller", "none"], "none has no gains to tune"),
         (["--controller", "resolved"], "'resolved' is not for UVMS-StationKeep"),
         (["--controller", "pd", "--period", "0.013"], "multiple of the step"),
-        (["--controller", "pd", "--generations", "1000", "--episodes", "2000"], "more than there are seeds"),
+        (["--controller", "pd", "--generations", "1000", "--episodes", "2000"], "but must be below 1000000"),
     ],
 )
 def test_bad_input_gives_one_clear_line(tmp_path, capsys, arguments, message):

@@ -1,1 +1,1 @@
-"""Training by Stable-Baselines3, which the extra `train` brings: what `uvms train` and `training/` are made of."""
+"""Training by Stable-Baselines3 (extra `train`): parts of `uvms train` and of the scripts in training/."""

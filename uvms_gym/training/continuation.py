@@ -1,8 +1,12 @@
-"""Files of a training run that stopped, from which it goes on as if it had not."""
+"""Interruption of training runs, and checkpoints with which they resume bit-identically."""
 
 import io
 import os
+import signal
+import threading
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,19 +15,19 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
-#: What is in a model's file besides what Stable-Baselines3 puts there.
+#: Additional member of a model's file.
 _MEMBER = "continuation.npz"
 
 
 def save(model: PPO, venv: VecEnv, seconds: float, path: Path) -> None:
-    """Write a model as Stable-Baselines3 does, with environments, random generators and the time spent so far.
+    """Write a model in the format of Stable-Baselines3, with environments, random generators and the time so far, s.
 
-    The file is complete or is not there. `stable_baselines3.PPO.load` and rl_zoo3 read it, too.
+    The file is written atomically. `stable_baselines3.PPO.load` and rl_zoo3 read it, too.
 
     Raises
     ------
     OSError
-        It cannot be written.
+        The file cannot be written.
     """
     kind, keys, *rest = np.random.get_state()  # noqa: NPY002 (Stable-Baselines3 draws from it)
     assert kind == "MT19937"
@@ -42,14 +46,14 @@ def save(model: PPO, venv: VecEnv, seconds: float, path: Path) -> None:
 
 
 def load(path: Path, venv: VecEnv, **arguments: Any) -> tuple[PPO, float]:
-    """Read what `save` wrote, and set environments and random generators; the model, and the time spent so far.
+    """Read a checkpoint, and set environments and random generators; returns the model and the time so far, s.
 
     Raises
     ------
     OSError
-        It cannot be read.
+        The file cannot be read.
     ValueError
-        It is another kind of file, or for other environments.
+        The file is of another kind, or for other environments.
     """
     try:
         with zipfile.ZipFile(path) as file:
@@ -64,3 +68,23 @@ def load(path: Path, venv: VecEnv, **arguments: Any) -> tuple[PPO, float]:
         position, has_gauss, gauss = arrays["numpy.rest"]
         np.random.set_state(("MT19937", arrays["numpy.keys"], int(position), int(has_gauss), gauss))  # noqa: NPY002
         return model, float(arrays["seconds"])
+
+
+@contextmanager
+def interrupt_event() -> Iterator[threading.Event]:
+    """Event set by the first interrupt; a second one has its usual effect."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    usual = signal.getsignal(signal.SIGINT)
+
+    def ask(number: int, frame: Any) -> None:
+        asked.set()
+        signal.signal(signal.SIGINT, usual)
+
+    signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, usual)

@@ -1,4 +1,4 @@
-"""From a model of Stable-Baselines3 to a policy that runs without torch, and what is to be known of it."""
+"""Export of Stable-Baselines3 models as policies that run without torch, and their model cards."""
 
 import json
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ from torch import nn
 
 from uvms_gym import MLP
 
-#: Greatest root mean square of differences between the model's actions and those of the exported policy.
+#: Bound on the root mean square difference between the actions of the model and of the exported policy.
 TOLERANCE = 1e-6
-#: Marks a model card as one that may be written anew.
+#: Mark of model cards that may be overwritten.
 _MARK = "<!-- Written by `uvms train` from the notes in the policies' files. -->"
 _ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu", nn.ELU: "elu"}
 
@@ -29,13 +29,13 @@ def policy_of(
     model : stable_baselines3.PPO
         With a `MlpPolicy`.
     env : UVMS environment
-        What it was trained for.
+        Environment of the training.
     history : int
-        Observations that it reads at once.
+        Number of observations in the input.
     residual : bool
         True for a residual policy (`uvms_gym.Residual`).
     notes : mapping of str to str, or None
-        What goes into the policy's file.
+        Notes in the policy's file.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def policy_of(
         raise ValueError(f"only a MlpPolicy of {', '.join(_ACTIVATIONS.values())} layers can be exported")
     state = {name: array.detach().cpu().numpy() for name, array in model.policy.state_dict().items()}
     policy = MLP.from_state_dict(state, env, activation=activation, history=history, residual=residual, notes=notes)
-    # Of what it was trained on, if that is at hand: rounding grows with what is read.
+    # Observations of the training, if known: rounding grows with the inputs.
     rows: Any = model._last_obs
     if rows is None:
         size = (256, *model.observation_space.shape)  # type: ignore[misc]
@@ -57,7 +57,7 @@ def policy_of(
     expected, _ = model.predict(rows, deterministic=True)
     past, now = np.split(rows, [rows.shape[1] - rows.shape[1] // history], axis=1)
     off = policy.predict(now, past if history > 1 else None)[0] - expected
-    # Both round hundreds of products: single entries may be off by a few units of the last place of their sum.
+    # Both round hundreds of products: single entries may differ by a few units in the last place of their sum.
     if (typical := float(np.sqrt(np.square(off).mean()))) > TOLERANCE or np.abs(off).max() > 10 * TOLERANCE:
         raise RuntimeError(
             f"the exported policy differs from the model by {typical:.1e}, at most {np.abs(off).max():.1e}"
@@ -66,17 +66,17 @@ def policy_of(
 
 
 def versions() -> dict[str, str]:
-    """Versions of the libraries that training depends on."""
+    """Versions of the training libraries."""
     return {name: version(name) for name in ("stable-baselines3", "torch", "numpy", "gymnasium")}
 
 
 def write_card(folder: Path) -> None:
-    """Write README.md, the model card of all policies in a folder, unless there is one by another hand.
+    """Write README.md, the model card of all policies in a folder, unless a handwritten one exists.
 
     Raises
     ------
     OSError
-        It cannot be written.
+        The file cannot be written.
     """
     path = folder / "README.md"
     if not path.exists() or path.read_text().startswith(_MARK):
@@ -84,7 +84,7 @@ def write_card(folder: Path) -> None:
 
 
 def card(folder: Path) -> str:
-    """Tell of the policies in a folder what their notes say, in Markdown."""
+    """Model card in Markdown, from the notes of the policies in a folder."""
     files = {file.name: MLP.load(file, residual=True) for file in sorted(folder.glob("*.safetensors"))}
     files = {name: policy for name, policy in files.items() if "environment" in policy.notes}
     if not files:
@@ -109,7 +109,7 @@ def card(folder: Path) -> str:
     evaluation = json.loads(first["evaluation"])
     lines += [
         "",
-        f"Over {evaluation['episodes']} episodes with seeds from {evaluation['seed']} on, which no training saw: "
+        f"Over {evaluation['episodes']} held-out episodes with seeds from {evaluation['seed']} on: "
         "interquartile mean and 95th percentile of the root mean square pose error "
         "(sqrt(position² + (0.5 m · attitude)²)), mean of |T/T_max|^1.5, share of episodes that left all bounds.",
     ]
@@ -133,7 +133,7 @@ def card(folder: Path) -> str:
         "",
         f"To compare controllers of {spec['task']} in simulation, on the scene {spec['scene']} at a control "
         f"period of {spec['control_period']:g} s; `uvms_gym.MLP.load` refuses other tasks. Not for real vehicles: "
-        "nothing bounds what the network says off the states that it was trained on, but the clip to [-1, 1].",
+        "outside the states of the training only the clip to [-1, 1] bounds the network's output.",
         "",
         "## Known failures",
         "",
@@ -143,17 +143,17 @@ def card(folder: Path) -> str:
 
 
 def _failures(files: Mapping[str, MLP]) -> list[str]:
-    """What the evaluation shows, and what holds for all of them."""
+    """Failures in the evaluation, and those of all policies."""
     found = {file: json.loads(policy.notes["evaluation"]) for file, policy in files.items()}
     worst = max(found, key=lambda file: found[file]["pose_95"] / found[file]["pose"])
     ratio = found[worst]["pose_95"] / found[worst]["pose"]
     lines = [
-        f"- The worst twentieth of episodes errs by {ratio:.1f} times the typical one or more (`{worst}`).",
-        "- Disturbances, parameters or delays beyond those of the training: see the comparison off design.",
+        f"- The error of the worst twentieth of episodes is at least {ratio:.1f} times the typical one (`{worst}`).",
+        "- Disturbances, parameters or delays beyond those of the training: see the off-design comparison.",
     ]
     for file, numbers in found.items():
         if numbers["diverged"]:
-            lines.append(f"- `{file}` loses the vehicle in {numbers['diverged']:.1%} of the episodes.")
+            lines.append(f"- `{file}` diverges in {numbers['diverged']:.1%} of the episodes.")
     return lines
 
 
@@ -168,7 +168,7 @@ def _learned(policy: MLP) -> str:
 
 
 def _plain(value: str) -> str:
-    """JSON objects as a list of entries."""
+    """List of the entries of a JSON object; other values unchanged."""
     try:
         data = json.loads(value)
     except ValueError:

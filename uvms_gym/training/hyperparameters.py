@@ -5,16 +5,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-#: The hyperparameters that come with the package.
+#: Shipped hyperparameters.
 SHIPPED = Path(__file__).with_name("ppo.yml")
-#: Numbers that may follow a schedule.
+#: Hyperparameters with schedules.
 _SCHEDULES = ("learning_rate", "clip_range", "clip_range_vf")
-#: What is not for PPO itself.
+#: Hyperparameters of the run, not of PPO itself.
 _OWN = ("n_timesteps", "n_envs", "policy", "env_kwargs", "frame_stack")
 
 
 def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool = False) -> dict[str, Any]:
-    """Read an environment's hyperparameters; those of `ENV/residual` come on top where a controller is corrected.
+    """Read an environment's hyperparameters, updated by those of `ENV/residual` for corrections of a controller.
 
     Parameters
     ----------
@@ -23,14 +23,14 @@ def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool =
     file : path or None
         YAML; None: `SHIPPED`.
     residual : bool
-        Whether a controller is corrected.
+        True for corrections of a controller.
 
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        It is no YAML by environment, or lacks this one.
+        The file is no YAML by environment, or lacks this one.
     """
     import yaml
 
@@ -48,12 +48,12 @@ def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool =
 
 
 def parse_pairs(given: Iterable[str]) -> dict[str, Any]:
-    """Read KEY:VALUE; a value that is no Python literal is a string.
+    """Read KEY:VALUE; values other than Python literals are strings.
 
     Raises
     ------
     ValueError
-        There is no colon.
+        A pair lacks key or colon.
     """
     pairs: dict[str, Any] = {}
     for pair in given:
@@ -73,7 +73,7 @@ def count(hyperparameters: Mapping[str, Any], name: str) -> int:
     Raises
     ------
     ValueError
-        It lacks or is none that is positive.
+        The number is missing or not a positive whole one.
     """
     value = hyperparameters.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 1 <= value < 1e18 or value != int(value):
@@ -82,12 +82,12 @@ def count(hyperparameters: Mapping[str, Any], name: str) -> int:
 
 
 def arguments(hyperparameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Turn hyperparameters into arguments of `stable_baselines3.PPO`.
+    """Convert hyperparameters to arguments of `stable_baselines3.PPO`.
 
     Raises
     ------
     ValueError
-        One cannot be read.
+        A schedule or `policy_kwargs` cannot be read.
     """
     given = {key: value for key, value in hyperparameters.items() if key not in _OWN}
     for key in _SCHEDULES:
@@ -99,7 +99,7 @@ def arguments(hyperparameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _schedule(key: str, text: str) -> Any:
-    """A number that falls linearly to 0 ("lin_0.001"), or a plain one."""
+    """A number in linear decrease to 0 ("lin_0.001"), or a constant."""
     from stable_baselines3.common.utils import LinearSchedule
 
     try:
@@ -107,11 +107,11 @@ def _schedule(key: str, text: str) -> Any:
             return LinearSchedule(float(text.removeprefix("lin_")), 0.0, 1.0)
         return float(text)
     except ValueError:
-        raise ValueError(f"{key} is {text!r}, but must be a number or such as 'lin_0.001'") from None
+        raise ValueError(f"{key} is {text!r}, but must be a number or a schedule like 'lin_0.001'") from None
 
 
 def _expression(text: str) -> Any:
-    """What rl_zoo3 evaluates, without evaluating anything else: literals, `dict(key=...)` and `nn.Tanh`."""
+    """Expressions of rl_zoo3 without `eval`: literals, `dict(key=...)` and `nn.Tanh`."""
     from torch import nn
 
     def read(node: ast.expr) -> Any:
@@ -127,4 +127,4 @@ def _expression(text: str) -> Any:
     try:
         return read(ast.parse(text.strip(), mode="eval").body)
     except (ValueError, SyntaxError, TypeError):
-        raise ValueError(f"policy_kwargs is {text!r}, but must be such as 'dict(net_arch=[64, 64])'") from None
+        raise ValueError(f"policy_kwargs is {text!r}, but must be like 'dict(net_arch=[64, 64])'") from None

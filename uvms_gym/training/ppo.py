@@ -1,11 +1,9 @@
-"""Proximal policy optimisation by Stable-Baselines3 on the native environments: one run, from start or checkpoint."""
+"""Proximal policy optimisation by Stable-Baselines3 on native environments: a run, from its start or a checkpoint."""
 
 import json
-import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,7 +24,7 @@ from uvms_gym.training.export import policy_of, versions, write_card
 from uvms_gym.training.hyperparameters import arguments, count
 from uvms_gym.training.wrappers import History, ResidualVecEnv, StaggeredStart
 
-#: Seeds of environments between those of one training seed and of the next; below are those of evaluations.
+#: Distance of environments' seeds between training seeds; those below are for evaluations.
 SEED_STRIDE = 10_000_000
 #: Files of a run's folder.
 SETTINGS, CURVE, POLICY, BEST = "config.json", "evaluations.json", "policy.safetensors", "best_model.zip"
@@ -34,7 +32,7 @@ SETTINGS, CURVE, POLICY, BEST = "config.json", "evaluations.json", "policy.safet
 
 @dataclass(frozen=True)
 class Settings:
-    """What a run follows from, to the bit.
+    """Settings, which determine a run bit for bit.
 
     Attributes
     ----------
@@ -45,19 +43,19 @@ class Settings:
     env_kwargs : dict
         Arguments of the environment.
     seed : int
-        Of the network and of the order of batches; environments have seeds from `SEED_STRIDE * (1 + seed)` on.
+        Seed of the network and of batches; seeds of environments start at `SEED_STRIDE * (1 + seed)`.
     base : str or None
-        Name of a controller that is corrected.
+        Name of a corrected controller.
     limit : float
         Greatest correction.
     eval_freq, eval_episodes : int
-        Steps between evaluations (not positive: only one in the end), and episodes of each.
+        Steps between evaluations (not positive: only at the end), and episodes of each.
     save_freq : int
-        Steps between checkpoints; not positive: none but in the end.
+        Steps between checkpoints; not positive: only at the end.
     num_threads : int
-        Of torch and of the environment; -1: as many as they take.
+        Threads of torch and of the environment; -1: their defaults.
     device : str
-        Of torch.
+        Device of torch.
     """
 
     env: str
@@ -79,29 +77,29 @@ class Settings:
 
     @property
     def history(self) -> int:
-        """Observations that the policy reads at once: `frame_stack`."""
+        """Number of observations in the policy's input: `frame_stack`."""
         return count({"frame_stack": 1, **self.hyperparameters}, "frame_stack")
 
     @property
     def kwargs(self) -> dict[str, Any]:
-        """Arguments of the environment with those of the hyperparameters."""
+        """Arguments of the environment, including those of the hyperparameters."""
         threads = {} if self.num_threads < 0 else {"threads": self.num_threads}
         return {**threads, **self.hyperparameters.get("env_kwargs", {}), **self.env_kwargs}
 
     def save(self, folder: Path) -> None:
-        """Write them into a run's folder."""
+        """Write the settings into a run's folder."""
         (folder / SETTINGS).write_text(json.dumps(asdict(self), indent=1) + "\n")
 
     @classmethod
     def load(cls, folder: Path) -> "Settings":
-        """Read them from a run's folder.
+        """Read the settings from a run's folder.
 
         Raises
         ------
         OSError
-            There is no such file.
+            The file does not exist.
         ValueError
-            It is another one.
+            The file is of another kind.
         """
         try:
             return cls(**json.loads((folder / SETTINGS).read_text()))
@@ -111,20 +109,20 @@ class Settings:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a run.
+    """Outcome of a run.
 
     Attributes
     ----------
     steps : int
-        Of all instances together, from the run's very start.
+        Steps of all instances together, including those before a checkpoint.
     seconds : float
-        Wall-clock, evaluations included, likewise.
+        Wall-clock time, including evaluations and the time before a checkpoint.
     finished : bool
-        Whether it took all its steps.
+        True if all steps were taken.
     checkpoint : Path
-        From which it goes on.
+        Checkpoint to resume from.
     policy : Path
-        The exported policy.
+        Exported policy.
     evaluation : dict
         See `uvms_gym.training.evaluation.evaluate`.
     """
@@ -138,12 +136,12 @@ class Outcome:
 
 
 def make_envs(settings: Settings) -> tuple[VecEnv, TaskVectorEnv, Controller | None]:
-    """Make what is trained on: as Stable-Baselines3 has it, as it is itself, and the controller that is corrected.
+    """Make the environment, wrapped for Stable-Baselines3 and native, and the corrected controller.
 
     Raises
     ------
     ValueError, TypeError, gymnasium.error.Error
-        An argument is unknown or out of range, or it is none of the environments of uvms_gym.
+        An argument is unknown or out of range, or the environment is not one of uvms_gym.
     """
     native = make_vec_env(settings.env, count(settings.hyperparameters, "n_envs"), **settings.kwargs)
     envs = native.envs.unwrapped
@@ -169,7 +167,7 @@ def make_model(settings: Settings, venv: VecEnv, **more: Any) -> PPO:
     given = arguments(settings.hyperparameters)
     policy = settings.hyperparameters.get("policy", "MlpPolicy")
     model = PPO(policy, venv, seed=settings.seed, device=settings.device, **given, **more)
-    # The model has seeded them with its own seed.
+    # The model has seeded the environments with its own seed.
     venv.seed(SEED_STRIDE * (1 + settings.seed))
     return model
 
@@ -185,28 +183,28 @@ def train(
     tick: Callable[[int], object] = lambda steps: None,
     tell: Callable[[dict[str, Any]], object] = lambda evaluation: None,
 ) -> Outcome:
-    """Train, evaluate, keep checkpoints and export the policy, all in `folder`.
+    """Train, evaluate, write checkpoints and export the policy, all in `folder`.
 
-    An interrupt (Ctrl-C) stops it after the iteration that runs: all is saved and exported then, and the checkpoint
-    goes on to the very weights that the run would have ended with. A second interrupt is a `KeyboardInterrupt`.
+    An interrupt (Ctrl-C) stops it after the current iteration with everything saved and exported; the checkpoint
+    resumes to bit-identical weights. A second interrupt is a `KeyboardInterrupt`.
 
     Parameters
     ----------
     settings : Settings
     folder : Path
-        It must exist.
+        Existing folder.
     agent : Path or None
-        Checkpoint of a run with these settings (but for steps, evaluations, checkpoints) to go on from.
+        Checkpoint to resume, of a run with these settings (except steps, evaluations and checkpoints).
     tensorboard_log : Path or None
         Folder for TensorBoard.
     verbose : int
-        Of Stable-Baselines3.
+        Verbosity of Stable-Baselines3.
     origin : mapping of str to str, or None
         Further notes for the policy, such as the commit.
     tick : callable
-        Told of steps that were taken.
+        Called with the number of new steps.
     tell : callable
-        Told of every evaluation.
+        Called with every evaluation.
 
     Raises
     ------
@@ -234,7 +232,7 @@ def train(
     if left <= 0:
         raise ValueError(f"the run has taken its {model.num_timesteps} steps; n_timesteps can ask for more")
     finished = True
-    with _interrupts() as run.interrupted:
+    with continuation.interrupt_event() as run.interrupted:
         try:
             model.learn(left, run, tb_log_name=settings.env, reset_num_timesteps=agent is None)
         except _Stop:
@@ -250,11 +248,11 @@ def train(
 
 
 class _Stop(Exception):
-    """The run is to stop here."""
+    """Stop of a run between two iterations."""
 
 
 class _Run(BaseCallback):
-    """What happens between iterations of PPO, where a run can be interrupted and taken up again."""
+    """Evaluations and checkpoints between iterations of PPO, where a run can be interrupted and resumed."""
 
     def __init__(
         self,
@@ -283,11 +281,11 @@ class _Run(BaseCallback):
 
     @property
     def evaluated(self) -> bool:
-        """Whether the model has been evaluated as it is."""
+        """True if the current model has been evaluated."""
         return bool(self.curve) and bool(self.curve[-1]["steps"] == self.model.num_timesteps)
 
     def _on_training_start(self) -> None:
-        # A new run evaluates what it begins with; one that goes on did so before.
+        # A new run evaluates the untrained model; a resumed one did so before.
         if not self.curve and self.settings.eval_freq > 0:
             self.evaluate()
         self._last = self.model.num_timesteps
@@ -309,14 +307,14 @@ class _Run(BaseCallback):
         return True
 
     def controller(self, notes: Mapping[str, str] | None = None) -> tuple[MLP, Controller]:
-        """The network as it is, and the controller that it makes."""
+        """Current network, and the controller with it."""
         model: Any = self.model
         settings = self.settings
         policy = policy_of(model, self.envs, history=settings.history, residual=self.base is not None, notes=notes)
         return policy, policy if self.base is None else Residual(self.base, policy, self.settings.limit)
 
     def evaluate(self) -> None:
-        """Evaluate the model, and keep it if it is the best so far."""
+        """Evaluate the model, and save it if it is the best so far."""
         episodes = self.settings.eval_episodes
         found: dict[str, Any] = {"steps": self.model.num_timesteps, "seconds": round(self.seconds, 3)}
         found |= evaluate(self.settings.env, self.settings.kwargs, self.controller()[1], episodes)
@@ -331,7 +329,7 @@ class _Run(BaseCallback):
         self.tell(found)
 
     def read_curve(self) -> None:
-        """Take up what was evaluated before the checkpoint."""
+        """Read the evaluations before the checkpoint."""
         try:
             curve = json.loads((self.folder / CURVE).read_text())
         except FileNotFoundError:
@@ -373,7 +371,7 @@ def latest_checkpoint(folder: Path) -> Path:
     Raises
     ------
     ValueError
-        There is none.
+        The folder has none.
     """
     found = [*folder.glob(_checkpoint("*")), *folder.glob(f"{Settings.load(folder).env}.zip")]
     if not found:
@@ -386,25 +384,5 @@ def _checkpoint(steps: int | str) -> str:
 
 
 def _passed(every: int, before: int, now: int) -> bool:
-    """Whether a multiple of `every` was reached since."""
+    """True if a multiple of `every` lies in (before, now]."""
     return every > 0 and now // every > before // every
-
-
-@contextmanager
-def _interrupts() -> Iterator[threading.Event]:
-    """Take the first interrupt as a wish to stop; the second is as ever."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-    usual = signal.getsignal(signal.SIGINT)
-
-    def ask(number: int, frame: Any) -> None:
-        asked.set()
-        signal.signal(signal.SIGINT, usual)
-
-    signal.signal(signal.SIGINT, ask)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, usual)

@@ -1,4 +1,4 @@
-"""What training puts about a vector environment of Stable-Baselines3."""
+"""Wrappers of Stable-Baselines3 vector environments for training."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,19 +13,19 @@ from uvms_gym.controllers import Controller
 
 
 class StaggeredStart(VecEnvWrapper):
-    """Episodes that do not all end together: `reset` leaves the instances at different times of theirs.
+    """Episodes out of phase: after `reset` the instances are at different times of their episodes.
 
-    Instances are reset once more, group by group, while the others go on under zero actions. Otherwise a learner sees
-    the same part of all episodes at once, and forgets the others.
+    Instances are reset once more, group by group, while the others continue under zero actions. Otherwise a learner
+    sees the same part of all episodes at once, and forgets the others.
 
     Parameters
     ----------
     venv : VecEnv
-        One whose `env_method("reset", indices=...)` works, such as `uvms_gym.sb3.NativeVecEnv`.
+        With `env_method("reset", indices=...)`, like `uvms_gym.sb3.NativeVecEnv`.
     steps : int
         Steps of an episode.
     groups : int
-        How many different times there are at most.
+        Greatest number of different times.
     """
 
     def __init__(self, venv: VecEnv, steps: int, groups: int = 8) -> None:
@@ -34,7 +34,7 @@ class StaggeredStart(VecEnvWrapper):
         self._groups = groups
 
     def reset(self) -> Any:
-        """Start episodes, and let them run apart; the observations after that."""
+        """Start episodes, and bring them out of phase; returns the observations after that."""
         observations: Any = self.venv.reset()
         still = np.zeros((self.num_envs, *(self.action_space.shape or ())), dtype=np.float32)
         for group in range(1, self._groups):
@@ -47,22 +47,22 @@ class StaggeredStart(VecEnvWrapper):
         return observations
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step as the environment does."""
+        """Step the environment."""
         return self.venv.step_wait()
 
 
 class ResidualVecEnv(VecEnvWrapper):
-    """Actions that correct a controller's: `clip(base + limit * clip(action))`, each clip to [-1, 1].
+    """Actions as corrections of a controller: `clip(base + limit * clip(action))`, each clip to [-1, 1].
 
-    The controller's action (a,) comes after the observation. What it remembers is its own for each instance, and
-    forgotten where an episode ends. `uvms_gym.Residual` is the same in a closed loop.
+    Observations are extended by the controller's action (a,). Its state is separate for each instance, and reset at the
+    end of episodes. `uvms_gym.Residual` is the same in a closed loop.
 
     Parameters
     ----------
     venv : VecEnv
-        Whose observations the controller reads.
+        With observations for the controller.
     base : uvms_gym.controllers.Controller
-        What is corrected.
+        Corrected controller.
     limit : float
         Greatest correction of an entry of the action, in [0, 1].
 
@@ -90,12 +90,12 @@ class ResidualVecEnv(VecEnvWrapper):
         return self._extended(observations, np.ones(self.num_envs, dtype=np.bool_))
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Take the corrections (n, a) of the next step."""
+        """Start a step with corrections (n, a)."""
         corrections = np.clip(actions, -1.0, 1.0).astype(np.float32, copy=False)
         self.venv.step_async(np.clip(self._base_actions + self.limit * corrections, -1.0, 1.0))
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Step; last observations of episodes are extended, too."""
+        """Complete the step; final observations of episodes are extended, too."""
         given, rewards, dones, infos = self.venv.step_wait()
         observations: Any = given
         if (where := np.flatnonzero(dones)).size:
@@ -106,12 +106,12 @@ class ResidualVecEnv(VecEnvWrapper):
         return self._extended(observations, dones), rewards, dones, infos
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Everything that makes it go on as if it had not been interrupted."""
+        """State that resumes the run bit-identically."""
         memory = {} if self._memory is None else {"base_memory": self._memory.copy()}
         return {**self.venv.get_state(), "base_actions": self._base_actions.copy(), **memory}  # type: ignore[attr-defined]
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from what `get_state` gave."""
+        """Continue from a state of `get_state`."""
         self.venv.set_state(state)  # type: ignore[attr-defined]
         self._base_actions = np.array(state["base_actions"])
         self._memory = np.array(state["base_memory"]) if "base_memory" in state else None
@@ -122,26 +122,26 @@ class ResidualVecEnv(VecEnvWrapper):
 
 
 class History(VecFrameStack):
-    """The last observations side by side, oldest first, and zeros before an episode's first; its state can be kept.
+    """The last observations side by side, oldest first, zeros before an episode's start; with `get_state`.
 
     Parameters
     ----------
     venv : VecEnv
         With a flat observation.
     observations : int
-        How many.
+        Number of observations.
     """
 
     def __init__(self, venv: VecEnv, observations: int) -> None:
         super().__init__(venv, observations)
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Everything that makes it go on as if it had not been interrupted."""
+        """State that resumes the run bit-identically."""
         stacked: Any = self.stacked_obs
         return {**self.venv.get_state(), "history": stacked.stacked_obs.copy()}  # type: ignore[attr-defined]
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from what `get_state` gave."""
+        """Continue from a state of `get_state`."""
         self.venv.set_state(state)  # type: ignore[attr-defined]
         stacked: Any = self.stacked_obs
         stacked.stacked_obs = np.array(state["history"])
