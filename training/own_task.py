@@ -6,7 +6,7 @@ envs = OwnTasks(gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=64))
 venv = NativeVecEnv(OwnTasks(gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=64, autoreset_mode="Disabled")))
 ```
 
-`unwrapped.snapshot()` is a copy of the true state, one row per instance, and `info` has the terms of the shipped reward.
+`unwrapped.snapshot()` is a copy of the true state, one row per instance, and `info` the terms of the shipped reward.
 Both functions below accept any number of instances. Vector environments must be in `NextStep` or `Disabled` mode: with
 `SameStep` the simulator is already in the next episode when the step returns.
 """
