@@ -27,7 +27,7 @@ def episodes_of(controller: uvms_gym.controllers.Controller, seed: int, episodes
     envs.reset(seed=seed)
     rollout = uvms_gym.Rollout(envs, controller)
     rollout.run(gymnasium.spec(ENV).max_episode_steps or 0)
-    stats = rollout.take()
+    stats = rollout.pop_stats()
     task: Any = envs.unwrapped
     return {"pose": pose_rms(stats, task.task), "effort": mean(stats, stats.sums["effort"])}
 

@@ -108,7 +108,7 @@ class Arena:
         batch.reset(seed=seed)
         rollout = Rollout(batch, controller)
         rollout.run(self.steps)
-        stats = rollout.take()
+        stats = rollout.pop_stats()
         effort, changes = (float(sums.sum() / stats.steps.sum()) for sums in (stats.sums["effort"], variation(stats)))
         return Score(interquartile_mean(pose_rms(stats)), effort, changes, float(stats.terminated.mean()))
 

@@ -583,11 +583,11 @@ class Task:
     def controller(self, kind: str, gains: dict[str, float | list[float] | None]) -> Controller:
         """A classical controller by its kind and its gains; defaults where a gain is None or missing."""
 
-    def rollout(self, policy: Controller, trace: list[int] = ...) -> Rollout:
-        """A rollout of a policy that remembers nothing yet; `trace` names instances to record."""
+    def rollout(self, controller: Controller, trace: list[int] = ...) -> Rollout:
+        """Rollout of a controller from blank memory; `trace` lists the instances to record."""
 
     def run(self, rollout: Rollout, steps: int) -> None:
-        """So many control periods of all instances under the rollout's policy, from where they stand.
+        """Run `steps` control periods of all instances under the rollout's controller from their current states.
 
         Instances whose episode is over wait.
         """
@@ -598,45 +598,17 @@ class Task:
 
 @final
 class Rollout:
-    """What a policy remembers of a batch's instances, and what came of it so far."""
-
-    @property
-    def steps(self) -> NDArray[np.uint32]:
-        """Control periods that count, (N,)."""
-
-    @property
-    def returns(self) -> NDArray[np.float64]:
-        """Sum of the rewards, (N,)."""
-
-    @property
-    def terminated(self) -> NDArray[np.bool_]:
-        """Episodes that ended for a reason within the task, (N,)."""
-
-    @property
-    def truncated(self) -> NDArray[np.bool_]:
-        """Episodes that ended because their time did, (N,)."""
-
-    @property
-    def sums(self) -> NDArray[np.float64]:
-        """Sums of the measures, (k, N)."""
-
-    @property
-    def squares(self) -> NDArray[np.float64]:
-        """Sums of their squares, (k, N)."""
-
-    @property
-    def last(self) -> NDArray[np.float64]:
-        """The measures after the last control period that counts, (k, N)."""
+    """Memory of a controller for a batch's instances, and statistics of the steps so far."""
 
     @property
     def traces(self) -> list[dict[str, Any]]:
-        """Records of the chosen instances, in ascending order.
+        """Records of the chosen instances: instance, observations (T, d), actions (T, a), rewards (T,), info (T, k)."""
 
-        instance, observations (T, d), actions (T, a), rewards (T,) and info (T, k).
+    def pop_stats(self) -> dict[str, Any]:
+        """Return the statistics so far and clear them; the controller's memory stays.
+
+        steps, returns, terminated and truncated (N,); sums, squares and last values of the metrics (k, N).
         """
-
-    def count_anew(self) -> None:
-        """Count anew from here on; the policy forgets nothing."""
 
 @disjoint_base
 class Controller:

@@ -6,31 +6,30 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym._task.base import INFO
 from uvms_gym.controllers import Controller
 from uvms_gym.envs.base import TaskVectorEnv
 
 Floats = NDArray[np.float64]
 
-#: Control periods of one instance that are run between two looks at signals: a second or so.
+#: Control periods of all instances between two checks for signals: about a second.
 _PIECE = 1 << 18
 
 
-class Tally(NamedTuple):
-    """What came of control periods, per instance; those after its episode's end do not count.
+class RolloutStats(NamedTuple):
+    """Statistics of the control periods so far, per instance; those after its episode's end do not count.
 
     Attributes
     ----------
     steps : numpy.ndarray (N,)
-        Control periods that count.
+        Number of control periods.
     returns : numpy.ndarray (N,)
         Sum of their rewards.
     terminated, truncated : numpy.ndarray (N,), bool
-        Whether the episode ended in them, and how.
+        End of the episode, for a reason within the task or by its time limit.
     sums, squares : dict of str to numpy.ndarray (N,)
-        Sums of every entry of `info` over them, and of its square.
+        Sums of every metric in `info`, and of its square.
     last : dict of str to numpy.ndarray (N,)
-        Every entry of `info` after the last of them; 0 where there are none.
+        Every metric after the last control period; 0 without control periods.
     """
 
     steps: NDArray[np.uint32]
@@ -41,12 +40,20 @@ class Tally(NamedTuple):
     squares: dict[str, Floats]
     last: dict[str, Floats]
 
+    def mean(self, name: str) -> Floats:
+        """Mean of a metric over each instance's control periods, (N,); 0 without any."""
+        return np.asarray(self.sums[name] / np.maximum(self.steps, 1))
+
+    def rms(self, name: str) -> Floats:
+        """Root mean square of a metric over each instance's control periods, (N,); 0 without any."""
+        return np.sqrt(self.squares[name] / np.maximum(self.steps, 1))
+
 
 class Rollout:
-    """Episodes of all instances of a vector environment under a controller, from where they stand.
+    """Episodes of all instances of a vector environment under a controller, from their current states.
 
-    The numbers are those, bit for bit, that stepping the environment with the controller's actions would give. Whatever
-    the autoreset mode, an instance whose episode is over waits; `env.reset` starts the next ones.
+    The numbers are those of stepping the environment with the controller's actions, bit for bit. In every autoreset
+    mode an instance whose episode is over waits; `env.reset` starts the next episodes.
 
     Parameters
     ----------
@@ -60,9 +67,9 @@ class Rollout:
     Raises
     ------
     TypeError
-        Another kind of environment or controller.
+        Other kind of environment or controller.
     ValueError
-        An instance that there is not; from `run`, a controller for other observations or actions.
+        Instance out of range; from `run`, a controller for other observations or actions.
     """
 
     def __init__(self, env: Any, controller: Controller, trace: Sequence[int] = ()) -> None:
@@ -75,9 +82,9 @@ class Rollout:
         self._rollout = inner._native.rollout(controller.native, list(trace))
 
     def run(self, steps: int, tick: Callable[[int], object] | None = None) -> None:
-        """Run so many control periods; `tick` is told after each part how many it had.
+        """Run `steps` control periods in parts; `tick` is called after each part with its number of control periods.
 
-        An interrupt (Ctrl-C) stops it between parts. Parts make no difference to the result.
+        An interrupt (Ctrl-C) stops the run between parts. The parts do not change the result.
         """
         part = max(1, _PIECE // self._env.num_envs)
         for done in range(0, steps, part):
@@ -86,27 +93,19 @@ class Rollout:
             if tick is not None:
                 tick(now)
 
-    def take(self) -> Tally:
-        """Tell what came of the control periods since the last call, and count anew."""
-        rollout = self._rollout
-        tally = Tally(
-            rollout.steps,
-            rollout.returns,
-            rollout.terminated,
-            rollout.truncated,
-            dict(zip(INFO, rollout.sums, strict=True)),
-            dict(zip(INFO, rollout.squares, strict=True)),
-            dict(zip(INFO, rollout.last, strict=True)),
-        )
-        rollout.count_anew()
-        return tally
+    def pop_stats(self) -> RolloutStats:
+        """Return the statistics so far and clear them; the controller's memory stays."""
+        stats = self._rollout.pop_stats()
+        for kind in ("sums", "squares", "last"):
+            stats[kind] = dict(zip(self._env.metric_names, stats[kind], strict=True))
+        return RolloutStats(**stats)
 
     @property
     def traces(self) -> dict[int, dict[str, NDArray[Any]]]:
         """Records of the chosen instances.
 
-        By instance: observations (T, d) that the controller saw, its actions (T, a), the rewards (T,) and measures
-        (T, k) that followed.
+        By instance: observations (T, d) of the controller, its actions (T, a), and the rewards (T,) and metrics (T, k)
+        that followed.
         """
         traces = self._rollout.traces
         return {trace.pop("instance"): trace for trace in traces}

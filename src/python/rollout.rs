@@ -1,4 +1,4 @@
-//! `_core.Rollout`: episodes under a policy.
+//! `_core.Rollout`: episodes under a controller.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use super::arrays::{Row, Rows, matrix};
+use super::arrays::matrix;
 use super::controllers::Controller;
 use super::errors::OrRaise;
 use super::stability::warn;
@@ -16,59 +16,17 @@ use uvms_gym::batch::{self, RolloutStats};
 use uvms_gym::control;
 use uvms_gym::task::INFO;
 
-/// What a policy remembers of a batch's instances, and what came of it so far.
+/// Memory of a controller for a batch's instances, and statistics of the steps so far.
 #[pyclass(module = "uvms_gym._core")]
 pub struct Rollout {
     rollout: batch::Rollout,
-    policy: Arc<dyn control::Controller>,
+    controller: Arc<dyn control::Controller>,
     /// Number of metrics.
     metrics: usize,
 }
 
 #[pymethods]
 impl Rollout {
-    /// Control periods that count, (N,).
-    #[getter]
-    fn steps<'py>(&self, py: Python<'py>) -> Row<'py, u32> {
-        self.each(py, |stats| stats.steps)
-    }
-
-    /// Sum of the rewards, (N,).
-    #[getter]
-    fn returns<'py>(&self, py: Python<'py>) -> Row<'py, f64> {
-        self.each(py, |stats| stats.reward)
-    }
-
-    /// Episodes that ended for a reason within the task, (N,).
-    #[getter]
-    fn terminated<'py>(&self, py: Python<'py>) -> Row<'py, bool> {
-        self.each(py, |stats| stats.terminated)
-    }
-
-    /// Episodes that ended because their time did, (N,).
-    #[getter]
-    fn truncated<'py>(&self, py: Python<'py>) -> Row<'py, bool> {
-        self.each(py, |stats| stats.truncated)
-    }
-
-    /// Sums of the measures, (k, N).
-    #[getter]
-    fn sums<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
-        self.measures(py, |stats| &stats.sums)
-    }
-
-    /// Sums of their squares, (k, N).
-    #[getter]
-    fn squares<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
-        self.measures(py, |stats| &stats.squares)
-    }
-
-    /// The measures after the last control period that counts, (k, N).
-    #[getter]
-    fn last<'py>(&self, py: Python<'py>) -> Rows<'py, f64> {
-        self.measures(py, |stats| &stats.last)
-    }
-
     /// Records of the chosen instances, in ascending order: instance, observations (T, d), actions (T, a), rewards (T,)
     /// and info (T, k).
     #[getter]
@@ -86,45 +44,47 @@ impl Rollout {
         Ok(traces)
     }
 
-    /// Counts anew from here on; the policy forgets nothing.
-    fn count_anew(&mut self) {
-        self.rollout.pop_stats();
-    }
-}
-
-impl Rollout {
-    fn each<'py, T: numpy::Element>(&self, py: Python<'py>, of: impl Fn(&RolloutStats) -> T) -> Row<'py, T> {
-        PyArray1::from_iter(py, self.rollout.stats().iter().map(of))
-    }
-
-    fn measures<'py>(&self, py: Python<'py>, of: impl Fn(&RolloutStats) -> &[f64; INFO]) -> Rows<'py, f64> {
-        let stats = self.rollout.stats();
-        Array2::from_shape_fn((self.metrics, stats.len()), |(k, i)| of(&stats[i])[k]).into_pyarray(py)
+    /// Returns the statistics so far and clears them; the controller's memory stays. Of each instance: steps, returns,
+    /// terminated and truncated (N,); sums, squares and last values of the metrics (k, N).
+    fn pop_stats<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let stats = self.rollout.pop_stats();
+        let metrics = |of: &dyn Fn(&RolloutStats) -> &[f64; INFO]| {
+            Array2::from_shape_fn((self.metrics, stats.len()), |(k, i)| of(&stats[i])[k]).into_pyarray(py)
+        };
+        let result = PyDict::new(py);
+        result.set_item("steps", PyArray1::from_iter(py, stats.iter().map(|one| one.steps)))?;
+        result.set_item("returns", PyArray1::from_iter(py, stats.iter().map(|one| one.reward)))?;
+        result.set_item("terminated", PyArray1::from_iter(py, stats.iter().map(|one| one.terminated)))?;
+        result.set_item("truncated", PyArray1::from_iter(py, stats.iter().map(|one| one.truncated)))?;
+        result.set_item("sums", metrics(&|one| &one.sums))?;
+        result.set_item("squares", metrics(&|one| &one.squares))?;
+        result.set_item("last", metrics(&|one| &one.last))?;
+        Ok(result)
     }
 }
 
 #[pymethods]
 impl Task {
-    /// A rollout of a policy that remembers nothing yet; `trace` names instances to record.
-    #[pyo3(signature = (policy, trace=Vec::new()))]
-    fn rollout(&self, policy: PyRef<'_, Controller>, trace: Vec<usize>) -> PyResult<Rollout> {
-        let policy = policy.inner.clone();
+    /// Rollout of a controller from blank memory; `trace` lists the instances to record.
+    #[pyo3(signature = (controller, trace=Vec::new()))]
+    fn rollout(&self, controller: PyRef<'_, Controller>, trace: Vec<usize>) -> PyResult<Rollout> {
+        let controller = controller.inner.clone();
         let metrics = self.batch.task().metric_names().len();
         Ok(Rollout {
-            rollout: batch::Rollout::new(&*policy, self.batch.instances(), &trace).or_raise()?,
-            policy,
+            rollout: batch::Rollout::new(&*controller, self.batch.instances(), &trace).or_raise()?,
+            controller,
             metrics,
         })
     }
 
-    /// So many control periods of all instances under the rollout's policy, from where they stand. Instances whose
-    /// episode is over wait.
+    /// Runs `steps` control periods of all instances under the rollout's controller from their current states. Instances
+    /// whose episode is over wait.
     fn run(&mut self, py: Python<'_>, mut rollout: PyRefMut<'_, Rollout>, steps: u32) -> PyResult<()> {
-        let (batch, Rollout { rollout, policy, .. }) = (&mut self.batch, &mut *rollout);
+        let (batch, Rollout { rollout, controller, .. }) = (&mut self.batch, &mut *rollout);
         if let Some(unstable) = batch.warn_of_step() {
             warn(py, &unstable.to_string())?;
         }
-        py.detach(|| batch.run(&**policy, rollout, steps)).or_raise()?;
+        py.detach(|| batch.run(&**controller, rollout, steps)).or_raise()?;
         if let Some(stray) = batch.warn_of_motion() {
             warn(py, &stray.to_string())?;
         }

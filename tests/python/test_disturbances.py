@@ -306,9 +306,9 @@ def test_pd_holds_station_in_calm_water_and_visibly_less_in_a_storm(scene):
         envs.reset(seed=0)
         rollout = uvms_gym.Rollout(envs, uvms_gym.PD(scene=scene))
         rollout.run(400)
-        tally = rollout.take()
-        assert not tally.terminated.any(), level
-        errors[level] = float(np.median(np.sqrt(tally.squares["position_error"] / tally.steps)))
+        stats = rollout.pop_stats()
+        assert not stats.terminated.any(), level
+        errors[level] = float(np.median(stats.rms("position_error")))
     assert errors["storm"] > 1.5 * errors["calm"]
 
 

@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from helpers import assert_parity
 
 import uvms_gym
+from uvms_gym._core import task_defaults
 from uvms_gym._task.arguments import RESET_OPTIONS
 from uvms_gym.envs import (
     INFO,
@@ -25,7 +26,7 @@ from uvms_gym.envs import (
 )
 
 ENV = "UVMS-EETrack-v0"
-REWARD = EETrackOptions.reward_defaults
+REWARD = task_defaults("ee-track")["reward"]
 ARM = "bluerov2-heavy-alpha5"
 SCENES = ["petasus-pum", ARM, "bluerov2-heavy", "rexrov"]
 KINDS = ["point", "line", "circle", "figure-eight", "spline"]
@@ -387,7 +388,7 @@ def test_memory_of_resolved_motion_is_each_instances_own(scene, gains):
     env.reset(seed=list(range(5)))
     rollout = uvms_gym.Rollout(env, controller)
     rollout.run(15)
-    returns = rollout.take().returns
+    returns = rollout.pop_stats().returns
     few = make(2)
     observations, _ = few.reset(seed=[0, 1])
     total, state = np.zeros(2), None
@@ -405,9 +406,9 @@ def test_observer_and_prediction_track_better_in_a_storm():
         env.reset(seed=list(range(16)))
         rollout = uvms_gym.Rollout(env, uvms_gym.ResolvedMotion(env, **gains))
         rollout.run(100)
-        tally = rollout.take()
-        assert not tally.terminated.any()
-        return np.sqrt(((tally.squares["position_error"] + tally.squares["attitude_error"] / 4) / tally.steps).mean())
+        stats = rollout.pop_stats()
+        assert not stats.terminated.any()
+        return np.sqrt(((stats.squares["position_error"] + stats.squares["attitude_error"] / 4) / stats.steps).mean())
 
     usual, slow, integrating = errors({}), errors(SLOW), errors({**SLOW, "integral_gain": 0.4})
     observing = errors(OBSERVING)
@@ -426,15 +427,15 @@ def test_rollouts_and_networks_work_for_tracking():
         observations, _ = env.reset(seed=2)
         rollout = uvms_gym.Rollout(env, controller)
         rollout.run(30)
-        tally = rollout.take()
+        stats = rollout.pop_stats()
         observations, _ = env.reset(seed=2)
         returns = np.zeros(7)
         for _ in range(20):
             observations, rewards, *_ = env.step(controller.predict(observations)[0])
             returns += rewards
-        np.testing.assert_allclose(tally.returns, returns, rtol=1e-12)
-        assert (tally.steps == 20).all()
-        assert tally.truncated.all()
+        np.testing.assert_allclose(stats.returns, returns, rtol=1e-12)
+        assert (stats.steps == 20).all()
+        assert stats.truncated.all()
     with pytest.raises(ValueError, match="UVMS-EETrack"):
         mlp.native.check(StationKeepEnv(scene=ARM)._native, residual=False)
 

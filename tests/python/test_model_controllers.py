@@ -69,15 +69,15 @@ def test_a_current_is_held_against(kind: Any, scene: str, action: Any) -> None:
     rollout = uvms_gym.Rollout(env, kind(env))
     env.reset(seed=5)
     rollout.run(200)
-    rollout.take()
+    rollout.pop_stats()
     rollout.run(200)
-    with_model = rollout.take().sums["position_error"].mean() / 200
+    with_model = rollout.pop_stats().sums["position_error"].mean() / 200
     rollout = uvms_gym.Rollout(env, PD(env))
     env.reset(seed=5)
     rollout.run(200)
-    rollout.take()
+    rollout.pop_stats()
     rollout.run(200)
-    plain = rollout.take().sums["position_error"].mean() / 200
+    plain = rollout.pop_stats().sums["position_error"].mean() / 200
     assert with_model < (1.02 if kind is PDRestoring else 0.4) * plain, (with_model, plain)
 
 
@@ -118,7 +118,7 @@ def pose(env: Any, controller: Any, steps: int = 200) -> np.ndarray:
     env.reset(seed=0)
     rollout = uvms_gym.Rollout(env, controller)
     rollout.run(steps)
-    squares = rollout.take().squares
+    squares = rollout.pop_stats().squares
     return np.sqrt((squares["position_error"] + 0.25 * squares["attitude_error"]) / steps)
 
 

@@ -57,7 +57,7 @@ def test_without_corrections_it_is_the_base() -> None:
         envs.reset(seed=0)
         rollout = Rollout(envs, controller)
         rollout.run(20)
-        returns.append(rollout.take().returns)
+        returns.append(rollout.pop_stats().returns)
     np.testing.assert_array_equal(returns[0], returns[1])
     assert (returns[0] != returns[2]).all()
 

@@ -39,12 +39,12 @@ def stepped(env: StationKeepVectorEnv, controller: Any, seed: int, steps: int) -
     return result | {"seen": seen}
 
 
-def assert_equal(tally: Any, expected: dict[str, Any]) -> None:
+def assert_equal(stats: Any, expected: dict[str, Any]) -> None:
     for name in ("steps", "returns", "terminated", "truncated"):
-        np.testing.assert_array_equal(getattr(tally, name), expected[name], err_msg=name)
+        np.testing.assert_array_equal(getattr(stats, name), expected[name], err_msg=name)
     for kind in ("sums", "squares", "last"):
         for name in INFO:
-            np.testing.assert_array_equal(getattr(tally, kind)[name], expected[kind][name], err_msg=f"{kind} {name}")
+            np.testing.assert_array_equal(getattr(stats, kind)[name], expected[kind][name], err_msg=f"{kind} {name}")
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
@@ -57,9 +57,9 @@ def test_a_rollout_gives_the_numbers_of_stepping(dtype: Any, kind: int) -> None:
     env.reset(seed=3)
     rollout = Rollout(env, controller)
     rollout.run(30)
-    tally = rollout.take()
-    assert_equal(tally, expected)
-    assert tally.truncated.all() and (tally.steps == 25).all()
+    stats = rollout.pop_stats()
+    assert_equal(stats, expected)
+    assert stats.truncated.all() and (stats.steps == 25).all()
 
 
 def test_episodes_that_diverge_stop_counting() -> None:
@@ -70,23 +70,23 @@ def test_episodes_that_diverge_stop_counting() -> None:
     env.reset(seed=0)
     rollout = Rollout(env, wild)
     rollout.run(300)
-    tally = rollout.take()
-    assert_equal(tally, expected)
-    assert tally.terminated.all() and 10 < tally.steps.min() < 300
+    stats = rollout.pop_stats()
+    assert_equal(stats, expected)
+    assert stats.terminated.all() and 10 < stats.steps.min() < 300
     rollout.run(10)
-    assert rollout.take().steps.max() == 0
+    assert rollout.pop_stats().steps.max() == 0
 
 
 def test_neither_parts_nor_threads_nor_neighbours_change_a_rollout() -> None:
-    def tally(n: int, threads: int, parts: tuple[int, ...]) -> Any:
+    def stats(n: int, threads: int, parts: tuple[int, ...]) -> Any:
         env = StationKeepVectorEnv(n, scene=SMALL, threads=threads)
         env.reset(seed=7)
         rollout = Rollout(env, PID(env))
         for steps in parts:
             rollout.run(steps)
-        return rollout.take()
+        return rollout.pop_stats()
 
-    few, many = tally(3, 1, (40,)), tally(700, 2, (1, 39, 0))
+    few, many = stats(3, 1, (40,)), stats(700, 2, (1, 39, 0))
     for kind in ("sums", "squares"):
         for name in INFO:
             np.testing.assert_array_equal(getattr(few, kind)[name], getattr(many, kind)[name][:3])
@@ -100,11 +100,11 @@ def test_taking_a_tally_counts_anew_but_forgets_no_integral() -> None:
     env.reset(seed=1)
     rollout = Rollout(env, controller, trace=[4])
     rollout.run(20)
-    rollout.take()
+    rollout.pop_stats()
     rollout.run(10)
-    tally = rollout.take()
-    assert (tally.steps == 10).all()
-    np.testing.assert_array_equal(tally.returns[4], sum(rewards[4] for _, _, rewards, _ in expected[20:]))
+    stats = rollout.pop_stats()
+    assert (stats.steps == 10).all()
+    np.testing.assert_array_equal(stats.returns[4], sum(rewards[4] for _, _, rewards, _ in expected[20:]))
 
 
 def test_traces_record_what_the_controller_saw_and_did() -> None:

@@ -125,7 +125,7 @@ def test_learned_policies_beat_what_they_are_set_against(folder: Path) -> None:
         envs.reset(seed=500_000)
         rollout = Rollout(envs, make_controller(name, envs))
         rollout.run(made["max_episode_steps"])
-        tally = rollout.take()
-        pose = tally.squares["position_error"] + 0.5**2 * tally.squares["attitude_error"]
-        errors[name] = np.median(np.sqrt(pose / tally.steps))
+        stats = rollout.pop_stats()
+        pose = stats.squares["position_error"] + 0.5**2 * stats.squares["attitude_error"]
+        errors[name] = np.median(np.sqrt(pose / stats.steps))
     assert all(errors[name] < errors[BASE[folder.parents[1].name]] for name in learned), errors

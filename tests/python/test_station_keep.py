@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 
 import uvms_gym
+from uvms_gym._core import task_defaults
 from uvms_gym._task.arguments import RESET_OPTIONS
 from uvms_gym.envs import INFO, StationKeepEnv, StationKeepOptions, StationKeepVectorEnv, TaskOptions
 
 ENV = "UVMS-StationKeep-v0"
 DEFAULTS = StationKeepOptions().to_dict()
-REWARD = StationKeepOptions.reward_defaults
+REWARD = task_defaults("station-keep")["reward"]
 SMALL = "bluerov2-heavy"
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"]
 

@@ -14,7 +14,7 @@ from uvms_gym._task.options import TaskOptions, check_count
 #: Episode length of the registered environments, control periods.
 EPISODE_STEPS = 400
 
-#: Names of the metrics in `info`.
+#: Names of the metrics in `info` that all tasks share.
 INFO = tuple(Task.INFO)
 
 
@@ -62,6 +62,11 @@ class TaskBase:
     def privileged_layout(self) -> tuple[Block, ...]:
         """Parts of `info["privileged"]`."""
         return blocks(self._native.privileged_layout)
+
+    @property
+    def metric_names(self) -> tuple[str, ...]:
+        """Names of the metrics in `info`: those of all tasks, and the task's own."""
+        return tuple(self._native.metric_names)
 
     @property
     def episode(self) -> dict[str, NDArray[Any]]:

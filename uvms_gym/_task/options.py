@@ -43,13 +43,13 @@ class Preview(TypedDict, total=False):
 
 
 #: Options that are dicts, and their keys with types.
-_GROUPS: dict[str, Mapping[str, Any]] = {
+GROUPS: dict[str, Mapping[str, Any]] = {
     "reward": RewardWeights.__annotations__,
     "tolerance": Tolerance.__annotations__,
     "preview": Preview.__annotations__,
 }
 #: Options of the batch, not of the task.
-_BATCH = ("integrator", "dtype", "threads")
+BATCH_OPTIONS = ("integrator", "dtype", "threads")
 #: Greatest count of the native module.
 _MOST = 2**31 - 1
 
@@ -110,8 +110,6 @@ class TaskOptions:
     task: ClassVar[str] = ""
     #: Classes of the tasks' options, by the name of the task.
     by_task: ClassVar[dict[str, type["TaskOptions"]]] = {}
-    #: Default weights of the task's reward.
-    reward_defaults: ClassVar[RewardWeights] = {"pose": 0.1, "effort": 0.02, "rate": 0.1, "diverged": 0.0}
 
     scene: Scene = "petasus-pum"
     action: Literal["wrench", "thrusters", "residual"] = "wrench"
@@ -148,7 +146,7 @@ class TaskOptions:
                 raise TypeError(f"{name} is {value!r}, but must be True or False")
             if isinstance(default, float) or (name == "thruster_lag" and value is not None):
                 _check_number(name, value)
-            if name in _GROUPS:
+            if name in GROUPS:
                 _check_group(name, value)
         check_count("substeps", self.substeps)
         if self.threads is not None:
@@ -216,10 +214,9 @@ def native(
         check_count("max_episode_steps", max_episode_steps, least=0)
     given = {name: value for name, value in options.to_dict().items() if value is not None}
     given.pop("scene", None)
-    batch = {name: given.pop(name, None) for name in _BATCH}
+    batch = {name: given.pop(name, None) for name in BATCH_OPTIONS}
     del given["privileged"]
     given["task"] = options.task
-    given["reward"] = {**options.reward_defaults, **given.get("reward", {})}
     if "disturbance" in given:
         given["disturbance"] = as_json("disturbance", given["disturbance"])
     if isinstance(given.get("randomize"), Mapping):
@@ -238,7 +235,7 @@ def _check_group(name: str, given: Any) -> None:
     """Check names and numbers of an option that is a dict."""
     if not isinstance(given, Mapping | None):
         raise TypeError(f"{name} is {given!r}, but must be a dict or None")
-    known = _GROUPS[name]
+    known = GROUPS[name]
     for key, value in (given or {}).items():
         if key not in known:
             kind = "reward weight" if name == "reward" else f"entry of {name}"

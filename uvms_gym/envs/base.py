@@ -10,7 +10,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._task.arguments import Actions, as_actions, starts
-from uvms_gym._task.base import EPISODE_STEPS, INFO, TaskBase
+from uvms_gym._task.base import EPISODE_STEPS, TaskBase
 from uvms_gym._task.options import TaskOptions, native
 from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering, check_mode
 
@@ -19,7 +19,6 @@ Observations = NDArray[np.float32]
 #: Observations, rewards, terminated, truncated and metrics (k, N) of a step.
 StepArrays = tuple[Observations, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
 
-_MASKS = tuple(f"_{name}" for name in INFO)
 _SEEDS = 2**64
 _MODES = {
     AutoresetMode.NEXT_STEP: "next_step",
@@ -76,7 +75,7 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
             seed = self.np_random_seed
         observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
         self._seeded = True
-        named: dict[str, Any] = dict(zip(INFO, info[:, 0].tolist(), strict=True))
+        named: dict[str, Any] = dict(zip(self.metric_names, info[:, 0].tolist(), strict=True))
         if self.options.privileged:
             self._add_privileged(named)
         return observations[0], named
@@ -161,6 +160,8 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
             self.options, num_envs=num_envs, autoreset=_MODES[mode], max_episode_steps=max_episode_steps
         )
         self._arrays: StepArrays | None = None
+        self._metrics = self.metric_names
+        self._masks = tuple(f"_{name}" for name in self._metrics)
         self._seeded = False
         self.metadata = {
             "render_modes": list(RENDER_MODES),
@@ -232,7 +233,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
             infos["final_obs"] = np.full(self.num_envs, None, dtype=object)
             for i, observation in zip(where.tolist(), last, strict=True):
                 infos["final_obs"][i] = observation
-            spread = np.zeros((len(INFO), self.num_envs))
+            spread = np.zeros((len(self._metrics), self.num_envs))
             spread[:, where] = measures
             truths = np.zeros((self.num_envs, truth.shape[1]))
             truths[where] = truth
@@ -255,7 +256,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
             np.empty(n),
             np.empty(n, dtype=np.bool_),
             np.empty(n, dtype=np.bool_),
-            np.empty((len(INFO), n)),
+            np.empty((len(self._metrics), n)),
         )
         if not self.copy:
             self._arrays = arrays
@@ -265,12 +266,12 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         self, info: NDArray[np.float64], mask: NDArray[np.bool_] | None = None, truth: NDArray[np.float64] | None = None
     ) -> dict[str, Any]:
         """Metrics (k, N) by name, each with its mask, and the privileged information (N, m); 0 outside of `mask`."""
-        masks = np.ones((len(INFO), self.num_envs), dtype=np.bool_)
+        masks = np.ones((len(self._metrics), self.num_envs), dtype=np.bool_)
         if mask is not None:
             masks[:] = mask
             info[:, ~mask] = 0.0
-        infos: dict[str, Any] = dict(zip(INFO, info, strict=True))
-        infos.update(zip(_MASKS, masks, strict=True))
+        infos: dict[str, Any] = dict(zip(self._metrics, info, strict=True))
+        infos.update(zip(self._masks, masks, strict=True))
         if self.options.privileged:
             truth = self._native.privileged() if truth is None else truth
             if mask is not None:

@@ -1,10 +1,10 @@
 """End-effector tracking: `UVMS-EETrack-v0`, single and vector."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Literal
 
 from uvms_gym._task.base import INFO
-from uvms_gym._task.options import Preview, RewardWeights, TaskOptions
+from uvms_gym._task.options import Preview, TaskOptions
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 
 __all__ = ["INFO", "EETrackEnv", "EETrackOptions", "EETrackVectorEnv"]
@@ -28,8 +28,6 @@ class EETrackOptions(TaskOptions, task="ee-track"):
         Any of `points`, the number of reference points seen ahead, 0 to 8 (3), and `spacing`, the time between them, s,
         in [0, 10] (0.2).
     """
-
-    reward_defaults: ClassVar[RewardWeights] = {**TaskOptions.reward_defaults, "diverged": 100.0}
 
     reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"] = "mixed"
     reference_size: float = 0.4

@@ -47,7 +47,7 @@ def evaluate(
     envs.reset(seed=seed)
     rollout = Rollout(envs, controller)
     rollout.run(episode_steps(env, env_kwargs))
-    stats = rollout.take()
+    stats = rollout.pop_stats()
     pose = pose_rms(stats, envs.unwrapped.task)  # type: ignore[attr-defined]
     envs.close()
     return {

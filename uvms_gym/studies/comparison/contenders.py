@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uvms_gym import Rollout
 from uvms_gym.controllers import MLP, Controller, Residual, registry
-from uvms_gym.rollouts import Tally
+from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition
 from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
 
@@ -126,7 +126,7 @@ def _run(
     parts = []
     for steps in (begin, condition.steps - begin):
         rollout.run(steps, tick)
-        parts.append(rollout.take())
+        parts.append(rollout.pop_stats())
     early, late = parts
     whole = _sum(early, late)
     # Episodes that end before the settled part have the whole's score for it; diverged ones never recover.
@@ -141,10 +141,10 @@ def _run(
     return result
 
 
-def _sum(early: Tally, late: Tally) -> Tally:
+def _sum(early: RolloutStats, late: RolloutStats) -> RolloutStats:
     """Statistics of two consecutive parts of the same episodes."""
     ended = late.steps == 0
-    return Tally(
+    return RolloutStats(
         early.steps + late.steps,
         early.returns + late.returns,
         early.terminated | late.terminated,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym.rollouts import Tally
+from uvms_gym.rollouts import RolloutStats
 
 Floats = NDArray[np.float64]
 
@@ -21,17 +21,17 @@ VARIATION_REWARD = {"rate": 1.0}
 PARTS, SETTLED = ("whole", "settled"), 3.0
 
 
-def mean(stats: Tally, sums: Floats) -> Floats:
+def mean(stats: RolloutStats, sums: Floats) -> Floats:
     """Means over the steps (N,); 0 without steps."""
     return np.asarray(sums / np.maximum(stats.steps, 1))
 
 
-def rms(stats: Tally, entry: str) -> Floats:
+def rms(stats: RolloutStats, entry: str) -> Floats:
     """Root mean squares (N,) of an entry of `info`."""
     return np.sqrt(mean(stats, stats.squares[entry]))
 
 
-def pose_rms(stats: Tally, task: str = "station-keep") -> Floats:
+def pose_rms(stats: RolloutStats, task: str = "station-keep") -> Floats:
     """Root mean squares (N,) of the pose error sqrt(position^2 + (lever * attitude)^2), m.
 
     The error is the vehicle's, or the end effector's where `task` is "ee-track".
@@ -41,7 +41,7 @@ def pose_rms(stats: Tally, task: str = "station-keep") -> Floats:
     return np.sqrt(mean(stats, position + ATTITUDE_LEVER**2 * attitude))
 
 
-def variation(stats: Tally) -> Floats:
+def variation(stats: RolloutStats) -> Floats:
     """Sums (N,) over the steps of the mean squared change of the action."""
     return -stats.sums["reward_rate"]
 
@@ -69,7 +69,7 @@ class Metric(NamedTuple):
 
     title: str
     unit: str
-    measure: Callable[[Tally], Floats]
+    measure: Callable[[RolloutStats], Floats]
     scale: float = 1.0
     error: bool = False
     less: bool = True
@@ -87,11 +87,11 @@ class Metric(NamedTuple):
         return PARTS[:1] if self.whole else PARTS
 
 
-def _rms(entry: str) -> Callable[[Tally], Floats]:
+def _rms(entry: str) -> Callable[[RolloutStats], Floats]:
     return lambda stats: rms(stats, entry)
 
 
-def _mean(entry: str) -> Callable[[Tally], Floats]:
+def _mean(entry: str) -> Callable[[RolloutStats], Floats]:
     return lambda stats: mean(stats, stats.sums[entry])
 
 
