@@ -392,7 +392,7 @@ def test_an_interrupt_saves_and_exports(tmp_path: Path) -> None:
         finally:
             process.kill()
     assert process.returncode == 130
-    assert "to go on: uvms train -i" in output
+    assert "to resume: uvms train -i" in output
     folder = curve.parent
     steps = int(MLP.load(folder / POLICY).notes["steps"])
     assert latest_checkpoint(folder).name == f"rl_model_{steps}_steps.zip"
