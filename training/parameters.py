@@ -6,11 +6,7 @@ from typing import NamedTuple
 from search import Space
 
 #: Names of a parameter's entries, by their number.
-NAMES = {
-    2: ("linear", "angular"),
-    3: ("linear", "angular", "joints"),
-    6: ("x", "y", "z", "roll", "pitch", "yaw"),
-}
+NAMES = {2: ("linear", "angular"), 3: ("linear", "angular", "joints"), 6: ("x", "y", "z", "roll", "pitch", "yaw")}
 Groups = tuple[tuple[int, ...], ...]
 #: Axes of the vehicle that share a factor.
 ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))

@@ -54,8 +54,7 @@ def accuracy(
         typer.Option(help="Tolerance of the adaptive method; may be repeated. [default: 1e-3 to 1e-10]"),
     ] = None,
     seconds: Annotated[
-        float | None,
-        typer.Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]"),
+        float | None, typer.Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]")
     ] = None,
     episodes: Annotated[
         int | None,

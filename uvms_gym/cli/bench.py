@@ -63,8 +63,7 @@ def bench(
     threads: Annotated[list[int] | None, _listed("Number of threads", ("1", "all cores"), **_WHOLE)] = None,
     dtype: Annotated[list[str] | None, _listed("Precision", DTYPES)] = None,
     instruction_set: Annotated[
-        list[str] | None,
-        _listed("Instruction set, as UVMS_INSTRUCTION_SET names it", ("the widest",)),
+        list[str] | None, _listed("Instruction set, as UVMS_INSTRUCTION_SET names it", ("the widest",))
     ] = None,
     substeps: Annotated[list[int] | None, _listed("Steps per call", SUBSTEPS, **_WHOLE)] = None,
     integrator: Annotated[str, typer.Option(help="Integrator.")] = "mk4",

@@ -45,20 +45,17 @@ def compare(
         typer.Option(help="Environment, by Gymnasium's id; may be repeated. [default: UVMS-StationKeep-Storm-v0]"),
     ] = None,
     scene: Annotated[
-        list[str] | None,
-        typer.Option(help="Scene: name or TOML file; may be repeated. [default: petasus-pum]"),
+        list[str] | None, typer.Option(help="Scene: name or TOML file; may be repeated. [default: petasus-pum]")
     ] = None,
     controller: Annotated[
-        list[str] | None,
-        typer.Option(help=f"One of {KNOWN}; may be repeated. [default: every available controller]"),
+        list[str] | None, typer.Option(help=f"One of {KNOWN}; may be repeated. [default: every available controller]")
     ] = None,
     episodes: Annotated[
         int, typer.Option(help=f"Episodes of each controller under each condition, 2 to {MOST_EPISODES}.")
     ] = 1024,
     seed: Annotated[int, typer.Option(help="Episode i has the seed SEED + i.")] = 0,
     condition: Annotated[
-        list[str] | None,
-        typer.Option(help=f"One of {', '.join(DEPARTURES)}; may be repeated. [default: {DESIGN}]"),
+        list[str] | None, typer.Option(help=f"One of {', '.join(DEPARTURES)}; may be repeated. [default: {DESIGN}]")
     ] = None,
     off_design: Annotated[bool, typer.Option("--off-design", help="All conditions.")] = False,
     disturbance: Annotated[

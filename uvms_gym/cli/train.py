@@ -50,23 +50,19 @@ def train(
         ),
     ] = None,
     conf_file: Annotated[
-        Path | None,
-        typer.Option("-conf", "--conf-file", metavar="FILE", help="Hyperparameters, rl_zoo3's YAML."),
+        Path | None, typer.Option("-conf", "--conf-file", metavar="FILE", help="Hyperparameters, rl_zoo3's YAML.")
     ] = None,
     eval_freq: Annotated[
-        int | None,
-        typer.Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]"),
+        int | None, typer.Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]")
     ] = None,
     eval_episodes: Annotated[
         int | None, typer.Option(help="Held-out episodes of an evaluation. [default: 512]")
     ] = None,
     save_freq: Annotated[
-        int | None,
-        typer.Option(help="Steps between checkpoints; negative: only at the end. [default: a tenth of all]"),
+        int | None, typer.Option(help="Steps between checkpoints; negative: only at the end. [default: a tenth of all]")
     ] = None,
     log_folder: Annotated[
-        Path,
-        typer.Option("-f", "--log-folder", metavar="DIR", help="Parent of the run's folder, ppo/ENV_1 and so on."),
+        Path, typer.Option("-f", "--log-folder", metavar="DIR", help="Parent of the run's folder, ppo/ENV_1 and so on.")
     ] = Path("out/train"),
     tensorboard_log: Annotated[
         Path | None, typer.Option("-tb", "--tensorboard-log", metavar="DIR", help="Folder for TensorBoard.")

@@ -145,8 +145,7 @@ DEPARTURES: dict[str, Departure] = {
         "no disturbance but the arm's motion", lambda options: {"disturbance": _only(options, "arm")}
     ),
     "impulses-only": Departure(
-        "no disturbance but pushes",
-        lambda options: {"disturbance": _only(options, "impulse"), **_still(options)},
+        "no disturbance but pushes", lambda options: {"disturbance": _only(options, "impulse"), **_still(options)}
     ),
     "calm": Departure("still water, sensors without noise or delay", lambda options: {"disturbance": "calm"}),
     "period-0.05": Departure("control period of 0.05 s", lambda options: {"period": 0.05}, told=True),

@@ -72,10 +72,7 @@ def arm_motion(tick: Callable[[], None] = lambda: None) -> dict[str, Any]:
     """
     cases = {case: follow(case, tick) for case in CASES}
     ideal = cases["vehicle held"]["end_effector"]
-    return {
-        "cases": cases,
-        "numbers": {case: _numbers(columns, ideal) for case, columns in cases.items()},
-    }
+    return {"cases": cases, "numbers": {case: _numbers(columns, ideal) for case, columns in cases.items()}}
 
 
 def rpy_of(rotation: Floats) -> Floats:

@@ -18,11 +18,7 @@ MOTIONS, TIME = 8, 1.0
 #: Greatest speeds at the start, m/s and rad/s.
 SPEED, SPIN = 0.5, 0.5
 #: Steps of each integrator, s, and those of the references.
-LADDERS = {
-    "RK4": (0.01, 0.005, 0.0025, 0.00125),
-    "Euler": (1e-3, 1e-4, 1e-5),
-    "implicitfast": (1e-3, 1e-4, 1e-5),
-}
+LADDERS = {"RK4": (0.01, 0.005, 0.0025, 0.00125), "Euler": (1e-3, 1e-4, 1e-5), "implicitfast": (1e-3, 1e-4, 1e-5)}
 #: Steps of a quick study, s.
 QUICK_LADDERS = {"RK4": (0.01, 0.005), "Euler": (1e-3, 2.5e-4), "implicitfast": (1e-3, 2.5e-4)}
 OURS, THEIRS = DT / 32, 1e-4
@@ -128,12 +124,7 @@ def _by_us(
 
 
 def _by_mujoco(
-    scene: dict[str, Any],
-    states: list[dict[str, Floats]],
-    thrust: Floats,
-    home: Floats,
-    integrator: str,
-    step: float,
+    scene: dict[str, Any], states: list[dict[str, Floats]], thrust: Floats, home: Floats, integrator: str, step: float
 ) -> Floats:
     """Final positions (N, 3) of the vehicles by MuJoCo."""
     from uvms_gym.studies.speed import mujoco_model

@@ -42,12 +42,7 @@ class Stepping:
         n, rng = setting.n, np.random.default_rng(setting.seed)
         self.name, self.work, self.substeps = setting.scene["name"], n * setting.substeps, setting.substeps
         self.simulator = Simulator(
-            setting.scene,
-            n,
-            dt=DT,
-            integrator=setting.integrator,
-            dtype=setting.dtype,
-            threads=setting.threads,
+            setting.scene, n, dt=DT, integrator=setting.integrator, dtype=setting.dtype, threads=setting.threads
         )
         if setting.varied:
             vary(self.simulator, rng)
