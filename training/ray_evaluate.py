@@ -15,7 +15,7 @@ import numpy as np
 import ray
 
 import uvms_gym
-from uvms_gym.studies.comparison.metrics import mean, pose_rms
+from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 
 ENV = "UVMS-StationKeep-Storm-v0"
@@ -29,7 +29,7 @@ def episodes_of(controller: uvms_gym.controllers.Controller, seed: int, episodes
     rollout.run(gymnasium.spec(ENV).max_episode_steps or 0)
     stats = rollout.pop_stats()
     task: Any = envs.unwrapped
-    return {"pose": pose_rms(stats, task.task), "effort": mean(stats, stats.sums["effort"])}
+    return {"pose": pose_rms(stats, task.task), "effort": stats.mean("effort")}
 
 
 def evaluate(names: list[str], episodes: int, seed: int, block: int) -> dict[str, dict[str, np.ndarray]]:

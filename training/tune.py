@@ -43,7 +43,7 @@ from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.registry import CLASSICAL, PRETRAINED, check_name, folder
-from uvms_gym.studies.comparison.metrics import VARIATION_REWARD, pose_rms, variation
+from uvms_gym.studies.comparison.metrics import VARIATION_REWARD, pose_rms, variation_sums
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 from uvms_gym.studies.records import circumstances
 
@@ -109,7 +109,8 @@ class Arena:
         rollout = Rollout(batch, controller)
         rollout.run(self.steps)
         stats = rollout.pop_stats()
-        effort, changes = (float(sums.sum() / stats.steps.sum()) for sums in (stats.sums["effort"], variation(stats)))
+        totals = (stats.sums["effort"].sum(), variation_sums(stats).sum())
+        effort, changes = (float(total / stats.steps.sum()) for total in totals)
         return Score(interquartile_mean(pose_rms(stats)), effort, changes, float(stats.terminated.mean()))
 
 
@@ -340,13 +341,13 @@ def _arena(env: str, scene: str, period: float | None, threads: int | None) -> A
     with user_errors(f"{env}: "):
         usual = gymnasium.make_vec(env, num_envs=1, scene=loaded)
     inner = usual.unwrapped
-    dt, given = inner.simulator.dt, 1.0 / inner.metadata["render_fps"]
+    dt, given = inner.snapshot().dt, 1.0 / inner.metadata["render_fps"]
     period = given if period is None else period
     substeps = round(period / dt)
     if substeps < 1 or not math.isclose(substeps * dt, period):
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
     steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
-    options = {"scene": inner.options["scene"], "substeps": substeps, "max_episode_steps": steps, "threads": threads}
+    options = {"scene": inner.options.scene, "substeps": substeps, "max_episode_steps": steps, "threads": threads}
     return Arena(env, {**options, "reward": VARIATION_REWARD}, steps)
 
 

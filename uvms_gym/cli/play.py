@@ -190,6 +190,6 @@ def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymn
     with user_errors(f"{env}: "):
         # A limit beyond the end.
         made = gymnasium.make(env, max_episode_steps=round(1000.0 * seconds) + 1000, **options)
-    if "rgb_array" not in made.metadata["render_modes"] or not hasattr(made.unwrapped, "simulator"):
+    if "rgb_array" not in made.metadata["render_modes"] or not hasattr(made.unwrapped, "snapshot"):
         raise fail(f"--env is {env!r}, but only environments of uvms_gym work, such as UVMS-StationKeep-v0")
     return made

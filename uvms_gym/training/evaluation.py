@@ -8,7 +8,7 @@ import numpy as np
 
 from uvms_gym import Rollout
 from uvms_gym.controllers import Controller
-from uvms_gym.studies.comparison.metrics import VARIATION_REWARD, mean, pose_rms, rms, variation
+from uvms_gym.studies.comparison.metrics import VARIATION_REWARD, pose_rms, variation
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 
 #: First seed of evaluation episodes; those of training lie above.
@@ -53,10 +53,10 @@ def evaluate(
     return {
         "pose": interquartile_mean(pose),
         "pose_95": float(np.quantile(pose, 0.95)),
-        "position": interquartile_mean(rms(stats, "position_error")),
-        "attitude": interquartile_mean(rms(stats, "attitude_error")),
-        "end_effector": interquartile_mean(rms(stats, "end_effector_position_error")),
-        "effort": float(mean(stats, stats.sums["effort"]).mean()),
-        "variation": float(mean(stats, variation(stats)).mean()),
+        "position": interquartile_mean(stats.rms("position_error")),
+        "attitude": interquartile_mean(stats.rms("attitude_error")),
+        "end_effector": interquartile_mean(stats.rms("end_effector_position_error")),
+        "effort": float(stats.mean("effort").mean()),
+        "variation": float(variation(stats).mean()),
         "diverged": float(stats.terminated.mean()),
     }

@@ -15,20 +15,10 @@ Floats = NDArray[np.float64]
 
 #: Lever that turns angles into distances in the pose error, m per rad.
 ATTITUDE_LEVER = 0.5
-#: Argument `reward` of environments in which `variation` can be measured: a term of weight 1 holds its negative.
+#: Argument `reward` of environments for which `variation` is defined: a term of weight 1 holds its negative.
 VARIATION_REWARD = {"rate": 1.0}
 #: Parts of an episode: all of it, and the rest after the first `SETTLED` seconds.
 PARTS, SETTLED = ("whole", "settled"), 3.0
-
-
-def mean(stats: RolloutStats, sums: Floats) -> Floats:
-    """Means over the steps (N,); 0 without steps."""
-    return np.asarray(sums / np.maximum(stats.steps, 1))
-
-
-def rms(stats: RolloutStats, entry: str) -> Floats:
-    """Root mean squares (N,) of an entry of `info`."""
-    return np.sqrt(mean(stats, stats.squares[entry]))
 
 
 def pose_rms(stats: RolloutStats, task: str = "station-keep") -> Floats:
@@ -38,12 +28,17 @@ def pose_rms(stats: RolloutStats, task: str = "station-keep") -> Floats:
     """
     part = "end_effector_" if task == "ee-track" else ""
     position, attitude = (stats.squares[f"{part}{name}_error"] for name in ("position", "attitude"))
-    return np.sqrt(mean(stats, position + ATTITUDE_LEVER**2 * attitude))
+    return np.sqrt((position + ATTITUDE_LEVER**2 * attitude) / np.maximum(stats.steps, 1))
+
+
+def variation_sums(stats: RolloutStats) -> Floats:
+    """Sums (N,) over the steps of the mean squared change of the action."""
+    return -stats.sums["reward_rate"]
 
 
 def variation(stats: RolloutStats) -> Floats:
-    """Sums (N,) over the steps of the mean squared change of the action."""
-    return -stats.sums["reward_rate"]
+    """Means (N,) over the steps of the mean squared change of the action."""
+    return np.asarray(variation_sums(stats) / np.maximum(stats.steps, 1))
 
 
 class Metric(NamedTuple):
@@ -88,11 +83,11 @@ class Metric(NamedTuple):
 
 
 def _rms(entry: str) -> Callable[[RolloutStats], Floats]:
-    return lambda stats: rms(stats, entry)
+    return lambda stats: stats.rms(entry)
 
 
 def _mean(entry: str) -> Callable[[RolloutStats], Floats]:
-    return lambda stats: mean(stats, stats.sums[entry])
+    return lambda stats: stats.mean(entry)
 
 
 METRICS: dict[str, Metric] = {
@@ -102,7 +97,7 @@ METRICS: dict[str, Metric] = {
     "end_effector": Metric("end effector", "mm", _rms("end_effector_position_error"), 1e3, error=True),
     "effort": Metric("effort", "%", _mean("effort"), 1e2),
     "saturation": Metric("saturation", "%", _mean("saturation"), 1e2),
-    "variation": Metric("variation", "1e-3", lambda stats: mean(stats, variation(stats)), 1e3),
+    "variation": Metric("variation", "1e-3", variation, 1e3),
     "recovery": Metric("recovery", "s", lambda stats: stats.last["recovery_time"], whole=True),
     "within": Metric("in tolerance", "% of time", _mean("success"), 1e2, less=False),
     "success": Metric("success", "%", lambda stats: stats.last["success"], 1e2, less=False, cut=0.0, whole=True),
