@@ -1,4 +1,4 @@
-"""Arms of users' own robots, from URDF files."""
+"""Scenes from URDF files."""
 
 from collections.abc import Sequence
 from os import PathLike
@@ -17,18 +17,18 @@ def import_urdf(
 ) -> dict[str, Any]:
     """Make a scene of a vehicle and the arm of a URDF file.
 
-    Joint frames, axes, limits, effort, speed, damping, friction and inertias are taken over; fixed joints and what
-    hangs off the chain are merged into the links that carry them. Volume, added mass and drag are estimated from the
-    collision geometry, or the visual one (see `estimate`); meshes are not read: such a link's water is that of the even
-    ellipsoid of its mass and moments. Servos and end stops follow from the inertia that each joint carries. The scene's
-    provenance says which number is which.
+    Joint frames, axes, limits, effort, speed, damping, friction and inertias are those of the file; bodies on fixed
+    joints and side branches are merged into the links that carry them. Volume, added mass and damping are estimated
+    from the collision geometry, or from the visual geometry (see `estimate`). Meshes are not read: such a link has the
+    hydrodynamics of the homogeneous ellipsoid of its mass and moments. Servos and end stops follow from the inertia
+    that each joint carries. The scene's provenance names the source of every number.
 
     Parameters
     ----------
     path : str or os.PathLike
-        URDF file; of a xacro file what xacro made of it.
+        URDF file; expand xacro files first.
     vehicle : str, os.PathLike or dict
-        Scene whose water and vehicle are taken over, without its arm and payload.
+        Scene of the water and the vehicle; its arm and payload are left out.
     mount : sequence of 6 floats
         Base link in the vehicle frame: x, y, z (m), roll, pitch, yaw (rad).
     base, tip : str, optional
@@ -38,7 +38,7 @@ def import_urdf(
     Returns
     -------
     dict
-        The scene, as of `load_scene`. `dump_scene` makes TOML text of it.
+        The scene, as of `load_scene`; `dump_scene` converts it to TOML text.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def import_with_notes(
     base: str | None,
     tip: str | None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Make the scene, and tell what was merged, estimated or left open."""
+    """Scene, and notes on merged, estimated and missing parts."""
     if len(mount) != 6:
         raise _core.SceneError(f"mount must be 6 numbers (x, y, z, roll, pitch, yaw), but has {len(mount)}")
     return _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], base=base, tip=tip)

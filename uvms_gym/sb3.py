@@ -40,12 +40,12 @@ def make_vec_env(
     Parameters
     ----------
     id : str or EnvSpec
-        As `gymnasium.make_vec` takes it.
+        Id or spec for `gymnasium.make_vec`.
     n_envs : int
         Number of instances.
     seed : int or None
-        Instance i starts its first episode with `seed + i`; without one NumPy's global generator draws it, as
-        Stable-Baselines3 does.
+        Instance i starts its first episode with `seed + i`; None: drawn by NumPy's global generator, as in
+        Stable-Baselines3.
     monitor : bool
         See `NativeVecEnv`.
     **kwargs
@@ -59,11 +59,11 @@ def make_vec_env(
 
 
 class NativeVecEnv(VecEnv):
-    """A Gymnasium vector environment as a Stable-Baselines3 `VecEnv`, which starts episodes where others end.
+    """Stable-Baselines3 `VecEnv` over a Gymnasium vector environment, with same-step autoreset.
 
     Observations, rewards, dones, reset infos, and the infos of instances whose episode has just ended are those of a
-    `DummyVecEnv` of single environments in a `Monitor`, bit for bit. Other instances' infos are empty dicts of their
-    own; the measures of all instances are in `infos`, as arrays.
+    `DummyVecEnv` of single environments in a `Monitor`, bit for bit. The infos of all other instances are separate
+    empty dicts; the metrics of all instances are arrays in `infos`.
 
     Attributes and methods of single instances: `set_attr` sets an attribute beside the environment, which `get_attr`
     finds first, as `DummyVecEnv` does with the outermost wrapper. `get_attr` gives `episode` of the instance alone, its
@@ -86,7 +86,7 @@ class NativeVecEnv(VecEnv):
     """
 
     infos: Mapping[str, Any]
-    """What the last `reset` or step of the vector environment gave as infos."""
+    """Infos of the last `reset` or step of the vector environment."""
 
     def __init__(self, envs: VectorEnv[Any, Any, Any], *, monitor: bool = True) -> None:
         if not isinstance(envs, VectorEnv):
@@ -109,11 +109,11 @@ class NativeVecEnv(VecEnv):
 
     @property
     def spec(self) -> gymnasium.envs.registration.EnvSpec | None:
-        """What the environment was made from."""
+        """Spec of the environment."""
         return self.envs.spec
 
     def reset(self) -> NDArray[Any]:
-        """Start episodes of all instances, with the seeds and options that were set for it."""
+        """Start episodes of all instances with the seeds and options set before."""
         observations, infos = self._start(range(self.num_envs), self._seeds, self._options)
         self.reset_infos = infos
         self._reset_seeds()
@@ -130,7 +130,7 @@ class NativeVecEnv(VecEnv):
         Raises
         ------
         ValueError
-            An action is not finite or there is a wrong shape; nothing has changed then.
+            An action is not finite, or the shape is wrong; nothing has changed then.
         """
         observations, rewards, terminated, truncated, self.infos = self.envs.step(self._actions)
         dones = terminated | truncated
@@ -155,7 +155,7 @@ class NativeVecEnv(VecEnv):
     def _restart(
         self, observations: NDArray[Any], dones: NDArray[np.bool_]
     ) -> tuple[NDArray[Any], Iterable[NDArray[Any]], list[dict[str, Any]], list[dict[str, Any]]]:
-        """Observations of all with the first ones of next episodes; last ones, last infos and first infos of those."""
+        """Observations after the restart of `dones`; their last observations, last infos and first infos."""
         given, where = self.infos, np.flatnonzero(dones)
         if self._resets:
             started = {key: value for key, value in given.items() if key not in _FINAL}
@@ -168,12 +168,12 @@ class NativeVecEnv(VecEnv):
         self.envs.close()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
-        """Everything that makes it go on as if it had not been interrupted, but for the seed of the next `reset`."""
+        """Complete state, without the seed of the next `reset`."""
         state = cast(Any, self.envs.unwrapped).get_state()
         return {**state, "returns": self._returns.copy(), "lengths": self._lengths.copy()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from what `get_state` of one with the same environment gave.
+        """Continue from the state of a `NativeVecEnv` of the same environment.
 
         Raises
         ------
@@ -196,7 +196,7 @@ class NativeVecEnv(VecEnv):
         return [self._attribute(attr_name, i) for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Set an attribute of each of the instances; it does not reach the environment itself."""
+        """Set an attribute of each of the instances, beside the environment itself."""
         for i in self._get_indices(indices):
             self._own[i][attr_name] = value
 
@@ -222,7 +222,7 @@ class NativeVecEnv(VecEnv):
         )
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
-        """Whether there is a `Monitor` (what it does is done here), or such a wrapper about the vector environment."""
+        """True for `Monitor`, whose part this class plays, and for wrappers around the vector environment."""
         wrapped = self.monitor and issubclass(Monitor, wrapper_class)
         wrapped = wrapped or any(isinstance(env, wrapper_class) for env in _layers(self.envs))
         return [wrapped for _ in self._get_indices(indices)]
@@ -230,9 +230,10 @@ class NativeVecEnv(VecEnv):
     def _start(
         self, indices: Iterable[int], seeds: Sequence[int | None], options: Sequence[Mapping[str, Any]]
     ) -> tuple[NDArray[Any], list[dict[str, Any]]]:
-        """Start episodes of some instances; the observations of all, and the infos of those.
+        """Start episodes of some instances; observations of all, and infos of those.
 
-        Seeds and options are those of all instances. Each call of the environment takes options of the same names.
+        Seeds and options have one entry per instance. One call of the environment covers the instances with the same
+        names of options.
         """
         if len(options) != self.num_envs:
             raise ValueError(f"options of {len(options)} instances were set, but there are {self.num_envs}")
@@ -310,7 +311,7 @@ class NativeVecEnv(VecEnv):
 
 
 def _layers(envs: Any) -> Iterable[Any]:
-    """A vector environment's wrappers from the outside, and itself."""
+    """Wrappers of a vector environment, outermost first, and the environment."""
     while envs is not envs.unwrapped:
         yield envs
         envs = envs.env
@@ -318,7 +319,7 @@ def _layers(envs: Any) -> Iterable[Any]:
 
 
 def _rows(infos: Mapping[str, Any], where: NDArray[np.intp]) -> list[dict[str, Any]]:
-    """Infos of some instances as single environments would give them."""
+    """Infos of some instances in the form of single environments."""
     rows: list[dict[str, Any]] = [{} for _ in where]
     for key, values in infos.items():
         if (mask := infos.get(f"_{key}")) is None:
@@ -341,12 +342,12 @@ def _is_numeric(value: Any) -> bool:
 
 
 def _kind(name: str, value: Any) -> tuple[str, str]:
-    """What options of several instances must share to go into one call."""
+    """Key by which options of several instances share one call."""
     return name, "" if _is_numeric(value) else repr(value)
 
 
 def _batched(options: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Options of the same names of all instances, numbers with one row for each."""
+    """Options of all instances by name, numbers with one row per instance."""
     return {
         name: np.stack([given[name] for given in options]) if _is_numeric(value) else value
         for name, value in options[0].items()

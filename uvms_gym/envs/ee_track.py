@@ -40,21 +40,20 @@ class EETrackEnv(TaskEnv):
     """Follow a moving pose with the end effector of an underwater vehicle-manipulator system.
 
     ## Description
-    A reference pose moves through the world: it stays where it is, goes along a line, a circle, a figure eight or a
-    random spline, and turns on the way. It starts at rest at the end effector's home pose and gathers speed over 3
-    s; it is twice continuously differentiable. The end effector is to follow it, while vehicle (thrusters) and arm
-    (joint torques; of the joints' servos the damping alone stays on, as friction) act together. A steady current of
-    random strength and direction drags both away. On a scene without an arm the end effector is the vehicle itself.
-    The physics is that of `uvms_gym.Simulator`.
+    The end effector follows a reference pose, by thrusters and joint torques together; of the joints' servos only the
+    damping acts, as friction. The reference stays in place or moves along a line, a circle, a figure eight or a random
+    spline, and turns on the way. It starts at rest at the end effector's home pose and accelerates over 3 s; it is
+    twice continuously differentiable. A steady current of random strength and direction acts on vehicle and arm. On a
+    scene without an arm the end effector is the vehicle itself. The physics is that of `uvms_gym.Simulator`.
 
     ## Action Space
     A `Box(-1, 1, (a,), float32)`, held over the control period `dt * substeps` (0.05 s). Entries beyond the range are
     clipped; an action that is not finite or has another shape is refused with a `ValueError` and changes nothing.
 
     With `action="wrench"` (a = 6 + n) the first entries are a body wrench over its limits, as `StationKeepEnv` has
-    them, and the others are joint torques. A torque of 1 is the joint's effort limit or, where that is less, twice what
-    holds the arm in any pose, with what friction takes at 1 rad/s and an acceleration of 10 rad/s^2 (2 rad/s^2 with all
-    else held; times 0.25 m/rad if prismatic), so that light joints do not fly apart within a control period. On
+    them, and the others are joint torques. A torque of 1 is the joint's effort limit or, if that is less, twice the
+    holding torque of the worst pose plus the friction at 1 rad/s plus the torque for 10 rad/s^2 (2 rad/s^2 with all
+    else held; times 0.25 m/rad if prismatic), so that light joints do not diverge within a control period. On
     `petasus-pum`:
 
     | Num | Action | -1   | +1  | Unit |
@@ -77,8 +76,8 @@ class EETrackEnv(TaskEnv):
     clipped to the limits.
 
     ## Observation Space
-    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to a bound that a run does not
-    reach before it ends. Body axes are x forward, y left, z up; end-effector axes are those of the scene. With n joints
+    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
+    within an episode. Body axes are x forward, y left, z up; end-effector axes are those of the scene. With n joints
     and p points of preview there are 27 + a + 2 n + 6 p entries; on `petasus-pum` with wrench actions:
 
     | Num | Observation | Scale | Bound | Unit |
@@ -95,7 +94,7 @@ class EETrackEnv(TaskEnv):
     | 49-59 | `previous_action`: the last action, as clipped | 1 | 1 | 1 |
     | 60-65 | `error_integral`: leaky integral of both errors, I' = e - 0.1 I | 0.2 | 157.1 to 500 | m s and rad s |
 
-    `env.unwrapped.layout` has the same as data, for any scene.
+    `env.unwrapped.layout` describes the entries for any scene.
 
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2) of the end effector, relative thrusts and torques u in
@@ -105,24 +104,23 @@ class EETrackEnv(TaskEnv):
     argument `reward`.
 
     ## Starting State
-    Vehicle at rest up to 0.05 m and 0.05 rad from where it has the end effector on the reference (world origin, level,
-    by default), joints at their home, and a current of 0 to 0.3 m/s within 0.25 rad of the horizontal. All of it, and
-    the reference, follows from the seed and the number of the episode since that seed was given.
+    Vehicle at rest up to 0.05 m and 0.05 rad from the pose with the end effector on the reference (world origin, level,
+    by default), joints at their home, and a current of 0 to 0.3 m/s within 0.25 rad of the horizontal. The seed and the
+    number of the episode since that seed determine all draws and the reference.
 
     ## Episode End
     Termination: the run diverges (the end effector 10 m from the reference, 10 m/s, 20 rad/s, 20 rad/s or m/s at a
-    joint, or a joint beyond where it is observed). Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
+    joint, or a joint beyond its observed range). Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
     `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) of the end effector
     (and the same as `end_effector_...`); `effort` (mean of |u|^1.5) and `saturation` over thrusters and joints;
     their root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`,
     `current_y`, `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`,
-    `reward_diverged`. None but these depends on the reward's weights. `success` is 1 where both errors are within
-    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is for how long they were not, s: since they
-    last left it, up to now or to when they came back (from the episode's start, if they were outside then).
-    `diverged` is 1 where the run has diverged, else 0.
-    `disturbance_force`, `payload` and `thruster_gain` tell of the disturbance, as in `StationKeepEnv`.
+    `reward_diverged`. Only these depend on the reward's weights. `success` is 1 where both errors are within
+    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is the duration of the current, or of the last,
+    departure from `tolerance`, s (the approach at an episode's start counts as one). `diverged` is 1 where the run has
+    diverged, else 0. `disturbance_force`, `payload` and `thruster_gain` are those of `StationKeepEnv`.
 
     ## Arguments
     `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as `StationKeepEnv` has it.

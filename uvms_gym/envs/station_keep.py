@@ -26,16 +26,16 @@ class StationKeepEnv(TaskEnv):
     """Hold an underwater vehicle at a pose while its arm moves and a current pushes.
 
     ## Description
-    A free-floating vehicle with an arm (or without) is to stay at a target pose. Its arm follows a smooth random
-    reference under the joints' own servos, which pushes the vehicle about, and a steady current of random strength
-    and direction drags it away. What acts on the vehicle are its thrusters. The physics is that of
-    `uvms_gym.Simulator`: rigid bodies with full added mass, drag, weight and buoyancy, integrated on SE(3).
+    A free-floating vehicle with or without an arm holds a target pose by its thrusters. Two disturbances act on it: the
+    arm, which follows a smooth random reference under the joints' own servos, and a steady current of random strength
+    and direction. The physics is that of `uvms_gym.Simulator`: rigid bodies with full added mass, damping, weight and
+    buoyancy, integrated on SE(3).
 
     ## Action Space
     A `Box(-1, 1, (a,), float32)`, held over the control period `dt * substeps` (0.05 s). Entries beyond the range are
     clipped; an action that is not finite or has another shape is refused with a `ValueError` and changes nothing.
 
-    With `action="wrench"` (a = 6) the entries are a body wrench over its limits, which are what the thrusters reach
+    With `action="wrench"` (a = 6) the entries are a body wrench over its limits: the greatest wrench of the thrusters
     along one axis alone. Thrusters are allocated by weighted least squares, and scaled down together where one
     would exceed its limit. On `petasus-pum`:
 
@@ -53,8 +53,8 @@ class StationKeepEnv(TaskEnv):
     with the scene's gains) for `action="wrench"`, over `residual` of the limits; the sum is clipped to the limits.
 
     ## Observation Space
-    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to a bound that a run does not
-    reach before it ends. Body axes are x forward, y left, z up. With n joints there are 24 + 4 n entries (18 + a + 4 n
+    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
+    within an episode. Body axes are x forward, y left, z up. With n joints there are 24 + 4 n entries (18 + a + 4 n
     in general); on `petasus-pum` with wrench actions:
 
     | Num | Observation | Scale | Bound | Unit |
@@ -70,60 +70,60 @@ class StationKeepEnv(TaskEnv):
     | 32-37 | `previous_action`: the last action, as clipped | 1 | 1 | 1 |
     | 38-43 | `error_integral`: leaky integral of both errors, I' = e - 0.1 I | 0.2 | 157.1 to 500 | m s and rad s |
 
-    `env.unwrapped.layout` has the same as data, for any scene.
+    `env.unwrapped.layout` describes the entries for any scene.
 
     ## Rewards
     With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), relative thrusts u in [-1, 1] and actions a the reward is
     `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 0.3 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)`. Its weights are the
-    argument `reward`, whose `diverged` may have divergence cost something, too.
+    option `reward`; the weight `diverged` adds a cost of divergence.
 
     ## Disturbances
-    Without `disturbance` there is a steady current of up to `max_current`. Otherwise it is the name of a level:
-    `"calm"`, `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"`, `"storm"` (all at once), or one of
-    them but calm with `"-hard"`: stronger, of shapes that the others lack, meant to be held out for evaluation. Or it
-    is a dict of components, each a dict of what it takes, `True` for its defaults or `None` for none; `base` names a
-    level that the dict changes, key by key: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Ranges
-    `[least, greatest]` (or one number) are drawn from, uniformly, per episode or event; shares are of the thrust that
-    the vehicle has along its weakest axis. `uvms disturbances` lists and draws all of it.
+    Without `disturbance` there is a steady current of up to `max_current`. The option names a level: `"calm"`,
+    `"current"`, `"gusts"`, `"waves"`, `"payload"`, `"thruster-loss"` or `"storm"` (all together). Every level but calm
+    also exists with `"-hard"`: stronger and of other shapes, to be held out for evaluation. Or the option is a dict of
+    components, each a dict of parameters, `True` for its defaults or `None` to remove it; `base` names a level that the
+    dict changes, key by key: `{"base": "storm", "gust": {"rise": 2.0}, "waves": None}`. Values are drawn uniformly from
+    ranges `[least, greatest]` (or are one number) per episode or event; shares refer to the vehicle's greatest thrust
+    along its weakest axis. `uvms disturbances` lists and plots the levels.
 
-    | Component | What it is | Takes |
-    | --------- | ---------- | ----- |
+    | Component | Meaning | Parameters |
+    | --------- | ------- | ---------- |
     | `current` | steady current | `speed` (m/s), `elevation` (rad) |
-    | `drift` | current that wanders: Gauss-Markov | `deviation` (m/s), `time` (s), `vertical` |
-    | `gust` | gusts, one after the other | `speed`, `rise`, `duration`, `pause` (s), `elevation`, `turns` |
-    | `waves` | waves by Airy's theory, felt in depth | `height` (m), `period` (s), `depth` (m), `trains` (1 to 3) |
+    | `drift` | random drift of the current: Gauss-Markov | `deviation` (m/s), `time` (s), `vertical` |
+    | `gust` | consecutive gusts | `speed`, `rise`, `duration`, `pause` (s), `elevation`, `turns` |
+    | `waves` | Airy waves, decaying with depth | `height` (m), `period` (s), `depth` (m), `trains` (1 to 3) |
     | `impulse` | pushes | `share` or `force` (N), `duration`, `pause` (s), `reach` |
     | `tether` | cable | `height`, `distance`, `slack`, `diameter`, `drag`, `weight`, `stiffness`, `attachment` |
-    | `payload` | mass seized, and dropped | `share` or `mass` (kg), `pick`, `hold` (s) |
+    | `payload` | mass grasped and released | `share` or `mass` (kg), `pick`, `hold` (s) |
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
-    | `delay` | age of what sensors show | `time` (s, rounded to periods), `periods`; or a number, s |
+    | `delay` | age of the measurements | `time` (s, rounded to periods), `periods`; or a number, s |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
-    Noise and delay change what observations show of errors, velocities and joints, and the integral of the errors;
-    rewards and infos tell the truth. `env.unwrapped.disturbance()` tells what is to come.
+    Noise and delay act on the errors, velocities and joints in observations, and on the integral of the errors; rewards
+    and infos are computed from the true state. `env.unwrapped.disturbance()` forecasts the disturbance.
 
     ## Starting State
     Vehicle at rest up to 0.05 m and 0.05 rad from the target (world origin, level, by default), joints at their home,
-    arm reference at rest there too, and a current of 0 to 0.3 m/s within 0.25 rad of the horizontal. All of it follows
-    from the seed and the number of the episode since that seed was given.
+    arm reference at rest there too, and a current of 0 to 0.3 m/s within 0.25 rad of the horizontal. The seed and the
+    number of the episode since that seed determine all draws.
 
     ## Episode End
     Termination: the run diverges (10 m from the target, 10 m/s, 20 rad/s, or 20 rad/s or m/s at a joint).
     Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) and the same of the end
-    effector against where target and arm reference would have it; `effort` (mean of |u|^1.5) and `saturation`; their
-    root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`,
+    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) and both of the end
+    effector relative to its pose by target and arm reference; `effort` (mean of |u|^1.5) and `saturation`; their root
+    mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`,
     `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`, `reward_diverged`.
-    None but these depends on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
-    `mean_success` its mean; `recovery_time` is for how long they were not, s: since they last left it, up to now or to
-    when they came back (from the episode's start, if they were outside then). `diverged` is 1 where the run has
-    diverged, else 0. Over the period that passed, `disturbance_force` is that of pushes, tether and script (N),
-    `payload` what is held (kg), and `thruster_gain` what is left of the weakest thruster's thrust.
+    Only these depend on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
+    `mean_success` its mean; `recovery_time` is the duration of the current, or of the last, departure from `tolerance`,
+    s (the approach at an episode's start counts as one). `diverged` is 1 where the run has diverged, else 0. Over the
+    last period, `disturbance_force` is the force of pushes, tether and script (N), `payload` the held mass (kg), and
+    `thruster_gain` the remaining share of the weakest thruster's thrust.
 
     ## Arguments
     `options`, a `StationKeepOptions`, or its fields as keyword arguments; and `render_mode` (None): `"rgb_array"`, or
