@@ -1,81 +1,104 @@
+PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT := out
 RUST := .cargo/config.toml Cargo.toml Cargo.lock $(shell find src uvms_gym/scenes -type f)
 PACKAGE := $(shell find uvms_gym -type f -not -name '*.so' -not -path '*/__pycache__/*')
 
-# Builds the native module into uvms_gym/ and installs the package as editable, with the extras $(1).
-develop = env -u CONDA_PREFIX PIP_QUIET=1 VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/maturin develop --release --quiet --extras $(1)
+# Installs packages; one process at a time works on the environment.
+pip = flock $(VENV) $(BIN)/python -m pip install --quiet
+# Requirements of the package with the extras $(1), without the package.
+requirements = $(BIN)/python .ci/requirements.py $(1) | $(pip) -r /dev/stdin
+# Tests against the installed wheel, from another directory.
+installed = cd dist && UVMS_GYM_UNDER_TEST="$$("$(abspath $(BIN)/python)" -c 'import sysconfig; print(sysconfig.get_path("platlib"))')" \
+	"$(abspath $(BIN)/python)" -P -m pytest -n auto -p no:cacheprovider \
+	--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
 
 .DEFAULT_GOAL := help
-.PHONY: help run test prerequisites test-rust lint test-python test-wheel test-ray clean
+.PHONY: help run test test-rust lint test-wheel test-learning test-python test-nightly test-ray clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
-run: $(VENV)/run ## build everything, reproduce the paper, compare controllers; results in out/
+run: ## build everything, reproduce the paper, compare controllers; results in out/
+	@$(MAKE) --no-print-directory -j2 $(VENV)/wheel $(VENV)/cli
 	$(BIN)/uvms reproduce --out $(OUT)/reproduce
 	$(BIN)/uvms compare --out $(OUT)/compare
 
-test: prerequisites test-rust lint test-python test-wheel ## all tests and checks
+test: ## all tests and checks
+	@.ci/run
 
 test-rust: ## Rust tests; need no Python
-	cargo test --locked
+	cargo test --release --locked
 
-lint: $(VENV)/dev ## rustfmt, clippy, ruff, mypy, stubs against the native module
-	cargo fmt --check
-	cargo clippy --locked --all-targets -- -D warnings
-	PYO3_PYTHON="$(abspath $(BIN)/python)" cargo clippy --locked --workspace --all-targets -- -D warnings
+lint: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## rustfmt, clippy, ruff, mypy, stubs against the native module
+	cargo fmt --all --check
+	PYO3_PYTHON="$(abspath $(BIN)/python)" cargo clippy --locked --all-targets -- -D warnings
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m mypy.stubtest uvms_gym._core
+	cd dist && "$(abspath $(BIN)/python)" -P -m mypy.stubtest uvms_gym._core
 
-test-python: $(VENV)/dev ## Python tests, from the root
+test-wheel: $(VENV)/test $(VENV)/wheel ## Python tests against the installed wheel
+	$(installed)
+
+test-learning: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## tests with Stable-Baselines3 and CMA-ES against the wheel; downloads torch
+	$(installed) -m learning
+
+test-python: $(VENV)/test uvms_gym/_core.abi3.so ## Python tests against this tree, for development
 	UVMS_GYM_UNDER_TEST="$(CURDIR)" $(BIN)/python -m pytest -n auto
 
-test-wheel: dist/installed/made ## Python tests against the installed wheel, from another directory
-	cd dist && PYTHONPATH="$(abspath dist/installed)" UVMS_GYM_UNDER_TEST="$(abspath dist/installed)" \
-		"$(abspath $(BIN)/python)" -P -m pytest -n auto -p no:cacheprovider \
-		--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
+test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/wheel test-ray ## long tests: debug assertions, all methods, fuzzing, Ray
+	cargo test --locked
+	$(installed) -m nightly
+	UVMS_FUZZ=10000 && export UVMS_FUZZ && $(installed)/test_fuzz.py
 
 test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluation on a local Ray; downloads 300 MB
-	UVMS_GYM_UNDER_TEST="$(CURDIR)" .venv-ray/bin/python -m pytest -n auto --dist loadfile tests/python/test_ray.py \
-		tests/python/test_contract_single.py tests/python/test_contract_vector.py \
-		tests/python/test_sb3.py tests/python/test_station_keep.py \
-		tests/python/test_ee_track.py tests/python/test_examples.py tests/python/test_rollouts.py
+	UVMS_GYM_UNDER_TEST="$(CURDIR)" .venv-ray/bin/python -m pytest -n auto --dist loadfile -m "not nightly" \
+		tests/python/test_contract_single.py tests/python/test_contract_vector.py tests/python/test_sb3.py \
+		tests/python/test_station_keep.py tests/python/test_ee_track.py tests/python/test_examples.py \
+		tests/python/test_rollouts.py
+	mkdir -p $(OUT)
+	.venv-ray/bin/python training/ray_train.py --frames 16384 --out $(OUT)/ray.safetensors
+	.venv-ray/bin/python training/ray_evaluate.py --controller pd --controller mlp:$(OUT)/ray.safetensors --episodes 32
 
 clean: ## remove everything that was built
 	rm -rf $(VENV) .venv-ray dist target $(OUT) uvms_gym/*.so
 
-prerequisites:
-	@sh .ci/prerequisites.sh >/dev/null
-
-$(VENV)/made: | prerequisites
-	python=$$(sh .ci/prerequisites.sh) && "$$python" -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet 'maturin>=1.16,<2'
+$(VENV)/made:
+	$(PYTHON) -m venv $(VENV)
+	$(pip) 'maturin>=1.16,<2'
 	touch $@
 
-$(VENV)/run: $(VENV)/made pyproject.toml $(RUST) | prerequisites
-	$(call develop,cli)
+$(VENV)/cli: $(VENV)/made pyproject.toml
+	$(call requirements,cli)
 	touch $@
 
-$(VENV)/dev: $(VENV)/made pyproject.toml $(RUST) | prerequisites
-	$(call develop,dev)
+$(VENV)/test: $(VENV)/made pyproject.toml
+	$(call requirements,test)
 	touch $@
 
-# The same release build as above, so this only packs it.
-dist/installed/made: $(VENV)/dev $(PACKAGE)
+$(VENV)/learning: $(VENV)/made pyproject.toml
+	$(call requirements,train)
+	touch $@
+
+dist/made: $(VENV)/made pyproject.toml $(RUST) $(PACKAGE)
 	rm -rf dist
-	$(BIN)/maturin build --release --quiet --out dist
-	$(BIN)/python -m pip install --quiet --no-deps --no-index --target dist/installed dist/*.whl
+	$(BIN)/maturin build --release --quiet --interpreter "$(abspath $(BIN)/python)" --out dist
 	touch $@
 
-# Ray pins Gymnasium 1.2. All that it does not bring, and the package itself, is looked up in $(VENV).
-.venv-ray/made: $(VENV)/dev
+$(VENV)/wheel: dist/made
+	$(pip) --force-reinstall --no-deps dist/*.whl
+	touch $@
+
+uvms_gym/_core.abi3.so: $(VENV)/made $(RUST)
+	env -u CONDA_PREFIX VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/maturin develop --release --quiet --skip-install
+
+# Ray pins Gymnasium 1.2. All that it does not bring is looked up in $(VENV), the package in this tree.
+.venv-ray/made: $(VENV)/test $(VENV)/learning uvms_gym/_core.abi3.so
 	rm -rf .venv-ray
-	$(BIN)/python -m venv .venv-ray
-	$(BIN)/python -c 'import site; print("import site; site.addsitedir(%r)" % site.getsitepackages()[0])' \
+	$(PYTHON) -m venv .venv-ray
+	$(BIN)/python -c 'import site; print("%s\nimport site; site.addsitedir(%r)" % ("$(CURDIR)", site.getsitepackages()[0]))' \
 		>"$$(.venv-ray/bin/python -c 'import site; print(site.getsitepackages()[0])')/venv.pth"
 	.venv-ray/bin/python -m pip install --quiet 'ray[rllib]>=2.60,<3' 'gymnasium==1.2.2'
 	touch $@

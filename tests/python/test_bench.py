@@ -95,6 +95,7 @@ def test_episodes_of_a_vector_environment_are_out_of_step() -> None:
     assert len(set(steps.tolist())) > 3
 
 
+@pytest.mark.learning
 def test_ppo_learns_through_the_adapter() -> None:
     pytest.importorskip("stable_baselines3")
     found = learning.ppo_study(load_scene("bluerov2-heavy"), 4, 1, 1, 0, lambda: None)

@@ -45,6 +45,7 @@ def test_gymnasium_is_content(task, kwargs):
         check_env(gym.make(task, **kwargs).unwrapped)
 
 
+@pytest.mark.learning
 @pytest.mark.skipif(not HAS_SB3, reason="needs stable-baselines3")
 @pytest.mark.parametrize(("task", "kwargs"), CASES)
 def test_stable_baselines3_is_content(task, kwargs):

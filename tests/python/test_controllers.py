@@ -37,6 +37,7 @@ def test_val_a_network_is_what_numpy_makes_of_its_arrays(activation: Any, output
     assert 0.05 < (np.abs(x) > 1.0).mean() < 0.9
 
 
+@pytest.mark.learning
 @pytest.mark.parametrize("algorithm", ["PPO", "SAC"])
 def test_val_a_policy_of_stable_baselines3_is_the_same_without_torch(algorithm: str) -> None:
     sb3 = pytest.importorskip("stable_baselines3")
@@ -55,6 +56,7 @@ def test_val_a_policy_of_stable_baselines3_is_the_same_without_torch(algorithm: 
     assert np.abs(expected).max() > 0.1
 
 
+@pytest.mark.learning
 def test_val_history_is_what_stable_baselines3_stacks() -> None:
     stacking = pytest.importorskip("stable_baselines3.common.vec_env")
     from uvms_gym.sb3 import make_vec_env

@@ -77,6 +77,7 @@ def test_a_run_that_diverges_shows_nothing_but_numbers(task):
     assert lost > 0
 
 
+@pytest.mark.learning
 def test_own_tasks_train(task):
     sb3 = pytest.importorskip("stable_baselines3")
     from uvms_gym.sb3 import NativeVecEnv

@@ -29,6 +29,8 @@ from stable_baselines3.common.vec_env import (
 
 from uvms_gym.sb3 import NativeVecEnv, make_vec_env
 
+pytestmark = pytest.mark.learning
+
 ENV = "UVMS-StationKeep-v0"
 
 

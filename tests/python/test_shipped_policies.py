@@ -75,6 +75,7 @@ def test_policies_say_what_they_are_for_and_where_they_come_from(path: Path) -> 
     assert f"`{path.name}`" in (path.parent / "README.md").read_text()
 
 
+@pytest.mark.learning
 @pytest.mark.parametrize("path", FILES, ids=named)
 def test_val_a_policy_is_what_torch_makes_of_its_file(path: Path) -> None:
     torch = pytest.importorskip("torch")

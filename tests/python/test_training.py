@@ -33,6 +33,8 @@ from uvms_gym.training.hyperparameters import SHIPPED, arguments, parse_pairs, r
 from uvms_gym.training.ppo import CURVE, POLICY, SETTINGS, Settings, latest_checkpoint, make_envs, make_model, train
 from uvms_gym.training.wrappers import ResidualVecEnv, StaggeredStart
 
+pytestmark = pytest.mark.learning
+
 ENV = "UVMS-StationKeep-Storm-v0"
 #: Five seconds of station keeping in a current.
 EASY = {"disturbance": "current", "max_episode_steps": 50, "reward": {"rate": 0.1}}

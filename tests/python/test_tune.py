@@ -17,6 +17,8 @@ from tune import SEEDS, Arena, Limits, Score, app
 from uvms_gym import PD
 from uvms_gym.cli.app import run
 
+pytestmark = pytest.mark.learning
+
 TINY = ["--generations", "2", "--population", "4", "--episodes", "8", "--env", "UVMS-StationKeep-v0", "--threads", "1"]
 
 

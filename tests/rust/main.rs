@@ -12,7 +12,6 @@ mod golden;
 mod hydro;
 mod lane;
 mod laws;
-
 mod lie;
 mod random_scene;
 mod render;
