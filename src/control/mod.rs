@@ -29,7 +29,7 @@ pub use dob::FeedbackGains;
 pub use gains::{GainMap, gain_names, gain_value, merge};
 pub use indices::{ATTITUDE_LEVER, BlockIndices, ModelIndices, ObservationIndices};
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
-pub use model_based::ModelBased;
+pub use model_based::{LawGains, ModelBased};
 pub use mpc::MpcGains;
 pub use observer::{Observer, ObserverGains};
 pub use pd::Pd;

@@ -1,6 +1,7 @@
 //! Feedback on a disturbance observer's estimate: the shell of DOB, computed torque and MPC.
 
 use nalgebra::DVector;
+use serde::Serialize;
 
 use super::computed_torque::ComputedTorque;
 use super::controller::{Controller, Widths};
@@ -18,6 +19,18 @@ use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;
 use crate::spatial::SpatialInertia;
+
+/// Control law, by its gains.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum LawGains {
+    /// PD with a disturbance observer.
+    Dob(FeedbackGains),
+    /// Computed torque.
+    ComputedTorque(FeedbackGains),
+    /// Model-predictive control.
+    Mpc(MpcGains),
+}
 
 /// Control law on an estimate.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,57 +63,29 @@ pub struct ModelBased {
 }
 
 impl ModelBased {
-    fn new(law: Law, indices: ModelIndices, observer: Observer, actions: ActionMap) -> Self {
-        Self { law, indices, observer, actuation: Actuation::new(&actions), actions }
-    }
-
-    /// DOB for a checked scene, acting every `period` s.
+    /// For a checked scene, acting every `period` s.
     ///
     /// # Errors
     /// `ControlError::Gain` for a gain that is not finite or is negative.
-    pub fn dob(
-        gains: FeedbackGains,
+    pub fn new(
+        gains: LawGains,
         indices: ModelIndices,
         scene: &Scene,
         actions: ActionMap,
         period: f64,
     ) -> Result<Self, ControlError> {
         gains::check(&gains)?;
-        let observer = Observer::new(gains.observer, gains.prediction_horizon, scene, period);
-        Ok(Self::new(Law::Dob(Dob::new(gains, &observer)), indices, observer, actions))
-    }
-
-    /// Computed torque for a checked scene, acting every `period` s.
-    ///
-    /// # Errors
-    /// As [`Self::dob`].
-    pub fn computed_torque(
-        gains: FeedbackGains,
-        indices: ModelIndices,
-        scene: &Scene,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        let observer = Observer::new(gains.observer, gains.prediction_horizon, scene, period);
-        Ok(Self::new(Law::ComputedTorque(ComputedTorque::new(gains, &observer)), indices, observer, actions))
-    }
-
-    /// MPC for a checked scene, acting every `period` s.
-    ///
-    /// # Errors
-    /// As [`Self::dob`].
-    pub fn mpc(
-        gains: MpcGains,
-        indices: ModelIndices,
-        scene: &Scene,
-        actions: ActionMap,
-        period: f64,
-    ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        let observer = Observer::new(gains.observer, 0.0, scene, period);
-        let mpc = Mpc::new(gains, scene, &observer, &actions);
-        Ok(Self::new(Law::Mpc(Box::new(mpc)), indices, observer, actions))
+        let (observer, horizon) = match &gains {
+            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => (gains.observer, gains.prediction_horizon),
+            LawGains::Mpc(gains) => (gains.observer, 0.0),
+        };
+        let observer = Observer::new(observer, horizon, scene, period);
+        let law = match gains {
+            LawGains::Dob(gains) => Law::Dob(Dob::new(gains, &observer)),
+            LawGains::ComputedTorque(gains) => Law::ComputedTorque(ComputedTorque::new(gains, &observer)),
+            LawGains::Mpc(gains) => Law::Mpc(Box::new(Mpc::new(gains, scene, &observer, &actions))),
+        };
+        Ok(Self { law, indices, observer, actuation: Actuation::new(&actions), actions })
     }
 }
 

@@ -7,9 +7,9 @@ use super::ee_track::EETrack;
 use super::registry::TaskKind;
 use super::task::Task;
 use crate::control::{
-    ActionKind, ActionMap, BlockIndices, Controller, FeedbackGains, GainMap, ModelBased, ModelIndices, MpcGains,
-    NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion,
-    ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
+    ActionKind, ActionMap, BlockIndices, Controller, FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices,
+    MpcGains, NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec,
+    ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
@@ -102,7 +102,7 @@ impl Task {
                 let delay = if given.get("delay").is_some_and(serde_json::Value::is_null) { self.delay() } else { 0 };
                 let observer = ObserverGains { delay, ..ObserverGains::default() };
                 let gains = merge(&FeedbackGains::new(self.servo(given)?, observer), given)?;
-                Arc::new(ModelBased::dob(gains, indices, scene, actions, period)?)
+                Arc::new(ModelBased::new(LawGains::Dob(gains), indices, scene, actions, period)?)
             }
             ControllerKind::ComputedTorque => {
                 let mut servo = self.servo(given)?;
@@ -111,11 +111,11 @@ impl Task {
                     gains.iter_mut().enumerate().for_each(|(k, gain)| *gain /= inertia[(k, k)]);
                 }
                 let gains = merge(&FeedbackGains::new(servo, ObserverGains::filtering(self.delay())), given)?;
-                Arc::new(ModelBased::computed_torque(gains, indices, scene, actions, period)?)
+                Arc::new(ModelBased::new(LawGains::ComputedTorque(gains), indices, scene, actions, period)?)
             }
             ControllerKind::Mpc => {
                 let gains = merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?;
-                Arc::new(ModelBased::mpc(gains, indices, scene, actions, period)?)
+                Arc::new(ModelBased::new(LawGains::Mpc(gains), indices, scene, actions, period)?)
             }
             ControllerKind::None | ControllerKind::ResolvedMotion => unreachable!("returned above"),
         })
