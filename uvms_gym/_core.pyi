@@ -135,7 +135,6 @@ class Simulator:
     Integrators: see `integrators`; `tolerance` is for adaptive ones, `gamma` for those on quaternions.
     dtypes: "float64", "float32".
     """
-
     def __new__(
         cls,
         scene: str | PathLike[str] | dict[str, Any],
@@ -407,7 +406,6 @@ class Renderer:
     `vehicle.shape` of the scene says what the vehicle looks like. Camera at `azimuth` about the vertical from x and
     `elevation`, rad, and at `distance`, m; `floor` is the height of the floor, m.
     """
-
     def __new__(
         cls,
         scene: str | PathLike[str] | dict[str, Any],
@@ -490,11 +488,9 @@ class Task:
 
     INFO: ClassVar[list[str]]
     """Names of the metrics that all tasks share, in the order of the rows of `info`."""
-
     @property
     def metric_names(self) -> list[str]:
         """Names of the metrics, in the order of the rows of `info`."""
-
     def __new__(
         cls,
         scene: str | PathLike[str] | dict[str, Any],
@@ -510,37 +506,28 @@ class Task:
     @property
     def num_envs(self) -> int:
         """Number of instances N."""
-
     @property
     def control_period(self) -> float:
         """Control period, s."""
-
     @property
     def scene(self) -> dict[str, Any]:
         """The complete scene, as `load_scene` gives it."""
-
     def snapshot(self) -> Simulator:
         """Simulator with a copy of the current state."""
-
     @property
     def observation_bound(self) -> NDArray[np.float32]:
         """Greatest magnitude of each entry of an observation, (d,)."""
-
     @property
     def layout(self) -> list[_Block]:
         """Blocks of an observation."""
-
     @property
     def action_layout(self) -> list[_Block]:
         """Entries of an action, one block each."""
-
     @property
     def privileged_layout(self) -> list[_Block]:
         """Parts of a row of `privileged`."""
-
     def privileged(self) -> NDArray[np.float64]:
         """Privileged information: true state, flow, parameters and target, (N, m)."""
-
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: Any
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -548,7 +535,6 @@ class Task:
 
         Keywords give parts of the start, one row for all or (N, .), that are drawn otherwise.
         """
-
     def step(self, actions: NDArray[np.float32], out: _StepArrays) -> _Finals | None:
         """One control period of all instances under `actions` (N, a).
 
@@ -556,42 +542,34 @@ class Task:
         ends of e episodes that were replaced: instances (e,), last observations (e, d), metrics (k, e) and privileged
         information (e, m).
         """
-
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
         """One control period of a single instance under `action` (a,).
 
         Returns observation (d,), reward, terminated, truncated and metrics by name. TypeError for anything but a
         float32 array of that shape; nothing has changed then.
         """
-
     def episodes(self) -> dict[str, NDArray[Any]]:
         """Drawn parts and progress of the episodes.
 
         seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
         (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n) where joints follow one.
         """
-
     def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
         """Disturbance of instance `i` over the next `steps` control periods, for a vehicle that stays in place.
 
-        time (T,), current and acceleration (T, 3), wrench (T, 6), gains
-        (T, thrusters) and payload (T,).
+        time (T,), current and acceleration (T, 3), wrench (T, 6), gains (T, thrusters) and payload (T,).
         """
-
     def paths(self, count: int) -> NDArray[np.float64]:
         """(N, count, 3) points along the reference paths of the end effectors; count is 0 for tasks without a path."""
     def controller(self, kind: str, gains: dict[str, float | list[float] | None]) -> Controller:
         """A classical controller by its kind and its gains; defaults where a gain is None or missing."""
-
     def rollout(self, controller: Controller, trace: list[int] = ...) -> Rollout:
         """Rollout of a controller from blank memory; `trace` lists the instances to record."""
-
     def run(self, rollout: Rollout, steps: int) -> None:
         """Run `steps` control periods of all instances under the rollout's controller from their current states.
 
         Instances whose episode is over wait.
         """
-
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]: ...
     def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
@@ -599,11 +577,9 @@ class Task:
 @final
 class Rollout:
     """Memory of a controller for a batch's instances, and statistics of the steps so far."""
-
     @property
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances: instance, observations (T, d), actions (T, a), rewards (T,), info (T, k)."""
-
     def pop_stats(self) -> dict[str, Any]:
         """Return the statistics so far and clear them; the controller's memory stays.
 
@@ -613,19 +589,15 @@ class Rollout:
 @disjoint_base
 class Controller:
     """A native controller: alone by `act`, or in a closed loop by `Task.run`."""
-
     @property
     def widths(self) -> list[int]:
         """Lengths of a row of observations, memory and actions."""
-
     @property
     def gains(self) -> dict[str, Any]:
         """Gains by name: numbers and arrays."""
-
     @property
     def memory_layout(self) -> list[tuple[str, int]]:
         """Name and length of each block of an instance's memory, in order."""
-
     def act(
         self, observations: NDArray[np.float32], memory: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
@@ -634,7 +606,6 @@ class Controller:
 @final
 class Mlp(Controller):
     """A multilayer perceptron in single precision."""
-
     def __new__(
         cls,
         weights: list[NDArray[np.float32]],
@@ -651,36 +622,27 @@ class Mlp(Controller):
     @staticmethod
     def from_bytes(bytes: bytes) -> Mlp:
         """The policy of a safetensors file."""
-
     def to_bytes(self) -> bytes:
         """The policy as a safetensors file."""
-
     def check(self, task: Task, *, residual: bool) -> None:
         """Refuse another task than the policy's, alone or as a residual policy."""
-
     def correcting(self, base: Controller, limit: float) -> Controller:
         """Give this network's corrections to a controller, of at most `limit`."""
-
     @property
     def residual(self) -> bool:
         """True for a residual policy."""
-
     @property
     def history(self) -> int:
         """Number of stacked observations."""
-
     @property
     def sizes(self) -> list[int]:
         """Entries of the input, and of all layers' results."""
-
     @property
     def activation(self) -> str:
         """Function between layers."""
-
     @property
     def spec(self) -> dict[str, Any] | None:
         """Environment of the policy: task, scene, action, actions, control_period and observation."""
-
     @property
     def notes(self) -> dict[str, str]:
         """Notes: seeds, steps, scores."""
