@@ -53,7 +53,7 @@ mod core {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        module.add("ATTITUDE_LEVER", uvms_gym::task::ATTITUDE_LEVER)?;
+        module.add("ATTITUDE_LEVER", uvms_gym::control::ATTITUDE_LEVER)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

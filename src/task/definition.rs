@@ -176,6 +176,8 @@ where
     /// One over the scale, and the bound, of each entry of an observation.
     pub(super) scaling: Vec<[T; 2]>,
     pub(super) reward: RewardKernel<T>,
+    /// One over the number of entries of an action.
+    pub(super) per_entry: T,
     /// Errors of position (m) and attitude (rad) below which a pose counts as reached.
     pub(super) tolerance: [T; 2],
     /// Control period, s.
@@ -207,9 +209,10 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
             home: model.home.map(number),
             scaling: model.layout.scaling().map(|entry| entry.map(number)).collect(),
             reward: RewardKernel::new(&options.reward, actions, K::REWARD_SCALE),
+            per_entry: number(1.0 / actions as f64),
             tolerance: [options.tolerance.position, options.tolerance.attitude].map(number),
             period: number(period),
-            residual: (options.action == ActionKind::Residual).then(|| number(options.residual)),
+            residual: (options.action == ActionKind::Residual).then(|| number(options.residual_scale)),
             up: model.up().map(number),
             task: K::kernel(options, model, &rows),
             rows,

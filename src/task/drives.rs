@@ -3,13 +3,13 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::random::{EpisodeKey, Purpose, Stream};
-use super::reference::METRES_PER_RADIAN;
+use super::reference::PRISMATIC_PER_RADIAN;
 use crate::description::{Joint, JointKind, JointServo, Scene};
 use crate::dynamics::ClosedFormModel;
 use crate::error::{DynamicsError, TaskError};
 use crate::system::State;
 
-/// Accelerations of a joint under an action of 1, rad/s^2 (times [`METRES_PER_RADIAN`] in m/s^2): with the other joints
+/// Accelerations of a joint under an action of 1, rad/s^2 (times [`PRISMATIC_PER_RADIAN`] in m/s^2): with the other joints
 /// and the vehicle free, and with all else held.
 const ACCELERATION: [f64; 2] = [10.0, 2.0];
 /// Number of poses at which the arm's weight and inertia are evaluated.
@@ -79,7 +79,7 @@ fn greatest_torques(scene: &Scene, up: &Vector3<f64>) -> Result<Vec<f64>, TaskEr
     let torque = |(k, joint): (usize, &&Joint)| {
         let unit = match joint.kind {
             JointKind::Revolute => 1.0,
-            JointKind::Prismatic => METRES_PER_RADIAN,
+            JointKind::Prismatic => PRISMATIC_PER_RADIAN,
         };
         let friction = joint.friction.viscous * unit + joint.friction.coulomb;
         let [free, held] = ACCELERATION.map(|acceleration| acceleration * unit);

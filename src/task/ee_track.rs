@@ -33,7 +33,7 @@ pub struct EETrack {
     /// Greatest speed, m/s; 50 to 100 % of it are drawn.
     pub reference_speed: f64,
     /// Greatest amplitude of rotation about the vertical, rad; less than a third of it out of the horizontal.
-    pub reference_turn: f64,
+    pub reference_rotation: f64,
     /// Points of the path ahead.
     pub preview: Preview,
 }
@@ -60,7 +60,7 @@ impl Default for EETrack {
             reference: PathKind::Mixed,
             reference_size: 0.4,
             reference_speed: 0.2,
-            reference_turn: 0.4,
+            reference_rotation: 0.4,
             preview: Preview::default(),
         }
     }
@@ -68,8 +68,8 @@ impl Default for EETrack {
 
 impl EETrack {
     fn range(&self) -> PathRange {
-        let Self { reference, reference_size, reference_speed, reference_turn, .. } = *self;
-        PathRange { kind: reference, size: reference_size, speed: reference_speed, rotation: reference_turn }
+        let Self { reference, reference_size, reference_speed, reference_rotation, .. } = *self;
+        PathRange { kind: reference, size: reference_size, speed: reference_speed, rotation: reference_rotation }
     }
 }
 
@@ -103,7 +103,7 @@ impl TaskDefinition for EETrack {
         for (name, value, greatest, allowed) in [
             ("reference_size", self.reference_size, 5.0, "in [0, 5] m"),
             ("reference_speed", self.reference_speed, 2.0, "in [0, 2] m/s"),
-            ("reference_turn", self.reference_turn, 0.6, "in [0, 0.6] rad"),
+            ("reference_rotation", self.reference_rotation, 0.6, "in [0, 0.6] rad"),
             ("preview.points", f64::from(self.preview.points), PREVIEW as f64, "0 to 8"),
             ("preview.spacing", self.preview.spacing, 10.0, "in [0, 10] s"),
         ] {

@@ -147,10 +147,10 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         memory.set_all(rows.recovery, &[L::select(within, zero, one), metrics.recovery_time]);
 
         let squared_error = squared_pose_error(metrics.position_error, metrics.attitude_error);
-        let terms = self.reward.terms(squared_error, memory.get(rows.effort), memory.get(rows.change), in_bounds);
+        let terms = self.reward.terms(squared_error, metrics.effort, memory.get(rows.change), in_bounds);
         metrics.reward_pose = terms.pose;
         metrics.reward_effort = terms.effort;
-        metrics.reward_rate = terms.action_rate;
+        metrics.reward_action_rate = terms.action_rate;
         metrics.reward_diverged = terms.diverged;
         metrics.diverged = L::select(in_bounds, zero, one);
         Evaluation { reward: terms.sum(), metrics, own: [zero; OWN_METRICS], in_bounds, continues: in_bounds }
@@ -193,11 +193,12 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         let mut metrics = Metrics::zero();
         metrics.position_error = bounded_length(error.position, POSITION_BOUND);
         metrics.attitude_error = error.angle.min(L::c(PI));
+        metrics.pose_error = squared_pose_error(metrics.position_error, metrics.attitude_error).sqrt();
         let bounded = [metrics.position_error, metrics.attitude_error];
         [metrics.end_effector_position_error, metrics.end_effector_attitude_error] =
             K::end_effector_error(self, memory, state, error, bounded);
-        metrics.effort = memory.get(rows.effort + 1);
-        metrics.saturation = memory.get(rows.effort + 2);
+        [metrics.effort, metrics.power, metrics.saturation] = memory.get_all(rows.effort);
+        metrics.action_rate = memory.get::<L>(rows.change) * L::splat(self.per_entry);
         [metrics.current_x, metrics.current_y, metrics.current_z] = memory.get_all(rows.current);
         let [position, attitude] = self.tolerance;
         let reached =
@@ -218,7 +219,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
             metrics.attitude_error,
             metrics.end_effector_position_error,
             metrics.end_effector_attitude_error,
-            metrics.effort,
+            metrics.power,
             metrics.saturation,
             metrics.success,
         ];
@@ -234,7 +235,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         metrics.rms_attitude_error = entries[1].sqrt();
         metrics.rms_end_effector_position_error = entries[2].sqrt();
         metrics.rms_end_effector_attitude_error = entries[3].sqrt();
-        metrics.mean_effort = entries[4];
+        metrics.mean_power = entries[4];
         metrics.mean_saturation = entries[5];
         metrics.mean_success = entries[6];
     }

@@ -40,14 +40,20 @@ metrics! {
         position_error,
         /// Angle between the task's frame and its target, rad.
         attitude_error,
+        /// Pose error of the task's frame, m: `sqrt(position_error^2 + (ATTITUDE_LEVER attitude_error)^2)`.
+        pose_error,
         /// Distance of the end effector from its target, m.
         end_effector_position_error,
         /// Angle between the end effector and its target, rad.
         end_effector_attitude_error,
-        /// Mean over thrusters and driven joints of `(|T_i| / T_max)^1.5`: shaft power relative to full power.
+        /// Mean over thrusters and driven joints of the squared relative thrust or torque `(T_i / T_max)^2`.
         effort,
+        /// Mean over thrusters and driven joints of `(|T_i| / T_max)^1.5`: shaft power relative to full power.
+        power,
         /// Fraction of thrusters and driven joints at their limit.
         saturation,
+        /// Mean over the entries of the action of their squared change.
+        action_rate,
         /// Root mean square of `position_error`, m.
         rms_position_error,
         /// Root mean square of `attitude_error`, rad.
@@ -56,8 +62,8 @@ metrics! {
         rms_end_effector_position_error,
         /// Root mean square of `end_effector_attitude_error`, rad.
         rms_end_effector_attitude_error,
-        /// Mean of `effort`.
-        mean_effort,
+        /// Mean of `power`.
+        mean_power,
         /// Mean of `saturation`.
         mean_saturation,
         /// Current, world x axis, m/s.
@@ -68,10 +74,10 @@ metrics! {
         current_z,
         /// Weighted reward term of the pose error.
         reward_pose,
-        /// Weighted reward term of the actuators' mean square.
+        /// Weighted reward term of `effort`.
         reward_effort,
-        /// Weighted reward term of the action's change.
-        reward_rate,
+        /// Weighted reward term of `action_rate`.
+        reward_action_rate,
         /// 1 where both errors are within their tolerances, else 0.
         success,
         /// Mean of `success`.

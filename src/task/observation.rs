@@ -5,7 +5,7 @@ use std::iter::Zip;
 use std::slice::{ChunksExactMut, Iter};
 
 use super::bounds::{POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND};
-use super::reference::METRES_PER_RADIAN;
+use super::reference::PRISMATIC_PER_RADIAN;
 use crate::description::{Joint, JointKind};
 use crate::lane::{Lane, Real};
 use crate::lie::Vector3;
@@ -118,7 +118,7 @@ pub(super) fn six([first, last]: [(f64, f64); 2]) -> [(f64, f64); 6] {
 pub(super) fn joint_entries(joints: &[Joint]) -> [Vec<(f64, f64)>; 2] {
     let unit = |joint: &Joint| match joint.kind {
         JointKind::Revolute => 1.0,
-        JointKind::Prismatic => METRES_PER_RADIAN,
+        JointKind::Prismatic => PRISMATIC_PER_RADIAN,
     };
     let coordinate = |joint: &Joint| {
         let travel = joint.limits.as_ref().map_or(0.0, |l| l.upper - l.lower);

@@ -39,13 +39,13 @@ pub struct Options<K> {
     /// Greatest distance of a drawn target from the world origin, m; 0 for a target at the origin.
     pub target_distance: f64,
     /// Greatest heading of a drawn target about the vertical, either way, rad; 0 for identity attitude.
-    pub target_turn: f64,
+    pub target_heading: f64,
     /// Reward weights.
     pub reward: RewardWeights,
     /// Errors below which a pose counts as reached.
     pub tolerance: Tolerance,
     /// Greatest correction to the base controller's action with residual actions; 1 is an actuator's limit.
-    pub residual: f64,
+    pub residual_scale: f64,
 }
 
 /// Errors below which a pose counts as reached.
@@ -78,10 +78,10 @@ impl<K: Default> Default for Options<K> {
             start_distance: 0.05,
             start_angle: 0.05,
             target_distance: 0.0,
-            target_turn: 0.0,
+            target_heading: 0.0,
             reward: RewardWeights::default(),
             tolerance: Tolerance::default(),
-            residual: 0.3,
+            residual_scale: 0.3,
         }
     }
 }
@@ -90,7 +90,16 @@ impl<K> Options<K> {
     /// The same options with those of a task in place of `self.task`.
     pub(super) fn with_task<Q>(self, task: Q) -> Options<Q> {
         let Self { action, dt, substeps, max_current, disturbance, randomize, thruster_lag, .. } = self;
-        let Self { start_distance, start_angle, target_distance, target_turn, reward, tolerance, residual, .. } = self;
+        let Self {
+            start_distance,
+            start_angle,
+            target_distance,
+            target_heading,
+            reward,
+            tolerance,
+            residual_scale,
+            ..
+        } = self;
         Options {
             task,
             action,
@@ -103,10 +112,10 @@ impl<K> Options<K> {
             start_distance,
             start_angle,
             target_distance,
-            target_turn,
+            target_heading,
             reward,
             tolerance,
-            residual,
+            residual_scale,
         }
     }
 
@@ -133,12 +142,12 @@ impl<K> Options<K> {
             ("max_current", self.max_current),
             ("start_angle", self.start_angle),
             ("target_distance", self.target_distance),
-            ("target_turn", self.target_turn),
+            ("target_heading", self.target_heading),
         ])?;
         check_non_negative(&self.reward.named())?;
         let Tolerance { position, attitude } = self.tolerance;
         check_non_negative(&[("tolerance.position", position), ("tolerance.attitude", attitude)])?;
-        check_range("residual", self.residual, (0.0..=1.0).contains(&self.residual), "in [0, 1]")?;
+        check_range("residual_scale", self.residual_scale, (0.0..=1.0).contains(&self.residual_scale), "in [0, 1]")?;
         if let Some(lag) = self.thruster_lag {
             check_range("thruster_lag", lag, (0.0..=10.0).contains(&lag), "in [0, 10] s")?;
         }

@@ -18,7 +18,7 @@ const SHARES: [f64; 2] = [0.7, 0.3];
 /// A swinging reference stays this share of the joint's travel away from either limit.
 const MARGIN: f64 = 0.05;
 /// Travel of a prismatic joint where a revolute one turns one radian, m.
-pub const METRES_PER_RADIAN: f64 = 0.25;
+pub const PRISMATIC_PER_RADIAN: f64 = 0.25;
 /// Draws that one joint takes.
 const DRAWS: u32 = 5;
 
@@ -57,7 +57,7 @@ pub struct JointReference<L = f64> {
 
 impl JointReference {
     /// Draws the reference of `joint` that starts at `start` and swings by at most `amplitude` (rad;
-    /// [`METRES_PER_RADIAN`] of it for a prismatic joint) around home, or around the nearest place where the joint's
+    /// [`PRISMATIC_PER_RADIAN`] of it for a prismatic joint) around home, or around the nearest place where the joint's
     /// limits leave room; `pace` is a factor on its speed. `index` tells the joints of one arm apart; `period` is the control period, s.
     pub fn draw(
         joint: &Joint,
@@ -71,7 +71,7 @@ impl JointReference {
         let wished = amplitude
             * match joint.kind {
                 JointKind::Revolute => 1.0,
-                JointKind::Prismatic => METRES_PER_RADIAN,
+                JointKind::Prismatic => PRISMATIC_PER_RADIAN,
             };
         let (swing, center) = match &joint.limits {
             Some(limits) => {

@@ -6,10 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::control::ATTITUDE_LEVER;
 use crate::lane::{Lane, Real, ln_1p};
 
-/// Lever by which an attitude error counts in the pose error, m/rad.
-pub const ATTITUDE_LEVER: f64 = 0.5;
 /// Pose error at which the logarithm bends, m. It is the user's accuracy, not the vehicle's size: no scene scales it.
 const FINE: f64 = 0.02;
 /// Pose error at which the linear part is 1, m.
@@ -24,14 +23,14 @@ pub struct RewardWeights {
     /// Weight of the mean squared relative thrust and torque.
     pub effort: f64,
     /// Weight of the mean squared change of the action.
-    pub rate: f64,
+    pub action_rate: f64,
     /// Cost of divergence.
     pub diverged: f64,
 }
 
 impl Default for RewardWeights {
     fn default() -> Self {
-        Self { pose: 0.1, effort: 0.02, rate: 0.1, diverged: 0.0 }
+        Self { pose: 0.1, effort: 0.02, action_rate: 0.1, diverged: 0.0 }
     }
 }
 
@@ -41,7 +40,7 @@ impl RewardWeights {
         [
             ("reward.pose", self.pose),
             ("reward.effort", self.effort),
-            ("reward.rate", self.rate),
+            ("reward.action_rate", self.action_rate),
             ("reward.diverged", self.diverged),
         ]
     }
@@ -80,7 +79,7 @@ impl<T: Real> RewardKernel<T> {
         Self {
             pose: number(-weights.pose),
             effort: number(-weights.effort),
-            action_rate: number(-weights.rate / actions as f64),
+            action_rate: number(-weights.action_rate / actions as f64),
             diverged: number(-weights.diverged),
             coarse: number(1.0 / coarse),
         }

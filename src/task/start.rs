@@ -86,7 +86,7 @@ impl Task {
                 .target_position
                 .map_or_else(|| draw.unit_vector(0) * (options.target_distance * draw.uniform(1)), Vector3::from),
             rotation: given.target_attitude.map_or_else(
-                || Pose::turn(up * draw.uniform_in(2, -options.target_turn, options.target_turn)).rotation,
+                || Pose::turn(up * draw.uniform_in(2, -options.target_heading, options.target_heading)).rotation,
                 rotation,
             ),
         };

@@ -151,7 +151,9 @@ impl Task {
             });
         }
         if self.options.action == ActionKind::Residual {
-            ranges.iter_mut().for_each(|range| range.limits = range.limits.map(|limit| limit * self.options.residual));
+            ranges
+                .iter_mut()
+                .for_each(|range| range.limits = range.limits.map(|limit| limit * self.options.residual_scale));
         }
         ranges
     }

@@ -5,7 +5,6 @@ use crate::error::ControlError;
 use crate::task::INFO;
 
 /// Arrays for the results of a step of N instances: slices whose first axis (last, of `info`) is the instance.
-#[derive(Default)]
 pub struct Outputs<'a> {
     /// Observations, (N, d).
     pub observations: &'a mut [f32],
@@ -17,6 +16,13 @@ pub struct Outputs<'a> {
     pub truncated: &'a mut [bool],
     /// Metrics in the order of the task's names, each (N,); the rows past the last are empty.
     pub info: [&'a mut [f64]; INFO],
+}
+
+impl Default for Outputs<'_> {
+    fn default() -> Self {
+        let info = std::array::from_fn(|_| &mut [][..]);
+        Self { observations: &mut [], rewards: &mut [], terminated: &mut [], truncated: &mut [], info }
+    }
 }
 
 /// Chunks of outputs.

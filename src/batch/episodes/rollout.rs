@@ -8,7 +8,7 @@ use crate::lane::Real;
 use crate::task::{INFO, TaskDefinition, TaskKernel};
 
 /// Statistics of an instance's control periods up to its episode's end.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RolloutStats {
     /// Number of control periods.
     pub steps: u32,
@@ -24,6 +24,13 @@ pub struct RolloutStats {
     pub squares: [f64; INFO],
     /// Metrics after the last control period.
     pub last: [f64; INFO],
+}
+
+impl Default for RolloutStats {
+    fn default() -> Self {
+        let zeros = [0.0; INFO];
+        Self { steps: 0, reward: 0.0, terminated: false, truncated: false, sums: zeros, squares: zeros, last: zeros }
+    }
 }
 
 /// Record of one instance's control periods up to its episode's end.

@@ -157,7 +157,7 @@ fn lanes_do_what_the_task_does_to_one_instance() {
     }
     for kind in [ActionKind::Wrench, ActionKind::Thrusters] {
         let options =
-            TaskOptions { substeps: 2, action: kind, target_distance: 1.0, target_turn: 2.0, ..Default::default() };
+            TaskOptions { substeps: 2, action: kind, target_distance: 1.0, target_heading: 2.0, ..Default::default() };
         let simulator = SimulatorOptions { instances: 11, ..Default::default() };
         let mut batch = TaskBatch::new(scene(), options, simulator, Autoreset::Disabled, None).unwrap();
         batch.reset(&seeds(11), None, &[]).unwrap();

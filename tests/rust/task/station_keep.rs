@@ -99,7 +99,7 @@ fn pd_holds_station_where_nothing_drifts_away() {
                 "{action:?} {seed}: {held:?}"
             );
             assert!(held.reward > adrift.reward);
-            assert!(adrift.metrics.effort == 0.0 && held.metrics.effort > 0.0);
+            assert!(adrift.metrics.power == 0.0 && held.metrics.power > 0.0);
         }
     }
 }
@@ -132,7 +132,7 @@ fn an_episode_is_a_function_of_its_key() {
 proptest! {
     #[test]
     fn starts_are_near_the_target_and_currents_mostly_level(seed: u64, episode: u64) {
-        let options = TaskOptions { target_distance: 2.0, target_turn: 3.0, ..Default::default() };
+        let options = TaskOptions { target_distance: 2.0, target_heading: 3.0, ..Default::default() };
         let (task, options) = (task_with(options.clone()), options);
         let (episode, state) = task.begin(key(seed, episode));
         let error = PoseError::of(&StageState::from(&state).pose, &episode.target().in_lanes());
@@ -285,25 +285,26 @@ fn reward_is_the_documented_sum() {
     let (mut episode, state) = task.begin_with(key(0, 0), &given).unwrap();
     let command = task.act(&mut episode, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let outcome = task.advance(&mut episode, &state);
-    assert!((outcome.metrics.reward_pose + 0.1 * (26.0f64.ln() + 0.1 / 0.3)).abs() < 1e-12);
-    assert!((outcome.metrics.reward_rate + 0.1 * 0.25 / 6.0).abs() < 1e-12);
+    let metrics = &outcome.metrics;
+    assert!((metrics.pose_error - 0.1).abs() < 1e-15);
+    assert!((metrics.reward_pose + 0.1 * (26.0f64.ln() + 0.1 / 0.3)).abs() < 1e-12);
+    assert!((metrics.action_rate - 0.25 / 6.0).abs() < 1e-12);
+    assert!((metrics.reward_action_rate + 0.1 * metrics.action_rate).abs() < 1e-12);
     let squares: f64 = command.actuated.thrusts.iter().map(|t| (t / 60.0).powi(2)).sum();
     assert!(squares > 0.0);
-    assert!((outcome.metrics.reward_effort + 0.02 * squares / 8.0).abs() < 1e-12);
-    assert!(
-        (outcome.reward - outcome.metrics.reward_pose - outcome.metrics.reward_effort - outcome.metrics.reward_rate)
-            .abs()
-            < 1e-15
-    );
+    assert!((metrics.effort - squares / 8.0).abs() < 1e-12);
+    assert!((metrics.reward_effort + 0.02 * metrics.effort).abs() < 1e-12);
+    let terms = [metrics.reward_pose, metrics.reward_effort, metrics.reward_action_rate];
+    assert!((outcome.reward - terms.iter().sum::<f64>()).abs() < 1e-15);
     let powers: f64 = command.actuated.thrusts.iter().map(|t| (t / 60.0).abs().powf(1.5)).sum();
-    assert!((outcome.metrics.effort - powers / 8.0).abs() < 1e-12);
+    assert!((metrics.power - powers / 8.0).abs() < 1e-12);
     // The same action again: no change, and nothing at its limit.
     task.act(&mut episode, &[0.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let again = task.advance(&mut episode, &state);
-    assert_eq!((again.metrics.reward_rate, again.metrics.saturation), (0.0, 0.0));
+    assert_eq!((again.metrics.reward_action_rate, again.metrics.saturation), (0.0, 0.0));
     assert!(
         (again.metrics.rms_position_error - 0.1).abs() < 1e-12
-            && (again.metrics.mean_effort - powers / 8.0).abs() < 1e-12
+            && (again.metrics.mean_power - powers / 8.0).abs() < 1e-12
     );
     // Down, the four vertical thrusters stand at -40 N.
     task.act(&mut episode, &[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]);
