@@ -7,9 +7,9 @@ use super::ee_track::EETrack;
 use super::registry::TaskKind;
 use super::task::Task;
 use crate::control::{
-    ActionKind, ActionMap, BlockIndices, Controller, FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices,
-    MpcGains, NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec,
-    ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
+    ActionKind, ActionMap, BlockIndices, Controller, DockPd, DockPdGains, FeedbackGains, GainMap, LawGains, ModelBased,
+    ModelIndices, MpcGains, NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant,
+    PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
@@ -33,11 +33,13 @@ pub enum ControllerKind {
     Mpc,
     /// Resolved motion of the end effector.
     ResolvedMotion,
+    /// PD docking with a limited approach speed.
+    DockPd,
 }
 
 impl ControllerKind {
     /// All kinds by name.
-    pub const ALL: [(&'static str, Self); 8] = [
+    pub const ALL: [(&'static str, Self); 9] = [
         ("none", Self::None),
         ("pd", Self::Pd),
         ("pd-restoring", Self::PdRestoring),
@@ -46,6 +48,7 @@ impl ControllerKind {
         ("computed-torque", Self::ComputedTorque),
         ("mpc", Self::Mpc),
         ("resolved-motion", Self::ResolvedMotion),
+        ("dock-pd", Self::DockPd),
     ];
 
     /// Names of its gains.
@@ -57,6 +60,7 @@ impl ControllerKind {
             Self::Dob | Self::ComputedTorque => gain_names(&FeedbackGains::default()),
             Self::Mpc => gain_names(&MpcGains::default()),
             Self::ResolvedMotion => gain_names(&ResolvedMotionGains::default()),
+            Self::DockPd => gain_names(&DockPdGains::default()),
         }
     }
 }
@@ -81,6 +85,10 @@ impl Task {
         self.refuse_residual()?;
         if kind == ControllerKind::ResolvedMotion {
             return Ok(Arc::new(self.resolved_motion(merge(&ResolvedMotionGains::default(), given)?)?));
+        }
+        if kind == ControllerKind::DockPd {
+            let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given)?;
+            return Ok(Arc::new(DockPd::new(self.dock_indices()?, gains, actions)?));
         }
         let vehicle = self.vehicle_indices()?;
         let indices = self.model_indices(&vehicle);
@@ -117,7 +125,9 @@ impl Task {
                 let gains = merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?;
                 Arc::new(ModelBased::new(LawGains::Mpc(gains), indices, scene, actions, period)?)
             }
-            ControllerKind::None | ControllerKind::ResolvedMotion => unreachable!("returned above"),
+            ControllerKind::None | ControllerKind::ResolvedMotion | ControllerKind::DockPd => {
+                unreachable!("returned above")
+            }
         })
     }
 
@@ -150,6 +160,10 @@ impl Task {
                 Arc::new(Pd::new(indices, self.servo(&GainMap::new())?, self.actions().clone())?)
             }
             BaseController::ResolvedMotion => Arc::new(self.resolved_motion(ResolvedMotionGains::default())?),
+            BaseController::DockPd => {
+                let gains = DockPdGains::from_pd(self.servo(&GainMap::new())?);
+                Arc::new(DockPd::new(self.dock_indices()?, gains, self.actions().clone())?)
+            }
         }))
     }
 
@@ -237,21 +251,35 @@ impl Task {
     }
 
     fn vehicle_indices(&self) -> Result<ObservationIndices, TaskError> {
-        if self.options().task.base() != BaseController::Pd {
-            return Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"));
+        match self.options().task.base() {
+            BaseController::Pd => Ok(self.feedback_indices(["linear_velocity", "angular_velocity"])),
+            BaseController::ResolvedMotion => {
+                Err(self.unfit("the PD keeps station: use resolved motion for an end effector that follows a path"))
+            }
+            BaseController::DockPd => Err(self.unfit("the PD keeps station: use the docking PD for a dock")),
         }
+    }
+
+    fn dock_indices(&self) -> Result<ObservationIndices, TaskError> {
+        if self.options().task.base() != BaseController::DockPd {
+            return Err(self.unfit("the docking PD needs a dock: use the PD or resolved motion"));
+        }
+        Ok(self.feedback_indices(["relative_velocity", "relative_angular_velocity"]))
+    }
+
+    fn feedback_indices(&self, twist: [&str; 2]) -> ObservationIndices {
         let six = |names: [&str; 2]| {
             let mut found = names
                 .into_iter()
                 .filter_map(|name| self.layout().block(name))
                 .flat_map(|block| block.scale.iter().enumerate().map(|(k, scale)| (block.offset + k, *scale)));
-            std::array::from_fn(|_| found.next().expect("every layout holds these two blocks of three"))
+            std::array::from_fn(|_| found.next().expect("the layout of the task holds these two blocks of three"))
         };
-        Ok(ObservationIndices {
+        ObservationIndices {
             width: self.observation_len(),
             error: six(["position_error", "attitude_error"]),
-            twist: six(["linear_velocity", "angular_velocity"]),
-        })
+            twist: six(twist),
+        }
     }
 
     fn model_indices(&self, vehicle: &ObservationIndices) -> ModelIndices {

@@ -38,6 +38,8 @@ pub enum BaseController {
     Pd,
     /// Resolved motion.
     ResolvedMotion,
+    /// PD with a limited approach speed.
+    DockPd,
 }
 
 /// A task: its options, memory, observation, references and metrics. The implementing type holds the task's own options.
@@ -157,6 +159,39 @@ pub trait TaskDefinition:
         error: &PoseError<L>,
         bounded: [L; 2],
     ) -> [L; 2];
+
+    /// Updates the task's own memory for a control instant and returns its own reward term; `metrics` are those of the
+    /// instant. Not called for tasks without own metrics.
+    #[inline(always)]
+    fn update<T: Real, L: Lane<Real = T>>(
+        _kernel: &TaskKernel<T, Self>,
+        _memory: &mut Rows<'_, T>,
+        _state: &StageState<L>,
+        _metrics: &Metrics<L>,
+    ) -> L {
+        L::zero()
+    }
+
+    /// The task's own metrics from its memory, in the order of [`Self::METRICS`]; it may replace the shared `success`. Not
+    /// called for tasks without own metrics.
+    #[inline(always)]
+    fn own_metrics<T: Real, L: Lane<Real = T>>(
+        _kernel: &TaskKernel<T, Self>,
+        _memory: &Rows<'_, T>,
+        _metrics: &mut Metrics<L>,
+    ) -> [L; OWN_METRICS] {
+        [L::zero(); OWN_METRICS]
+    }
+
+    /// Instances whose episode continues, among those in bounds: all by default.
+    #[inline(always)]
+    fn continues<T: Real, L: Lane<Real = T>>(
+        _kernel: &TaskKernel<T, Self>,
+        _metrics: &Metrics<L>,
+        in_bounds: L::Mask,
+    ) -> L::Mask {
+        in_bounds
+    }
 }
 
 /// The numbers of a task in the precision of the lanes.

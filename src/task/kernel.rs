@@ -138,9 +138,14 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
             memory.set(rows.integral + k, L::select(in_bounds, new, old));
         }
 
-        let mut metrics = self.instant_metrics(memory, state, error);
-        self.running_means(memory, share, &mut metrics);
         let (zero, one) = (L::zero(), L::c(1.0));
+        let mut metrics = self.instant_metrics(memory, state, error);
+        let (mut own, mut own_reward) = ([zero; OWN_METRICS], zero);
+        if !K::METRICS.is_empty() {
+            own_reward = K::update(self, memory, state, &metrics);
+            own = K::own_metrics(self, memory, &mut metrics);
+        }
+        self.running_means(memory, share, &mut metrics);
         let [was_out, clock] = memory.get_all(rows.recovery);
         let within = L::c(0.5).lt(metrics.success);
         metrics.recovery_time = L::select(within, clock, was_out.mul_add(clock, L::splat(self.period)));
@@ -153,7 +158,11 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         metrics.reward_action_rate = terms.action_rate;
         metrics.reward_diverged = terms.diverged;
         metrics.diverged = L::select(in_bounds, zero, one);
-        Evaluation { reward: terms.sum(), metrics, own: [zero; OWN_METRICS], in_bounds, continues: in_bounds }
+        let mut reward = terms.sum();
+        if !K::METRICS.is_empty() {
+            reward = reward + own_reward;
+        }
+        Evaluation { reward, metrics, own, in_bounds, continues: K::continues(self, &metrics, in_bounds) }
     }
 
     /// Metrics of episodes at their current control instant, without reward and running means.
@@ -166,8 +175,12 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     ) -> Evaluation<L> {
         let in_bounds = self.in_bounds(memory, state, error);
         let mut metrics = self.instant_metrics(memory, state, error);
+        let mut own = [L::zero(); OWN_METRICS];
+        if !K::METRICS.is_empty() {
+            own = K::own_metrics(self, memory, &mut metrics);
+        }
         metrics.diverged = L::select(in_bounds, L::zero(), L::c(1.0));
-        Evaluation { reward: L::zero(), metrics, own: [L::zero(); OWN_METRICS], in_bounds, continues: in_bounds }
+        Evaluation { reward: L::zero(), metrics, own, in_bounds, continues: in_bounds }
     }
 
     /// Instances whose state is finite and within the bounds.

@@ -32,6 +32,8 @@ macro_rules! metrics {
     };
 }
 
+pub(super) use metrics;
+
 metrics! {
     /// Metrics of all tasks, with the reward's terms. Running means extend over the episode's control instants so far, the
     /// start excluded.

@@ -1,6 +1,6 @@
 //! Tasks: sampling of episodes, references, observations, metrics and rewards.
 //!
-//! A task is a type that implements [`TaskDefinition`] in one file (`station_keep`, `ee_track`) and is listed in `registry`.
+//! A task is a type that implements [`TaskDefinition`] in one file (`station_keep`, `ee_track`, `dock`) and is listed in `registry`.
 //! All results are per instance and depend on the task, the seed and the number of the episode alone. The steps at a control
 //! instant are written in lanes ([`TaskKernel`]), compiled once per task and precision; episodes are drawn one by one in f64.
 
@@ -9,6 +9,7 @@ mod bounds;
 mod controllers;
 mod definition;
 pub mod disturbance;
+mod dock;
 mod drives;
 mod ee_track;
 mod episode;
@@ -34,6 +35,7 @@ mod task;
 
 pub use controllers::ControllerKind;
 pub use definition::{BaseController, Frame, TaskDefinition, TaskKernel};
+pub use dock::{Dock, DockArm};
 pub use ee_track::{EETrack, PREVIEW, Preview};
 pub use episode::{Episode, EpisodeRows};
 pub use kernel::Command;

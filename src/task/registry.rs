@@ -5,6 +5,7 @@ use serde::de::DeserializeOwned;
 use toml::{Table, Value};
 
 use super::definition::{BaseController, TaskDefinition};
+use super::dock::Dock;
 use super::ee_track::EETrack;
 use super::options::Options;
 use super::station_keep::StationKeep;
@@ -55,7 +56,7 @@ macro_rules! tasks {
     };
 }
 
-tasks! { $ StationKeep, EETrack }
+tasks! { $ StationKeep, EETrack, Dock }
 pub(crate) use dispatch_task;
 
 impl Default for TaskKind {

@@ -12,7 +12,7 @@ use super::rows::DisturbanceRows;
 use super::script::Script;
 use super::tether::Tether;
 use super::thrusters::ThrusterLoss;
-use super::waves::Waves;
+use super::waves::{WaveOrbit, Waves};
 use super::{Disturbance, SensorRows};
 use crate::control::THRUSTERS;
 use crate::lane::{Lane, Real, Rows};
@@ -243,6 +243,15 @@ impl<T: Real> DisturbanceKernel<T> {
         }
         if let Some([row, trains]) = rows.waves {
             Waves::pass::<T, L>(memory, row, trains);
+        }
+    }
+
+    /// Orbital motion of the water around `place` (world axes, m) at the control instant; none without waves.
+    #[inline(always)]
+    pub fn wave_orbit<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, place: Vector3<L>) -> WaveOrbit<L> {
+        match self.rows.waves {
+            Some([row, trains]) => Waves::orbit(memory, row, trains, place, self.axis(2), L::splat(self.frequency)),
+            None => WaveOrbit::zero(),
         }
     }
 

@@ -46,7 +46,7 @@ pub use sensors::{Delay, MEASURED, Noise, SensorRows};
 pub use span::Span;
 pub use tether::Tether;
 pub use thrusters::ThrusterLoss;
-pub use waves::Waves;
+pub use waves::{WaveOrbit, Waves};
 
 /// Components of a disturbance; those that are absent do nothing and cost nothing.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]

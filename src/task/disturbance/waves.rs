@@ -29,6 +29,31 @@ pub struct Waves {
     pub trains: usize,
 }
 
+/// Least angular frequency of a train, rad/s.
+const LEAST_FREQUENCY: f64 = 0.01;
+
+/// Motion of water particles around their mean place, world axes.
+#[derive(Debug, Clone, Copy)]
+pub struct WaveOrbit<L> {
+    /// Displacement from the mean place, m.
+    pub displacement: Vector3<L>,
+    /// Its rate, m/s.
+    pub velocity: Vector3<L>,
+    /// Slope of the surfaces of equal depth as a small rotation vector, rad.
+    pub slope: Vector3<L>,
+    /// Its rate, rad/s.
+    pub slope_rate: Vector3<L>,
+}
+
+impl<L: Lane> WaveOrbit<L> {
+    /// Still water.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let zero = Vector3::zero();
+        Self { displacement: zero, velocity: zero, slope: zero, slope_rate: zero }
+    }
+}
+
 impl Default for Waves {
     fn default() -> Self {
         Self { height: Span::of(0.2, 0.5), period: Span::of(4.0, 7.0), depth: Span::of(2.0, 5.0), trains: 1 }
@@ -110,6 +135,36 @@ impl Waves {
             acceleration = acceleration + along.scale(rate * sine) - up.scale(rate * cosine);
         }
         [velocity, acceleration]
+    }
+
+    /// Motion of the water particles around `place` (world axes, m) at the control instant: their displacement from their
+    /// mean place, and the slope of the surfaces of equal depth. Both vanish without waves.
+    #[inline(always)]
+    pub(super) fn orbit<T: Real, L: Lane<Real = T>>(
+        memory: &Rows<'_, T>,
+        row: usize,
+        trains: usize,
+        place: Vector3<L>,
+        up: Vector3<L>,
+        frequency: L,
+    ) -> WaveOrbit<L> {
+        let mut orbit = WaveOrbit::zero();
+        let height = place.dot(up).min(memory.get(row));
+        for k in 0..trains {
+            let [speed, number, phase, pace, x, y, z]: [L; Self::EACH] =
+                memory.get_all(row + Self::COMMON + Self::EACH * k);
+            let along = Vector3([x, y, z]);
+            let speed = speed * exp(number * height);
+            let (sine, cosine) = sin_cos(number.mul_add(place.dot(along), -phase));
+            // Amplitude of the displacement, speed / omega; 0 for trains that were not drawn.
+            let amplitude = speed / (pace * frequency).max(L::c(LEAST_FREQUENCY));
+            let axis = along.cross(up);
+            orbit.displacement = orbit.displacement - along.scale(amplitude * sine) + up.scale(amplitude * cosine);
+            orbit.velocity = orbit.velocity + along.scale(speed * cosine) + up.scale(speed * sine);
+            orbit.slope = orbit.slope - axis.scale(number * amplitude * sine);
+            orbit.slope_rate = orbit.slope_rate + axis.scale(number * speed * cosine);
+        }
+        orbit
     }
 
     /// A period passes. Phases are kept within a turn, so that no length of an episode blurs them.

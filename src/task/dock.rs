@@ -1,0 +1,390 @@
+//! Docking: the vehicle approaches a pose that sways with the waves, and holds it at low relative speed.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+use nalgebra::Vector3 as Vector;
+use serde::{Deserialize, Serialize};
+
+use super::arm_reference;
+use super::bounds::{POSITION_BOUND, SPEED_BOUND, bounded_length, shorter};
+use super::definition::{BaseController, EpisodeStart, TaskDefinition, TaskKernel};
+use super::disturbance::{MEASURED, WaveOrbit};
+use super::episode::{EpisodeRows, RowAllocator, TaskRows};
+use super::metrics::{Metrics, OWN_METRICS};
+use super::model::TaskModel;
+use super::observation::{Layout, ObservationWriter};
+use super::options::{Options, Tolerance, check_non_negative, check_range};
+use super::pose::{Pose, PoseError};
+use super::random::Stream;
+use super::reference::JointReferenceRows;
+use super::reward::RewardWeights;
+use super::stage_state::StageState;
+use crate::error::TaskError;
+use crate::lane::{Lane, Real, Rows};
+use crate::lie::{self, Matrix3, Vector3, Vector6, exp_se3};
+use crate::system::JOINTS;
+
+/// Motion of the arm while docking.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DockArm {
+    /// The joints stay at home.
+    #[default]
+    Stowed,
+    /// The joints follow references, as in station keeping.
+    Moving,
+}
+
+/// Docking.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dock {
+    /// Least initial distance from the dock, m; `start_distance` is the greatest.
+    pub start_clearance: f64,
+    /// Half angle of the cone in front of the dock that starts are drawn from, rad.
+    pub approach_cone: f64,
+    /// Motion of the arm.
+    pub arm: DockArm,
+    /// Greatest amplitude of a moving arm's reference about home, rad (a quarter of it in metres for prismatic joints).
+    pub arm_amplitude: f64,
+    /// Horizontal motion of the dock relative to that of the water at its place.
+    pub dock_sway: f64,
+    /// Vertical motion of the dock relative to that of the water at its place.
+    pub dock_heave: f64,
+    /// Tilt of the dock relative to the wave slope at its place.
+    pub dock_tilt: f64,
+    /// Speed relative to the dock below which the vehicle counts as holding, m/s.
+    pub hold_speed: f64,
+    /// Duration within the tolerances at low relative speed until the vehicle counts as docked, s.
+    pub hold_time: f64,
+    /// Distance from the dock at whose first crossing the approach speed is taken, m.
+    pub capture_distance: f64,
+    /// Reward per control period while docked.
+    pub docked_reward: f64,
+    /// Weight of the relative speed near the dock in the reward.
+    pub speed_weight: f64,
+    /// The first docking ends the episode.
+    pub terminate_on_success: bool,
+}
+
+impl Default for Dock {
+    fn default() -> Self {
+        Self {
+            start_clearance: 2.0,
+            approach_cone: 0.4,
+            arm: DockArm::Stowed,
+            arm_amplitude: 0.4,
+            dock_sway: 0.5,
+            dock_heave: 0.5,
+            dock_tilt: 0.5,
+            hold_speed: 0.1,
+            hold_time: 2.0,
+            capture_distance: 0.5,
+            docked_reward: 0.5,
+            speed_weight: 0.1,
+            terminate_on_success: false,
+        }
+    }
+}
+
+super::metrics::metrics! {
+    /// Metrics of docking.
+    struct DockMetrics {
+        /// 1 while the vehicle has been within the tolerances at low relative speed for the hold time, else 0.
+        docked,
+        /// Time from the start to the first docking, s; the time so far before it.
+        time_to_dock,
+        /// Relative speed at the first crossing of the capture distance, m/s; 0 before it.
+        approach_speed,
+        /// Reward term of the relative speed near the dock and of being docked.
+        reward_docking,
+    }
+}
+
+/// Offsets of the task's own rows: pose of the dock in still water (12) and its twist in world axes (6), duration of the
+/// hold (s), docked, any docking so far, time to the first one (s), capture so far, approach speed (m/s), reward term.
+const REST: usize = 0;
+const MOTION: usize = 12;
+const HOLD: usize = 18;
+const DOCKED: usize = 19;
+const SUCCESS: usize = 20;
+const TIME: usize = 21;
+const APPROACH_SPEED: usize = 23;
+const REWARD: usize = 24;
+const ROWS: usize = 25;
+
+/// Numbers of the kernel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DockKernel<T> {
+    joints: JointReferenceRows,
+    own: usize,
+    sway: T,
+    heave: T,
+    tilt: T,
+    hold_speed: T,
+    /// Hold time less half a control period, s.
+    hold_time: T,
+    capture_distance: T,
+    docked_reward: T,
+    speed_weight: T,
+    terminate_on_success: bool,
+}
+
+impl TaskDefinition for Dock {
+    const NAME: &'static str = "dock";
+    const ENVIRONMENT: &'static str = "UVMS-Dock";
+    const OBSERVES_UP: bool = true;
+    const BASE: BaseController = BaseController::DockPd;
+    const TWIST: [(&'static str, &'static str); 2] = [
+        ("relative_velocity", "velocity of the vehicle origin less that of the dock, body axes"),
+        ("relative_angular_velocity", "angular velocity of the vehicle less that of the dock, body axes"),
+    ];
+    const REWARD_SCALE: f64 = 2.0;
+    const METRICS: &'static [&'static str] = &DockMetrics::NAMES;
+
+    type Kernel<T: Real> = DockKernel<T>;
+
+    /// Divergence costs as much as 370 steps at 5 m from the dock, so ending the episode early never pays.
+    fn defaults() -> Options<Self> {
+        let options = Options::default();
+        Options {
+            start_distance: 5.0,
+            start_angle: 0.3,
+            reward: RewardWeights { diverged: 500.0, ..options.reward },
+            tolerance: Tolerance { position: 0.1, attitude: 0.15 },
+            ..options
+        }
+    }
+
+    fn check(&self, start_distance: f64) -> Result<(), TaskError> {
+        let (clearance, cone) = (self.start_clearance, self.approach_cone);
+        check_range(
+            "start_clearance",
+            clearance,
+            (0.0..=start_distance).contains(&clearance),
+            "in [0, start_distance] m",
+        )?;
+        check_range("approach_cone", cone, (0.0..=FRAC_PI_2).contains(&cone), "in [0, pi/2] rad")?;
+        for (name, value) in
+            [("dock_sway", self.dock_sway), ("dock_heave", self.dock_heave), ("dock_tilt", self.dock_tilt)]
+        {
+            check_range(name, value, (0.0..=1.0).contains(&value), "in [0, 1]")?;
+        }
+        check_non_negative(&[
+            ("arm_amplitude", self.arm_amplitude),
+            ("hold_speed", self.hold_speed),
+            ("hold_time", self.hold_time),
+            ("capture_distance", self.capture_distance),
+            ("docked_reward", self.docked_reward),
+            ("speed_weight", self.speed_weight),
+        ])
+    }
+
+    fn layout(_options: &Options<Self>, model: &TaskModel, layout: &mut Layout) {
+        arm_reference::push_blocks(model, layout);
+    }
+
+    fn rows(model: &TaskModel, rows: &mut RowAllocator) -> TaskRows {
+        let own = rows.take(ROWS);
+        let joints = JointReferenceRows::new(model.joints.len(), |count| rows.take(count));
+        TaskRows { joints: Some(joints), own, ..TaskRows::default() }
+    }
+
+    fn kernel<T: Real>(options: &Options<Self>, _model: &TaskModel, rows: &EpisodeRows) -> DockKernel<T> {
+        let (dock, number) = (&options.task, T::from_f64);
+        DockKernel {
+            joints: rows.task.joints.expect("rows of the joint references"),
+            own: rows.task.own,
+            sway: number(dock.dock_sway),
+            heave: number(dock.dock_heave),
+            tilt: number(dock.dock_tilt),
+            hold_speed: number(dock.hold_speed),
+            hold_time: number(dock.hold_time - 0.5 * options.control_period()),
+            capture_distance: number(dock.capture_distance),
+            docked_reward: number(dock.docked_reward),
+            speed_weight: number(dock.speed_weight),
+            terminate_on_success: dock.terminate_on_success,
+        }
+    }
+
+    /// Uniform distance within a cone in front of the dock (its -x side), facing the dock up to a heading error.
+    fn start_pose(options: &Options<Self>, model: &TaskModel, target: &Pose, draw: &Stream) -> Pose {
+        let Dock { start_clearance, approach_cone, .. } = options.task;
+        let distance = draw.uniform_in(0, start_clearance, options.start_distance);
+        let (angle, around) = (approach_cone * draw.uniform(1).sqrt(), TAU * draw.uniform(2));
+        let (across, up) = (angle.sin() * around.cos(), angle.sin() * around.sin());
+        let heading = draw.uniform_in(3, -options.start_angle, options.start_angle);
+        Pose {
+            position: target.position - target.rotation * Vector::new(angle.cos(), across, up) * distance,
+            rotation: Pose::turn(model.level[2] * heading).rotation * target.rotation,
+        }
+    }
+
+    fn sample(kernel: &TaskKernel<f64, Self>, start: &EpisodeStart<'_, Self>, memory: &mut Rows<'_, f64>) {
+        let Dock { arm, arm_amplitude, .. } = start.options.task;
+        let amplitude = if arm == DockArm::Moving { arm_amplitude } else { 0.0 };
+        let (joints, q, period) = (&start.model.joints, &start.state.q, start.options.control_period());
+        let range = [amplitude * start.arm[0], start.arm[1]];
+        kernel.task.joints.draw(memory, joints, q, range, period, &start.draw);
+        let target: [f64; 12] = memory.get_all(kernel.rows.target);
+        memory.set_all(kernel.task.own + REST, &target);
+    }
+
+    #[inline(always)]
+    fn begin<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+        kernel.task.joints.begin(memory, L::splat(kernel.frequency));
+        set_target::<T, L>(kernel, memory);
+    }
+
+    #[inline(always)]
+    fn advance<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Self>, memory: &mut Rows<'_, T>) {
+        kernel.task.joints.advance(memory, L::splat(kernel.frequency));
+        set_target::<T, L>(kernel, memory);
+    }
+
+    #[inline(always)]
+    fn joint_targets<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        joints: &mut [[L; 4]; JOINTS],
+    ) {
+        kernel.task.joints.targets(memory, L::splat(kernel.frequency), joints);
+    }
+
+    #[inline(always)]
+    fn twist<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        state: &StageState<L>,
+    ) -> Vector6<L> {
+        let [vx, vy, vz, wx, wy, wz]: [L; 6] = memory.get_all(kernel.task.own + MOTION);
+        let rotation = &state.pose.rotation;
+        Vector6 {
+            linear: state.twist.linear - rotation.apply_transposed(Vector3([vx, vy, vz])),
+            angular: state.twist.angular - rotation.apply_transposed(Vector3([wx, wy, wz])),
+        }
+    }
+
+    #[inline(always)]
+    fn observe<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        _state: &StageState<L>,
+        _error: &PoseError<L>,
+        _measured: &[L; MEASURED],
+        writer: &mut ObservationWriter<'_, T>,
+    ) {
+        arm_reference::observe::<T, L, Self>(kernel, &kernel.task.joints, memory, writer);
+    }
+
+    #[inline(always)]
+    fn in_bounds<T: Real, L: Lane<Real = T>>(
+        _kernel: &TaskKernel<T, Self>,
+        _memory: &Rows<'_, T>,
+        _state: &StageState<L>,
+        error: &PoseError<L>,
+    ) -> L::Mask {
+        shorter(error.position, POSITION_BOUND)
+    }
+
+    #[inline(always)]
+    fn end_effector_error<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        state: &StageState<L>,
+        error: &PoseError<L>,
+        _bounded: [L; 2],
+    ) -> [L; 2] {
+        arm_reference::end_effector_error(kernel, &kernel.task.joints, memory, state, error)
+    }
+
+    #[inline(always)]
+    fn update<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &mut Rows<'_, T>,
+        state: &StageState<L>,
+        metrics: &Metrics<L>,
+    ) -> L {
+        let (task, zero, one, half) = (&kernel.task, L::zero(), L::c(1.0), L::c(0.5));
+        let (period, own) = (L::splat(kernel.period), task.own);
+        let speed = bounded_length(Self::twist(kernel, memory, state).linear, SPEED_BOUND);
+        let [hold, _, success, time, captured, approach]: [L; 6] = memory.get_all(own + HOLD);
+
+        let holds = L::and(half.lt(metrics.success), speed.lt(L::splat(task.hold_speed)));
+        let hold = L::select(holds, hold + period, zero);
+        let docked = L::select(L::and(holds, L::splat(task.hold_time).lt(hold)), one, zero);
+        let time = L::select(half.lt(success), time, time + period);
+        let success = success.max(docked);
+
+        let near = metrics.position_error.lt(L::splat(task.capture_distance));
+        let approach = L::select(half.lt(captured), approach, L::select(near, speed, zero));
+        let captured = L::select(near, one, captured);
+
+        // Relative speed near the dock: smooth in both, and at most the weight.
+        let distance = metrics.pose_error * L::c(1.0 / NEAR);
+        let closeness = one / distance.mul_add(distance, one);
+        let fast = speed / (speed + L::splat(task.hold_speed) + L::c(LEAST_SPEED));
+        let reward = docked * L::splat(task.docked_reward) - closeness * fast * L::splat(task.speed_weight);
+        memory.set_all(own + HOLD, &[hold, docked, success, time, captured, approach, reward]);
+        reward
+    }
+
+    #[inline(always)]
+    fn own_metrics<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        memory: &Rows<'_, T>,
+        metrics: &mut Metrics<L>,
+    ) -> [L; OWN_METRICS] {
+        let own = kernel.task.own;
+        metrics.success = memory.get(own + SUCCESS);
+        let mut dock = DockMetrics::<L>::zero();
+        dock.docked = memory.get(own + DOCKED);
+        dock.time_to_dock = memory.get(own + TIME);
+        dock.approach_speed = memory.get(own + APPROACH_SPEED);
+        dock.reward_docking = memory.get(own + REWARD);
+        dock.to_array()
+    }
+
+    #[inline(always)]
+    fn continues<T: Real, L: Lane<Real = T>>(
+        kernel: &TaskKernel<T, Self>,
+        metrics: &Metrics<L>,
+        in_bounds: L::Mask,
+    ) -> L::Mask {
+        if kernel.task.terminate_on_success { L::and(in_bounds, metrics.success.lt(L::c(0.5))) } else { in_bounds }
+    }
+}
+
+/// Pose error at which the reward's weight of the relative speed has fallen to a half, m.
+const NEAR: f64 = 0.5;
+/// Keeps the reward's speed term finite without a hold speed, m/s.
+const LEAST_SPEED: f64 = 1e-3;
+
+/// Sets the target and its twist to the dock's: its pose in still water, moved and tilted by the waves.
+#[inline(always)]
+fn set_target<T: Real, L: Lane<Real = T>>(kernel: &TaskKernel<T, Dock>, memory: &mut Rows<'_, T>) {
+    let task = &kernel.task;
+    let [xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z]: [L; 12] = memory.get_all(task.own + REST);
+    let (rest, place) = (Matrix3([[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]]), Vector3([x, y, z]));
+    let orbit = match kernel.disturbance() {
+        Some(disturbance) => disturbance.wave_orbit(memory, place),
+        None => WaveOrbit::zero(),
+    };
+    let up = Vector3([L::splat(kernel.up[0]), L::splat(kernel.up[1]), L::splat(kernel.up[2])]);
+    let velocity = moved(task, orbit.velocity, up);
+    let tilt = L::splat(task.tilt);
+    // The left Jacobian of the rotation vector turns its rate into an angular velocity, as it does in the exponential.
+    let turn = exp_se3(Vector6 { linear: orbit.slope_rate.scale(tilt), angular: orbit.slope.scale(tilt) });
+    let target =
+        lie::Pose { rotation: turn.rotation.times(&rest), position: place + moved(task, orbit.displacement, up) };
+    kernel.rows.set_target(memory, &target);
+    memory.set_all(task.own + MOTION, &velocity.0);
+    memory.set_all(task.own + MOTION + 3, &turn.position.0);
+}
+
+/// Motion of the dock for one of the water: its horizontal and vertical parts by their factors.
+#[inline(always)]
+fn moved<T: Real, L: Lane<Real = T>>(task: &DockKernel<T>, water: Vector3<L>, up: Vector3<L>) -> Vector3<L> {
+    let vertical = up.scale(water.dot(up));
+    (water - vertical).scale(L::splat(task.sway)) + vertical.scale(L::splat(task.heave))
+}
