@@ -42,7 +42,7 @@ def reward(simulator: uvms_gym.Simulator, info: Mapping[str, Any]) -> np.ndarray
     """
     seen = observe(simulator).astype(np.float64)
     tilt, speed = 1.0 + seen[:, 2], (seen[:, 3:6] ** 2).sum(axis=1)
-    return -tilt - speed + 3.0 * info["reward_effort"] + info["reward_rate"] + info["reward_diverged"]
+    return -tilt - speed + 3.0 * info["reward_effort"] + info["reward_action_rate"] + info["reward_diverged"]
 
 
 class OwnTask(gymnasium.Wrapper, RecordConstructorArgs):

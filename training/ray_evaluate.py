@@ -29,7 +29,7 @@ def episodes_of(controller: uvms_gym.controllers.Controller, seed: int, episodes
     rollout.run(gymnasium.spec(ENV).max_episode_steps or 0)
     stats = rollout.pop_stats()
     task: Any = envs.unwrapped
-    return {"pose": pose_rms(stats, task.task), "effort": stats.mean("effort")}
+    return {"pose": pose_rms(stats, task.task), "effort": stats.mean("power")}
 
 
 def evaluate(names: list[str], episodes: int, seed: int, block: int) -> dict[str, dict[str, np.ndarray]]:

@@ -43,7 +43,7 @@ from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.registry import CLASSICAL, PRETRAINED, check_name, folder
-from uvms_gym.studies.comparison.metrics import VARIATION_REWARD, pose_rms, variation_sums
+from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 from uvms_gym.studies.records import circumstances
 
@@ -109,7 +109,7 @@ class Arena:
         rollout = Rollout(batch, controller)
         rollout.run(self.steps)
         stats = rollout.pop_stats()
-        totals = (stats.sums["effort"].sum(), variation_sums(stats).sum())
+        totals = (stats.sums["power"].sum(), stats.sums["action_rate"].sum())
         effort, changes = (float(total / stats.steps.sum()) for total in totals)
         return Score(interquartile_mean(pose_rms(stats)), effort, changes, float(stats.terminated.mean()))
 
@@ -348,7 +348,7 @@ def _arena(env: str, scene: str, period: float | None, threads: int | None) -> A
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
     steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
     options = {"scene": inner.options.scene, "substeps": substeps, "max_episode_steps": steps, "threads": threads}
-    return Arena(env, {**options, "reward": VARIATION_REWARD}, steps)
+    return Arena(env, options, steps)
 
 
 def _tell(name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:

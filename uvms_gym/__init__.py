@@ -4,6 +4,7 @@ Importing it registers the environments with Gymnasium.
 """
 
 from uvms_gym._core import (
+    ATTITUDE_LEVER,
     Renderer,
     SceneError,
     Simulator,
@@ -36,6 +37,7 @@ from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
 
 __all__ = [
+    "ATTITUDE_LEVER",
     "DOB",
     "MLP",
     "MPC",

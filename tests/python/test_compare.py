@@ -174,7 +174,7 @@ def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
         "position": info["rms_position_error"],
         "attitude": info["rms_attitude_error"],
         "pose": np.sqrt(np.mean(pose)),
-        "effort": info["mean_effort"],
+        "effort": info["mean_power"],
         "saturation": info["mean_saturation"],
         "variation": np.mean(changes),
         "within": info["mean_success"],

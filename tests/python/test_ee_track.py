@@ -154,7 +154,7 @@ def test_the_number_of_points_seen_ahead_is_the_users():
     [
         ({"reference": "square"}, ValueError, "figure-eight"),
         ({"reference": 3}, TypeError, "reference is 3"),
-        ({"reference_turn": 2.0}, ValueError, "reference_turn"),
+        ({"reference_rotation": 2.0}, ValueError, "reference_rotation"),
         ({"preview": 3}, TypeError, "preview is 3"),
         ({"preview": {"points": 1.5}}, TypeError, "preview['points'] is 1.5"),
         ({"preview": {"horizon": 1.0}}, ValueError, "points, spacing"),
@@ -220,11 +220,11 @@ def test_reward_is_the_sum_of_its_weighted_terms():
         assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in REWARD), rel=1e-14)
         return info
 
-    plain, doubled = terms(), terms(pose=0.2, rate=0.0)
+    plain, doubled = terms(), terms(pose=0.2, action_rate=0.0)
     assert doubled["reward_pose"] == pytest.approx(2 * plain["reward_pose"])
     assert doubled["reward_effort"] == plain["reward_effort"] < 0.0
-    assert doubled["reward_rate"] == 0.0 > plain["reward_rate"]
-    for name in set(INFO) - {"reward_pose", "reward_rate"}:
+    assert doubled["reward_action_rate"] == 0.0 > plain["reward_action_rate"]
+    for name in set(INFO) - {"reward_pose", "reward_action_rate"}:
         assert plain[name] == doubled[name], name
 
 

@@ -45,18 +45,18 @@ SCENES = Path(uvms_gym.__file__).parent / "scenes"
 TEXTS = [path.read_text() for path in sorted(SCENES.glob("*.toml"))]
 URDF = (Path(__file__).parents[1] / "golden/alpha5.urdf").read_text()
 
-tally: Counter[str] = Counter()
+stats: Counter[str] = Counter()
 
 
 @pytest.fixture(autouse=True)
 def counted(request: pytest.FixtureRequest) -> Iterator[None]:
     """Print what came of the cases."""
-    tally.clear()
+    stats.clear()
     yield
     faulthandler.cancel_dump_traceback_later()
     if SOAK:
-        total = sum(tally.values())
-        print(f"\n{request.node.name}: {total} cases: " + ", ".join(f"{n} {what}" for what, n in tally.most_common()))
+        total = sum(stats.values())
+        print(f"\n{request.node.name}: {total} cases: " + ", ".join(f"{n} {what}" for what, n in stats.most_common()))
 
 
 @contextlib.contextmanager
@@ -72,9 +72,9 @@ def attempt(refusals: tuple[type[Exception], ...]) -> Iterator[None]:
         assert 0 < len(text) < 20000, text
         for leak in ("panicked", "unwrap()", ".rs:", "RUST_BACKTRACE"):
             assert leak not in text, text
-        tally[f"refused by {type(error).__name__}"] += 1
+        stats[f"refused by {type(error).__name__}"] += 1
     else:
-        tally["accepted"] += 1
+        stats["accepted"] += 1
 
 
 def simulated(scene: Any) -> None:
@@ -283,7 +283,7 @@ def random_calls(thing: Any, snapshot: Callable[[], bytes], rng: random.Random, 
     attributes = members(thing)[1] if thing is simulator else []
     for _ in range(count):
         before = snapshot()
-        refused = tally.total() - tally["accepted"]
+        refused = stats.total() - stats["accepted"]
         with attempt((*WRONG, gymnasium.error.Error)):
             if attributes and rng.random() < 0.1:
                 setattr(thing, rng.choice(attributes), junk(rng, sizes))
@@ -291,7 +291,7 @@ def random_calls(thing: Any, snapshot: Callable[[], bytes], rng: random.Random, 
                 function = getattr(thing, rng.choice(names))
                 positional, keywords = arguments(function, rng, sizes)
                 function(*positional, **keywords)
-        if tally.total() - tally["accepted"] > refused:
+        if stats.total() - stats["accepted"] > refused:
             assert snapshot() == before
 
 

@@ -82,10 +82,10 @@ def test_weights_scale_their_terms():
         assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in REWARD), rel=1e-14)
         return info
 
-    plain, doubled = terms(), terms(pose=0.2, rate=0.0)
+    plain, doubled = terms(), terms(pose=0.2, action_rate=0.0)
     assert doubled["reward_pose"] == pytest.approx(2 * plain["reward_pose"])
     assert doubled["reward_effort"] == plain["reward_effort"] < 0.0
-    assert doubled["reward_rate"] == 0.0 > plain["reward_rate"]
+    assert doubled["reward_action_rate"] == 0.0 > plain["reward_action_rate"]
 
 
 @pytest.mark.parametrize(
@@ -402,6 +402,7 @@ import sys, importlib, warnings
 warnings.simplefilter("error")
 import gymnasium
 import uvms_gym
+from uvms_gym._core import task_defaults
 heavy = {"torch", "stable_baselines3", "pygame", "matplotlib"} & set(sys.modules)
 assert not heavy, heavy
 uvms_gym.register_envs()

@@ -37,7 +37,7 @@ pytestmark = pytest.mark.learning
 
 ENV = "UVMS-StationKeep-Storm-v0"
 #: Five seconds of station keeping in a current.
-EASY = {"disturbance": "current", "max_episode_steps": 50, "reward": {"rate": 0.1}}
+EASY = {"disturbance": "current", "max_episode_steps": 50, "reward": {"action_rate": 0.1}}
 TINY = {"n_timesteps": 4 * 64, "n_envs": 8, "n_steps": 8, "batch_size": 32, "n_epochs": 2, "frame_stack": 1}
 
 

@@ -24,7 +24,7 @@ class RewardWeights(TypedDict, total=False):
 
     pose: float
     effort: float
-    rate: float
+    action_rate: float
     diverged: float
 
 
@@ -79,7 +79,7 @@ class TaskOptions:
         is added.
     start_distance, start_angle : float
         Greatest initial position error, m, in [0, 10), and attitude error, rad, >= 0.
-    target_distance, target_turn : float
+    target_distance, target_heading : float
         Greatest distance of a drawn target from the world origin, m, >= 0, and its greatest heading, rad, >= 0.
     disturbance : str, dict or None
         Name of a level, or components by name; see `StationKeepEnv`. None: a steady current.
@@ -92,12 +92,12 @@ class TaskOptions:
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], in place of the scene's.
     reward : dict or None
-        Any of the weights `pose` (0.1), `effort` (0.02), `rate` (0.1) and `diverged` (0; 100 in end-effector tracking),
-        >= 0.
+        Any of the weights `pose` (0.1), `effort` (0.02), `action_rate` (0.1) and `diverged` (0; 100 in end-effector
+        tracking, 500 in docking), >= 0.
     tolerance : dict or None
         Any of `position` (0.05 m) and `attitude` (0.1 rad), >= 0: errors below which `info["success"]` is 1. The reward
         does not depend on them.
-    residual : float
+    residual_scale : float
         Greatest correction of `action="residual"`, relative to the actuators' limits, in [0, 1].
     privileged : bool
         Add the true state, current, parameters and target to `info["privileged"]`, (m,), for asymmetric critics;
@@ -121,13 +121,13 @@ class TaskOptions:
     start_distance: float = 0.05
     start_angle: float = 0.05
     target_distance: float = 0.0
-    target_turn: float = 0.0
+    target_heading: float = 0.0
     disturbance: Disturbance | None = None
     randomize: Randomize | None = None
     thruster_lag: float | None = None
     reward: RewardWeights | None = None
     tolerance: Tolerance | None = None
-    residual: float = 0.3
+    residual_scale: float = 0.3
     privileged: bool = False
     threads: int | None = None
 

@@ -40,7 +40,7 @@ _STORM_STEPS = 200
 def register_envs() -> None:
     """Register the environments with Gymnasium; importing `uvms_gym` does so."""
     for name, rate in _STORM_RATE.items():
-        storm = {**_STORM, "reward": {"effort": 0.05, "rate": rate}}
+        storm = {**_STORM, "reward": {"effort": 0.05, "action_rate": rate}}
         for variant, steps, arguments in (("", EPISODE_STEPS, {}), ("-Storm", _STORM_STEPS, storm)):
             if f"UVMS-{name}{variant}-v0" not in gymnasium.registry:
                 gymnasium.register(

@@ -22,7 +22,7 @@ class EETrackOptions(TaskOptions, task="ee-track"):
         Greatest amplitude or radius, m, in [0, 5]; 50 to 100 % of it are drawn.
     reference_speed : float
         Greatest speed, m/s, in [0, 2]; 50 to 100 % of it are drawn.
-    reference_turn : float
+    reference_rotation : float
         Greatest amplitude of turns about the vertical, rad, in [0, 0.6]; out of the horizontal less than a third of it.
     preview : dict or None
         Any of `points`, the number of reference points seen ahead, 0 to 8 (3), and `spacing`, the time between them, s,
@@ -32,7 +32,7 @@ class EETrackOptions(TaskOptions, task="ee-track"):
     reference: Literal["point", "line", "circle", "figure-eight", "spline", "mixed"] = "mixed"
     reference_size: float = 0.4
     reference_speed: float = 0.2
-    reference_turn: float = 0.4
+    reference_rotation: float = 0.4
     preview: Preview | None = None
 
 
@@ -72,8 +72,8 @@ class EETrackEnv(TaskEnv):
 
     With `action="thrusters"` (a = m + n) each of the first entries is a thruster's thrust over its limit on that side,
     in the order of the scene. With `action="residual"` (a = 6 + n) it is a correction to the action of
-    `uvms_gym.ResolvedMotion` on the same observation for `action="wrench"`, over `residual` of the limits; the sum is
-    clipped to the limits.
+    `uvms_gym.ResolvedMotion` on the same observation for `action="wrench"`, over `residual_scale` of the limits; the
+    sum is clipped to the limits.
 
     ## Observation Space
     A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
@@ -114,11 +114,12 @@ class EETrackEnv(TaskEnv):
 
     ## Information
     `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) of the end effector
-    (and the same as `end_effector_...`); `effort` (mean of |u|^1.5) and `saturation` over thrusters and joints;
-    their root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`,
-    `current_y`, `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`,
-    `reward_diverged`. Only these depend on the reward's weights. `success` is 1 where both errors are within
-    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is the duration of the current, or of the last,
+    (and the same as `end_effector_...`), and their pose error `pose_error` (m); `effort` (mean of u^2), `power` (mean
+    of |u|^1.5) and `saturation` over thrusters and joints; `action_rate` (mean squared change of the action); root mean
+    squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`, `current_z` (m/s,
+    world); and the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`, `reward_diverged`. Only these
+    depend on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and `mean_success`
+    its mean; `recovery_time` is the duration of the current, or of the last,
     departure from `tolerance`, s (the approach at an episode's start counts as one). `diverged` is 1 where the run has
     diverged, else 0. `disturbance_force`, `payload` and `thruster_gain` are those of `StationKeepEnv`.
 
@@ -132,7 +133,7 @@ class EETrackEnv(TaskEnv):
     the reference starts), `current` (3, world, the scene's own included), and `disturbance`. SI units.
 
     `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
-    `rate` at 0.2.
+    `action_rate` at 0.2.
 
     ```python
     >>> import gymnasium, uvms_gym

@@ -50,7 +50,8 @@ class StationKeepEnv(TaskEnv):
 
     With `action="thrusters"` each entry is a thruster's thrust over its limit on that side, in the order of the scene.
     With `action="residual"` it is a correction to the action of the paper's PD (`uvms_gym.PD` on the same observation,
-    with the scene's gains) for `action="wrench"`, over `residual` of the limits; the sum is clipped to the limits.
+    with the scene's gains) for `action="wrench"`, over `residual_scale` of the limits; the sum is clipped to the
+    limits.
 
     ## Observation Space
     A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
@@ -115,12 +116,13 @@ class StationKeepEnv(TaskEnv):
     Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) and both of the end
-    effector relative to its pose by target and arm reference; `effort` (mean of |u|^1.5) and `saturation`; their root
-    mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`,
-    `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_rate`, `reward_diverged`.
-    Only these depend on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and
-    `mean_success` its mean; `recovery_time` is the duration of the current, or of the last, departure from `tolerance`,
+    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad), their pose error
+    `pose_error` (m), and both errors of the end effector relative to its pose by target and arm reference; `effort`
+    (mean of u^2), `power` (mean of |u|^1.5) and `saturation` of the thrusters; `action_rate` (mean squared change of
+    the action); root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`,
+    `current_y`, `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`,
+    `reward_diverged`. Only these depend on the reward's weights. `success` is 1 where both errors are within
+    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is the duration of the current, or of the last, departure from `tolerance`,
     s (the approach at an episode's start counts as one). `diverged` is 1 where the run has diverged, else 0. Over the
     last period, `disturbance_force` is the force of pushes, tether and script (N), `payload` the held mass (kg), and
     `thruster_gain` the remaining share of the weakest thruster's thrust.
@@ -137,7 +139,8 @@ class StationKeepEnv(TaskEnv):
 
     `UVMS-StationKeep-Storm-v0` is this task as controllers are compared in it. It differs from
     `disturbance="storm"` alone: `thruster_lag=0.1`; `substeps=10`, so a control period of 0.1 s, which is also the
-    sensors' delay; 200 steps; and reward weights `effort` 0.05 and `rate` 0.8, for commands about as calm as a PD's.
+    sensors' delay; 200 steps; and reward weights `effort` 0.05 and `action_rate` 0.8, for commands about as calm as a
+    PD's.
 
     ```python
     >>> import gymnasium, uvms_gym

@@ -8,7 +8,7 @@ import numpy as np
 
 from uvms_gym import Rollout
 from uvms_gym.controllers import Controller
-from uvms_gym.studies.comparison.metrics import VARIATION_REWARD, pose_rms, variation
+from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 
 #: First seed of evaluation episodes; those of training lie above.
@@ -42,8 +42,7 @@ def evaluate(
         effector in tracking; `pose_95`, its 95th percentile; means of `effort` and `variation` of commands; share of
         `diverged` episodes.
     """
-    # The weights of the reward do not affect the episodes.
-    envs = gymnasium.make_vec(env, num_envs=episodes, **{**env_kwargs, "reward": VARIATION_REWARD})
+    envs = gymnasium.make_vec(env, num_envs=episodes, **env_kwargs)
     envs.reset(seed=seed)
     rollout = Rollout(envs, controller)
     rollout.run(episode_steps(env, env_kwargs))
@@ -56,7 +55,7 @@ def evaluate(
         "position": interquartile_mean(stats.rms("position_error")),
         "attitude": interquartile_mean(stats.rms("attitude_error")),
         "end_effector": interquartile_mean(stats.rms("end_effector_position_error")),
-        "effort": float(stats.mean("effort").mean()),
-        "variation": float(variation(stats).mean()),
+        "effort": float(stats.mean("power").mean()),
+        "variation": float(stats.mean("action_rate").mean()),
         "diverged": float(stats.terminated.mean()),
     }

@@ -10,7 +10,6 @@ import gymnasium
 from uvms_gym.controllers.registry import TASKS
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import EPISODE_STEPS
-from uvms_gym.studies.comparison.metrics import VARIATION_REWARD
 
 Options = dict[str, Any]
 Components = dict[str, Any]
@@ -206,7 +205,7 @@ def _condition(env: str, scene: str, level: str | None, departure: str, base: Op
         before, substeps = options.get("substeps", 5), max(1, round(period / dt))
         options["substeps"], steps = substeps, round(steps * before / substeps)
     designed = options if chosen.told else base
-    options = {key: value for key, value in options.items() if key != "task"} | {"reward": VARIATION_REWARD}
+    options = {key: value for key, value in options.items() if key not in ("task", "reward")}
     return Condition(env, scene, level, departure, options, dict(designed), steps)
 
 

@@ -1,7 +1,4 @@
-"""Measures of episodes, from the statistics of a rollout.
-
-The attitude lever of the pose error and the variation of commands are defined here alone.
-"""
+"""Measures of episodes, from the statistics of a rollout."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,14 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from uvms_gym import ATTITUDE_LEVER
 from uvms_gym.rollouts import RolloutStats
 
 Floats = NDArray[np.float64]
 
-#: Lever that turns angles into distances in the pose error, m per rad.
-ATTITUDE_LEVER = 0.5
-#: Argument `reward` of environments for which `variation` is defined: a term of weight 1 holds its negative.
-VARIATION_REWARD = {"rate": 1.0}
 #: Parts of an episode: all of it, and the rest after the first `SETTLED` seconds.
 PARTS, SETTLED = ("whole", "settled"), 3.0
 
@@ -29,16 +23,6 @@ def pose_rms(stats: RolloutStats, task: str = "station-keep") -> Floats:
     part = "end_effector_" if task == "ee-track" else ""
     position, attitude = (stats.squares[f"{part}{name}_error"] for name in ("position", "attitude"))
     return np.sqrt((position + ATTITUDE_LEVER**2 * attitude) / np.maximum(stats.steps, 1))
-
-
-def variation_sums(stats: RolloutStats) -> Floats:
-    """Sums (N,) over the steps of the mean squared change of the action."""
-    return -stats.sums["reward_rate"]
-
-
-def variation(stats: RolloutStats) -> Floats:
-    """Means (N,) over the steps of the mean squared change of the action."""
-    return np.asarray(variation_sums(stats) / np.maximum(stats.steps, 1))
 
 
 class Metric(NamedTuple):
@@ -95,9 +79,9 @@ METRICS: dict[str, Metric] = {
     "position": Metric("position", "mm", _rms("position_error"), 1e3, error=True),
     "attitude": Metric("attitude", "mrad", _rms("attitude_error"), 1e3, error=True),
     "end_effector": Metric("end effector", "mm", _rms("end_effector_position_error"), 1e3, error=True),
-    "effort": Metric("effort", "%", _mean("effort"), 1e2),
+    "effort": Metric("effort", "%", _mean("power"), 1e2),
     "saturation": Metric("saturation", "%", _mean("saturation"), 1e2),
-    "variation": Metric("variation", "1e-3", variation, 1e3),
+    "variation": Metric("variation", "1e-3", _mean("action_rate"), 1e3),
     "recovery": Metric("recovery", "s", lambda stats: stats.last["recovery_time"], whole=True),
     "within": Metric("in tolerance", "% of time", _mean("success"), 1e2, less=False),
     "success": Metric("success", "%", lambda stats: stats.last["success"], 1e2, less=False, cut=0.0, whole=True),
