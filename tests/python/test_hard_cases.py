@@ -46,6 +46,17 @@ def test_a_hard_case_meets_its_bound_or_warns(name: str, method: Method, monkeyp
         assert run.verdict != "SILENT", run
 
 
+@pytest.mark.nightly
+@pytest.mark.parametrize("method", methods(), ids=lambda method: method.name)
+@pytest.mark.parametrize("name", BY_NAME)
+def test_a_hard_case_meets_its_bound_or_warns_at_coarser_steps_too(name: str, method: Method) -> None:
+    case = BY_NAME[name]
+    for dtype in DTYPES:
+        for step in [None, *case.coarser_steps(method)]:
+            run = evaluate(case, method, dtype, step)
+            assert run.verdict != "SILENT", run
+
+
 @pytest.mark.parametrize("name", [name for name in BY_NAME if name != "R'R over 1e6 steps"])
 def test_the_default_meets_every_bound_without_a_warning(name: str) -> None:
     for dtype in DTYPES:
