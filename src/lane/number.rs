@@ -25,7 +25,7 @@ pub trait Lane:
     type Mask: Copy;
     /// Instances per group.
     const LANES: usize;
-    /// Whether a group is one instance. (As the whole condition of an `if` it spares the compiler the branch not taken.)
+    /// True where a group is one instance. (As the whole condition of an `if` it spares the compiler the branch not taken.)
     const SCALAR: bool = Self::LANES == 1;
 
     /// The same number in every lane.

@@ -45,7 +45,7 @@ impl Block {
         self.scale.len()
     }
 
-    /// Whether there is no entry; a layout holds no such block.
+    /// True where there is no entry; a layout holds no empty block.
     pub fn is_empty(&self) -> bool {
         self.scale.is_empty()
     }
@@ -88,7 +88,7 @@ impl Layout {
         self.scale.len()
     }
 
-    /// Whether a row has no entry.
+    /// True where a row has no entry.
     pub fn is_empty(&self) -> bool {
         self.scale.is_empty()
     }

@@ -22,7 +22,7 @@ impl EpisodeKey {
     }
 }
 
-/// What a stream of draws is for. A stream's draws do not depend on how many another stream takes.
+/// Purpose of a stream of draws. A stream's draws do not depend on how many another stream takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
@@ -48,11 +48,11 @@ pub enum Purpose {
     Payload = 37,
     /// Thrusters that fail.
     Thrusters = 38,
-    /// What sensors are off by throughout an episode.
+    /// Biases of sensors throughout an episode.
     Bias = 39,
     /// Factors on the scene's parameters.
     Parameters = 40,
-    /// What differs from one control period to the next.
+    /// Noise of sensors, drawn anew each control period.
     Noise = 41,
 }
 

@@ -1,4 +1,4 @@
-//! What disturbances know of a scene.
+//! Context of disturbances: the scene's figures that they use.
 
 use nalgebra::Vector3;
 
@@ -25,12 +25,12 @@ pub struct DisturbanceContext {
     pub thrusters: usize,
     /// Number of joints.
     pub joints: usize,
-    /// Whether the direction against gravity is measured too.
+    /// True where the direction against gravity is measured too.
     pub tilt: bool,
 }
 
 impl DisturbanceContext {
-    /// Of a scene whose vehicle has thrusters.
+    /// Context for a scene whose vehicle has thrusters.
     pub fn new(scene: &Scene, allocation: &Allocation, level: [Vector3<f64>; 3], period: f64) -> Self {
         let forces = allocation.wrench_limits();
         let weakest = forces[..3].iter().copied().filter(|limit| *limit > 0.0).fold(f64::INFINITY, f64::min);
@@ -50,7 +50,7 @@ impl DisturbanceContext {
         }
     }
 
-    /// Of a task whose observations show the direction against gravity, or not.
+    /// Context for a task that observes the direction against gravity, or not.
     pub fn measuring_up(self, tilt: bool) -> Self {
         Self { tilt, ..self }
     }

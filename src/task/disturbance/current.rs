@@ -34,7 +34,7 @@ impl Default for SteadyCurrent {
 }
 
 impl SteadyCurrent {
-    /// Of any speed up to this one, m/s.
+    /// Current of any speed up to this one, m/s.
     pub fn up_to(speed: f64) -> Self {
         Self { speed: Span::of(0.0, speed), elevation: 0.25 }
     }
@@ -122,7 +122,7 @@ pub struct Gust {
     pub pause: Span,
     /// Greatest angle against the horizontal, rad.
     pub elevation: f64,
-    /// Whether it turns round half-way.
+    /// True where it reverses half-way.
     pub turns: bool,
 }
 

@@ -111,7 +111,7 @@ impl Impulse {
     }
 }
 
-/// What of the coming period lies before a time from now, both in periods.
+/// Share of the coming period before a time from now, in periods.
 #[inline(always)]
 fn within<L: Lane>(time: L) -> L {
     time.min(L::c(1.0)).max(L::zero())

@@ -20,7 +20,7 @@ use crate::lie::{Pose, Vector3, Vector6};
 use crate::task::EpisodeKey;
 use crate::task::random::{Purpose, Stream};
 
-/// What disturbances come to over one control period.
+/// Forcing by all disturbances over one control period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forcing<L> {
     /// Velocity of the water at the start of the period, world axes, m/s.
@@ -29,14 +29,14 @@ pub struct Forcing<L> {
     pub acceleration: Vector3<L>,
     /// Wrench on the vehicle, body axes at its origin, N and N m.
     pub wrench: Vector6<L>,
-    /// What is left of each thruster's thrust; 1 past the last.
+    /// Remaining gain of each thruster; 1 past the last.
     pub gains: [L; THRUSTERS],
     /// Payload, kg.
     pub payload: L,
 }
 
 impl<L: Lane> Forcing<L> {
-    /// What is told of it: magnitude of the force (N), payload (kg), and the least gain of a thruster.
+    /// Summary for `info`: magnitude of the force (N), payload (kg), least gain of a thruster.
     #[inline(always)]
     pub fn summary(&self) -> [L; 3] {
         let force = self.wrench.linear;
@@ -59,7 +59,7 @@ pub struct DisturbanceKernel<T> {
     frequency: T,
 }
 
-/// What the first draws of a stream are kept from, so that those of control periods follow them.
+/// Draws reserved at the start of a stream; those of control periods follow.
 const FIRST: u32 = 16;
 /// Draws that the noise of a control instant may take.
 const NOISE: u32 = 16;
@@ -82,25 +82,25 @@ impl<T: Real> DisturbanceKernel<T> {
         self.rows.sensors.as_ref()
     }
 
-    /// Whether the water's velocity changes within an episode.
+    /// True where the water's velocity changes within an episode.
     #[inline(always)]
     pub fn flows(&self) -> bool {
         self.rows.flows()
     }
 
-    /// Whether the water accelerates.
+    /// True where the water accelerates.
     #[inline(always)]
     pub fn accelerates(&self) -> bool {
         self.rows.waves.is_some()
     }
 
-    /// Whether anything pushes.
+    /// True where there is an external force.
     #[inline(always)]
     pub fn pushes(&self) -> bool {
         self.rows.pushes()
     }
 
-    /// Whether thrusters weaken.
+    /// True where thrusters lose thrust.
     #[inline(always)]
     pub fn weakens(&self) -> bool {
         self.rows.thrusters.is_some()
@@ -144,7 +144,7 @@ impl<T: Real> DisturbanceKernel<T> {
         }
     }
 
-    /// What happens one instance at a time before control period `step`: draws, and what comes next of what is over.
+    /// Advances one instance before control period `step`: draws, and the next event after one that is over.
     pub fn advance(&self, memory: &mut Column<'_, T>, key: EpisodeKey, step: u32) {
         let (rows, now) = (&self.rows, f64::from(step));
         if let Some([_, draws]) = rows.drift {
@@ -170,17 +170,17 @@ impl<T: Real> DisturbanceKernel<T> {
         }
     }
 
-    /// What is to be done with the payload before control period `step`.
+    /// Event of the payload before control period `step`.
     pub fn payload_event(&self, memory: &Column<'_, T>, step: u32) -> Option<PayloadEvent> {
         Payload::event(memory.get_all(self.rows.payload?), f64::from(step))
     }
 
-    /// Whether there may be a payload.
+    /// True where there may be a payload.
     pub fn loads(&self) -> bool {
         self.rows.payload.is_some()
     }
 
-    /// What is held from now on, kg.
+    /// Sets the payload held from now on, kg.
     pub fn hold(&self, memory: &mut Column<'_, T>, held: f64) {
         if let Some(row) = self.rows.payload {
             memory.set(row + Payload::ROWS - 1, held);

@@ -1,4 +1,4 @@
-//! What disturbs an episode: currents, waves, pushes, loads, failures, sensors, and numbers that are not quite right.
+//! Disturbances of an episode: currents, waves, pushes, loads, failures, sensors, and errors of parameters.
 //!
 //! Each component is a thing of its own, with ranges that every episode draws from. All that an episode has drawn lies in
 //! rows of its memory, so that it goes on from there alone. What differs from one control period to the next has
@@ -170,7 +170,7 @@ impl Disturbance {
         Ok(())
     }
 
-    /// Whether instances differ in their parameters, now or later.
+    /// True where instances differ in their parameters, now or later.
     pub fn varies(&self) -> bool {
         self.parameters.is_some() || self.payload.is_some()
     }

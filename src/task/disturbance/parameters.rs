@@ -19,9 +19,9 @@ pub struct Parameters {
     ranges: [Option<Span>; FACTORS],
 }
 
-/// What `true` stands for: factors from 0.7 to 1.3.
+/// Range for `true`: factors from 0.7 to 1.3.
 const USUAL: f64 = 0.3;
-/// What a single share is for.
+/// Parameters that a single number randomises.
 const SHARED: [&str; 6] = ["mass", "added_mass", "linear_damping", "quadratic_damping", "thrust", "thruster_lag"];
 const PAYLOAD: &str = "payload";
 const VOLUME: &str = "volume";

@@ -9,7 +9,7 @@ use crate::lane::Rows;
 use crate::lie::{Pose, Vector6};
 use crate::task::EpisodeKey;
 
-/// What disturbances will come to, one entry per control period.
+/// Forcing to come, one entry per control period.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Profile {
     /// Velocity of the water, world axes, m/s.
@@ -18,7 +18,7 @@ pub struct Profile {
     pub acceleration: Vec<[f64; 3]>,
     /// Wrench on the vehicle, body axes, N and N m.
     pub wrench: Vec<[f64; 6]>,
-    /// What is left of each thruster's thrust.
+    /// Remaining gain of each thruster.
     pub gains: Vec<Vec<f64>>,
     /// Payload, kg.
     pub payload: Vec<f64>,
@@ -39,7 +39,7 @@ impl Profile {
 }
 
 impl DisturbanceKernel<f64> {
-    /// Of the coming `steps` control periods, the first of which is number `step`, for a vehicle that stays at rest in `pose`.
+    /// Profile of the next `steps` control periods, from number `step` on, for a vehicle at rest in `pose`.
     /// `numbers` are those of the episode; they are left as they are at the end.
     pub fn profile(
         &self,

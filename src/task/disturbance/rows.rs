@@ -80,12 +80,12 @@ impl DisturbanceRows {
         (!absent).then_some(rows)
     }
 
-    /// Whether the water's velocity changes within an episode.
+    /// True where the water's velocity changes within an episode.
     pub(super) fn flows(&self) -> bool {
         self.drift.is_some() || self.gust.is_some() || self.waves.is_some() || self.script.is_some()
     }
 
-    /// Whether anything pushes.
+    /// True where there is an external force.
     pub(super) fn pushes(&self) -> bool {
         self.impulse.is_some() || self.tether.is_some() || self.script.is_some()
     }

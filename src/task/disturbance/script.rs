@@ -16,7 +16,7 @@ pub struct Script {
     pub current: Vec<[f64; 3]>,
     /// Wrench on the vehicle at its origin, body axes, N and N m, per control period.
     pub wrench: Vec<[f64; 6]>,
-    /// Whether it starts again at its end.
+    /// True where it starts again at its end.
     pub repeat: bool,
 }
 
@@ -26,7 +26,7 @@ const LONGEST: usize = 100_000;
 impl Script {
     /// Length, whether it repeats; current (3) and wrench (6) now. After them both of every period.
     pub(super) const COMMON: usize = 2 + Self::EACH;
-    /// Of a control period.
+    /// Numbers of a control period.
     const EACH: usize = 9;
 
     /// Control periods.
@@ -34,7 +34,7 @@ impl Script {
         self.current.len().max(self.wrench.len())
     }
 
-    /// Whether there is nothing in it.
+    /// True where it has no entry.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

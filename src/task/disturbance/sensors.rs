@@ -1,4 +1,4 @@
-//! What sensors make of the truth.
+//! Sensors: noise, bias and delay of measurements.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,19 +19,19 @@ pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 3;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Noise {
-    /// Of the position error, m.
+    /// Position error, m.
     pub position: f64,
-    /// Of the attitude error, rad.
+    /// Attitude error, rad.
     pub attitude: f64,
-    /// Of the linear velocity, m/s.
+    /// Linear velocity, m/s.
     pub linear_velocity: f64,
-    /// Of the angular velocity, rad/s.
+    /// Angular velocity, rad/s.
     pub angular_velocity: f64,
-    /// Of joint coordinates, rad or m.
+    /// Joint coordinates, rad or m.
     pub joint_position: f64,
-    /// Of joint rates, rad/s or m/s.
+    /// Joint rates, rad/s or m/s.
     pub joint_rate: f64,
-    /// What is off throughout an episode: its standard deviation over that of the noise.
+    /// Bias throughout an episode: its standard deviation over that of the noise.
     pub bias: f64,
 }
 
@@ -106,7 +106,7 @@ pub struct SensorRows {
     pub measured: usize,
     /// Standard deviation, then bias, of each; and the uniform draws that noise is made of: where there is noise.
     pub noise: Option<[usize; 2]>,
-    /// What was measured: now, a period ago, and so on, `measured` each.
+    /// Measurements now, a period ago, and so on, `measured` each.
     pub ring: usize,
     /// How many such.
     pub slots: usize,
@@ -174,7 +174,7 @@ impl SensorRows {
         }
     }
 
-    /// What is seen now: entries as [`Self::measure`] takes them, zeros past the last.
+    /// Reading now: entries as [`Self::measure`] takes them, zeros past the last.
     #[inline(always)]
     pub fn reading<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> [L; MEASURED] {
         let mut seen = [L::zero(); MEASURED];

@@ -17,13 +17,13 @@ use super::current::smooth_step;
 pub struct ThrusterLoss {
     /// How many.
     pub count: usize,
-    /// What is left of each one's thrust.
+    /// Remaining gain of each one.
     pub gain: Span,
     /// When it happens, s.
     pub time: Span,
     /// How long it takes, s.
     pub fade: f64,
-    /// What is left of each thruster's thrust, in the scene's order; in place of `count` and `gain`.
+    /// Remaining gain of each thruster, in the scene's order; in place of `count` and `gain`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gains: Option<Vec<f64>>,
 }
@@ -66,7 +66,7 @@ impl ThrusterLoss {
         [time, pace].into_iter().chain(gains).collect()
     }
 
-    /// What is left now of each thruster's thrust.
+    /// Remaining gain of each thruster now.
     #[inline(always)]
     pub(super) fn gains<T: Real, L: Lane<Real = T>>(
         memory: &Rows<'_, T>,

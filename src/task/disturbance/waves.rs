@@ -63,7 +63,7 @@ impl Default for Waves {
 impl Waves {
     /// Rows of all trains: depth.
     pub(super) const COMMON: usize = 1;
-    /// Of each: speed at the origin's depth, wave number, phase and its pace per period, direction (3).
+    /// Numbers of each train: speed at the origin's depth, wave number, phase and its rate per period, direction (3).
     pub(super) const EACH: usize = 7;
 
     /// Rows in all.
