@@ -26,7 +26,7 @@ pub struct DockPdGains {
 impl DockPdGains {
     /// Gains of a vehicle's PD with the default speeds of approach.
     pub fn from_pd(VehicleServo { kp, kd }: VehicleServo) -> Self {
-        Self { kp, kd, approach_speed: 0.4, turn_speed: 0.3 }
+        Self { kp, kd, approach_speed: 0.5, turn_speed: 0.3 }
     }
 }
 

@@ -137,7 +137,7 @@ impl TaskDefinition for Dock {
     const BASE: BaseController = BaseController::DockPd;
     const TWIST: [(&'static str, &'static str); 2] = [
         ("relative_velocity", "velocity of the vehicle origin less that of the dock, body axes"),
-        ("relative_angular_velocity", "angular velocity of the vehicle less that of the dock, body axes"),
+        ("relative_angular_velocity", "angular velocity less that of the dock, body axes"),
     ];
     const REWARD_SCALE: f64 = 2.0;
     const METRICS: &'static [&'static str] = &DockMetrics::NAMES;

@@ -63,7 +63,7 @@ def play(
     _need(*pictures, *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
     read_scene(scene)
     made = _make(env, scene, disturbance, seconds)
-    chosen = controller or ("resolved" if made.unwrapped.task == "ee-track" else "pd")  # type: ignore[attr-defined]
+    chosen = controller or registry.BASELINE[made.unwrapped.task]  # type: ignore[attr-defined]
     with user_errors():
         control = registry.make_controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]

@@ -1,6 +1,7 @@
 """Controllers with the signature of Stable-Baselines3's policies. They run natively, alone or in a closed loop."""
 
 from uvms_gym.controllers.base import Controller, StateWarning
+from uvms_gym.controllers.dock_pd import DockPD
 from uvms_gym.controllers.feedback import PD, PID, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP
 from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque
@@ -15,6 +16,7 @@ __all__ = [
     "PID",
     "ComputedTorque",
     "Controller",
+    "DockPD",
     "NoControl",
     "PDRestoring",
     "Residual",

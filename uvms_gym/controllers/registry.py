@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 from uvms_gym import _core
 from uvms_gym._task.options import native
 from uvms_gym.controllers.base import Controller, options_of
+from uvms_gym.controllers.dock_pd import DockPD
 from uvms_gym.controllers.feedback import PD, PID, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP
 from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque
@@ -27,9 +28,11 @@ MLP_PREFIX = "mlp:"
 LIMIT = 0.3
 
 #: Names of tasks in environments' ids.
-TASKS = {"station-keep": "UVMS-StationKeep", "ee-track": "UVMS-EETrack"}
-_STATION, _TRACK = (("station-keep",), ("ee-track",))
-_BOTH = (*_STATION, *_TRACK)
+TASKS = dict(_core.tasks())
+#: Basic controller of each task.
+BASELINE = {"station-keep": "pd", "ee-track": "resolved", "dock": "dock-pd"}
+_STATION, _TRACK, _DOCK = (("station-keep",), ("ee-track",), ("dock",))
+_ALL = tuple(TASKS)
 
 
 class ClassicalEntry(NamedTuple):
@@ -48,7 +51,7 @@ class LearnedEntry(NamedTuple):
 
 
 CLASSICAL: dict[str, ClassicalEntry] = {
-    "none": ClassicalEntry(NoControl, _BOTH),
+    "none": ClassicalEntry(NoControl, _ALL),
     "pd": ClassicalEntry(PD),
     "pd-restoring": ClassicalEntry(PDRestoring),
     "pid": ClassicalEntry(PID),
@@ -60,9 +63,10 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "resolved": ClassicalEntry(ResolvedMotion, _TRACK),
     "resolved-pid": ClassicalEntry(ResolvedMotion, _TRACK, {"integral_gain": 0.5}),
     "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, {"observer_bandwidth": (4.0, 4.0, 8.0), "delay": 1}),
+    "dock-pd": ClassicalEntry(DockPD, _DOCK),
 }
 LEARNED: dict[str, LearnedEntry] = {
-    "ppo": LearnedEntry(_BOTH),
+    "ppo": LearnedEntry(_ALL),
     "ppo-pd": LearnedEntry(_STATION, "pd"),
     "ppo-dob": LearnedEntry(_STATION, "dob-delay"),
     "ppo-resolved-dob": LearnedEntry(_TRACK, "resolved-dob"),
@@ -76,7 +80,7 @@ class Unavailable(ValueError):
 
 
 def names(task: str | None = None) -> tuple[str, ...]:
-    """Names of the controllers of a task ("station-keep" or "ee-track"), or of all tasks."""
+    """Names of the controllers of a task, such as "station-keep", or of all tasks."""
     return tuple(name for name in NAMES if task is None or task in _entry(name).tasks)
 
 
@@ -105,7 +109,7 @@ def make_controller(
     seed : int or None
         Training seed of the policy; None: the first shipped one.
     **options
-        Without `env`: arguments of its environment, and `task` ("station-keep" or "ee-track").
+        Without `env`: arguments of its environment, and `task`, by default "station-keep".
 
     Raises
     ------

@@ -8,6 +8,7 @@ from uvms_gym._task.base import EPISODE_STEPS, INFO
 from uvms_gym._task.layout import Block
 from uvms_gym._task.options import Preview, RewardWeights, TaskOptions, Tolerance
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
+from uvms_gym.envs.dock import DockEnv, DockOptions, DockVectorEnv
 from uvms_gym.envs.ee_track import EETrackEnv, EETrackOptions, EETrackVectorEnv
 from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepOptions, StationKeepVectorEnv
 
@@ -15,6 +16,9 @@ __all__ = [
     "EPISODE_STEPS",
     "INFO",
     "Block",
+    "DockEnv",
+    "DockOptions",
+    "DockVectorEnv",
     "EETrackEnv",
     "EETrackOptions",
     "EETrackVectorEnv",
@@ -33,7 +37,7 @@ __all__ = [
 #: Conditions in which controllers are compared: all disturbances, late sensors, slow thrusters, 0.1 s per action.
 _STORM: dict[str, Any] = {"disturbance": "storm", "thruster_lag": 0.1, "substeps": 10}
 #: Reward weight on changes of the action there, for commands about as calm as a PD's.
-_STORM_RATE = {"StationKeep": 0.8, "EETrack": 0.2}
+_STORM_RATE = {"StationKeep": 0.8, "EETrack": 0.2, "Dock": 0.2}
 _STORM_STEPS = 200
 
 

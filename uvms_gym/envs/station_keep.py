@@ -122,10 +122,10 @@ class StationKeepEnv(TaskEnv):
     the action); root mean squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`,
     `current_y`, `current_z` (m/s, world); and the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`,
     `reward_diverged`. Only these depend on the reward's weights. `success` is 1 where both errors are within
-    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is the duration of the current, or of the last, departure from `tolerance`,
-    s (the approach at an episode's start counts as one). `diverged` is 1 where the run has diverged, else 0. Over the
-    last period, `disturbance_force` is the force of pushes, tether and script (N), `payload` the held mass (kg), and
-    `thruster_gain` the remaining share of the weakest thruster's thrust.
+    `tolerance`, else 0, and `mean_success` its mean; `recovery_time` is the duration of the current, or of the last,
+    departure from `tolerance`, s (the approach at an episode's start counts as one). `diverged` is 1 where the run has
+    diverged, else 0. Over the last period, `disturbance_force` is the force of pushes, tether and script (N), `payload`
+    the held mass (kg), and `thruster_gain` the remaining share of the weakest thruster's thrust.
 
     ## Arguments
     `options`, a `StationKeepOptions`, or its fields as keyword arguments; and `render_mode` (None): `"rgb_array"`, or

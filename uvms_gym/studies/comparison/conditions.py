@@ -9,7 +9,7 @@ import gymnasium
 
 from uvms_gym.controllers.registry import TASKS
 from uvms_gym.disturbances import disturbance_levels
-from uvms_gym.envs import EPISODE_STEPS
+from uvms_gym.envs import EPISODE_STEPS, TaskOptions
 
 Options = dict[str, Any]
 Components = dict[str, Any]
@@ -123,7 +123,7 @@ def _times(value: Any, factor: float) -> Any:
 
 def _still(options: Options) -> Options:
     """No scripted motion of the arm, where the task has one."""
-    return {"arm_amplitude": 0.0} if options["task"] == "station-keep" else {}
+    return {"arm_amplitude": 0.0} if hasattr(TaskOptions.by_task[options["task"]], "arm_amplitude") else {}
 
 
 DEPARTURES: dict[str, Departure] = {

@@ -82,7 +82,7 @@ def is_learned(name: str) -> bool:
 
 def first_baseline(names: Any) -> str:
     """First baseline: the paper's PD or resolved motion, else another classical controller, else the first name."""
-    return next((name for name in ("pd", "resolved", *BASELINES) if name in names), next(iter(names)))
+    return next((name for name in ("pd", "resolved", "dock-pd", *BASELINES) if name in names), next(iter(names)))
 
 
 def baselines(names: Any) -> list[str]:

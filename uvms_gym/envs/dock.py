@@ -1,0 +1,159 @@
+"""Docking: `UVMS-Dock-v0`, single and vector."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from uvms_gym._task.options import TaskOptions
+from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
+
+__all__ = ["DockEnv", "DockOptions", "DockVectorEnv"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DockOptions(TaskOptions, task="dock"):
+    """Options of docking: those of `TaskOptions`, the approach, the dock's motion and the conditions of success.
+
+    The default tolerance is 0.1 m and 0.15 rad.
+
+    Attributes
+    ----------
+    start_clearance : float
+        Least initial distance from the dock, m, in [0, start_distance]; `start_distance` is the greatest.
+    approach_cone : float
+        Half angle of the cone in front of the dock that starts are drawn from, rad, in [0, pi/2].
+    arm : {"stowed", "moving"}
+        Joints stay at home, or follow references as in station keeping.
+    arm_amplitude : float
+        Greatest amplitude of a moving arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
+    dock_sway, dock_heave : float
+        Horizontal and vertical motion of the dock, relative to that of the water at its place, in [0, 1].
+    dock_tilt : float
+        Tilt of the dock, relative to the wave slope at its place, in [0, 1].
+    hold_speed : float
+        Speed relative to the dock below which the vehicle counts as holding, m/s, >= 0.
+    hold_time : float
+        Duration within the tolerances at low relative speed until the vehicle counts as docked, s, >= 0.
+    capture_distance : float
+        Distance from the dock at whose first crossing the approach speed is taken, m, >= 0.
+    docked_reward : float
+        Reward per control period while docked, >= 0.
+    speed_weight : float
+        Reward weight of the relative speed near the dock, >= 0.
+    terminate_on_success : bool
+        The first docking ends the episode.
+    """
+
+    start_distance: float = 5.0
+    start_angle: float = 0.3
+    start_clearance: float = 2.0
+    approach_cone: float = 0.4
+    arm: Literal["stowed", "moving"] = "stowed"
+    arm_amplitude: float = 0.4
+    dock_sway: float = 0.5
+    dock_heave: float = 0.5
+    dock_tilt: float = 0.5
+    hold_speed: float = 0.1
+    hold_time: float = 2.0
+    capture_distance: float = 0.5
+    docked_reward: float = 0.5
+    speed_weight: float = 0.1
+    terminate_on_success: bool = False
+
+
+class DockEnv(TaskEnv):
+    """Approach a dock that sways with the waves, and hold its pose at low relative speed.
+
+    ## Description
+    A free-floating vehicle with or without an arm starts 2 to 5 m in front of a dock on a moored platform. It is docked
+    once it has been within the tolerances of the docking pose, at low speed relative to the dock, for the hold time.
+    The dock moves with the orbital motion of the episode's waves, by a factor, and tilts with their slope; without
+    waves it stands still. The arm is stowed, or follows references under its servos. A steady current of random
+    strength and direction acts on the vehicle, or any disturbance. The physics is that of `uvms_gym.Simulator`.
+
+    ## Action Space
+    A `Box(-1, 1, (a,), float32)`: that of `StationKeepEnv`. With `action="residual"` it is a correction to the action
+    of `uvms_gym.DockPD` with the scene's gains. On `petasus-pum` with wrench actions:
+
+    | Num | Action | -1   | +1  | Unit |
+    | --- | ------ | ---- | --- | ---- |
+    | 0 | surge | -200 | 200 | N |
+    | 1 | sway | -200 | 200 | N |
+    | 2 | heave | -200 | 200 | N |
+    | 3 | roll | -60 | 60 | N m |
+    | 4 | pitch | -60 | 60 | N m |
+    | 5 | yaw | -60 | 60 | N m |
+
+    ## Observation Space
+    A `Box(-bound, bound, (d,), float32)`: physical values over fixed scales, clipped to bounds that are not reached
+    within an episode. r_d and R_d are the docking pose as of now. Velocities are relative to the dock, as the vehicle
+    measures them; the dock's own motion is not observed. With n joints there are 21 + a + 4 n entries; on `petasus-pum`
+    with wrench actions:
+
+    | Num | Observation | Scale | Bound | Unit |
+    | --- | ----------- | ----- | ----- | ---- |
+    | 0-2 | `position_error`: R^T (r - r_d), body axes | 0.1 | 100 | m |
+    | 3-5 | `attitude_error`: rotation vector log(R_d^T R), body axes | 0.1 | 31.42 | rad |
+    | 6-8 | `relative_velocity`: velocity of the vehicle origin less that of the dock, body axes | 0.2 | 50 | m/s |
+    | 9-11 | `relative_angular_velocity`: angular velocity less that of the dock, body axes | 0.2 | 100 | rad/s |
+    | 12-14 | `up`: direction against gravity, body axes | 1 | 1.001 | 1 |
+    | 15-19 | `joint_position`: joint coordinates relative to home | 0.5 | 20 to 24.8 | rad or m |
+    | 20-24 | `joint_rate`: joint rates | 0.5 | 40 | rad/s or m/s |
+    | 25-29 | `joint_reference`: reference at the next control instant, relative to home | 0.5 | 20 to 24.8 | rad or m |
+    | 30-34 | `joint_reference_rate`: rate of the reference at the next control instant | 0.5 | 40 | rad/s or m/s |
+    | 35-40 | `previous_action`: the last action, as clipped | 1 | 1 | 1 |
+    | 41-46 | `error_integral`: leaky integral of both errors, I' = e - 0.1 I | 0.2 | 157.1 to 500 | m s and rad s |
+
+    `env.unwrapped.layout` has the same as data, for any scene.
+
+    ## Rewards
+    With the pose error p = sqrt(|e|^2 + (0.5 m * angle)^2), the relative speed v, relative thrusts u in [-1, 1] and
+    actions a the reward is `-0.1 (ln(1 + (p / 0.02 m)^2) + p / 2 m) - 0.02 mean(u^2) - 0.1 mean((a - a_previous)^2)
+    - 0.1 / (1 + (p / 0.5 m)^2) v / (v + 0.1 m/s)`, plus 0.5 while docked, less 500 where the run diverges: as much as
+    370 steps at 5 m, so ending the episode early never pays. The weights are the options `reward`, `speed_weight` and
+    `docked_reward`.
+
+    ## Starting State
+    Vehicle at rest 2 to 5 m from the dock, within a cone of half angle 0.4 rad about its -x axis, with the dock's
+    attitude up to a heading error of 0.3 rad; joints at their home. In still water the docking pose is that of the
+    drawn target (world origin, level, by default).
+
+    ## Episode End
+    Termination: the run diverges (10 m from the dock, 10 m/s, 20 rad/s, or 20 rad/s or m/s at a joint), or the first
+    docking with `terminate_on_success`. Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
+
+    ## Information
+    Those of `StationKeepEnv`, except that `success` is 1 from the first docking on, and so `mean_success` and
+    `recovery_time` are those of docking; and `docked` (1 while docked), `time_to_dock` (s until the first docking; the
+    time so far before it), `approach_speed` (relative speed at the first crossing of `capture_distance`, m/s; 0 before
+    it) and `reward_docking` (the reward's terms of relative speed and of being docked).
+
+    ## Arguments
+    `options`, a `DockOptions`, or its fields as keyword arguments; and `render_mode`, as `StationKeepEnv` has it.
+    `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are
+    those of the docking pose in still water.
+
+    `UVMS-Dock-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
+    `action_rate` at 0.2.
+
+    ```python
+    >>> import gymnasium, uvms_gym
+    >>> env = gymnasium.make("UVMS-Dock-v0", scene="bluerov2-heavy", disturbance="waves")
+    >>> observation, info = env.reset(seed=1)
+    >>> bool(2.0 < info["position_error"] < 6.0)
+    True
+
+    ```
+
+    ## Version History
+    - v0: first version.
+    """
+
+    options_class = DockOptions
+    options: DockOptions
+
+
+class DockVectorEnv(TaskVectorEnv):
+    """N instances of `DockEnv`, stepped together in one native call; parameters are those of `TaskVectorEnv`."""
+
+    options_class = DockOptions
+    options: DockOptions
