@@ -1,6 +1,7 @@
-//! The source text itself: layers, circles between files, lengths.
+//! The source text itself: layers, circles between files, lengths, features.
 
 mod cycles;
+mod features;
 mod layers;
 mod modules;
 mod sizes;
