@@ -103,7 +103,7 @@ impl EpisodeRows {
             disturbance: None,
             rows: rows.take(0),
         };
-        let disturbance = model.disturbance.rows(&model.context, this.rows);
+        let disturbance = DisturbanceRows::new(&model.disturbance, &model.context, this.rows);
         Self { disturbance, rows: disturbance.map_or(this.rows, |rows| rows.end), ..this }
     }
 

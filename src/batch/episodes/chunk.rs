@@ -1,10 +1,10 @@
 //! The task around the physics of a few instances, on one thread.
 
+use super::autoreset::Autoreset;
 use super::episode_slot::EpisodeSlot;
 use super::kernels::{ActKernel, Blocks, EvaluateKernel, ObserveKernel};
-use super::outputs::{Outputs, Transition};
+use super::outputs::{Final, Outputs, Transition};
 use super::payload::apply_payload_event;
-use super::{Autoreset, Final};
 use crate::batch::stepping::blocks::{CHUNK, PhysicsChunk};
 use crate::control::Controller;
 use crate::lane::Real;

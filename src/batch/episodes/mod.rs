@@ -1,5 +1,6 @@
 //! Episodes of a task, many at a time.
 
+mod autoreset;
 mod chunk;
 mod episode_slot;
 mod kernels;
@@ -21,49 +22,12 @@ use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::task::disturbance::Profile;
 use crate::task::{Episode, EpisodeKey, Pose, StartOverride, Task, TaskOptions, dispatch_task, privileged};
+pub use autoreset::Autoreset;
 use chunk::Rules;
 use episode_slot::EpisodeSlot;
-pub use outputs::{Outputs, StepResult, Transition};
+pub use outputs::{Final, Outputs, StepResult, Transition};
 pub use rollout::{Rollout, RolloutStats, Trace};
 use storage::{RolloutArgs, StepArgs, TaskBlocks, TaskStorage};
-
-/// Handling of instances whose episode is over.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Autoreset {
-    /// The next step ignores the action and starts the next episode: its first observation, reward 0.
-    #[default]
-    NextStep,
-    /// The same step starts the next episode; the last observation and metrics are in [`Transition::finals`].
-    SameStep,
-    /// The instance waits for [`TaskBatch::reset`].
-    Disabled,
-}
-
-/// The end of an episode whose successor began in the same step.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Final {
-    /// Instance.
-    pub instance: usize,
-    /// Last observation.
-    pub observation: Vec<f32>,
-    /// Last metrics.
-    pub info: Vec<f64>,
-    /// Privileged information: see [`TaskBatch::privileged`].
-    pub privileged: Vec<f64>,
-}
-
-impl Final {
-    /// End of the episode of instance `k` of a chunk that begins with instance `first`.
-    fn of(first: usize, k: usize, out: &Outputs<'_>, privileged: Vec<f64>) -> Self {
-        let width = out.observations.len() / out.len();
-        Self {
-            instance: first + k,
-            observation: out.observations[k * width..(k + 1) * width].to_vec(),
-            info: out.metrics().map(|row| row[k]).collect(),
-            privileged,
-        }
-    }
-}
 
 /// Result of a reset.
 #[derive(Debug, Clone, PartialEq)]

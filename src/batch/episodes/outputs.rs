@@ -1,6 +1,5 @@
 //! Outputs of steps.
 
-use super::Final;
 use crate::error::ControlError;
 use crate::task::INFO;
 
@@ -129,6 +128,32 @@ pub struct StepResult {
     pub truncated: bool,
     /// Metrics, in the order of the task's names.
     pub info: Vec<f64>,
+}
+
+/// The end of an episode whose successor began in the same step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Final {
+    /// Instance.
+    pub instance: usize,
+    /// Last observation.
+    pub observation: Vec<f32>,
+    /// Last metrics.
+    pub info: Vec<f64>,
+    /// Privileged information: see [`TaskBatch::privileged`](super::TaskBatch::privileged).
+    pub privileged: Vec<f64>,
+}
+
+impl Final {
+    /// End of the episode of instance `k` of a chunk that begins with instance `first`.
+    pub(super) fn of(first: usize, k: usize, out: &Outputs<'_>, privileged: Vec<f64>) -> Self {
+        let width = out.observations.len() / out.len();
+        Self {
+            instance: first + k,
+            observation: out.observations[k * width..(k + 1) * width].to_vec(),
+            info: out.metrics().map(|row| row[k]).collect(),
+            privileged,
+        }
+    }
 }
 
 /// Results of a step.

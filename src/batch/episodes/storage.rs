@@ -2,11 +2,10 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use super::Final;
 use super::chunk::{Chunk, ChunkContext, Rules, column, set_column};
 use super::episode_slot::EpisodeSlot;
 use super::kernels;
-use super::outputs::Outputs;
+use super::outputs::{Final, Outputs};
 use super::rollout::{Rollout, RolloutChunk, take_before};
 use crate::batch::simulator::Simulator;
 use crate::batch::stepping::blocks::CHUNK;

@@ -124,11 +124,6 @@ impl Disturbance {
         Ok(())
     }
 
-    /// Where its numbers lie, from row `start` on; `None` if there is nothing that changes within an episode.
-    pub fn rows(&self, context: &DisturbanceContext, start: usize) -> Option<DisturbanceRows> {
-        DisturbanceRows::new(self, context, start)
-    }
-
     /// Refuses another one that asks for more than what there is memory for.
     pub fn check_room(&self, other: &Self, period: f64) -> Result<(), TaskError> {
         let periods = |of: &Self| of.delay.as_ref().map_or(0, |delay| delay.in_periods(period));

@@ -39,7 +39,7 @@ pub struct DisturbanceRows {
 
 impl DisturbanceRows {
     /// From row `start` on; `None` if there is nothing that changes within an episode.
-    pub(super) fn new(disturbance: &Disturbance, context: &DisturbanceContext, start: usize) -> Option<Self> {
+    pub fn new(disturbance: &Disturbance, context: &DisturbanceContext, start: usize) -> Option<Self> {
         let mut end = start;
         let mut take = |count: usize| {
             end += count;

@@ -50,7 +50,7 @@ impl Run {
     fn new(disturbance: &Disturbance, seed: u64) -> Self {
         let context = context();
         disturbance.check(&context).unwrap();
-        let rows = disturbance.rows(&context, 0).unwrap();
+        let rows = DisturbanceRows::new(&disturbance, &context, 0).unwrap();
         let kernel = DisturbanceKernel::new(rows, &context);
         let mut numbers = vec![0.0; rows.end];
         let steady = na::Vector3::zeros();
@@ -416,8 +416,8 @@ fn levels_can_be_read_written_and_held_at_every_scene() {
             disturbance.check(&DisturbanceContext::new(&scene, &allocation, level, PERIOD)).unwrap();
         }
     }
-    assert!(Disturbance::named("calm").unwrap().rows(&context(), 0).is_none());
-    assert!(Disturbance::steady(0.3).rows(&context(), 0).is_none());
+    assert!(DisturbanceRows::new(&Disturbance::named("calm").unwrap(), &context(), 0).is_none());
+    assert!(DisturbanceRows::new(&Disturbance::steady(0.3), &context(), 0).is_none());
 }
 
 #[test]
@@ -520,7 +520,7 @@ proptest! {
     fn no_dict_brings_a_panic(value in any_json(), seed: u64) {
         let Ok(disturbance) = Disturbance::from_json(&value.to_string()) else { return Ok(()) };
         let Ok(()) = disturbance.check(&context()) else { return Ok(()) };
-        if disturbance.rows(&context(), 0).is_some() {
+        if DisturbanceRows::new(&disturbance, &context(), 0).is_some() {
             let mut run = Run::new(&disturbance, seed);
             for _ in 0..5 {
                 let forcing = run.next();
@@ -535,7 +535,7 @@ proptest! {
     #[test]
     fn levels_are_finite_at_any_place(seed: u64, level in 0..LEVELS.len(), x in -10.0..10.0f64, z in -10.0..10.0f64) {
         let disturbance = LEVELS[level].disturbance();
-        if disturbance.rows(&context(), 0).is_none() {
+        if DisturbanceRows::new(&disturbance, &context(), 0).is_none() {
             return Ok(());
         }
         let mut run = Run::new(&disturbance, seed);
