@@ -99,7 +99,7 @@ def test_weights_scale_their_terms():
         ({"integrator": "euler"}, "mk4"),
         ({"dtype": "float16"}, "'float64', 'float32'"),
         ({"max_current": -1.0}, "max_current"),
-        ({"reward": {"speed": 1.0}}, "pose, effort, rate, diverged"),
+        ({"reward": {"speed": 1.0}}, "pose, effort, action_rate, diverged"),
         ({"reward": {"pose": float("nan")}}, "reward.pose"),
         ({"threads": 0}, "threads"),
         ({"render_mode": "human"}, "render_mode"),

@@ -98,7 +98,8 @@ impl<'a> Iterator for Chunks<'a> {
             rewards: split(&mut rest.rewards, count),
             terminated: split(&mut rest.terminated, count),
             truncated: split(&mut rest.truncated, count),
-            info: rest.info.each_mut().map(|row| split(row, count)),
+            // Rows past the last metric are empty.
+            info: rest.info.each_mut().map(|row| split(row, count.min(row.len()))),
         })
     }
 
