@@ -1,6 +1,7 @@
 //! Tasks: sampling, observation, reward, disturbances.
 
 mod disturbance;
+mod dock;
 mod observation;
 mod path;
 mod pose;

@@ -1,0 +1,244 @@
+"""Docking as Python sees it: documentation, motion of the dock, metrics, the classical controller, parity."""
+
+import re
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from helpers import assert_parity
+
+import uvms_gym
+from uvms_gym import DockPD, Rollout
+from uvms_gym._core import task_defaults
+from uvms_gym.envs import DockEnv, DockOptions, DockVectorEnv, TaskOptions
+
+ENV = "UVMS-Dock-v0"
+ARM, BARE = "bluerov2-heavy-alpha5", "bluerov2-heavy"
+OWN = ("docked", "time_to_dock", "approach_speed", "reward_docking")
+WAVES = {"waves": {"height": 1.0, "period": [5.0, 6.0], "depth": 3.0, "trains": 2}}
+CALM = {"max_current": 0.0}
+
+
+def span(values):
+    low, high = min(values), max(values)
+    return f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+
+
+def test_documented_tables_are_those_of_the_native_layout():
+    env = DockEnv()
+    rows = [
+        f"| {block.offset} | {block.name} | {block.low[0]:.4g} | {block.high[0]:.4g} | {block.unit} |"
+        for block in env.action_layout
+    ]
+    for block in env.layout:
+        first, last = block.offset, block.offset + block.length - 1
+        what = f"`{block.name}`: {block.description}"
+        bound = span([high / scale for high, scale in zip(block.high, block.scale, strict=True)])
+        rows.append(f"| {first}-{last} | {what} | {span(block.scale)} | {bound} | {block.unit} |")
+    documented = [line.strip() for line in DockEnv.__doc__.splitlines() if re.match(r"\s*\| \d", line)]
+    assert documented == rows
+
+
+def test_documentation_names_all_options_and_own_metrics():
+    text, options = DockEnv.__doc__, TaskOptions.__doc__ + DockOptions.__doc__
+    for name in DockOptions().to_dict():
+        assert re.search(rf"^    (\w+, )*{name}(, \w+)* : ", options, re.MULTILINE), name
+    for name in OWN:
+        assert f"`{name}`" in text, name
+    assert set(DockEnv().metric_names) - set(gym.make("UVMS-StationKeep-v0").unwrapped.metric_names) == set(OWN)
+
+
+def test_defaults_are_those_of_the_native_module():
+    native = task_defaults("dock")
+    for name, value in DockOptions().to_dict().items():
+        if name in native and name not in ("reward", "tolerance"):
+            assert native[name] == value, name
+
+
+def still(env, steps=60):
+    """Poses of the dock and its velocities by the observations, of a vehicle without control."""
+    layout = {block.name: block for block in env.layout}
+    envs, seen = env, []
+    observations, _ = envs.reset(seed=5)
+    for _ in range(steps):
+        state, episode = envs.snapshot(), envs.episode
+        linear, angular = (
+            observations[0, layout[name].offset :][:3] * layout[name].scale[0]
+            for name in ("relative_velocity", "relative_angular_velocity")
+        )
+        rotation = state.rotation[0]
+        velocity = rotation @ (state.twist[0, :3] - linear), rotation @ (state.twist[0, 3:] - angular)
+        seen.append((episode["target_position"][0], episode["target_rotation"][0], *velocity))
+        observations = envs.step(np.zeros(envs.action_space.shape, dtype=np.float32))[0]
+    return [np.array(part) for part in zip(*seen, strict=True)]
+
+
+def test_the_dock_moves_with_the_waves_as_the_relative_velocity_says():
+    period = 0.02
+    position, rotation, velocity, angular = still(
+        DockVectorEnv(1, scene=BARE, disturbance=WAVES, dt=0.01, substeps=2, dock_tilt=1.0), 300
+    )
+    change = (position[2:] - position[:-2]) / (2.0 * period)
+    np.testing.assert_allclose(change, velocity[1:-1], atol=2e-4)
+    skew = (rotation[2:] - rotation[:-2]) / (2.0 * period) @ rotation[1:-1].transpose(0, 2, 1)
+    turning = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1)
+    np.testing.assert_allclose(turning, angular[1:-1], atol=2e-4)
+    # Half the water's motion: within half the amplitude of both trains, and not still.
+    reach = np.linalg.norm(position, axis=1).max()
+    assert 0.05 < reach < 0.5 * 1.0 and np.abs(angular).max() > 1e-3
+
+
+def test_the_dock_stands_still_without_waves():
+    for disturbance in (None, "gusts", {"base": "storm", "waves": None}):
+        position, rotation, velocity, angular = still(DockVectorEnv(1, scene=BARE, disturbance=disturbance), 20)
+        assert not position.any() and (rotation == np.eye(3)).all()
+        if disturbance != {"base": "storm", "waves": None}:  # whose sensors have noise
+            np.testing.assert_allclose(velocity, 0.0, atol=1e-6)
+            np.testing.assert_allclose(angular, 0.0, atol=1e-6)
+
+
+def test_without_amplitude_the_dock_stands_still_in_waves():
+    position, *_ = still(
+        DockVectorEnv(1, scene=BARE, disturbance=WAVES, dock_sway=0.0, dock_heave=0.0, dock_tilt=0.0), 20
+    )
+    assert not position.any()
+
+
+def test_the_dock_moves_alike_in_single_and_vector_environments_and_by_the_seed_alone():
+    arguments = {"scene": BARE, "disturbance": WAVES}
+    many, lone = DockVectorEnv(9, **arguments), DockEnv(**arguments)
+    many.reset(seed=11)
+    lone.reset(seed=11 + 4)
+    for _ in range(10):
+        np.testing.assert_array_equal(many.episode["target_position"][4], lone.episode["target_position"][0])
+        np.testing.assert_array_equal(many.episode["target_rotation"][4], lone.episode["target_rotation"][0])
+        many.step(np.zeros((9, 6), dtype=np.float32))
+        lone.step(np.zeros(6, dtype=np.float32))
+    places = many.episode["target_position"]
+    assert len(np.unique(places[:, 0])) == 9
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+@pytest.mark.parametrize(("scene", "dtype"), [("petasus-pum", "float64"), (ARM, "float32"), (BARE, "float64")])
+def test_vector_environment_is_the_single_one(scene, dtype, mode):
+    arguments = {"scene": scene, "dtype": dtype, "disturbance": "storm", "arm": "moving"}
+    envs = DockVectorEnv(3, max_episode_steps=25, autoreset_mode=mode, **arguments)
+    assert_parity(envs, lambda: gym.wrappers.TimeLimit(DockEnv(**arguments), 25), 60)
+
+
+def test_joints_stay_at_home_unless_the_arm_moves():
+    rates = {}
+    for arm in ("stowed", "moving"):
+        envs = DockVectorEnv(4, scene=ARM, arm=arm)
+        envs.reset(seed=0)
+        for _ in range(100):
+            envs.step(np.zeros(envs.action_space.shape, dtype=np.float32))
+        rates[arm] = np.abs(envs.episode["joint_reference_rate"]).max()
+    assert rates["stowed"] == 0.0 < 0.02 < rates["moving"]
+
+
+def dockings(scene, episodes=64, steps=400, **options):
+    """Final metrics of episodes under the classical controller."""
+    envs = DockVectorEnv(episodes, scene=scene, **options)
+    envs.reset(seed=100)
+    rollout = Rollout(envs, DockPD(envs))
+    rollout.run(steps)
+    stats = rollout.pop_stats()
+    assert not stats.terminated.any()
+    return stats.last
+
+
+@pytest.mark.parametrize("scene", ["petasus-pum", ARM, BARE, "rexrov"])
+def test_the_classical_controller_docks_in_calm_water(scene):
+    last = dockings(scene, **CALM)
+    assert last["success"].mean() >= 0.9
+    docked = last["success"] == 1.0
+    assert (last["time_to_dock"][docked] < 20.0).all()
+    # The limit is 0.5 m/s; near the dock the PD slows down.
+    assert (last["approach_speed"][docked] > 0.02).all() and (last["approach_speed"] < 0.6).all()
+
+
+def test_the_classical_controller_docks_in_waves():
+    waves = {"waves": {"height": [0.2, 0.4], "depth": [3.0, 5.0]}}
+    last = dockings("petasus-pum", disturbance=waves, tolerance={"position": 0.15, "attitude": 0.15})
+    assert last["success"].mean() >= 0.6
+
+
+def test_metrics_keep_their_laws_under_the_controller():
+    envs = DockVectorEnv(16, scene=BARE, autoreset_mode="Disabled", disturbance=WAVES, tolerance={"position": 0.3})
+    observations, infos = envs.reset(seed=3)
+    controller, period, hold = DockPD(envs), 1.0 / envs.metadata["render_fps"], np.zeros(16)
+    layout = {block.name: block for block in envs.layout}
+    velocity = layout["relative_velocity"]
+    before, success = np.zeros(16), np.zeros(16)
+    for step in range(1, 380):
+        observations, _, _, _, infos = envs.step(controller.predict(observations)[0])
+        speed = np.linalg.norm(observations[:, velocity.offset :][:, :3] * velocity.scale[0], axis=1)
+        holds = (infos["position_error"] < 0.3) & (infos["attitude_error"] < 0.15) & (speed < 0.1 - 1e-6)
+        loose = (infos["position_error"] < 0.3) & (infos["attitude_error"] < 0.15) & (speed < 0.1 + 1e-6)
+        hold = np.where(loose, hold + period, 0.0)
+        assert (holds | loose)[infos["docked"] == 1.0].all() and (hold[infos["docked"] == 1.0] > 2.0 - 1e-9).all()
+        time = infos["time_to_dock"]
+        np.testing.assert_allclose(time, np.where(success == 1.0, before, step * period), rtol=1e-12)
+        success = np.maximum(success, infos["docked"])
+        np.testing.assert_array_equal(infos["success"], success)
+        before = time.copy()
+    assert success.mean() > 0.5
+
+
+def test_success_ends_the_episode_on_request():
+    envs = DockVectorEnv(8, scene=BARE, terminate_on_success=True, **CALM)
+    envs.reset(seed=1)
+    rollout = Rollout(envs, DockPD(envs))
+    rollout.run(400)
+    stats = rollout.pop_stats()
+    ended = stats.terminated
+    assert ended.any()
+    np.testing.assert_array_equal(stats.last["success"] == 1.0, ended)
+    np.testing.assert_array_equal(stats.last["docked"][ended], 1.0)
+    assert (stats.last["diverged"] == 0.0).all()
+
+
+def test_residual_actions_correct_the_docking_pd():
+    plain, residual = (DockVectorEnv(3, scene=BARE, action=action) for action in ("wrench", "residual"))
+    observations, _ = plain.reset(seed=2)
+    residual.reset(seed=2)
+    controller = DockPD(plain)
+    for _ in range(20):
+        observations, *_ = plain.step(controller.predict(observations)[0])
+        others, *_ = residual.step(np.zeros((3, 6), dtype=np.float32))
+    block = next(block for block in plain.layout if block.name == "previous_action")
+    actions = slice(block.offset, block.offset + block.length)
+    np.testing.assert_array_equal(np.delete(observations, actions, 1), np.delete(others, actions, 1))
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "text"),
+    [
+        ({"start_clearance": 6.0}, ValueError, "start_clearance"),
+        ({"approach_cone": 2.0}, ValueError, "approach_cone"),
+        ({"dock_sway": 1.1}, ValueError, "dock_sway"),
+        ({"hold_time": -1.0}, ValueError, "hold_time"),
+        ({"arm": "waving"}, ValueError, "waving"),
+        ({"arm": 1}, TypeError, "arm"),
+        ({"preview": {}}, TypeError, "preview"),
+    ],
+)
+def test_impossible_options_are_refused(given, error, text):
+    with pytest.raises(error, match=text):
+        DockEnv(scene=BARE, **given)
+
+
+def test_the_dock_is_drawn():
+    env = gym.make(ENV, scene=BARE, render_mode="rgb_array", start_distance=2.5)
+    env.reset(seed=0, options={"position": [-2.0, 0.0, 0.0]})
+    first = env.render()
+    env.reset(seed=0, options={"position": [-2.0, 0.0, 0.0], "target_position": [0.5, 0.5, 0.0]})
+    assert first.shape == (480, 640, 3) and (first != env.render()).any()
+
+
+def test_controllers_by_name():
+    env = gym.make(ENV, scene=BARE)
+    assert isinstance(uvms_gym.make_controller("dock-pd", env), DockPD)
+    with pytest.raises(ValueError, match="not for UVMS-Dock; known: none, "):
+        uvms_gym.make_controller("pd", env)

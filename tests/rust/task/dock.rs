@@ -1,0 +1,169 @@
+//! Laws of docking in still water; those of the dock's motion are in `tests/python/test_dock.py`.
+
+use nalgebra::Vector3;
+use proptest::prelude::*;
+use uvms_gym::control::GainMap;
+use uvms_gym::description::Scene;
+use uvms_gym::system::State;
+use uvms_gym::task::*;
+
+fn options(dock: Dock) -> TaskOptions {
+    TaskOptions { task: dock.into(), ..TaskOptions::of("dock").unwrap() }
+}
+
+fn task_with(options: TaskOptions) -> Task {
+    Task::new(&Scene::shipped("bluerov2-heavy-alpha5").unwrap(), options).unwrap()
+}
+
+fn task() -> Task {
+    task_with(options(Dock::default()))
+}
+
+fn key(seed: u64) -> EpisodeKey {
+    EpisodeKey { seed, episode: 0 }
+}
+
+/// The task's own metrics and the shared `success`, by name.
+fn metric(task: &Task, outcome: &Outcome, name: &str) -> f64 {
+    let index = task.metric_names().iter().position(|known| *known == name).unwrap();
+    outcome.info()[index]
+}
+
+/// An episode that starts on the dock.
+fn on_the_dock(task: &Task) -> (Episode, State) {
+    let given = StartOverride {
+        position: Some([0.0; 3]),
+        attitude: Some([1.0, 0.0, 0.0, 0.0]),
+        target_position: Some([0.0; 3]),
+        ..Default::default()
+    };
+    task.begin_with(key(1), &given).unwrap()
+}
+
+proptest! {
+    #[test]
+    fn starts_lie_in_the_cone_in_front_of_the_dock(seed: u64) {
+        let options = TaskOptions { target_distance: 2.0, target_heading: 3.0, ..options(Dock::default()) };
+        let (episode, state) = task_with(options).begin(key(seed));
+        let target = episode.target();
+        let apart = target.rotation.tr_mul(&(state.position - target.position));
+        prop_assert!((2.0 - 1e-9..=5.0 + 1e-9).contains(&apart.norm()));
+        prop_assert!(apart.dot(&-Vector3::x()) >= apart.norm() * (0.4f64.cos() - 1e-9));
+        let turn = state.rotation * target.rotation.transpose();
+        prop_assert!((turn * Vector3::z() - Vector3::z()).norm() < 1e-12);
+        prop_assert!(turn[(0, 0)] >= 0.3f64.cos() - 1e-12);
+    }
+}
+
+#[test]
+fn docked_needs_the_hold_time_within_the_tolerances_at_low_speed() {
+    let task = task();
+    let (mut episode, mut state) = on_the_dock(&task);
+    let action = vec![0.0; task.action_len()];
+    let mut step = |state: &State| {
+        task.act(&mut episode, &action);
+        let outcome = task.advance(&mut episode, state);
+        ["docked", "success", "time_to_dock"].map(|name| metric(&task, &outcome, name))
+    };
+    // 0.05 s a period: docked at the 40th, 2 s after the start.
+    for k in 1..=39 {
+        assert_eq!(step(&state)[..2], [0.0, 0.0], "{k}");
+    }
+    let [docked, success, time] = step(&state);
+    assert_eq!([docked, success], [1.0, 1.0]);
+    assert!((time - 2.0).abs() < 1e-12);
+    // Too fast, and too far away: no longer docked; the first success stays.
+    state.twist[1] = 0.11;
+    assert_eq!(step(&state), [0.0, 1.0, time]);
+    state.twist[1] = 0.09;
+    assert_eq!(step(&state), [0.0, 1.0, time]);
+    for _ in 0..38 {
+        assert_eq!(step(&state), [0.0, 1.0, time]);
+    }
+    assert_eq!(step(&state), [1.0, 1.0, time]);
+    state.position.y = 0.11;
+    assert_eq!(step(&state), [0.0, 1.0, time]);
+}
+
+#[test]
+fn the_approach_speed_is_that_of_the_first_crossing() {
+    let task = task();
+    let (mut episode, mut state) = task.begin(key(3));
+    let action = vec![0.0; task.action_len()];
+    let mut seen = Vec::new();
+    for (x, speed) in [(-2.0, 0.5), (-0.6, 0.4), (-0.45, 0.3), (-0.2, 0.2), (-0.7, 0.1), (-0.1, 0.05)] {
+        (state.position, state.twist[0]) = (Vector3::new(x, 0.0, 0.0), speed);
+        task.act(&mut episode, &action);
+        let outcome = task.advance(&mut episode, &state);
+        seen.push(metric(&task, &outcome, "approach_speed"));
+    }
+    assert_eq!(seen, [0.0, 0.0, 0.3, 0.3, 0.3, 0.3]);
+}
+
+#[test]
+fn success_ends_an_episode_only_if_it_is_to() {
+    for terminate_on_success in [false, true] {
+        let task = task_with(options(Dock { terminate_on_success, hold_time: 0.1, ..Dock::default() }));
+        let (mut episode, state) = on_the_dock(&task);
+        let mut ends = Vec::new();
+        for _ in 0..3 {
+            task.act(&mut episode, &vec![0.0; task.action_len()]);
+            let outcome = task.advance(&mut episode, &state);
+            assert!(!outcome.diverged);
+            ends.push(outcome.terminated);
+        }
+        assert_eq!(ends, [false, terminate_on_success, terminate_on_success]);
+    }
+}
+
+#[test]
+fn the_reward_is_the_sum_of_its_terms_and_prefers_a_slow_vehicle_on_the_dock() {
+    let task = task();
+    let reward = |distance: f64, speed: f64| {
+        let (mut episode, mut state) = on_the_dock(&task);
+        (state.position.x, state.twist[0]) = (-distance, speed);
+        task.act(&mut episode, &vec![0.0; task.action_len()]);
+        let outcome = task.advance(&mut episode, &state);
+        let terms = ["pose", "effort", "action_rate", "diverged", "docking"].map(|term| format!("reward_{term}"));
+        let sum: f64 = terms.iter().map(|name| metric(&task, &outcome, name)).sum();
+        assert!((outcome.reward - sum).abs() < 1e-14);
+        outcome.reward
+    };
+    assert!(reward(0.0, 0.0) > reward(0.0, 0.2));
+    assert!(reward(0.0, 0.0) > reward(0.5, 0.0) && reward(0.5, 0.0) > reward(5.0, 0.0));
+    // Far away speed costs little.
+    assert!(reward(5.0, 0.0) - reward(5.0, 0.5) < 0.002);
+}
+
+#[test]
+fn the_controllers_approach_speed_is_limited() {
+    let task = task();
+    let gains = serde_json::json!({"approach_speed": 0.3, "turn_speed": 0.2});
+    let given: GainMap = gains.as_object().unwrap().clone();
+    let controller = task.controller(ControllerKind::DockPd, &given).unwrap();
+    let servo = task.scene().vehicle.servo.clone().unwrap();
+    let surge = |x: f64, speed: f64| {
+        let (mut episode, mut state) = on_the_dock(&task);
+        (state.position.x, state.twist[0]) = (x, speed);
+        task.advance(&mut episode, &state);
+        let mut row = vec![0.0; task.observation_len()];
+        task.observe(&episode, &state, &mut row);
+        let mut action = vec![0.0; task.action_len()];
+        controller.act(&row, &mut [], &mut action).unwrap();
+        f64::from(action[0]) * task.allocation().wrench_limits()[0]
+    };
+    // At the limit both terms balance, however far the dock is; near it, it is the PD.
+    assert!(surge(-4.0, 0.3).abs() < 1e-3 && surge(-2.0, 0.3).abs() < 1e-3);
+    assert!((surge(-3.0, 0.0) - 0.3 * servo.kd[0]).abs() < 1e-3);
+    let near = 0.1 * servo.kd[0] / servo.kp[0];
+    assert!((surge(-near, 0.0) - 0.1 * servo.kd[0]).abs() < 1e-3);
+}
+
+#[test]
+fn controllers_of_other_tasks_are_refused() {
+    let (dock, station) = (task(), task_with(TaskOptions::default()));
+    let refused = |task: &Task, kind| task.controller(kind, &GainMap::new()).err().unwrap().to_string();
+    assert!(refused(&dock, ControllerKind::Pd).contains("docking PD"));
+    assert!(refused(&dock, ControllerKind::ResolvedMotion).contains("path"));
+    assert!(refused(&station, ControllerKind::DockPd).contains("dock"));
+}
