@@ -106,7 +106,7 @@ impl Layout {
 
 /// Scale and greatest magnitude per entry of a pose error: position, attitude.
 pub(super) const POSE_ERROR: [(f64, f64); 2] = [(ERROR_SCALE, POSITION_BOUND), (ERROR_SCALE, PI)];
-/// The same of a twist: linear, angular.
+/// Scale and greatest magnitude per entry of a twist: linear, angular.
 pub(super) const TWIST: [(f64, f64); 2] = [(TWIST_SCALE, SPEED_BOUND), (TWIST_SCALE, TURN_BOUND)];
 
 /// Six entries from one (scale, bound) for the first three and one for the others.

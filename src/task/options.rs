@@ -87,7 +87,7 @@ impl<K: Default> Default for Options<K> {
 }
 
 impl<K> Options<K> {
-    /// The same options with those of a task in place of `self.task`.
+    /// These options with those of a task in place of `self.task`.
     pub(super) fn with_task<Q>(self, task: Q) -> Options<Q> {
         let Self { action, dt, substeps, max_current, disturbance, randomize, thruster_lag, .. } = self;
         let Self {

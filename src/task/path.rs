@@ -25,7 +25,7 @@ use crate::lie::{self, exp_se3};
 pub enum PathKind {
     /// A fixed pose: the end effector's at home.
     Point,
-    /// Back and forth along a line.
+    /// A line, back and forth.
     Line,
     /// A circle.
     Circle,
@@ -51,13 +51,13 @@ pub struct PathRange {
     pub rotation: f64,
 }
 
-/// Time over which a path gathers speed, s.
+/// Duration of the ramp from rest, s.
 const RAMP: f64 = 3.0;
 /// Harmonics of the phase.
 const HARMONICS: usize = 2;
 /// Control points of the spline.
 const KNOTS: usize = 8;
-/// Radius of the ball that the spline's control points are drawn from, over the path's size: the curve stays well within.
+/// Radius of the ball of the spline's control points, relative to the path's size; the curve stays well within.
 pub const KNOT_RADIUS: f64 = 1.5;
 /// Greatest rotation out of the horizontal, relative to that about the vertical.
 const TILT: f64 = 0.3;
@@ -126,7 +126,7 @@ pub fn path_places(memory: &Rows<'_, f64>, row: usize, around: impl Iterator<Ite
 pub fn path_advance<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize) {
     let one = L::c(1.0);
     let (phase, _) = phase::<T, L>(memory, row, one);
-    // Within half a turn, so that no length of an episode blurs it, even in single precision.
+    // Within half a turn, so that it stays exact in episodes of any length, even in single precision.
     let turns = (phase * L::c(1.0 / TAU)).round();
     memory.set(row + PHASE, turns.neg_mul_add(L::c(TAU), phase));
     let progress = memory.get::<L>(row + PROGRESS) + memory.get::<L>(row + RATE);

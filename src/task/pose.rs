@@ -32,7 +32,7 @@ impl Pose {
         Self { rotation: na::Rotation3::from_scaled_axis(vector).into_inner(), ..Self::default() }
     }
 
-    /// The same for the kernel.
+    /// Pose in the kernel's type.
     pub fn in_lanes(&self) -> lie::Pose<f64> {
         let rows = [0, 1, 2].map(|i| [0, 1, 2].map(|k| self.rotation[(i, k)]));
         lie::Pose { rotation: Matrix3(rows), position: Vector3(self.position.into()) }

@@ -1,4 +1,4 @@
-//! Counter-based random numbers: every draw has an address, and nothing else decides its value.
+//! Counter-based random numbers: the value of a draw depends on its address alone.
 //!
 //! Philox4x32-10 after J. K. Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011.
 
@@ -6,12 +6,12 @@ use std::f64::consts::TAU;
 
 use nalgebra::Vector3;
 
-/// Draws of one episode belong to (seed, episode).
+/// Key of an episode's draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub struct EpisodeKey {
     /// Seed of the environment.
     pub seed: u64,
-    /// Number of the episode since that seed was set.
+    /// Number of the episode under that seed.
     pub episode: u64,
 }
 
@@ -22,7 +22,7 @@ impl EpisodeKey {
     }
 }
 
-/// Purpose of a stream of draws. A stream's draws do not depend on how many another stream takes.
+/// Purpose of a stream of draws. Streams are independent of each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
@@ -34,7 +34,7 @@ pub enum Purpose {
     Current = 2,
     /// Joint reference.
     Reference = 3,
-    /// Wandering current: what it starts from.
+    /// Start of a drifting current.
     Drift = 32,
     /// Gusts.
     Gust = 33,
@@ -46,7 +46,7 @@ pub enum Purpose {
     Tether = 36,
     /// Payload.
     Payload = 37,
-    /// Thrusters that fail.
+    /// Loss of thrust.
     Thrusters = 38,
     /// Biases of sensors throughout an episode.
     Bias = 39,
@@ -56,7 +56,7 @@ pub enum Purpose {
     Noise = 41,
 }
 
-/// A stream of draws, addressed by index. Each index is one block of 128 bits, to be used for one draw.
+/// A stream of draws, addressed by index. Each index is a block of 128 bits for one draw.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stream {
     key: EpisodeKey,

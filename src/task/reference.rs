@@ -7,19 +7,19 @@ use crate::description::{Joint, JointKind};
 use crate::lane::{Lane, Real, Rows, sin_cos};
 use crate::system::JOINTS;
 
-/// Time over which a reference leaves rest, s.
+/// Duration of the ramp from rest, s.
 const RAMP: f64 = 3.0;
 /// Greatest slope of the ramp `10 x^3 - 15 x^4 + 6 x^5`.
 const RAMP_SLOPE: f64 = 1.875;
-/// Frequencies of the two sinusoids are drawn from these intervals, Hz.
+/// Ranges of the frequencies of the two sinusoids, Hz.
 const FREQUENCIES: [[f64; 2]; 2] = [[0.05, 0.1], [0.1, 0.2]];
-/// Shares of the amplitude that the two sinusoids get.
+/// Shares of the two sinusoids in the amplitude.
 const SHARES: [f64; 2] = [0.7, 0.3];
-/// A swinging reference stays this share of the joint's travel away from either limit.
+/// Distance of a reference from either limit, relative to the joint's travel.
 const MARGIN: f64 = 0.05;
 /// Travel of a prismatic joint where a revolute one turns one radian, m.
 pub const PRISMATIC_PER_RADIAN: f64 = 0.25;
-/// Draws that one joint takes.
+/// Number of draws of one joint.
 const DRAWS: u32 = 5;
 
 /// A point of a reference.
@@ -36,7 +36,7 @@ pub struct ReferencePoint<L = f64> {
 ///
 /// The ramp s goes from 0 to 1 with zero slope and curvature at its ends, so the reference starts at rest; as s <= 1, it
 /// stays between `q_0` and `c -+ (a_1 + a_2)`. It is slowed down where it would exceed the joint's greatest speed.
-/// Phases are kept within a turn, so that no length of an episode blurs them, even in single precision.
+/// Phases are kept within a turn, so that they stay exact in episodes of any length, even in single precision.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointReference<L = f64> {
     /// phi_k, rad.
@@ -56,9 +56,9 @@ pub struct JointReference<L = f64> {
 }
 
 impl JointReference {
-    /// Draws the reference of `joint` that starts at `start` and swings by at most `amplitude` (rad;
-    /// [`PRISMATIC_PER_RADIAN`] of it for a prismatic joint) around home, or around the nearest place where the joint's
-    /// limits leave room; `pace` is a factor on its speed. `index` tells the joints of one arm apart; `period` is the control period, s.
+    /// Draws the reference of `joint` from `start` on, with at most `amplitude` (rad; [`PRISMATIC_PER_RADIAN`] of it for a
+    /// prismatic joint) about home, or about the nearest centre within the joint's limits; `pace` is a factor on its
+    /// speed. `index` is the number of the joint, `period` the control period, s.
     pub fn draw(
         joint: &Joint,
         start: f64,
@@ -85,7 +85,7 @@ impl JointReference {
         let swing = swing * draw(0, 0.5, 1.0);
         let frequency = [0, 1].map(|k| TAU * draw(1 + k as u32, FREQUENCIES[k][0], FREQUENCIES[k][1]));
         let (shift, amplitude) = (center - start, SHARES.map(|share| share * swing));
-        // A bound on the rate.
+        // Upper bound of the rate.
         let greatest = RAMP_SLOPE / RAMP * (shift.abs() + amplitude[0] + amplitude[1])
             + amplitude[0] * frequency[0]
             + amplitude[1] * frequency[1];
@@ -103,10 +103,10 @@ impl JointReference {
 }
 
 impl<L: Lane> JointReference<L> {
-    /// Numbers of a reference.
+    /// Count of numbers of a reference.
     pub const LEN: usize = 10;
 
-    /// From its numbers.
+    /// Reference of these numbers.
     #[inline(always)]
     pub fn from_array(x: [L; JointReference::<f64>::LEN]) -> Self {
         Self {
@@ -120,7 +120,7 @@ impl<L: Lane> JointReference<L> {
         }
     }
 
-    /// Its numbers.
+    /// Numbers of the reference.
     #[inline(always)]
     pub fn to_array(&self) -> [L; JointReference::<f64>::LEN] {
         let ([p, r, x], [v, w], [a, b]) = (self.moving(), self.pace, self.amplitude);

@@ -134,7 +134,7 @@ impl TaskOptions {
         })
     }
 
-    /// As plain values.
+    /// Plain values of all options.
     ///
     /// # Errors
     /// `TaskError::Options`, which does not happen.

@@ -1,4 +1,4 @@
-//! How episodes start.
+//! Starts of episodes.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector6};
 
@@ -15,12 +15,12 @@ use crate::error::{ControlError, TaskError};
 use crate::system::{Factors, State};
 
 impl Task {
-    /// The start of an episode and the state it starts from, all drawn.
+    /// Drawn start of an episode, and its start state.
     pub fn begin(&self, key: EpisodeKey) -> (Episode, State) {
         self.start(key, &StartOverride::default())
     }
 
-    /// As [`Self::begin`], with some of it given. What is not given is drawn as if nothing were.
+    /// Start of an episode with given parts; the others are drawn as without them.
     ///
     /// # Errors
     /// `TaskError` for a joint array of the wrong length, a number that is not finite, a quaternion of length zero, and

@@ -1,17 +1,17 @@
-//! How much the arm's reference moves.
+//! Motion of the arm's reference.
 
 use serde::{Deserialize, Serialize};
 
 use super::span::check;
 use crate::error::TaskError;
 
-/// Factors on the arm's reference. Whatever they are, it keeps to the joints' limits and speeds.
+/// Factors on the arm's reference. It keeps to the joints' limits and speeds for all of them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArmMotion {
-    /// On its amplitude.
+    /// Factor on its amplitude.
     pub amplitude: f64,
-    /// On its speed.
+    /// Factor on its speed.
     pub speed: f64,
 }
 

@@ -1,13 +1,13 @@
-//! The numbers of one instance in a table that has a column per instance.
+//! Numbers of one instance in a table with a column per instance.
 
 use crate::lane::Real;
 
-/// One column, number by number.
+/// One column of a table.
 pub struct Column<'a, T> {
     numbers: &'a mut [T],
-    /// Columns of the table.
+    /// Number of columns of the table.
     width: usize,
-    /// Which of them.
+    /// Index of the column.
     at: usize,
 }
 
@@ -22,24 +22,24 @@ impl<'a, T: Real> Column<'a, T> {
         Self { numbers, width: 1, at: 0 }
     }
 
-    /// A row's number.
+    /// Number in a row.
     pub fn get(&self, row: usize) -> f64 {
         self.numbers[row * self.width + self.at].to_f64()
     }
 
-    /// Sets it.
+    /// Sets the number in a row.
     pub fn set(&mut self, row: usize, x: f64) {
         self.numbers[row * self.width + self.at] = T::from_f64(x);
     }
 
-    /// Sets rows one after the other.
+    /// Sets consecutive rows.
     pub(super) fn set_all(&mut self, row: usize, numbers: impl IntoIterator<Item = f64>) {
         for (k, x) in numbers.into_iter().enumerate() {
             self.set(row + k, x);
         }
     }
 
-    /// Rows one after the other.
+    /// Numbers in consecutive rows.
     pub(super) fn get_all<const K: usize>(&self, row: usize) -> [f64; K] {
         std::array::from_fn(|k| self.get(row + k))
     }

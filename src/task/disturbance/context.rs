@@ -5,13 +5,13 @@ use nalgebra::Vector3;
 use crate::control::Allocation;
 use crate::description::Scene;
 
-/// Where disturbances act, and on what.
+/// Constants of a scene for disturbances.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisturbanceContext {
     /// Control period, s.
     pub period: f64,
-    /// Force that the thrusters reach along the weakest of the body axes that they can push along alone, N: what forces
-    /// are given as shares of.
+    /// Greatest thrust along the weakest body axis that can be actuated alone, N: the reference of forces given as
+    /// shares.
     pub thrust: f64,
     /// Root mean square distance of the thrusters from the vehicle's origin, m.
     pub lever: f64,
@@ -55,7 +55,7 @@ impl DisturbanceContext {
         Self { tilt, ..self }
     }
 
-    /// A horizontal direction within an elevation (rad, either way), from two shares in [0, 1).
+    /// Direction up to an elevation (rad, either way), from two shares in [0, 1).
     pub(super) fn direction(&self, [azimuth, elevation]: [f64; 2], steepest: f64) -> Vector3<f64> {
         let [forward, left, up] = self.level;
         let azimuth = std::f64::consts::TAU * azimuth;

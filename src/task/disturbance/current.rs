@@ -1,4 +1,4 @@
-//! Currents: steady, and wandering.
+//! Currents: steady, drifting, and gusts.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -12,7 +12,7 @@ use crate::lie;
 use crate::task::EpisodeKey;
 use crate::task::random::{Purpose, Stream};
 
-/// Greatest speed that water may have, m/s.
+/// Greatest speed of the water, m/s.
 pub(super) const FASTEST: f64 = 5.0;
 /// Greatest elevation: straight up or down, rad.
 pub(super) const STEEPEST: f64 = std::f64::consts::FRAC_PI_2;
@@ -54,7 +54,7 @@ impl SteadyCurrent {
     }
 }
 
-/// A current that wanders: in each direction a Gauss-Markov process, `x' = -x / time + noise`, discretised exactly. It is
+/// A drifting current: in each direction a Gauss-Markov process, `x' = -x / time + noise`, discretised exactly. It is
 /// held over each control period.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -74,7 +74,7 @@ impl Default for Drift {
 }
 
 impl Drift {
-    /// Level axes: velocity (3), what a period keeps of it, what it adds (horizontally, vertically).
+    /// Rows in level axes: velocity (3), its decay per period, deviation of the increments (horizontal, vertical).
     pub(super) const ROWS: usize = 6;
 
     pub(super) fn check(&self) -> Result<(), TaskError> {
@@ -86,7 +86,7 @@ impl Drift {
     pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> [f64; Self::ROWS] {
         let (deviation, time) = (self.deviation.at(draw.uniform(0)), self.time.at(draw.uniform(1)));
         let keep = (-context.period / time).exp();
-        // 1 - keep^2, without loss.
+        // 1 - keep^2, without cancellation.
         let kick = deviation * (-(-2.0 * context.period / time).exp_m1()).sqrt();
         let at = |axis: u32, deviation: f64| deviation * draw.normal(2 + axis);
         let vertical = self.vertical;
@@ -99,7 +99,7 @@ impl Drift {
         lie::Vector3(memory.get_all(row))
     }
 
-    /// A period passes that drew these three normal numbers.
+    /// Advances by a period with these three normal numbers.
     #[inline(always)]
     pub(super) fn pass<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize, normal: [L; 3]) {
         let [x, y, z, keep, kick, lift]: [L; Self::ROWS] = memory.get_all(row);
@@ -108,7 +108,7 @@ impl Drift {
     }
 }
 
-/// A gust: the current rises smoothly, lasts, and falls as it rose; after a pause another one comes.
+/// Gusts: the current rises smoothly, lasts, and falls as it rose; after a pause the next one follows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Gust {
@@ -140,8 +140,8 @@ impl Default for Gust {
 }
 
 impl Gust {
-    /// Times in control periods: start of rise and of fall, one over the rise; velocity (3); whether it turns; gusts so
-    /// far. Then what the next one is drawn from: speed, duration and pause (2 each), elevation.
+    /// Times in control periods: start of rise and of fall, one over the rise; velocity (3); reversal (0 or 1); number
+    /// of gusts so far. Then the ranges of the next one: speed, duration and pause (2 each), elevation.
     pub(super) const ROWS: usize = 15;
 
     pub(super) fn check(&self) -> Result<(), TaskError> {
@@ -162,7 +162,7 @@ impl Gust {
         let in_periods = |span: Span| [span.low / context.period, span.high / context.period];
         let [least, longest] = in_periods(self.duration);
         let [soon, late] = in_periods(self.pause);
-        // At least a period: what is shorter is a step.
+        // At least a period; shorter times are steps.
         let rise = 1.0 / (self.rise / context.period).max(1.0);
         memory.set(row + 2, rise);
         memory.set(row + 6, f64::from(u8::from(self.turns)));
@@ -172,7 +172,7 @@ impl Gust {
         Self::draw(memory, row, 0.0, draw, context);
     }
 
-    /// Draws the next gust, which comes after the time `now`.
+    /// Draws the next gust, after the time `now`.
     fn draw<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream, context: &DisturbanceContext) {
         let [count, low, high, least, longest, soon, late, elevation] = memory.get_all(row + 7);
         let uniform = |k| draw.uniform((8.0 * count) as u32 + k);
@@ -185,7 +185,7 @@ impl Gust {
         memory.set(row + 7, count + 1.0);
     }
 
-    /// Draws the next gust where the last one is over.
+    /// Draws the next gust once the last one is over.
     pub(super) fn renew<T: Real>(
         memory: &mut Column<'_, T>,
         row: usize,
@@ -213,13 +213,13 @@ impl Gust {
         lie::Vector3([x, y, z]).scale(strength)
     }
 
-    /// The stream that gusts are drawn from.
+    /// Stream of the gusts.
     pub(super) fn stream(key: EpisodeKey) -> Stream {
         Stream::new(key, Purpose::Gust)
     }
 }
 
-/// From 0 to 1 as x goes from 0 to 1, with zero slope there and beyond.
+/// Smooth step from 0 to 1 over x in [0, 1], with zero slope there and beyond.
 #[inline(always)]
 pub fn smooth_step<L: Lane>(x: L) -> L {
     let x = x.min(L::c(1.0)).max(L::zero());

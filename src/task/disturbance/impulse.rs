@@ -11,17 +11,17 @@ use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::task::EpisodeKey;
 use crate::task::random::{Purpose, Stream};
 
-/// Pushes at random times: a constant force for a short time, from any side, at a point of the vehicle. What a control
-/// period holds is its mean over the period, so that momentum does not depend on when it starts.
+/// Pushes at random times: a constant force for a short time, from any side, at a point of the vehicle. Each
+/// control period applies the mean over the period, so that the momentum does not depend on the start within it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Impulse {
-    /// Force over the greatest thrust along the vehicle's weakest axis.
+    /// Force relative to the greatest thrust along the vehicle's weakest axis.
     pub share: Span,
     /// Force, N; in place of the share.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force: Option<Span>,
-    /// How long it lasts, s.
+    /// Duration, s.
     pub duration: Span,
     /// Time from the episode's start, or the end of the push before, s.
     pub pause: Span,
@@ -42,8 +42,8 @@ impl Default for Impulse {
 }
 
 impl Impulse {
-    /// Start and end in control periods; force (3, world) and point (3, body); pushes so far. Then what the next one is
-    /// drawn from: force, duration and pause (2 each), reach.
+    /// Start and end in control periods; force (3, world) and point (3, body); number of pushes so far. Then the ranges of
+    /// the next one: force, duration and pause (2 each), reach.
     pub(super) const ROWS: usize = 16;
 
     pub(super) fn check(&self) -> Result<(), TaskError> {
@@ -84,7 +84,7 @@ impl Impulse {
         memory.set(row + 8, count + 1.0);
     }
 
-    /// Draws the next push where the last one is over.
+    /// Draws the next push once the last one is over.
     pub(super) fn renew<T: Real>(memory: &mut Column<'_, T>, row: usize, now: f64, draw: &Stream) {
         if now >= memory.get(row + 1) {
             Self::draw(memory, row, now, draw);
@@ -105,13 +105,13 @@ impl Impulse {
         Vector6 { linear: force, angular: Vector3([px, py, pz]).cross(force) }
     }
 
-    /// The stream that pushes are drawn from.
+    /// Stream of the pushes.
     pub(super) fn stream(key: EpisodeKey) -> Stream {
         Stream::new(key, Purpose::Impulse)
     }
 }
 
-/// Share of the coming period before a time from now, in periods.
+/// Share of the coming period before a time, given in periods from now.
 #[inline(always)]
 fn within<L: Lane>(time: L) -> L {
     time.min(L::c(1.0)).max(L::zero())

@@ -1,4 +1,4 @@
-//! All disturbances of a group of instances, control period by control period.
+//! Kernel of all disturbances for a group of instances.
 
 use nalgebra::Vector3 as Vector;
 
@@ -25,7 +25,7 @@ use crate::task::random::{Purpose, Stream};
 pub struct Forcing<L> {
     /// Velocity of the water at the start of the period, world axes, m/s.
     pub velocity: Vector3<L>,
-    /// Its acceleration, m/s^2: of waves; all else is quasi-steady.
+    /// Acceleration of the water by waves, m/s^2; the other currents are quasi-steady.
     pub acceleration: Vector3<L>,
     /// Wrench on the vehicle, body axes at its origin, N and N m.
     pub wrench: Vector6<L>,
@@ -48,12 +48,12 @@ impl<L: Lane> Forcing<L> {
     }
 }
 
-/// Disturbances that change within an episode, for instances that remember them by the same rows.
+/// Disturbances that change within episodes, for instances with the same rows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DisturbanceKernel<T> {
     rows: DisturbanceRows,
     context: DisturbanceContext,
-    /// Against gravity and the two horizontal axes, world axes.
+    /// Level axes in world axes: two horizontal ones and the one against gravity.
     level: [Vector3<T>; 3],
     /// Control periods per second.
     frequency: T,
@@ -61,22 +61,22 @@ pub struct DisturbanceKernel<T> {
 
 /// Draws reserved at the start of a stream; those of control periods follow.
 const FIRST: u32 = 16;
-/// Draws that the noise of a control instant may take.
+/// Draws reserved for the noise of a control instant.
 const NOISE: u32 = 16;
 
 impl<T: Real> DisturbanceKernel<T> {
-    /// In the precision of the lanes.
+    /// Kernel in the precision of the lanes.
     pub fn new(rows: DisturbanceRows, context: &DisturbanceContext) -> Self {
         let level = context.level.map(|axis| Vector3(axis.map(T::from_f64).into()));
         Self { rows, level, frequency: T::from_f64(1.0 / context.period), context: context.clone() }
     }
 
-    /// Where everything lies.
+    /// Rows of the disturbances' memory.
     pub fn rows(&self) -> &DisturbanceRows {
         &self.rows
     }
 
-    /// Where the numbers of sensors lie, unless they show the truth at once.
+    /// Rows of the sensors; none without noise and delay.
     #[inline(always)]
     pub fn sensors(&self) -> Option<&SensorRows> {
         self.rows.sensors.as_ref()
@@ -187,7 +187,7 @@ impl<T: Real> DisturbanceKernel<T> {
         }
     }
 
-    /// Over the coming control period.
+    /// Forcing over the coming control period.
     #[inline(always)]
     pub fn forcing<L: Lane<Real = T>>(&self, memory: &Rows<'_, T>, pose: &Pose<L>, twist: &Vector6<L>) -> Forcing<L> {
         let rows = &self.rows;
@@ -230,7 +230,7 @@ impl<T: Real> DisturbanceKernel<T> {
         Forcing { velocity, acceleration, wrench, gains, payload }
     }
 
-    /// A control period passes.
+    /// Advances clock and phases to the end of the control period.
     #[inline(always)]
     pub fn end_period<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
         let rows = &self.rows;

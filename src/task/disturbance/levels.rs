@@ -1,4 +1,4 @@
-//! Disturbances by name.
+//! Named disturbances.
 
 use super::{
     ArmMotion, Delay, Disturbance, Drift, Gust, Impulse, Noise, Parameters, Payload, Span, SteadyCurrent, ThrusterLoss,
@@ -10,7 +10,7 @@ use super::{
 pub struct Level {
     /// Name.
     pub name: &'static str,
-    /// One sentence for people.
+    /// Description, one sentence.
     pub description: &'static str,
     make: fn() -> Disturbance,
 }
@@ -22,8 +22,8 @@ impl Level {
     }
 }
 
-/// Levels to train with, mild to wild, then harder ones to be held out for evaluation: 1.3 times as strong, and of shapes
-/// that the others do not have.
+/// Levels for training, mild to strong, then harder ones held out for evaluation: 1.3 times as strong, and with shapes
+/// that the others lack.
 pub const LEVELS: [Level; 13] = [
     Level { name: "calm", description: "Still water; only the scene's own current, if it has one.", make: calm },
     Level { name: "current", description: "A steady current and one that wanders about it.", make: || current(1.0) },

@@ -1,8 +1,8 @@
 //! Disturbances of an episode: currents, waves, pushes, loads, failures, sensors, and errors of parameters.
 //!
-//! Each component is a thing of its own, with ranges that every episode draws from. All that an episode has drawn lies in
-//! rows of its memory, so that it goes on from there alone. What differs from one control period to the next has
-//! addresses of its own among the random numbers, so that no instance depends on another.
+//! Components are independent of each other, each with ranges that every episode draws from. All draws of an episode are in
+//! rows of its memory, so that it continues from them alone. Draws of a control period have their own addresses among the
+//! random numbers, so that no instance depends on another.
 
 mod arm;
 mod column;
@@ -48,7 +48,7 @@ pub use tether::Tether;
 pub use thrusters::ThrusterLoss;
 pub use waves::{WaveOrbit, Waves};
 
-/// Components of a disturbance; those that are absent do nothing and cost nothing.
+/// Components of a disturbance; absent ones cost nothing.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Disturbance {
@@ -73,7 +73,7 @@ pub struct Disturbance {
     /// Payload.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub payload: Option<Payload>,
-    /// Thrusters that weaken or fail.
+    /// Thrusters with reduced thrust.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thrusters: Option<ThrusterLoss>,
     /// Motion of the arm.
@@ -94,12 +94,12 @@ pub struct Disturbance {
 }
 
 impl Disturbance {
-    /// A steady current of any speed up to this one alone, m/s.
+    /// Only a steady current of up to this speed, m/s.
     pub fn steady(speed: f64) -> Self {
         Self { current: Some(SteadyCurrent::up_to(speed)), ..Self::default() }
     }
 
-    /// Refuses numbers that are out of range, and what the context cannot have.
+    /// Refuses numbers out of range, and components that the scene does not allow.
     pub fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
         self.current.iter().try_for_each(SteadyCurrent::check)?;
         self.drift.iter().try_for_each(Drift::check)?;
@@ -124,7 +124,7 @@ impl Disturbance {
         Ok(())
     }
 
-    /// Refuses another one that asks for more than what there is memory for.
+    /// Refuses another disturbance with components or sizes beyond the memory of this one.
     pub fn check_room(&self, other: &Self, period: f64) -> Result<(), TaskError> {
         let periods = |of: &Self| of.delay.as_ref().map_or(0, |delay| delay.in_periods(period));
         let lacking = [

@@ -1,4 +1,4 @@
-//! Scenes that are not quite what is written.
+//! Factors on a scene's parameters.
 
 use std::collections::BTreeMap;
 
@@ -9,19 +9,19 @@ use crate::error::TaskError;
 use crate::system::{FACTORS, Factors};
 use crate::task::random::Stream;
 
-/// Factors on the scene's parameters, one of each for all bodies of an instance, drawn per episode: domain randomisation.
+/// Domain randomisation: factors on the scene's parameters, the same for all bodies of an instance, drawn per episode.
 ///
-/// Volume goes with mass, so that what floats still does: the factor on the displaced volume is that on mass times `volume`.
+/// Volume follows mass, so that a floating body still floats: the factor on the displaced volume is that on mass times `volume`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "Given", into = "BTreeMap<String, Span>")]
 pub struct Parameters {
-    /// In the order of [`Factors::NAMES`]; the payload is not a factor, but in kg.
+    /// Ranges in the order of [`Factors::NAMES`]; the payload is a mass, kg.
     ranges: [Option<Span>; FACTORS],
 }
 
 /// Range for `true`: factors from 0.7 to 1.3.
 const USUAL: f64 = 0.3;
-/// Parameters that a single number randomises.
+/// Parameters randomised by a single number.
 const SHARED: [&str; 6] = ["mass", "added_mass", "linear_damping", "quadratic_damping", "thrust", "thruster_lag"];
 const PAYLOAD: &str = "payload";
 const VOLUME: &str = "volume";
@@ -84,12 +84,12 @@ fn place(name: &str) -> Option<usize> {
 }
 
 impl Parameters {
-    /// These, if there are any at all.
+    /// These ranges, or none if all are empty.
     pub fn any(&self) -> Option<Self> {
         self.ranges.iter().any(Option::is_some).then(|| self.clone())
     }
 
-    /// All but volume and payload by this share either way.
+    /// Ranges of this share either way, for all but volume and payload.
     pub(super) fn within(share: f64) -> Self {
         Self::try_from(Given::Share(share)).unwrap_or_default()
     }
@@ -109,7 +109,7 @@ impl Parameters {
         Ok(())
     }
 
-    /// The factors of an episode.
+    /// Factors of an episode.
     pub(super) fn draw(&self, draw: &Stream) -> Factors<f64> {
         let mut factors = Factors::ONE.to_array();
         for (k, range) in self.ranges.iter().enumerate() {

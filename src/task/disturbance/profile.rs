@@ -1,4 +1,4 @@
-//! Disturbances over time, for people to look at.
+//! Disturbances over time, for display.
 
 use nalgebra::Vector3;
 
@@ -25,7 +25,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// A current that stays, and nothing else.
+    /// Only a steady current.
     pub(in crate::task) fn steady(current: &Vector3<f64>, steps: u32, thrusters: usize) -> Self {
         let count = steps as usize;
         Self {

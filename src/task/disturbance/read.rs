@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 use super::{Disturbance, LEVELS, Level};
 use crate::error::TaskError;
 
-/// Key of the level that a dict changes.
+/// Key of a dict's base level.
 const BASE: &str = "base";
 
 impl Disturbance {
@@ -29,7 +29,7 @@ impl Disturbance {
     /// The level of that name.
     ///
     /// # Errors
-    /// `TaskError::Disturbance` lists the names that there are.
+    /// `TaskError::Disturbance` for an unknown name; it lists the known ones.
     pub fn named(name: &str) -> Result<Self, TaskError> {
         match LEVELS.iter().find(|level| level.name == name) {
             Some(level) => Ok(level.disturbance()),
@@ -40,12 +40,12 @@ impl Disturbance {
         }
     }
 
-    /// From JSON: the name of a level, or an object of components by their names. Its key `base` names a level that
-    /// it changes (`"calm"` without): what it gives of a component replaces what the level has there, `null` or
-    /// `false` takes the component away, and `true` stands for its defaults.
+    /// From JSON: the name of a level, or an object of components by name. Its key `base` names the level to change
+    /// (`"calm"` by default): given keys of a component replace those of the level, `null` or `false` removes the
+    /// component, and `true` sets its defaults.
     ///
     /// # Errors
-    /// `TaskError::Disturbance` for text that is none of this; unknown keys are named, with the known ones.
+    /// `TaskError::Disturbance` for other text; unknown keys are named, with the known ones.
     pub fn from_json(text: &str) -> Result<Self, TaskError> {
         match serde_json::from_str(text) {
             Ok(value) => Self::from_value(value),
@@ -79,7 +79,7 @@ impl Disturbance {
                 Value::Null | Value::Bool(false) => {
                     whole.remove(&key);
                 }
-                // What `true` stands for is the parameters' own business.
+                // The parameters read `true` themselves.
                 Value::Bool(true) if key != "parameters" => {
                     whole.entry(key).or_insert_with(|| Value::Object(Map::new()));
                 }
@@ -104,9 +104,9 @@ impl Disturbance {
         })
     }
 
-    /// As JSON that [`Self::from_json`] reads.
+    /// JSON for [`Self::from_json`].
     pub fn to_json(&self) -> String {
-        // Numbers that are not finite, which no one writes, would be null.
+        // Numbers that are not finite would become null.
         serde_json::to_string(self).unwrap_or_default()
     }
 }

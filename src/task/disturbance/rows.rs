@@ -1,4 +1,4 @@
-//! Where the numbers of disturbances lie in an episode's memory.
+//! Rows of the disturbances in an episode's memory.
 
 use super::Disturbance;
 use super::context::DisturbanceContext;
@@ -12,33 +12,33 @@ use super::tether::Tether;
 use super::thrusters::ThrusterLoss;
 use super::waves::Waves;
 
-/// First row of each component that there is.
+/// First row of each present component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DisturbanceRows {
-    /// Control periods done.
+    /// Completed control periods.
     pub clock: usize,
     /// Steady current in world axes, 3.
     pub steady: usize,
-    /// For [`super::Forcing::summary`].
+    /// Rows of [`super::Forcing::summary`], 3.
     pub summary: usize,
     pub(super) drift: Option<[usize; 2]>,
     pub(super) gust: Option<usize>,
-    /// And trains.
+    /// First row, and number of trains.
     pub(super) waves: Option<[usize; 2]>,
     pub(super) impulse: Option<usize>,
     pub(super) tether: Option<usize>,
     pub(super) payload: Option<usize>,
     pub(super) thrusters: Option<usize>,
-    /// And control periods.
+    /// First row, and number of control periods.
     pub(super) script: Option<[usize; 2]>,
-    /// Sensors, unless they show the truth at once.
+    /// Sensors with noise or delay.
     pub sensors: Option<SensorRows>,
     /// Row past the last.
     pub end: usize,
 }
 
 impl DisturbanceRows {
-    /// From row `start` on; `None` if there is nothing that changes within an episode.
+    /// Rows from `start` on; `None` if nothing changes within an episode.
     pub fn new(disturbance: &Disturbance, context: &DisturbanceContext, start: usize) -> Option<Self> {
         let mut end = start;
         let mut take = |count: usize| {

@@ -1,4 +1,4 @@
-//! Time series of the user's own.
+//! Time series given by the user.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use crate::error::TaskError;
 use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Vector3, Vector6};
 
-/// A current and a wrench for every control period, on top of all else. After its end there is neither.
+/// A current and a wrench for every control period, added to the other disturbances. After its end both are zero.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Script {
@@ -16,7 +16,7 @@ pub struct Script {
     pub current: Vec<[f64; 3]>,
     /// Wrench on the vehicle at its origin, body axes, N and N m, per control period.
     pub wrench: Vec<[f64; 6]>,
-    /// True where it starts again at its end.
+    /// True where it repeats.
     pub repeat: bool,
 }
 
@@ -24,9 +24,9 @@ pub struct Script {
 const LONGEST: usize = 100_000;
 
 impl Script {
-    /// Length, whether it repeats; current (3) and wrench (6) now. After them both of every period.
+    /// Rows: length, repetition (0 or 1); current (3) and wrench (6) now; then both of every period.
     pub(super) const COMMON: usize = 2 + Self::EACH;
-    /// Numbers of a control period.
+    /// Count of numbers of a control period.
     const EACH: usize = 9;
 
     /// Control periods.
@@ -62,7 +62,7 @@ impl Script {
         Self::turn_to(memory, row, 0);
     }
 
-    /// Turns to a control period.
+    /// Sets current and wrench of a control period.
     pub(super) fn turn_to<T: Real>(memory: &mut Column<'_, T>, row: usize, step: u32) {
         let [length, repeats] = memory.get_all(row).map(|x: f64| x as usize);
         let page = if repeats > 0 && length > 0 { step as usize % length } else { step as usize };

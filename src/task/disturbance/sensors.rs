@@ -10,12 +10,12 @@ use crate::lane::{Lane, Real, Rows};
 use crate::system::JOINTS;
 use crate::task::random::Stream;
 
-/// Numbers that are measured of a vehicle without joints: errors of position and attitude, twist.
+/// Measured numbers of a vehicle without joints: errors of position and attitude, twist.
 pub const MEASURED_OF_VEHICLE: usize = 12;
-/// Most numbers that are measured: those, then joint coordinates, joint rates, and the direction against gravity.
+/// Greatest count of measured numbers: those, then joint coordinates, joint rates, and the direction against gravity.
 pub const MEASURED: usize = MEASURED_OF_VEHICLE + 2 * JOINTS + 3;
 
-/// Noise of what is measured: white, with these standard deviations at every control instant.
+/// White noise of the measurements, with these standard deviations at every control instant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Noise {
@@ -60,7 +60,7 @@ impl Noise {
         check("noise.bias", self.bias, 0.0, 10.0)
     }
 
-    /// Deviation of each number that is measured.
+    /// Deviation of each measured number.
     fn deviations(&self, joints: usize) -> Vec<f64> {
         let vehicle = [self.position, self.attitude, self.linear_velocity, self.angular_velocity];
         let vehicle = vehicle.into_iter().flat_map(|deviation| [deviation; 3]);
@@ -70,13 +70,13 @@ impl Noise {
     }
 }
 
-/// Age of what is measured when it is seen.
+/// Age of the measurements when observed.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Delay {
-    /// In seconds, rounded to control periods.
+    /// Age in seconds, rounded to control periods.
     pub time: f64,
-    /// In control periods, on top of that.
+    /// Further age in control periods.
     pub periods: u32,
 }
 
@@ -93,22 +93,22 @@ impl Delay {
         Ok(())
     }
 
-    /// In control periods.
+    /// Age in control periods.
     pub(in crate::task) fn in_periods(&self, period: f64) -> usize {
         (self.time / period).round() as usize + self.periods as usize
     }
 }
 
-/// Where the numbers of sensors lie.
+/// Rows of the sensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SensorRows {
-    /// Numbers that are measured.
+    /// Count of measured numbers.
     pub measured: usize,
-    /// Standard deviation, then bias, of each; and the uniform draws that noise is made of: where there is noise.
+    /// With noise: first row of the standard deviations, then biases; first row of the uniform draws for the noise.
     pub noise: Option<[usize; 2]>,
     /// Measurements now, a period ago, and so on, `measured` each.
     pub ring: usize,
-    /// How many such.
+    /// Number of stored measurements.
     pub slots: usize,
 }
 
@@ -118,7 +118,7 @@ impl SensorRows {
         measured.next_multiple_of(QUAD)
     }
 
-    /// Draws what they are off by.
+    /// Sets the deviations and draws the biases.
     pub(super) fn begin<T: Real>(
         &self,
         noise: Option<&Noise>,
@@ -135,7 +135,7 @@ impl SensorRows {
         memory.set_all(row + self.measured, bias);
     }
 
-    /// Measures the truth: errors of position and attitude, twist, joint coordinates, joint rates.
+    /// Stores a measurement of true values: errors of position and attitude, twist, joint coordinates, joint rates.
     #[inline(always)]
     pub fn measure<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, truth: &[L; MEASURED]) {
         let width = self.measured;
@@ -166,7 +166,7 @@ impl SensorRows {
         }
     }
 
-    /// Nothing is older than what was measured first.
+    /// Fills the older measurements with the first one.
     pub fn fill<T: Real>(&self, memory: &mut Column<'_, T>) {
         for row in self.ring + self.measured..self.ring + self.slots * self.measured {
             let first = memory.get(row - self.measured);
@@ -174,7 +174,7 @@ impl SensorRows {
         }
     }
 
-    /// Reading now: entries as [`Self::measure`] takes them, zeros past the last.
+    /// Reading now: entries in the order of [`Self::measure`], zeros past the last.
     #[inline(always)]
     pub fn reading<T: Real, L: Lane<Real = T>>(&self, memory: &Rows<'_, T>) -> [L; MEASURED] {
         let mut seen = [L::zero(); MEASURED];

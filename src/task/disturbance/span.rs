@@ -1,16 +1,16 @@
-//! Ranges that parameters of episodes are drawn from.
+//! Ranges of the parameters of episodes.
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::TaskError;
 
-/// A closed interval that a number is drawn from, uniformly; written as `[low, high]`, or as one number that is both.
+/// A closed interval for uniform draws, written as `[low, high]`, or as one number for both ends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Given", into = "[f64; 2]")]
 pub struct Span {
-    /// Least.
+    /// Least value.
     pub low: f64,
-    /// Greatest.
+    /// Greatest value.
     pub high: f64,
 }
 
@@ -47,12 +47,12 @@ impl Span {
         Self::of(self.low * factor, self.high * factor)
     }
 
-    /// The number at a share in [0, 1) of the way.
+    /// The number at a share in [0, 1) of the interval.
     pub(super) fn at(self, share: f64) -> f64 {
         self.low + (self.high - self.low) * share
     }
 
-    /// Refuses what does not lie within these bounds, or is upside down.
+    /// Refuses ends beyond these bounds, or in the wrong order.
     pub(super) fn check(self, key: &str, least: f64, greatest: f64) -> Result<(), TaskError> {
         let Self { low, high } = self;
         if low <= high {
@@ -64,7 +64,7 @@ impl Span {
     }
 }
 
-/// Refuses a number that does not lie within these bounds.
+/// Refuses a number beyond these bounds.
 pub(super) fn check(key: &str, x: f64, least: f64, greatest: f64) -> Result<(), TaskError> {
     if x >= least && x <= greatest { Ok(()) } else { refuse(key, format!("{x} must be in [{least}, {greatest}]")) }
 }

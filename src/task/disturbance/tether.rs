@@ -9,14 +9,14 @@ use crate::lane::{Lane, Real, Rows};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::task::random::Stream;
 
-/// A cable from a point that stays (at the surface, say) to a point of the vehicle, always in equilibrium with what acts on
-/// it: it has no inertia of its own.
+/// A cable from a fixed point (such as at the surface) to a point of the vehicle, in quasi-static equilibrium: its inertia
+/// is neglected.
 ///
 /// Current and net weight load it evenly along its chord: per metre `q = 1/2 rho C_D d |u| u - w up`, where u is the part
 /// across the chord of the water's velocity against the cable, whose speed is half that of the vehicle's point. The
 /// vehicle bears half of that load, and the tension along the chord c that a parabola of the cable's length L takes,
-/// `|q_n| c / sqrt(24 (L/c - 1))`, with at least 0.5 % of slack in this; what the chord exceeds the length by
-/// stretches a spring.
+/// `|q_n| c / sqrt(24 (L/c - 1))`, with at least 0.5 % of slack in this; a chord longer than the
+/// cable stretches a spring.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tether {
@@ -34,7 +34,7 @@ pub struct Tether {
     pub weight: Span,
     /// Stiffness of the stretched cable: share of the greatest thrust along the weakest axis, per metre.
     pub stiffness: f64,
-    /// Where it is attached to the vehicle, body axes, m.
+    /// Attachment to the vehicle, body axes, m.
     pub attachment: [f64; 3],
 }
 

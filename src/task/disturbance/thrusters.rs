@@ -1,4 +1,4 @@
-//! Thrusters that weaken or fail.
+//! Loss of thrust.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,17 +11,17 @@ use crate::task::random::Stream;
 
 use super::current::smooth_step;
 
-/// Some thrusters, drawn at random, give only a part of the thrust that is asked of them from a time on.
+/// Thrusters, drawn at random, that give only a part of the commanded thrust from a time on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ThrusterLoss {
-    /// How many.
+    /// Number of thrusters.
     pub count: usize,
     /// Remaining gain of each one.
     pub gain: Span,
-    /// When it happens, s.
+    /// Time of the loss, s.
     pub time: Span,
-    /// How long it takes, s.
+    /// Duration of the loss, s.
     pub fade: f64,
     /// Remaining gain of each thruster, in the scene's order; in place of `count` and `gain`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -35,7 +35,7 @@ impl Default for ThrusterLoss {
 }
 
 impl ThrusterLoss {
-    /// When it happens, in control periods, and one over how long it takes. After them what is left of each thruster's thrust.
+    /// Rows: time of the loss in control periods, and one over its duration; then the remaining gain of each thruster.
     pub(super) const COMMON: usize = 2;
 
     pub(super) fn check(&self, context: &DisturbanceContext) -> Result<(), TaskError> {
@@ -52,7 +52,7 @@ impl ThrusterLoss {
 
     pub(super) fn draw(&self, draw: &Stream, context: &DisturbanceContext) -> Vec<f64> {
         let time = self.time.at(draw.uniform(0)) / context.period;
-        // At least a period: what is shorter is a step.
+        // At least a period; shorter times are steps.
         let pace = 1.0 / (self.fade / context.period).max(1.0);
         let gains = self.gains.clone().unwrap_or_else(|| {
             let (mut gains, mut left) = (vec![1.0; context.thrusters], (0..context.thrusters).collect::<Vec<_>>());

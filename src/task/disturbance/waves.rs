@@ -10,11 +10,11 @@ use crate::lane::{Lane, Real, Rows, exp, sin_cos};
 use crate::lie::Vector3;
 use crate::task::random::Stream;
 
-/// Most trains of waves.
+/// Greatest number of wave trains.
 pub const TRAINS: usize = 3;
 
-/// Waves by linear (Airy) theory in deep water, as the vehicle feels them at its place: the water's velocity, and its
-/// acceleration as it changes there in time. The convective term of the acceleration is dropped, the waves are taken to
+/// Waves by linear (Airy) theory in deep water, at the vehicle's place: the water's velocity, and its local
+/// acceleration. The convective term of the acceleration is dropped, the waves are taken to
 /// be long against the vehicle, and the motion decays with depth, `exp(k z)`. The free surface itself is not simulated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -61,7 +61,7 @@ impl Default for Waves {
 }
 
 impl Waves {
-    /// Rows of all trains: depth.
+    /// Rows common to all trains: depth.
     pub(super) const COMMON: usize = 1;
     /// Numbers of each train: speed at the origin's depth, wave number, phase and its rate per period, direction (3).
     pub(super) const EACH: usize = 7;
@@ -82,7 +82,7 @@ impl Waves {
         check("waves.height (of the shortest waves, which break beyond)", self.height.high, 0.0, steepness)
     }
 
-    /// Draws them; trains past the last are still.
+    /// Draws the trains; those past the last are still.
     pub(super) fn begin<T: Real>(
         &self,
         memory: &mut Column<'_, T>,
@@ -119,7 +119,7 @@ impl Waves {
         frequency: L,
     ) -> [Vector3<L>; 2] {
         let (mut velocity, mut acceleration) = (Vector3::zero(), Vector3::zero());
-        // Out of the water it is as at the surface.
+        // Above the surface the motion is that at the surface.
         let height = place.dot(up).min(memory.get(row));
         for k in 0..trains {
             let [speed, number, phase, pace, x, y, z]: [L; Self::EACH] =
@@ -167,7 +167,7 @@ impl Waves {
         orbit
     }
 
-    /// A period passes. Phases are kept within a turn, so that no length of an episode blurs them.
+    /// Advances the phases by a period. They are kept within a turn, so that they stay exact in episodes of any length.
     #[inline(always)]
     pub(super) fn pass<T: Real, L: Lane<Real = T>>(memory: &mut Rows<'_, T>, row: usize, trains: usize) {
         use std::f64::consts::TAU;
