@@ -29,10 +29,10 @@ macro_rules! real {
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 // SAFETY: each branch is taken only where its features have been detected.
                 match isa {
-                    Isa::Avx512 if isa.detected() => unsafe { avx512(kernel) },
-                    Isa::Avx2 if isa.detected() => unsafe { avx2(kernel) },
-                    Isa::Fma if isa.detected() => unsafe { fma(kernel) },
-                    _ => plain(kernel),
+                    Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
+                    Isa::Avx2 if isa.detected() => unsafe { avx2::run(kernel) },
+                    Isa::Fma if isa.detected() => unsafe { fma::run(kernel) },
+                    _ => plain::run(kernel),
                 }
             }
 
@@ -40,9 +40,9 @@ macro_rules! real {
             fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 // SAFETY: its features have been detected.
                 match isa {
-                    Isa::Plain => plain(kernel),
-                    _ if Isa::Fma.detected() => unsafe { fma(kernel) },
-                    _ => plain(kernel),
+                    Isa::Plain => plain::run(kernel),
+                    _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
+                    _ => plain::run(kernel),
                 }
             }
 
@@ -50,7 +50,7 @@ macro_rules! real {
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 match isa {
                     #[cfg(target_arch = "aarch64")]
-                    Isa::Neon => neon(kernel),
+                    Isa::Neon => neon::run(kernel),
                     _ => Self::dispatch_narrow(isa, kernel),
                 }
             }
@@ -58,36 +58,46 @@ macro_rules! real {
             #[cfg(not(target_arch = "x86_64"))]
             fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 match isa {
-                    Isa::Plain => plain(kernel),
-                    _ => fma(kernel),
+                    Isa::Plain => plain::run(kernel),
+                    _ => fma::run(kernel),
                 }
             }
         }
 
-        // In separate functions, whose names identify their machine code.
+        // In separate modules, whose names identify their machine code: the compiler works on several at a time.
         #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx2,fma")]
-        fn avx512<K: Kernel<$real>>(kernel: &mut K) {
-            kernel.run::<$wide>();
+        mod avx512 {
+            #[target_feature(enable = "avx512f,avx2,fma")]
+            pub(super) fn run<K: super::Kernel<$real>>(kernel: &mut K) {
+                kernel.run::<super::$wide>();
+            }
         }
         #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma")]
-        fn avx2<K: Kernel<$real>>(kernel: &mut K) {
-            kernel.run::<$half>();
+        mod avx2 {
+            #[target_feature(enable = "avx2,fma")]
+            pub(super) fn run<K: super::Kernel<$real>>(kernel: &mut K) {
+                kernel.run::<super::$half>();
+            }
         }
         #[cfg(target_arch = "aarch64")]
-        #[inline(never)]
-        fn neon<K: Kernel<$real>>(kernel: &mut K) {
-            kernel.run::<$neon>();
+        mod neon {
+            #[inline(never)]
+            pub(super) fn run<K: super::Kernel<$real>>(kernel: &mut K) {
+                kernel.run::<super::$neon>();
+            }
         }
-        #[cfg_attr(target_arch = "x86_64", target_feature(enable = "fma"))]
-        #[cfg_attr(not(target_arch = "x86_64"), inline(never))]
-        fn fma<K: Kernel<$real>>(kernel: &mut K) {
-            kernel.run::<$real>();
+        mod fma {
+            #[cfg_attr(target_arch = "x86_64", target_feature(enable = "fma"))]
+            #[cfg_attr(not(target_arch = "x86_64"), inline(never))]
+            pub(super) fn run<K: super::Kernel<$real>>(kernel: &mut K) {
+                kernel.run::<$real>();
+            }
         }
-        #[inline(never)]
-        fn plain<K: Kernel<$real>>(kernel: &mut K) {
-            kernel.run::<Unfused<$real>>();
+        mod plain {
+            #[inline(never)]
+            pub(super) fn run<K: super::Kernel<$real>>(kernel: &mut K) {
+                kernel.run::<super::Unfused<$real>>();
+            }
         }
     };
 }
