@@ -18,7 +18,7 @@
 use super::aba::{ArmLoads, Instant, Scratch, body_bias};
 use super::joint_torque::implicit_joint_torque;
 use super::link::{add_joint_rate, joint_screws, with_zeros};
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 use crate::system::{BodyTerms, JOINTS, JointScrew, System};
@@ -113,11 +113,11 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         let mut force = (wrench - (p + p_children)).to_array();
         if let (true, Some(gains)) = (vehicle_servo, &system.vehicle_servo) {
             let rate = twist.to_array();
-            for i in 0..6 {
+            unroll!(i in 0 1 2 3 4 5 => {
                 let spring = gains.kp[i].get() * h;
                 force[i] = spring.neg_mul_add(rate[i], force[i]);
                 I_A.add_diagonal(i, (gains.kd[i].get() + spring) * h);
-            }
+            });
         }
         *twist_rate = I_A.solve(Vector6::from_array(force));
     }

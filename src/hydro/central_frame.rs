@@ -1,6 +1,6 @@
 //! Bias wrench of a body in its central frame.
 
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param, get_all, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::{BodyPoint, LinkTwist, constant_screw_z};
 
@@ -178,9 +178,9 @@ impl<P: Copy> CentralFrameTerms<P> {
     {
         let Some([linear, quadratic]) = &self.damping else { return Vector3::zero() };
         let mut out = v.0;
-        for k in 0..3 {
+        unroll!(k in 0 1 2 => {
             out[k] = quadratic[first + k].get().mul_add(v.0[k].abs(), linear[first + k].get()) * v.0[k];
-        }
+        });
         Vector3(out)
     }
 }

@@ -1,6 +1,6 @@
 //! Linear and quadratic damping.
 
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param, get_all, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 
@@ -34,16 +34,16 @@ impl<P: Copy> CoefficientMatrix<P> {
         match self {
             CoefficientMatrix::None => {}
             CoefficientMatrix::Diagonal(d) => {
-                for i in 0..6 {
+                unroll!(i in 0 1 2 3 4 5 => {
                     sum[i] = d[i].get().neg_mul_add(x[i], sum[i]);
-                }
+                });
             }
             CoefficientMatrix::Full(rows) => {
-                for i in 0..6 {
-                    for k in 0..6 {
+                unroll!(i in 0 1 2 3 4 5 => {
+                    unroll!(k in 0 1 2 3 4 5 => {
                         sum[i] = rows[i][k].get().neg_mul_add(x[k], sum[i]);
-                    }
-                }
+                    });
+                });
             }
         }
     }
@@ -128,9 +128,9 @@ impl<P: Copy> Damping<P> {
         self.linear.subtract(&v, &mut wrench);
         if !matches!(self.quadratic, CoefficientMatrix::None) {
             let mut squares = v;
-            for x in &mut squares {
-                *x = *x * x.abs();
-            }
+            unroll!(k in 0 1 2 3 4 5 => {
+                squares[k] = v[k] * v[k].abs();
+            });
             self.quadratic.subtract(&squares, &mut wrench);
         }
         Vector6::from_array(wrench)

@@ -6,7 +6,7 @@
 
 use super::damping::{CoefficientFrame, CoefficientMatrix, Damping};
 use super::restoring::Restoring;
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param, get_all, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
 
@@ -48,23 +48,23 @@ impl<P: Copy> Damping<P> {
         match &self.quadratic {
             CoefficientMatrix::None => {}
             CoefficientMatrix::Diagonal(d) => {
-                for i in 0..6 {
+                unroll!(i in 0 1 2 3 4 5 => {
                     diagonal[i] = d[i].get().mul_add(speed[i].abs(), diagonal[i]);
-                }
+                });
             }
             CoefficientMatrix::Full(rows) => {
-                for i in 0..6 {
-                    for k in 0..6 {
+                unroll!(i in 0 1 2 3 4 5 => {
+                    unroll!(k in 0 1 2 3 4 5 => {
                         let row = (rows[i][k].get() * speed[k]).abs();
                         let column = (rows[k][i].get() * speed[i]).abs();
                         diagonal[i] = (row + column).mul_add(L::c(0.5), diagonal[i]);
-                    }
-                }
+                    });
+                });
             }
         }
-        for i in 0..6 {
+        unroll!(i in 0 1 2 3 4 5 => {
             sum.add_diagonal(i, diagonal[i]);
-        }
+        });
         sum
     }
 }

@@ -12,7 +12,7 @@
 //! (`|T| = rho D^4 K_T(0) n^2`), and the thrust is bounded by 0. For flow against the thrust (their anti- and
 //! vague-directional states) it is that of still water.
 
-use crate::lane::{Lane, Param, get_all, horner};
+use crate::lane::{Lane, Param, get_all, horner, unroll};
 use crate::lie::Vector6;
 
 /// Greatest number of thrusters.
@@ -225,9 +225,9 @@ impl<L: Lane> ThrusterDynamics<L> {
             let (mean, after) = self.decay[i].step(self.thrust[i], self.steady[i]);
             self.thrust[i] = after;
             let acting = thruster.acting(mean, twist);
-            for k in 0..6 {
+            unroll!(k in 0 1 2 3 4 5 => {
                 wrench[k] = acting.mul_add(thruster.wrench[k].get(), wrench[k]);
-            }
+            });
         }
         Vector6::from_array(wrench)
     }
@@ -256,9 +256,9 @@ impl<L: Lane> ThrusterDynamics<L> {
 pub fn thrust_wrench<L: Lane, P: Param<L>>(thrusters: &[Thruster<P>], thrusts: &[L; THRUSTERS]) -> Vector6<L> {
     let mut wrench = [L::zero(); 6];
     for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
-        for k in 0..6 {
+        unroll!(k in 0 1 2 3 4 5 => {
             wrench[k] = thrusts[i].mul_add(thruster.wrench[k].get(), wrench[k]);
-        }
+        });
     }
     Vector6::from_array(wrench)
 }

@@ -1,6 +1,6 @@
 //! State of a step.
 
-use crate::lane::Lane;
+use crate::lane::{Lane, unroll};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6, exp_se3};
 
 /// State of a step: `(T, V, q, q')`.
@@ -71,9 +71,9 @@ impl<L: Lane, const N: usize> Motion<L, N> {
         (q, qd): (&[L; N], &[L; N]),
         n: usize,
     ) {
-        for i in 0..3 {
+        unroll!(i in 0 1 2 => {
             pick(mask, &pose.rotation.0[i], &mut self.pose.rotation.0[i], 3);
-        }
+        });
         pick(mask, &pose.position.0, &mut self.pose.position.0, 3);
         pick(mask, &rest.0, &mut self.rest.0, 3);
         pick(mask, &twist.linear.0, &mut self.twist.linear.0, 3);
@@ -103,9 +103,9 @@ impl<L: Lane, const N: usize> Motion<L, N> {
     pub(super) fn finite(&self, n: usize) -> L {
         let mut sum = L::zero();
         add_zeros(&self.pose.position.0, 3, &mut sum);
-        for i in 0..3 {
+        unroll!(i in 0 1 2 => {
             add_zeros(&self.pose.rotation.0[i], 3, &mut sum);
-        }
+        });
         add_zeros(&self.twist.to_array(), 6, &mut sum);
         add_zeros(&self.q, n, &mut sum);
         add_zeros(&self.qd, n, &mut sum);

@@ -1,7 +1,7 @@
 //! Kinematics of quaternions `[w, x, y, z]`, not necessarily of unit length. `[HC eq. 14]`
 
 use super::chart::Correction;
-use crate::lane::Lane;
+use crate::lane::{Lane, unroll};
 use crate::lie::{Matrix3, Vector3};
 
 /// `R(Q) = I + 2 w [e] + 2 [e]^2` without normalisation: a rotation only where Q is of unit length. `[F21 eq. 2.64]`
@@ -25,9 +25,9 @@ pub fn rate<L: Lane>(quaternion: [L; 4], omega: Vector3<L>, correction: Correcti
     let mut rate = [e.dot(omega) * L::c(-0.5), vector.0[0], vector.0[1], vector.0[2]];
     if let Correction::Fossen { gamma } = correction {
         let gain = (L::c(1.0) - squared(quaternion)) * L::c(0.5 * gamma);
-        for i in 0..4 {
+        unroll!(i in 0 1 2 3 => {
             rate[i] = quaternion[i].mul_add(gain, rate[i]);
-        }
+        });
     }
     rate
 }
@@ -37,9 +37,9 @@ pub fn rate<L: Lane>(quaternion: [L; 4], omega: Vector3<L>, correction: Correcti
 pub fn corrected<L: Lane>(mut quaternion: [L; 4], correction: Correction) -> [L; 4] {
     if correction == Correction::Normalise {
         let length = squared(quaternion).sqrt();
-        for i in 0..4 {
+        unroll!(i in 0 1 2 3 => {
             quaternion[i] = quaternion[i] / length;
-        }
+        });
     }
     quaternion
 }

@@ -3,7 +3,7 @@
 use super::Rates;
 use super::motion::Motion;
 use super::tableau::{Contrast, STAGES, Support, Tableau};
-use crate::lane::Lane;
+use crate::lane::{Lane, unroll};
 use crate::lie::Vector6;
 
 /// Rates at each stage: working memory.
@@ -157,9 +157,9 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         }
         let mut sum = pose.dot(pose);
         let (twist, size) = (twist.to_array(), from.twist.to_array());
-        for k in 0..6 {
+        unroll!(k in 0 1 2 3 4 5 => {
             sum += squared_share(twist[k], size[k]);
-        }
+        });
         for k in 0..n {
             let (mut q, mut qd) = (L::zero(), L::zero());
             for j in 0..STAGES {
@@ -181,12 +181,12 @@ impl<L: Lane, const N: usize> Stages<L, N> {
         let Contrast { three, place, speed, change: [last, before], .. } = *contrast;
         let (mut squares, mut across) = ([L::zero(); 3], L::zero());
         let [a, b, c] = [&self.rates[0].twist, &self.rates[1].twist, &self.rates[2].twist];
-        for k in 0..3 {
+        unroll!(k in 0 1 2 => {
             let linear = [from.twist.linear.0[k], a.linear.0[k], b.linear.0[k], c.linear.0[k]];
             add_differences(three, linear, &mut squares, &mut across);
             let angular = [from.twist.angular.0[k], a.angular.0[k], b.angular.0[k], c.angular.0[k]];
             add_differences(three, angular, &mut squares, &mut across);
-        }
+        });
         for k in 0..n {
             let joint = [from.qd[k], self.rates[0].qd[k], self.rates[1].qd[k], self.rates[2].qd[k]];
             add_differences(three, joint, &mut squares, &mut across);
@@ -204,10 +204,10 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     #[inline(always)]
     pub(super) fn carry(&mut self, mask: L::Mask, n: usize, at: &Motion<L, N>) {
         let [first, .., last] = &mut self.rates;
-        for k in 0..3 {
+        unroll!(k in 0 1 2 => {
             first.twist.linear.0[k] = L::select(mask, last.twist.linear.0[k], first.twist.linear.0[k]);
             first.twist.angular.0[k] = L::select(mask, last.twist.angular.0[k], first.twist.angular.0[k]);
-        }
+        });
         for k in 0..n {
             first.qd[k] = L::select(mask, last.qd[k], first.qd[k]);
         }

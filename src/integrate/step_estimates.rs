@@ -3,7 +3,7 @@
 use std::hint::cold_path;
 
 use super::tableau::{Contrast, Tableau};
-use crate::lane::{Lane, Real};
+use crate::lane::{Lane, Real, unroll};
 use crate::lie::{Vector3, Vector6};
 
 /// Fraction of the sums that each sub-interval keeps.
@@ -46,10 +46,10 @@ impl<L: Lane> StepEstimates<L> {
     /// and rad.
     #[inline(always)]
     pub(super) fn record_contrast(&mut self, taken: L::Mask, tableau: &Tableau, contrast: [L; 3]) -> L {
-        for part in 0..3 {
+        unroll!(part in 0 1 2 => {
             let sum = self.contrast[part].mul_add(L::c(KEPT), contrast[part]);
             self.contrast[part] = L::select(taken, sum, self.contrast[part]);
-        }
+        });
         let Some(Contrast { error: (factor, power), .. }) = tableau.contrast else { return L::zero() };
         let [_, speeds, changes] = self.contrast;
         let square = (changes / (speeds + L::c(rounding(L::Real::EPSILON).powi(2)))).min(L::c(FASTEST * FASTEST));

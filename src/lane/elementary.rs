@@ -6,14 +6,21 @@ use super::number::{Lane, Real};
 
 /// `c[0] + c[1] x + c[2] x^2 + ...`
 #[inline(always)]
-pub fn horner<L: Lane>(x: L, c: &[f64]) -> L {
-    let mut sum = L::c(c[c.len() - 1]);
-    let mut i = c.len() - 1;
-    while i > 0 {
-        i -= 1;
-        sum = sum.mul_add(x, L::c(c[i]));
-    }
+pub fn horner<L: Lane, const N: usize>(x: L, c: &[f64; N]) -> L {
+    let mut sum = L::c(c[N - 1]);
+    unroll!(k < N - 1 => {
+        sum = sum.mul_add(x, L::c(c[N - 2 - k]));
+    });
     sum
+}
+
+/// First `N` coefficients of a series.
+#[inline(always)]
+pub const fn first<const N: usize>(c: &[f64]) -> &[f64; N] {
+    match c.first_chunk() {
+        Some(first) => first,
+        None => panic!("fewer coefficients than asked for"),
+    }
 }
 
 /// pi/2 in three parts: the first two have few enough digits that their multiples up to 2^20 are exact.
@@ -42,15 +49,20 @@ const COS: [f64; 6] = [
 /// Sine and cosine; full accuracy up to |x| = 1e6 (single precision: 1e4), beyond any joint angle.
 #[inline(always)]
 pub fn sin_cos<L: Lane>(x: L) -> (L, L) {
-    let (half_pi, terms) = if L::Real::SINGLE { (HALF_PI_SINGLE, 4) } else { (HALF_PI, 6) };
+    let half_pi = if L::Real::SINGLE { HALF_PI_SINGLE } else { HALF_PI };
     let k = (x * L::c(std::f64::consts::FRAC_2_PI)).round();
     let mut r = k.neg_mul_add(L::c(half_pi[0]), x);
     r = k.neg_mul_add(L::c(half_pi[1]), r);
     r = k.neg_mul_add(L::c(half_pi[2]), r);
 
     let z = r * r;
-    let sin = (r * z).mul_add(horner(z, &SIN[..terms]), r);
-    let cos = (z * z).mul_add(horner(z, &COS[..terms]), z.mul_add(L::c(-0.5), L::c(1.0)));
+    let (sin, cos) = if const { L::Real::SINGLE } {
+        (horner(z, first::<4>(&SIN)), horner(z, first::<4>(&COS)))
+    } else {
+        (horner(z, &SIN), horner(z, &COS))
+    };
+    let sin = (r * z).mul_add(sin, r);
+    let cos = (z * z).mul_add(cos, z.mul_add(L::c(-0.5), L::c(1.0)));
 
     // Quadrant k mod 4, in {-2, -1, 0, 1, 2}.
     let quadrant = (k * L::c(0.25)).round().mul_add(L::c(-4.0), k);
@@ -71,11 +83,14 @@ const SHORT_COS: [f64; 4] = [-0.5, 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0];
 /// [`sin_cos`] beyond [`NEAR`]. The choice is made per lane.
 #[inline(always)]
 pub fn sin_cos_near<L: Lane>(x: L, [number, sin, cos]: [L; 3]) -> (L, L) {
-    let (sines, cosines) = if L::Real::SINGLE { (1, 2) } else { (3, 4) };
     let d = x - number;
     let z = d * d;
-    let sine = (z * d).mul_add(horner(z, &SHORT_SIN[..sines]), d);
-    let less = z * horner(z, &SHORT_COS[..cosines]);
+    let (sine, less) = if const { L::Real::SINGLE } {
+        (horner(z, first::<1>(&SHORT_SIN)), horner(z, first::<2>(&SHORT_COS)))
+    } else {
+        (horner(z, &SHORT_SIN), horner(z, &SHORT_COS))
+    };
+    let (sine, less) = ((z * d).mul_add(sine, d), z * less);
     let mut out = (cos.mul_add(sine, sin.mul_add(less, sin)), sin.neg_mul_add(sine, cos.mul_add(less, cos)));
     let far = L::c(NEAR * NEAR).lt(z);
     if L::any(far) {
@@ -99,10 +114,10 @@ const FIRST_SINGLE: [f64; 3] = [1.000_000_840_335_217_7, 0.501_104_365_996_356, 
 #[inline(always)]
 pub fn inverse_sqrt<L: Lane>(x: L) -> L {
     // With h = 1 - x y^2 the result is y (1 - h)^(-1/2); for small h the terms 1 + h/2 + 3 h^2/8 suffice.
-    let first: &[f64] = if L::Real::SINGLE { &FIRST_SINGLE } else { &FIRST };
     let one = L::c(1.0);
     let y = x.inverse_sqrt_estimate();
-    let y = y * horner((x * y).neg_mul_add(y, one), first);
+    let h = (x * y).neg_mul_add(y, one);
+    let y = y * if const { L::Real::SINGLE } { horner(h, &FIRST_SINGLE) } else { horner(h, &FIRST) };
     let h = (x * y).neg_mul_add(y, one);
     let half = if L::Real::SINGLE { L::c(0.5) } else { h.mul_add(L::c(0.375), L::c(0.5)) };
     (y * h).mul_add(half, y)
@@ -169,12 +184,13 @@ const LN_SINGLE: [f64; 4] =
 /// `ln(2^k (1 + f)) + c` for `1 + f` in [sqrt(2)/2, sqrt(2)] and a small correction c.
 #[inline(always)]
 fn ln_of_parts<L: Lane>(k: L, f: L, c: L) -> L {
-    let (ln_2, coefficients): (_, &[f64]) = if L::Real::SINGLE { (LN_2_SINGLE, &LN_SINGLE) } else { (LN_2, &LN) };
+    let ln_2 = if L::Real::SINGLE { LN_2_SINGLE } else { LN_2 };
     let s = f / (L::c(2.0) + f);
     let z = s * s;
     let half_square = (f * f) * L::c(0.5);
     // ln(1 + f) = f - (f^2 / 2 - s (f^2 / 2 + R))
-    let bracket = half_square + z * horner(z, coefficients);
+    let r = if const { L::Real::SINGLE } { horner(z, &LN_SINGLE) } else { horner(z, &LN) };
+    let bracket = half_square + z * r;
     let low = k.mul_add(L::c(ln_2[1]), c);
     k.mul_add(L::c(ln_2[0]), f - (half_square - s.mul_add(bracket, low)))
 }
@@ -249,8 +265,7 @@ const TAN_EIGHTH_PI: f64 = 0.414_213_562_373_095_05;
 /// Angle of the point (x, y) from the x axis, in [-pi, pi], for finite x and y; 0 at the origin. Zeros have no sign.
 #[inline(always)]
 pub fn atan2<L: Lane>(y: L, x: L) -> L {
-    let (quarter, coefficients): (_, &[f64]) =
-        if L::Real::SINGLE { (QUARTER_PI_SINGLE, &ATAN_SINGLE) } else { (QUARTER_PI, &ATAN) };
+    let quarter = if L::Real::SINGLE { QUARTER_PI_SINGLE } else { QUARTER_PI };
     let (zero, one) = (L::zero(), L::c(1.0));
     let (rise, run) = (y.abs(), x.abs());
     // Angle minus 0, pi/4 or pi/2, so that its tangent is at most tan(pi/8).
@@ -262,7 +277,8 @@ pub fn atan2<L: Lane>(y: L, x: L) -> L {
     // At the origin 0 / 1; NaN stays NaN.
     let t = over / L::select(zero.lt(under), under, under + one);
     let z = t * t;
-    let bend = t * (z * horner(z, coefficients));
+    let series = if const { L::Real::SINGLE } { horner(z, &ATAN_SINGLE) } else { horner(z, &ATAN) };
+    let bend = t * (z * series);
     let angle = eighths.mul_add(L::c(quarter[0]), eighths.mul_add(L::c(quarter[1]), -bend) + t);
     let half_turn = |part: usize| L::c(4.0 * quarter[part]);
     let angle = L::select(x.lt(zero), half_turn(0) - (angle - half_turn(1)), angle);

@@ -4,6 +4,32 @@
 //! number. All operations are IEEE operations in the same order at every width, so an instance's result does not depend on its
 //! lane nor, with fused multiply-add, on the width.
 
+/// A loop written out, as `unroll!(k in 0 1 2 => { ... })` or, up to the constant `N`, `unroll!(k < N => { ... })`.
+///
+/// A kernel is one function with everything inlined: as loops its thousands of short ones would take most of the compiler's
+/// time.
+macro_rules! unroll {
+    ($k:ident in $($i:literal)* => $body:block) => {
+        $({
+            let $k: usize = $i;
+            $body
+        })*
+    };
+    ($k:ident < $n:expr => $body:block) => {
+        const { assert!($n <= 15, "unroll! repeats 15 times at most") };
+        unroll!(@ $k, $n, $body, 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14);
+    };
+    (@ $k:ident, $n:expr, $body:block, $($i:literal)*) => {
+        $(
+            if const { $i < $n } {
+                let $k: usize = $i;
+                $body
+            }
+        )*
+    };
+}
+pub(crate) use unroll;
+
 mod dispatch;
 mod dual;
 mod elementary;
@@ -22,7 +48,7 @@ mod transpose;
 mod x86;
 
 pub use dual::Dual;
-pub use elementary::{atan2, exp, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
+pub use elementary::{atan2, exp, first, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
 pub use isa::{Isa, UnknownIsa};
 pub use number::{Kernel, Lane, Real};
 pub use param::{Param, Shared, get_all, get_option};

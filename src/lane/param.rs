@@ -1,5 +1,7 @@
 //! Parameters of a system, in lanes.
 
+use std::mem::MaybeUninit;
+
 use super::number::Lane;
 
 /// A parameter of the system: shared by all lanes, or one number per lane.
@@ -37,11 +39,13 @@ impl<L: Lane> Param<L> for Shared<L::Real> {
 /// Parameters in lanes. (Not `map`: a closure would not inherit the caller's instruction set.)
 #[inline(always)]
 pub fn get_all<L: Lane, P: Param<L>, const K: usize>(parameters: &[P; K]) -> [L; K] {
-    let mut out = [L::zero(); K];
-    for i in 0..K {
-        out[i] = parameters[i].get();
-    }
-    out
+    let mut out = MaybeUninit::<[L; K]>::uninit();
+    unroll!(k < K => {
+        // SAFETY: entry k of K.
+        unsafe { out.as_mut_ptr().cast::<L>().add(k).write(parameters[k].get()) }
+    });
+    // SAFETY: all K entries are written.
+    unsafe { out.assume_init() }
 }
 
 /// An optional parameter in lanes. (Not `map`: a closure would not inherit the caller's instruction set.)

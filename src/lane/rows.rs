@@ -1,5 +1,7 @@
 //! Access to tables with one row per quantity and one column per instance.
 
+use std::mem::MaybeUninit;
+
 use super::number::{Lane, Real};
 
 /// A group of columns of a table, one per lane.
@@ -40,19 +42,21 @@ impl<'a, T: Real> Rows<'a, T> {
     #[inline(always)]
     pub fn get_all<L: Lane<Real = T>, const K: usize>(&self, row: usize) -> [L; K] {
         let from = &self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];
-        let mut out = [L::zero(); K];
-        for k in 0..K {
-            out[k] = L::load(&from[k * self.width..]);
-        }
-        out
+        let mut out = MaybeUninit::<[L; K]>::uninit();
+        unroll!(k < K => {
+            // SAFETY: entry k of K.
+            unsafe { out.as_mut_ptr().cast::<L>().add(k).write(L::load(&from[k * self.width..])) }
+        });
+        // SAFETY: all K entries are written.
+        unsafe { out.assume_init() }
     }
 
     /// Sets K consecutive rows.
     #[inline(always)]
     pub fn set_all<L: Lane<Real = T>, const K: usize>(&mut self, row: usize, x: &[L; K]) {
         let to = &mut self.numbers[row * self.width + self.first..][..(K - 1) * self.width + L::LANES];
-        for k in 0..K {
+        unroll!(k < K => {
             x[k].store(&mut to[k * self.width..]);
-        }
+        });
     }
 }

@@ -18,7 +18,7 @@
 //! `A' = -Q / (4 C)`.
 
 use super::{Pose, Vector3, Vector6, ad};
-use crate::lane::{Lane, Real, horner};
+use crate::lane::{Lane, Real, first, horner, unroll};
 use crate::lie::Matrix3;
 
 /// Terms of each Taylor polynomial.
@@ -78,16 +78,18 @@ const SMALL: f64 = 0.02;
 /// lanes have no influence.
 #[inline(always)]
 fn series<L: Lane, const K: usize>(z: L, coefficients: [&[f64; TERMS]; K]) -> [L; K] {
-    let (few, many) = if L::Real::SINGLE { (4, 9) } else { (6, TERMS) };
-    let mut values = [L::zero(); K];
-    for k in 0..K {
-        values[k] = horner(z, &coefficients[k][..few]);
-    }
+    let mut values = [z; K];
+    unroll!(k < K => {
+        let c = coefficients[k];
+        values[k] = if const { L::Real::SINGLE } { horner(z, first::<4>(c)) } else { horner(z, first::<6>(c)) };
+    });
     let great = L::c(SMALL).lt(z);
     if L::any(great) {
-        for k in 0..K {
-            values[k] = L::select(great, horner(z, &coefficients[k][..many]), values[k]);
-        }
+        unroll!(k < K => {
+            let c = coefficients[k];
+            let all = if const { L::Real::SINGLE } { horner(z, first::<9>(c)) } else { horner(z, c) };
+            values[k] = L::select(great, all, values[k]);
+        });
     }
     values
 }
@@ -132,8 +134,11 @@ pub enum DexpInverse {
 /// A and A' at z: see the module documentation.
 #[inline(always)]
 fn dexp_inverse_coefficients<L: Lane>(z: L) -> [L; 2] {
-    let few = if L::Real::SINGLE { 2 } else { BERNOULLI.len() };
-    let mut values = [horner(z, &BERNOULLI[..few]), horner(z, &BERNOULLI_SLOPE[..few - 1])];
+    let mut values = if const { L::Real::SINGLE } {
+        [horner(z, first::<2>(&BERNOULLI)), horner(z, first::<1>(&BERNOULLI_SLOPE))]
+    } else {
+        [horner(z, &BERNOULLI), horner(z, &BERNOULLI_SLOPE)]
+    };
     let great = L::c(SMALL).lt(z);
     if L::any(great) {
         let [c, p, q] = series(z, [&SERIES.c, &SERIES.p, &SERIES.q]);

@@ -1,7 +1,7 @@
 //! Logarithm of SO(3): rotation vectors.
 
 use super::{Matrix3, Vector3};
-use crate::lane::{Lane, atan2};
+use crate::lane::{Lane, atan2, unroll};
 
 /// Rotation vector `log R`, of length at most pi; 0 where the squares of its entries underflow. `[MLS94 eq. 2.17]`
 ///
@@ -50,9 +50,9 @@ fn quaternion_ray<L: Lane>(rotation: &Matrix3<L>) -> (L, Vector3<L>) {
     for i in 1..4 {
         let longer = longest.lt(rows[i][i]);
         longest = L::select(longer, rows[i][i], longest);
-        for k in 0..4 {
+        unroll!(k in 0 1 2 3 => {
             row[k] = L::select(longer, rows[i][k], row[k]);
-        }
+        });
     }
     (row[0], Vector3([row[1], row[2], row[3]]))
 }

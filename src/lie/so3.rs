@@ -2,7 +2,7 @@
 
 use std::ops::{Add, Neg, Sub};
 
-use crate::lane::Lane;
+use crate::lane::{Lane, unroll};
 
 /// A 3-vector.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,14 +136,14 @@ impl<L: Lane> Matrix3<L> {
     pub fn orthonormalised(&self) -> Self {
         let columns = self.transposed().0;
         let mut s = Self::identity();
-        for i in 0..3 {
+        unroll!(i in 0 1 2 => {
             for j in i..3 {
                 let unit = if i == j { 1.5 } else { 0.0 };
                 let entry = Vector3(columns[i]).dot(Vector3(columns[j])).mul_add(L::c(-0.5), L::c(unit));
                 s.0[i][j] = entry;
                 s.0[j][i] = entry;
             }
-        }
+        });
         self.times(&s)
     }
 }

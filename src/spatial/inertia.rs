@@ -1,6 +1,6 @@
 //! Symmetric 6x6 inertia: rigid, added or articulated.
 
-use crate::lane::{Lane, Param, get_all};
+use crate::lane::{Lane, Param, get_all, unroll};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 
 /// `[[M, H], [H^T, J]]`, M and J symmetric and stored as `xx, xy, xz, yy, yz, zz`: 21 numbers. `[HC eq. 5]`
@@ -168,30 +168,30 @@ impl<L: Lane> SpatialInertia<L> {
     #[inline(always)]
     pub fn add_angular(&mut self, s: L, j: &Matrix3<L>) {
         let j = packed(j);
-        for i in 0..6 {
+        unroll!(i in 0 1 2 3 4 5 => {
             self.j[i] = j[i].mul_add(s, self.j[i]);
-        }
+        });
     }
 
     /// Adds the inertia of a body; with `SPARSE`, one that [`Self::is_sparse`].
     #[inline(always)]
     pub fn plus_own<P: Param<L>, const SPARSE: bool>(&self, own: &SpatialInertia<P>) -> Self {
         let Self { mut m, mut h, mut j } = *self;
-        for i in 0..6 {
+        unroll!(i in 0 1 2 3 4 5 => {
             if !SPARSE || i == 0 || i == 3 || i == 5 {
                 m[i] += own.m[i].get();
             }
             if !SPARSE || (i != 1 && i != 4) {
                 j[i] += own.j[i].get();
             }
-        }
-        for i in 0..3 {
-            for k in 0..3 {
+        });
+        unroll!(i in 0 1 2 => {
+            unroll!(k in 0 1 2 => {
                 if !SPARSE || i != k {
                     h[i][k] += own.h[i][k].get();
                 }
-            }
-        }
+            });
+        });
         Self { m, h, j }
     }
 
@@ -243,15 +243,15 @@ impl<L: Lane> SpatialInertia<L> {
     #[inline(always)]
     pub fn scale_add(&self, s: L, b: &Self) -> Self {
         let Self { mut m, mut h, mut j } = *self;
-        for i in 0..6 {
+        unroll!(i in 0 1 2 3 4 5 => {
             m[i] = m[i].mul_add(s, b.m[i]);
             j[i] = j[i].mul_add(s, b.j[i]);
-        }
-        for i in 0..3 {
-            for k in 0..3 {
+        });
+        unroll!(i in 0 1 2 => {
+            unroll!(k in 0 1 2 => {
                 h[i][k] = h[i][k].mul_add(s, b.h[i][k]);
-            }
-        }
+            });
+        });
         Self { m, h, j }
     }
 
@@ -259,15 +259,15 @@ impl<L: Lane> SpatialInertia<L> {
     #[inline(always)]
     pub fn plus(&self, b: &Self) -> Self {
         let Self { mut m, mut h, mut j } = *self;
-        for i in 0..6 {
+        unroll!(i in 0 1 2 3 4 5 => {
             m[i] += b.m[i];
             j[i] += b.j[i];
-        }
-        for i in 0..3 {
+        });
+        unroll!(i in 0 1 2 => {
             h[i][0] += b.h[i][0];
             h[i][1] += b.h[i][1];
             h[i][2] += b.h[i][2];
-        }
+        });
         Self { m, h, j }
     }
 
@@ -383,12 +383,12 @@ impl<L: Lane> SpatialInertia<L> {
         let n = unpacked(&m).times(&h);
         let columns = (h.transposed().0, n.transposed().0);
         let mut s = self.j;
-        for i in 0..3 {
+        unroll!(i in 0 1 2 => {
             for k in i..3 {
                 let entry = Vector3(columns.0[i]).dot(Vector3(columns.1[k]));
                 s[PACKED[i][k]] = entry.neg_mul_add(over_m, s[PACKED[i][k]]);
             }
-        }
+        });
         let of_s = adjugate(&s);
         let over_s = L::c(1.0) / determinant(&s, &of_s);
         let rest = n.apply_transposed(b.linear).scale_add(-over_m, b.angular);

@@ -5,7 +5,7 @@ use std::hint::cold_path;
 
 use super::SpatialInertia;
 use super::inertia::PACKED;
-use crate::lane::{Lane, Param};
+use crate::lane::{Lane, Param, unroll};
 use crate::lie::{Vector3, Vector6};
 
 /// Rotation angle of a constant screw (alpha, the link twist, of a screw about x), with the common cases apart.
@@ -87,21 +87,24 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         match self.rotation {
             LinkTwist::Deg0 => {}
             LinkTwist::Deg90 => {
-                for v in &mut vectors {
+                unroll!(n < N => {
+                    let v = &mut vectors[n];
                     (v.0[i], v.0[k]) = (-v.0[k], v.0[i]);
-                }
+                });
             }
             LinkTwist::Deg180 => {
-                for v in &mut vectors {
+                unroll!(n < N => {
+                    let v = &mut vectors[n];
                     (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
-                }
+                });
             }
             LinkTwist::General(s, c) => {
                 cold_path();
                 let (s, c): (L, L) = (s.get(), c.get());
-                for v in &mut vectors {
+                unroll!(n < N => {
+                    let v = &mut vectors[n];
                     (v.0[i], v.0[k]) = (c.mul_add(v.0[i], -(s * v.0[k])), s.mul_add(v.0[i], c * v.0[k]));
-                }
+                });
             }
         }
         vectors
@@ -132,21 +135,24 @@ impl<T: Copy, S: Copy, const ALONG: usize> Screw<T, S, ALONG> {
         match self.rotation {
             LinkTwist::Deg0 => {}
             LinkTwist::Deg90 => {
-                for v in &mut vectors {
+                unroll!(n < N => {
+                    let v = &mut vectors[n];
                     (v.0[i], v.0[k]) = (v.0[k], -v.0[i]);
-                }
+                });
             }
             LinkTwist::Deg180 => {
-                for v in &mut vectors {
+                unroll!(n < N => {
+                    let v = &mut vectors[n];
                     (v.0[i], v.0[k]) = (-v.0[i], -v.0[k]);
-                }
+                });
             }
             LinkTwist::General(s, c) => {
                 cold_path();
                 let (s, c): (L, L) = (s.get(), c.get());
-                for v in &mut vectors {
+                unroll!(n < N => {
+                    let v = &mut vectors[n];
                     (v.0[i], v.0[k]) = (c.mul_add(v.0[i], s * v.0[k]), c.mul_add(v.0[k], -(s * v.0[i])));
-                }
+                });
             }
         }
         vectors

@@ -2,7 +2,7 @@
 
 use super::model::{BodyTerms, System};
 use crate::hydro::{CoefficientMatrix, Restoring};
-use crate::lane::{Lane, Param, Real, Shared};
+use crate::lane::{Lane, Param, Real, Shared, unroll};
 use crate::lie::Vector3;
 use crate::spatial::{BodyPoint, PointMass, SpatialInertia};
 
@@ -197,9 +197,9 @@ fn scale_body<L: Lane, P: Param<L>>(
     if let (Some(restoring), false) = (&mut body.restoring, central_only) {
         let net = |weight: P, displaced: P| displaced.get().neg_mul_add(factors.volume, weight.get() * factors.mass);
         restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass);
-        for k in 0..3 {
+        unroll!(k in 0 1 2 => {
             restoring.moment[k] = net(parts.weight.moment[k], parts.displaced.moment[k]);
-        }
+        });
         if let Some(payload) = &body.payload {
             restoring.net_mass += payload.mass;
             let position = payload.position.coordinates::<L>();
@@ -210,24 +210,24 @@ fn scale_body<L: Lane, P: Param<L>>(
         let displaced = parts.displaced.net_mass.get();
         central.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
         let mut inertia = [L::zero(); 6];
-        for k in 0..6 {
+        unroll!(k in 0 1 2 3 4 5 => {
             let added = added.diagonal[k].get() * factors.added_mass;
             inertia[k] = rigid.diagonal[k].get().mul_add(factors.mass, added);
-        }
+        });
         if let (Some([linear, quadratic]), Some(of)) = (&mut central.damping, &of.damping) {
-            for k in 0..6 {
+            unroll!(k in 0 1 2 3 4 5 => {
                 linear[k] = of[0][k].get() * factors.linear_damping;
                 quadratic[k] = of[1][k].get() * factors.quadratic_damping;
-            }
+            });
         }
         let [masses @ .., x, y, z] = inertia;
         central.masses = masses;
         central.gyration = [z - y, x - z, y - x];
         if let Some(products) = &mut central.products {
-            for k in 0..3 {
+            unroll!(k in 0 1 2 => {
                 let added = added.products[k].get() * factors.added_mass;
                 products[k] = rigid.products[k].get().mul_add(factors.mass, added);
-            }
+            });
         }
     }
     for (k, (damping, of)) in body.damping.iter_mut().zip(&of.damping).enumerate() {
@@ -246,16 +246,16 @@ fn scale_body<L: Lane, P: Param<L>>(
 fn scale<L: Lane, P: Param<L>>(to: &mut CoefficientMatrix<L>, of: &CoefficientMatrix<P>, factor: L) {
     match (to, of) {
         (CoefficientMatrix::Diagonal(to), CoefficientMatrix::Diagonal(of)) => {
-            for k in 0..6 {
+            unroll!(k in 0 1 2 3 4 5 => {
                 to[k] = of[k].get() * factor;
-            }
+            });
         }
         (CoefficientMatrix::Full(to), CoefficientMatrix::Full(of)) => {
-            for i in 0..6 {
-                for k in 0..6 {
+            unroll!(i in 0 1 2 3 4 5 => {
+                unroll!(k in 0 1 2 3 4 5 => {
                     to[i][k] = of[i][k].get() * factor;
-                }
-            }
+                });
+            });
         }
         _ => {}
     }

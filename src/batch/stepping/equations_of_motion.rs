@@ -6,7 +6,7 @@ use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::hydro::FinAxes;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
-use crate::lane::{Lane, Param, Real, Shared};
+use crate::lane::{Lane, Param, Real, Shared, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
@@ -42,9 +42,9 @@ impl<L: Lane> StationServo<L> {
         let linear = twist.linear + r.apply_transposed(self.acceleration.scale_add(elapsed, self.current));
         let rate = Vector6 { linear, angular: twist.angular }.to_array();
         let mut wrench = [L::zero(); 6];
-        for i in 0..6 {
+        unroll!(i in 0 1 2 3 4 5 => {
             wrench[i] = gains.kd[i].get().neg_mul_add(rate[i], -(gains.kp[i].get() * error[i]));
-        }
+        });
         Vector6::from_array(wrench)
     }
 }

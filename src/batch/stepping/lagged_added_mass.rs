@@ -15,7 +15,7 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::link_twists;
 use crate::integrate::Motion;
-use crate::lane::{Lane, Param, Real, Shared};
+use crate::lane::{Lane, Param, Real, Shared, unroll};
 use crate::lie::Vector6;
 use crate::system::{JOINTS, UnscaledBodyTerms};
 
@@ -65,10 +65,10 @@ impl<T: Real> LaggedAddedMass<'_, T> {
             let added = parts.added.get().scale(state.factor);
             let (twist, [last, a]) = (twists[i].to_array(), state.last[i]);
             let (last, mut a) = (last.to_array(), a.to_array());
-            for k in 0..6 {
+            unroll!(k in 0 1 2 3 4 5 => {
                 let seen = (twist[k] - last[k]) / h;
                 a[k] = L::select(begun, seen.mul_add(weight, a[k] * rest), L::zero());
-            }
+            });
             let a = Vector6::from_array(a);
             state.last[i] = [twists[i], a];
             let force = added.apply(a) + added.bias_wrench(twists[i]);

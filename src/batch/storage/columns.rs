@@ -5,7 +5,7 @@ use super::layout::Layout;
 use crate::dynamics::aba::ArmLoads;
 use crate::hydro::{FINS, Fin, FinAxes, THRUSTERS, Thruster, ThrusterDynamics};
 use crate::integrate::{Attitude, Motion, StepEstimates};
-use crate::lane::{Lane, Param, Real};
+use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{FACTORS, Factors, JOINTS};
 
@@ -87,9 +87,9 @@ impl<T: Real> Columns<'_, T> {
         motion.pose = Pose { rotation: self.matrix(layout.rotation), position: self.vector(layout.position) };
         motion.rest = self.vector(layout.position + 3);
         if BASELINES && layout.keeps != Attitude::Matrix {
-            for k in 0..4 {
+            unroll!(k in 0 1 2 3 => {
                 motion.attitude[k] = self.get(layout.attitude + k);
-            }
+            });
         }
     }
 
@@ -100,9 +100,9 @@ impl<T: Real> Columns<'_, T> {
         layout: &Layout,
         motion: &Motion<L, JOINTS>,
     ) {
-        for k in 0..3 {
+        unroll!(k in 0 1 2 => {
             self.set_all(layout.rotation + 3 * k, &motion.pose.rotation.0[k], 3);
-        }
+        });
         self.set_all(layout.position, &motion.pose.position.0, 3);
         self.set_all(layout.position + 3, &motion.rest.0, 3);
         self.set_all(layout.twist, &motion.twist.to_array(), 6);
@@ -119,9 +119,9 @@ impl<T: Real> Columns<'_, T> {
         let planned = if layout.adaptive { self.get(layout.planned) } else { L::zero() };
         let row = layout.estimates;
         let mut estimates = StepEstimates { planned, ..StepEstimates::zero() };
-        for k in 0..3 {
+        unroll!(k in 0 1 2 => {
             estimates.contrast[k] = self.get(row + k);
-        }
+        });
         estimates.velocity_error = [self.get(row + 3), self.get(row + 4)];
         estimates.spin_error = self.get(row + 5);
         estimates
