@@ -4,7 +4,7 @@
 //! number. All operations are IEEE operations in the same order at every width, so an instance's result does not depend on its
 //! lane nor, with fused multiply-add, on the width.
 
-/// A loop written out, as `unroll!(k in 0 1 2 => { ... })` or, up to the constant `N`, `unroll!(k < N => { ... })`.
+/// A loop written out, as `unroll!(k in 0 1 2 => { ... })` or, below the constant `N`, `unroll!(k < N => { ... })` (15 times).
 ///
 /// A kernel is one function with everything inlined: as loops its thousands of short ones would take most of the compiler's
 /// time.
@@ -16,8 +16,10 @@ macro_rules! unroll {
         })*
     };
     ($k:ident < $n:expr => $body:block) => {
-        const { assert!($n <= 15, "unroll! repeats 15 times at most") };
         unroll!(@ $k, $n, $body, 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14);
+        if const { 15 < $n } {
+            for $k in 15..$n $body
+        }
     };
     (@ $k:ident, $n:expr, $body:block, $($i:literal)*) => {
         $(
