@@ -5,7 +5,7 @@ use nalgebra::Matrix6;
 use crate::description::Scene;
 use crate::dynamics::CompositeBody;
 use crate::dynamics::aba::Scratch;
-use crate::lane::{Lane, Param, Shared};
+use crate::lane::{Lane, Param, Routine, Shared};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotation_vector};
 use crate::spatial::SpatialInertia;
 use crate::system::{JOINTS, System, compile};
@@ -111,8 +111,9 @@ impl Plant {
         arm: &ArmMotion<L>,
         scratch: &mut Scratch<L>,
     ) -> CompositeBody<L> {
-        let gravity = self.gravity(at.error);
-        CompositeBody::of(&self.system, gravity, at.twist, (&arm.q, &arm.qd), scratch)
+        let mut composition = Composition { plant: self, at, arm, scratch, body: None };
+        L::call(&mut composition);
+        composition.body.expect("the routine writes it")
     }
 
     /// Prediction over `time` (s), while the arm moves from one motion to the other. Momentum by Heun's method, thruster
@@ -161,6 +162,24 @@ impl Plant {
             }
         }
         predicted
+    }
+}
+
+/// [`Plant::composite_body`], which controllers need in several places, as a function of its own.
+struct Composition<'a, L> {
+    plant: &'a Plant,
+    at: &'a VehicleMotion<L>,
+    arm: &'a ArmMotion<L>,
+    scratch: &'a mut Scratch<L>,
+    body: Option<CompositeBody<L>>,
+}
+
+impl<L: Lane<Real = f64>> Routine<L> for Composition<'_, L> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { plant, at, arm, scratch, body } = self;
+        let joints = (&arm.q, &arm.qd);
+        *body = Some(CompositeBody::of(&plant.system, plant.gravity(at.error), at.twist, joints, scratch));
     }
 }
 

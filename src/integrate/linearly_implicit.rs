@@ -13,7 +13,7 @@ use super::chart::Increment;
 use super::motion::Motion;
 use super::step_estimates::StepEstimates;
 use super::{Derivative, Rates};
-use crate::lane::{Lane, unroll};
+use crate::lane::Lane;
 use crate::lie::{DexpInverse, Vector6, dexp_inverse_negative, rotate_back};
 
 /// Right-hand side of a linearly implicit method.
@@ -120,7 +120,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let mut coarse = Point::start(from, n);
     let mut greatest = L::zero();
     // One call of the right-hand side for all three: it is by far the most code.
-    unroll!(solve in 0 1 2 => {
+    for solve in 0..3 {
         let (begin, size) = match solve {
             0 => (elapsed, h),
             1 => (elapsed, half),
@@ -131,7 +131,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
         derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, &mut rates);
         point.advance(size, &rates, n);
         greatest = greatest.max(point.turn());
-    });
+    }
     let apart = fine.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
     fine.extrapolate(&coarse, n);
     // For a mode: distance z^2 / 4, change z, error z^3 / 6.

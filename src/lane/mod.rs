@@ -52,7 +52,7 @@ mod x86;
 pub use dual::Dual;
 pub use elementary::{atan2, exp, first, horner, inverse_sqrt, ln, ln_1p, sin_cos, sin_cos_near, tanh};
 pub use isa::{Isa, UnknownIsa};
-pub use number::{Kernel, Lane, Real};
+pub use number::{Kernel, Lane, Real, Routine};
 pub use param::{Param, Shared, get_all, get_option};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;

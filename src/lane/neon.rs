@@ -5,12 +5,12 @@ use std::arch::aarch64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
-use super::number::{Lane, assigning_ops};
+use super::number::{Lane, Routine, assigning_ops};
 use super::simd::simd_lane;
 
 simd_lane! {
     /// Two instances in double precision (NEON).
-    F64x2, f64, float64x2_t, uint64x2_t, 2,
+    F64x2, "neon", f64, float64x2_t, uint64x2_t, 2,
     vdupq_n_f64, vld1q_f64, vst1q_f64, vaddq_f64, vsubq_f64, vmulq_f64, vdivq_f64,
     |x, a, b| vfmaq_f64(b, x, a), vsqrtq_f64,
     |x, y| vbslq_f64(vcltq_f64(x, y), x, y), |x, y| vbslq_f64(vcltq_f64(y, x), x, y),
@@ -25,7 +25,7 @@ simd_lane! {
 
 simd_lane! {
     /// Four instances in single precision (NEON).
-    F32x4, f32, float32x4_t, uint32x4_t, 4,
+    F32x4, "neon", f32, float32x4_t, uint32x4_t, 4,
     vdupq_n_f32, vld1q_f32, vst1q_f32, vaddq_f32, vsubq_f32, vmulq_f32, vdivq_f32,
     |x, a, b| vfmaq_f32(b, x, a), vsqrtq_f32,
     |x, y| vbslq_f32(vcltq_f32(x, y), x, y), |x, y| vbslq_f32(vcltq_f32(y, x), x, y),

@@ -28,6 +28,13 @@ pub trait Lane:
     /// True where a group is one instance. (As the whole condition of an `if` it spares the compiler the branch not taken.)
     const SCALAR: bool = Self::LANES == 1;
 
+    /// Runs a routine as a function of its own, compiled for the instruction set of these lanes. (The compiler's time grows
+    /// with more than the length of a function: where a call costs nothing noticeable, it saves most of that.)
+    #[inline(always)]
+    fn call<R: Routine<Self>>(routine: &mut R) {
+        routine.run();
+    }
+
     /// The same number in every lane.
     fn splat(x: Self::Real) -> Self;
     /// Reads `LANES` numbers from the front of `from`.
@@ -92,6 +99,12 @@ pub trait Lane:
     fn max(self, other: Self) -> Self {
         Self::select(other.lt(self), self, other)
     }
+}
+
+/// Part of a kernel that may be a function of its own.
+pub trait Routine<L: Lane> {
+    /// Runs the routine. Implementations are `#[inline(always)]`.
+    fn run(&mut self);
 }
 
 /// Computation over lanes of any width.

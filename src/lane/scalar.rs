@@ -3,7 +3,8 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
-use super::number::{Lane, assigning_ops};
+use super::isa::Isa;
+use super::number::{Lane, Routine, assigning_ops};
 
 macro_rules! scalar_lane {
     ($real:ty, $fraction:expr, $exponent:expr, $inverse_sqrt:expr) => {
@@ -12,6 +13,23 @@ macro_rules! scalar_lane {
             type Mask = bool;
             const LANES: usize = 1;
 
+            #[inline(always)]
+            fn call<R: Routine<Self>>(routine: &mut R) {
+                #[cfg_attr(target_arch = "x86_64", target_feature(enable = "fma"))]
+                #[cfg_attr(not(target_arch = "x86_64"), inline(never))]
+                fn fused<R: Routine<$real>>(routine: &mut R) {
+                    routine.run();
+                }
+                if Isa::Fma.detected() {
+                    // SAFETY: the feature has been detected.
+                    #[allow(unused_unsafe, reason = "needed on x86-64 alone")]
+                    unsafe {
+                        fused(routine)
+                    }
+                } else {
+                    routine.run();
+                }
+            }
             #[inline(always)]
             fn splat(x: $real) -> Self {
                 x
@@ -133,6 +151,14 @@ macro_rules! unfused_lane {
             type Mask = bool;
             const LANES: usize = 1;
 
+            #[inline(always)]
+            fn call<R: Routine<Self>>(routine: &mut R) {
+                #[inline(never)]
+                fn call<R: Routine<Unfused<$real>>>(routine: &mut R) {
+                    routine.run();
+                }
+                call(routine);
+            }
             #[inline(always)]
             fn splat(x: $real) -> Self {
                 Self(x)

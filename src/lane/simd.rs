@@ -6,7 +6,7 @@
 /// Defines a lane by a vector type and its intrinsics.
 macro_rules! simd_lane {
     (
-        $(#[$doc:meta])* $name:ident, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
+        $(#[$doc:meta])* $name:ident, $features:literal, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
         $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:expr,
         $sqrt:ident, $min:expr, $max:expr, $abs:expr, $round:expr, $lt:expr, $select:expr, $and:expr, $bits:expr, $split:expr, $estimate:expr,
         $load_single:expr, $store_single:expr, $store_double:expr
@@ -62,6 +62,15 @@ macro_rules! simd_lane {
             type Mask = $mask;
             const LANES: usize = $lanes;
 
+            #[inline(always)]
+            fn call<R: Routine<Self>>(routine: &mut R) {
+                #[target_feature(enable = $features)]
+                #[inline(never)]
+                fn call<R: Routine<$name>>(routine: &mut R) {
+                    routine.run();
+                }
+                unsafe { call(routine) }
+            }
             #[inline(always)]
             fn splat(x: $real) -> Self {
                 Self(unsafe { $set1(x) })

@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::elementary::{INVERSE_SQRT, INVERSE_SQRT_SINGLE};
-use super::number::{Lane, assigning_ops};
+use super::number::{Lane, Routine, assigning_ops};
 use super::simd::simd_lane;
 
 const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
@@ -19,7 +19,7 @@ const ULP_ONE: f64 = 4_503_599_627_370_496.0;
 
 simd_lane! {
     /// Eight instances in double precision (AVX-512F).
-    F64x8, f64, __m512d, __mmask8, 8,
+    F64x8, "avx512f,avx2,fma", f64, __m512d, __mmask8, 8,
     _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
     _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd, _mm512_abs_pd,
     _mm512_roundscale_pd::<NEAREST>, _mm512_cmp_pd_mask::<_CMP_LT_OQ>,
@@ -34,7 +34,7 @@ simd_lane! {
 
 simd_lane! {
     /// Sixteen instances in single precision (AVX-512F).
-    F32x16, f32, __m512, __mmask16, 16,
+    F32x16, "avx512f,avx2,fma", f32, __m512, __mmask16, 16,
     _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,
     _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps, _mm512_abs_ps,
     _mm512_roundscale_ps::<NEAREST>, _mm512_cmp_ps_mask::<_CMP_LT_OQ>,
@@ -49,7 +49,7 @@ simd_lane! {
 
 simd_lane! {
     /// Four instances in double precision (AVX2 and FMA).
-    F64x4, f64, __m256d, __m256d, 4,
+    F64x4, "avx2,fma", f64, __m256d, __m256d, 4,
     _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
     _mm256_fmadd_pd, _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd,
     |x| _mm256_andnot_pd(_mm256_set1_pd(-0.0), x),
@@ -65,7 +65,7 @@ simd_lane! {
 
 simd_lane! {
     /// Eight instances in single precision (AVX2 and FMA).
-    F32x8, f32, __m256, __m256, 8,
+    F32x8, "avx2,fma", f32, __m256, __m256, 8,
     _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
     _mm256_fmadd_ps, _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps,
     |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
