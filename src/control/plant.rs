@@ -111,9 +111,10 @@ impl Plant {
         arm: &ArmMotion<L>,
         scratch: &mut Scratch<L>,
     ) -> CompositeBody<L> {
-        let mut composition = Composition { plant: self, at, arm, scratch, body: None };
-        L::call(&mut composition);
-        composition.body.expect("the routine writes it")
+        let (six, inertia) = (Vector6::zero(), SpatialInertia::zero());
+        let mut body = CompositeBody { inertia, momentum: six, force: six };
+        L::call(&mut Composition { plant: self, at, arm, scratch, body: &mut body });
+        body
     }
 
     /// Prediction over `time` (s), while the arm moves from one motion to the other. Momentum by Heun's method, thruster
@@ -171,7 +172,7 @@ struct Composition<'a, L> {
     at: &'a VehicleMotion<L>,
     arm: &'a ArmMotion<L>,
     scratch: &'a mut Scratch<L>,
-    body: Option<CompositeBody<L>>,
+    body: &'a mut CompositeBody<L>,
 }
 
 impl<L: Lane<Real = f64>> Routine<L> for Composition<'_, L> {
@@ -179,7 +180,7 @@ impl<L: Lane<Real = f64>> Routine<L> for Composition<'_, L> {
     fn run(&mut self) {
         let Self { plant, at, arm, scratch, body } = self;
         let joints = (&arm.q, &arm.qd);
-        *body = Some(CompositeBody::of(&plant.system, plant.gravity(at.error), at.twist, joints, scratch));
+        **body = CompositeBody::of(&plant.system, plant.gravity(at.error), at.twist, joints, scratch);
     }
 }
 

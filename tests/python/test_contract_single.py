@@ -195,12 +195,15 @@ def test_observations_are_clipped_to_their_bounds_not_beyond(task, dtype):
     assert (np.abs(observation) == high).any(), "nothing was clipped, so this shows nothing"
 
 
+CONTROLLERS = {"StationKeep": uvms_gym.PD, "EETrack": uvms_gym.ResolvedMotion, "Dock": uvms_gym.DockPD}
+
+
 def test_observations_are_of_order_one(task):
     for scene in scenes_with_thrusters():
         # Untuned controllers do not stand every delay.
         envs = gym.make_vec(task, 32, scene=scene, max_episode_steps=None, substeps=5, thruster_lag=None)
         observations, _ = envs.reset(seed=0)
-        policy = (uvms_gym.PD if "StationKeep" in task else uvms_gym.ResolvedMotion)(envs)
+        policy = next(kind for name, kind in CONTROLLERS.items() if name in task)(envs)
         seen = []
         for _ in range(100):
             observations, *_ = envs.step(policy.predict(observations)[0])

@@ -159,7 +159,7 @@ def test_the_number_of_points_seen_ahead_is_the_users():
         ({"preview": {"points": 1.5}}, TypeError, "preview['points'] is 1.5"),
         ({"preview": {"horizon": 1.0}}, ValueError, "points, spacing"),
         ({"tolerance": {"position": -1.0}}, ValueError, "tolerance.position"),
-        ({"residual": 2.0}, ValueError, "residual"),
+        ({"residual_scale": 2.0}, ValueError, "residual_scale"),
         ({"arm_amplitude": 0.1}, TypeError, "arm_amplitude"),
         ({"privileged": "yes"}, TypeError, "privileged is 'yes'"),
     ],

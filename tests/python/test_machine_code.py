@@ -70,9 +70,13 @@ ELSEWHERE = {
 }
 # Modules of controllers with a model.
 MODEL = r"7control(3mpc|4rows|5plant|8observer|11model_based)"
+# Routines of kernels that are functions of their own, compiled for the same instruction set.
+ROUTINE = r"4lane.*4call(4call|5fused)"
 # What these controllers may call besides those: they plan once in a control period.
 PLANNING = {
     MODEL: "plans, actions of wrenches, decay of lags",
+    ROUTINE: "the composite body, several times in a control period",
+    r"std_detect.*detect_and_initialize": "the instruction set of a routine in scalar lanes",
     r"^(exp|ceil|floor|fma)$": "decays of observers",
     r"^(calloc|malloc|free|realloc|posix_memalign)$|5alloc7raw_vec|rotate_right": "memory of a call",
     r"lane\.\.x86.*3abs": "a lane's magnitude",
@@ -127,8 +131,10 @@ class Module:
             if there := re.fullmatch(r"(?:.*, )?#?(0x[0-9a-f]+)", operand):
                 target = int(there[1], 16)
             leaves = target is not None and not 0 <= target - function.start < len(function.code)
-            if mnemonic in self.architecture.calls or (leaves and self.architecture.jumps.fullmatch(mnemonic)):
-                if through := self.architecture.through.fullmatch(operand):
+            through = self.architecture.through.fullmatch(operand)
+            jumps = (leaves or through) and self.architecture.jumps.fullmatch(mnemonic)
+            if mnemonic in self.architecture.calls or jumps:
+                if through:
                     target = end + int("".join(through.groups()), 16)
                 yield self.names.get(target, "") or operand
         assert end == function.start + len(function.code), f"{function.name}: no instruction at {end:#x}"
@@ -158,7 +164,7 @@ def steps(dtype: str, lanes: str) -> list[Function]:
 
 def plans(function: Function) -> bool:
     """True for a controller with a model."""
-    return any(re.search(MODEL, call) for call in module().calls(function))
+    return any(re.search(f"{MODEL}|{ROUTINE}", call) for call in module().calls(function))
 
 
 def others(function: Function, allowed: dict[str, str]) -> dict[str, int]:
@@ -193,6 +199,13 @@ def test_every_kernel_is_inlined_and_none_needs_the_c_library_to_calculate(dtype
     for kernel in kernels(dtype, lanes):
         allowed = AROUND_STEPS | ELSEWHERE | (PLANNING if plans(kernel) else {})
         assert others(kernel, allowed) == {}, kernel.name
+
+
+def test_routines_are_inlined_too() -> None:
+    routines = [function for function in module().functions if re.search(ROUTINE, function.name)]
+    assert routines
+    for routine in routines:
+        assert others(routine, ELSEWHERE) == {}, routine.name
 
 
 def test_calls_are_seen() -> None:

@@ -69,7 +69,7 @@ def test_the_scene_of_a_simulator_is_a_copy() -> None:
         (("vehicle", "body", "mass"), 1j, r"vehicle\.body\.mass.*complex"),
         (("vehicle", "body", "center_of_mass"), [0.0, 0.0], r"vehicle\.body\.center_of_mass.*\[0\.0, 0\.0\]"),
         (("vehicle", "body", "center_of_mass"), np.array([0.0, np.inf, 0.0]), r"center_of_mass\[1\].*inf"),
-        (("arm", "links", 2, "joint", "axis"), [0, 0, 0], r"arm\.links\[2\]\.joint\.axis.*direction"),
+        (("arm", "links", 2, "joint", "axis"), [0, 0, 0], r"arm\.links\[2\]\.joint\.axis.*nonzero length"),
         (("arm", "links", 1, "joint", "kind"), {1: 2}, r"arm\.links\[1\]\.joint\.kind.*int"),
         (("arm", "links", 1, "joint", "home"), np.array([object()]), r"arm\.links\[1\]\.joint\.home\[0\].*object"),
         (("name",), "\ud800", "name.*Unicode"),
