@@ -158,14 +158,14 @@ def test_the_classical_controller_docks_in_calm_water(scene):
     assert (last["approach_speed"][docked] > 0.02).all() and (last["approach_speed"] < 0.6).all()
 
 
-def test_the_classical_controller_docks_in_waves():
-    waves = {"waves": {"height": [0.2, 0.4], "depth": [3.0, 5.0]}}
-    last = dockings("petasus-pum", disturbance=waves, tolerance={"position": 0.15, "attitude": 0.15})
-    assert last["success"].mean() >= 0.6
+@pytest.mark.parametrize(("disturbance", "least"), [("waves", 0.9), ("storm", 0.5)])
+def test_the_classical_controller_docks_in_waves(disturbance, least):
+    # Of 256 episodes 99 % and 57 %.
+    assert dockings("petasus-pum", 128, disturbance=disturbance)["success"].mean() >= least
 
 
 def test_metrics_keep_their_laws_under_the_controller():
-    envs = DockVectorEnv(16, scene=BARE, autoreset_mode="Disabled", disturbance=WAVES, tolerance={"position": 0.3})
+    envs = DockVectorEnv(16, scene=BARE, autoreset_mode="Disabled", disturbance="waves")
     observations, infos = envs.reset(seed=3)
     controller, period, hold = DockPD(envs), 1.0 / envs.metadata["render_fps"], np.zeros(16)
     layout = {block.name: block for block in envs.layout}
@@ -174,10 +174,9 @@ def test_metrics_keep_their_laws_under_the_controller():
     for step in range(1, 380):
         observations, _, _, _, infos = envs.step(controller.predict(observations)[0])
         speed = np.linalg.norm(observations[:, velocity.offset :][:, :3] * velocity.scale[0], axis=1)
-        holds = (infos["position_error"] < 0.3) & (infos["attitude_error"] < 0.15) & (speed < 0.1 - 1e-6)
-        loose = (infos["position_error"] < 0.3) & (infos["attitude_error"] < 0.15) & (speed < 0.1 + 1e-6)
-        hold = np.where(loose, hold + period, 0.0)
-        assert (holds | loose)[infos["docked"] == 1.0].all() and (hold[infos["docked"] == 1.0] > 2.0 - 1e-9).all()
+        holds = (infos["position_error"] < 0.1) & (infos["attitude_error"] < 0.15) & (speed < 0.1 + 1e-6)
+        hold = np.where(holds, hold + period, 0.0)
+        assert (hold[infos["docked"] == 1.0] > 2.0 - 1e-9).all()
         time = infos["time_to_dock"]
         np.testing.assert_allclose(time, np.where(success == 1.0, before, step * period), rtol=1e-12)
         success = np.maximum(success, infos["docked"])
