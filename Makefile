@@ -46,7 +46,7 @@ test-learning: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## tests with Stable-
 	$(installed) -m learning
 
 test-python: $(VENV)/test uvms_gym/_core.abi3.so ## Python tests against this tree, for development
-	UVMS_GYM_UNDER_TEST="$(CURDIR)" $(BIN)/python -m pytest -n auto
+	PYTHONPATH="$(CURDIR)" UVMS_GYM_UNDER_TEST="$(CURDIR)" $(BIN)/python -m pytest -n auto
 
 test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/wheel test-ray ## long tests: debug assertions, all methods, fuzzing, Ray
 	cargo test --locked
