@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::definition::BaseController;
 use super::ee_track::EETrack;
 use super::registry::TaskKind;
-use super::task::Task;
+use super::scene_task::Task;
 use crate::control::{
     ActionKind, ActionMap, BlockIndices, Controller, DockPd, DockPdGains, FeedbackGains, GainMap, LawGains, ModelBased,
     ModelIndices, MpcGains, NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant,

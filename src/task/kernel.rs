@@ -160,7 +160,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         metrics.diverged = L::select(in_bounds, zero, one);
         let mut reward = terms.sum();
         if !K::METRICS.is_empty() {
-            reward = reward + own_reward;
+            reward += own_reward;
         }
         Evaluation { reward, metrics, own, in_bounds, continues: K::continues(self, &metrics, in_bounds) }
     }

@@ -28,10 +28,10 @@ mod reference;
 mod registry;
 mod reward;
 mod scalar;
+mod scene_task;
 mod stage_state;
 mod start;
 mod station_keep;
-mod task;
 
 pub use controllers::ControllerKind;
 pub use definition::{BaseController, Frame, TaskDefinition, TaskKernel};
@@ -51,6 +51,6 @@ pub use reference::{JointReference, PRISMATIC_PER_RADIAN, ReferencePoint, hermit
 pub(crate) use registry::dispatch_task;
 pub use registry::{TASKS, TaskKind, TaskOptions};
 pub use reward::RewardWeights;
+pub use scene_task::{DEFAULT_HORIZON, Task};
 pub use stage_state::StageState;
 pub use station_keep::StationKeep;
-pub use task::{DEFAULT_HORIZON, Task};

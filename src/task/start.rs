@@ -9,8 +9,8 @@ use super::observation::joint_bounds;
 use super::options::StartOverride;
 use super::pose::Pose;
 use super::random::{EpisodeKey, Purpose, Stream};
+use super::scene_task::Task;
 use super::stage_state::StageState;
-use super::task::Task;
 use crate::error::{ControlError, TaskError};
 use crate::system::{Factors, State};
 

@@ -261,7 +261,7 @@ def test_methods_of_single_instances():
     assert_same_run(venv, singles, 9)
     with pytest.warns(UserWarning, match="render mode"):
         assert venv.env_method("render", indices=0) == [None]
-    with pytest.raises(AttributeError, match="'compute' is no method"):
+    with pytest.raises(AttributeError, match="'compute' cannot be called"):
         venv.env_method("compute", 3)
 
 

@@ -234,7 +234,7 @@ fn the_observer_finds_a_constant_force_and_the_error_vanishes() {
     assert!(plain > 0.02, "{plain}");
     for delay in [0, 1, 2] {
         let policy = policy(with([3.0, 3.0, 3.0], delay)).unwrap();
-        let (_, error, memory) = closed_loop(&policy, Plant::at_home(), &load(), delay as usize, 150);
+        let (_, error, memory) = closed_loop(&policy, Plant::at_home(), &load(), delay, 150);
         let found = &memory[1 + 6 + N..][..6 + N];
         for k in 0..6 + N {
             let scale = if k < 6 { 1.0 } else { JOINT_TORQUES[k - 6] };

@@ -50,7 +50,7 @@ impl Run {
     fn new(disturbance: &Disturbance, seed: u64) -> Self {
         let context = context();
         disturbance.check(&context).unwrap();
-        let rows = DisturbanceRows::new(&disturbance, &context, 0).unwrap();
+        let rows = DisturbanceRows::new(disturbance, &context, 0).unwrap();
         let kernel = DisturbanceKernel::new(rows, &context);
         let mut numbers = vec![0.0; rows.end];
         let steady = na::Vector3::zeros();

@@ -158,7 +158,7 @@ proptest! {
         kind in prop::sample::select(vec![ActionKind::Wrench, ActionKind::Thrusters]),
         name in prop::sample::select(TASKS.map(|(name, _)| name).to_vec()),
     ) {
-        let task = task_with(TaskOptions { task: TaskOptions::of(name).unwrap().task, action: kind, ..Default::default() });
+        let task = task_with(TaskOptions { action: kind, ..TaskOptions::of(name).unwrap() });
         let (mut episode, mut state) = task.begin(key(1, 1));
         let command = task.act(&mut episode, &action[..task.action_len()]);
         prop_assert!(command.actuated.torques.iter().all(|x| x.abs() <= 9.0));
