@@ -1,4 +1,4 @@
-"""What Gymnasium expects of vector environments, for every id."""
+"""Contract of Gymnasium's vector environments, for every id."""
 
 import copy
 import json
