@@ -71,14 +71,15 @@ ELSEWHERE = {
 # Modules of controllers with a model.
 MODEL = r"7control(3mpc|4rows|5plant|8observer|11model_based)"
 # Routines of kernels that are functions of their own, compiled for the same instruction set.
-ROUTINE = r"4lane.*4call(4call|5fused)"
+ROUTINE = r"lane.*4call(4call|5fused)"
 # What these controllers may call besides those: they plan once in a control period.
 PLANNING = {
     MODEL: "plans, actions of wrenches, decay of lags",
     ROUTINE: "the composite body, several times in a control period",
     r"std_detect.*detect_and_initialize": "the instruction set of a routine in scalar lanes",
     r"^(exp|ceil|floor|fma)$": "decays of observers",
-    r"^(calloc|malloc|free|realloc|posix_memalign)$|5alloc7raw_vec|rotate_right": "memory of a call",
+    r"^(calloc|malloc|free|realloc|posix_memalign)$|___rust_(alloc|dealloc|no_alloc)": "memory of a call",
+    r"5alloc7raw_vec|rotate_right": "memory of a call and of observers",
     r"lane\.\.x86.*3abs": "a lane's magnitude",
 }
 
