@@ -170,6 +170,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         }
         self.single_observation_space, self.single_action_space = self._spaces()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._observation_shape = (num_envs, len(self._native.observation_bound))
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     def reset(
@@ -250,13 +251,13 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         """Arrays for the results of a step: new ones, or without `copy` always the same."""
         if self._arrays is not None:
             return self._arrays
-        n = self.num_envs
+        n, empty = self.num_envs, np.empty
         arrays = (
-            np.empty((n, *cast(tuple[int, ...], self.single_observation_space.shape)), dtype=np.float32),
-            np.empty(n),
-            np.empty(n, dtype=np.bool_),
-            np.empty(n, dtype=np.bool_),
-            np.empty((len(self._metrics), n)),
+            empty(self._observation_shape, np.float32),
+            empty(n),
+            empty(n, np.bool_),
+            empty(n, np.bool_),
+            empty((len(self._metrics), n)),
         )
         if not self.copy:
             self._arrays = arrays
