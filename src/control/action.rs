@@ -68,6 +68,7 @@ impl ActionMap {
     }
 
     /// Entries of the vehicle.
+    #[inline]
     fn vehicle_len(&self) -> usize {
         match self.kind {
             ActionKind::Wrench | ActionKind::Residual => 6,
@@ -86,6 +87,7 @@ impl ActionMap {
     }
 
     /// Thruster allocation.
+    #[inline]
     pub fn allocation(&self) -> &Allocation {
         &self.allocation
     }
@@ -121,17 +123,16 @@ impl ActionMap {
     /// As [`Self::normalise`], with torques of the first joints, N m or N.
     #[inline(always)]
     pub fn normalise_all(&self, wrench: &Vector6<f64>, torques: &[f64], action: &mut [f32]) {
-        let over = |value: f64, limit: f64| if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 };
         let (action, joints) = action.split_at_mut(self.vehicle_len());
         joints.fill(0.0);
-        for ((a, torque), limit) in joints.iter_mut().zip(torques).zip(&self.torques) {
-            *a = over(*torque, *limit);
+        for k in 0..torques.len().min(joints.len()) {
+            joints[k] = over(torques[k], self.torques[k]);
         }
         match self.kind {
             ActionKind::Wrench | ActionKind::Residual => {
                 let limits = self.allocation.wrench_limits();
-                for (k, a) in action.iter_mut().enumerate() {
-                    *a = over(wrench[k], limits[k]);
+                for k in 0..action.len().min(6) {
+                    action[k] = over(wrench[k], limits[k]);
                 }
             }
             ActionKind::Thrusters => {
@@ -143,4 +144,10 @@ impl ActionMap {
             }
         }
     }
+}
+
+/// Ratio to a limit, clipped to [-1, 1]; 0 where the limit is.
+#[inline(always)]
+fn over(value: f64, limit: f64) -> f32 {
+    if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 }
 }

@@ -158,6 +158,7 @@ impl Allocation {
 
     /// Greatest force (N) and moment (N m) along each body axis alone, in both directions, that [`Self::allocate`]
     /// reaches. 0 where the thrusters cannot push along that axis without pushing along another.
+    #[inline]
     pub fn wrench_limits(&self) -> [f64; 6] {
         self.wrench_limits
     }

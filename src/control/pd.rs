@@ -42,8 +42,13 @@ impl Pd {
     }
 
     /// Pose error (m, rad) at one row of observations.
-    pub(super) fn error(&self, observation: &[f32]) -> na::Vector6<f64> {
-        na::Vector6::from_fn(|k, _| read(observation, self.indices.error[k]))
+    #[inline(always)]
+    pub(super) fn error(&self, observation: &[f32]) -> [f64; 6] {
+        let mut error = [0.0; 6];
+        for k in 0..6 {
+            error[k] = read(observation, self.indices.error[k]);
+        }
+        error
     }
 
     /// `-kp e - kd V` in lanes.
@@ -56,8 +61,11 @@ impl Pd {
     #[inline(always)]
     pub fn wrench(&self, observation: &[f32]) -> na::Vector6<f64> {
         let (kp, kd) = (&self.gains.kp, &self.gains.kd);
-        let error = self.error(observation);
-        na::Vector6::from_fn(|k, _| -kp[k] * error[k] - kd[k] * read(observation, self.indices.twist[k]))
+        let mut wrench = self.error(observation);
+        for k in 0..6 {
+            wrench[k] = -kp[k] * wrench[k] - kd[k] * read(observation, self.indices.twist[k]);
+        }
+        wrench.into()
     }
 }
 
@@ -88,14 +96,16 @@ impl Controller for Pd {
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
         self.widths().rows(observations, memory, actions)?;
-        let rows = observations.chunks_exact(self.indices.width);
-        for (observation, action) in rows.zip(actions.chunks_exact_mut(self.actions.len().max(1))) {
-            self.actions.normalise(&self.wrench(observation), action);
+        let (width, entries) = (self.indices.width, self.actions.len());
+        for row in 0..observations.len() / width {
+            let action = &mut actions[row * entries..][..entries];
+            self.actions.normalise(&self.wrench(&observations[row * width..][..width]), action);
         }
         Ok(())
     }
 }
 
+#[inline(always)]
 fn read(observation: &[f32], (offset, scale): (usize, f64)) -> f64 {
     f64::from(observation[offset]) * scale
 }

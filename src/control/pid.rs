@@ -77,7 +77,9 @@ impl Pid {
         }
         actions.normalise(&wrench, action);
         let mut entries = [0.0; ACTIONS];
-        entries.iter_mut().zip(&*action).for_each(|(entry, a)| *entry = f64::from(*a));
+        for k in 0..action.len() {
+            entries[k] = f64::from(action[k]);
+        }
         let reached = self.actuation.act(&entries).wrench.to_array();
         let (error, limits) = (self.pd.error(observation), actions.allocation().wrench_limits());
         for k in 0..6 {
@@ -123,9 +125,10 @@ impl Kernel<f64> for Rows<'_> {
     #[inline(always)]
     fn run<L: Lane<Real = f64>>(&mut self) {
         let Widths { observation, memory, action } = self.pid.widths();
-        let rows = self.observations.chunks_exact(observation).zip(self.memory.chunks_exact_mut(memory));
-        for ((observation, integral), action) in rows.zip(self.actions.chunks_exact_mut(action.max(1))) {
-            self.pid.control(observation, integral, action);
+        for row in 0..self.observations.len() / observation {
+            let integral = &mut self.memory[row * memory..][..memory];
+            let action = &mut self.actions[row * action..][..action];
+            self.pid.control(&self.observations[row * observation..][..observation], integral, action);
         }
     }
 }

@@ -5,7 +5,7 @@ use nalgebra::Matrix6;
 use crate::description::Scene;
 use crate::dynamics::CompositeBody;
 use crate::dynamics::aba::Scratch;
-use crate::lane::{Lane, Param, Routine, Shared};
+use crate::lane::{Isa, Kernel, Lane, Param, Real, Routine, Shared};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotation_vector};
 use crate::spatial::SpatialInertia;
 use crate::system::{JOINTS, System, compile};
@@ -89,10 +89,9 @@ impl Plant {
 
     /// Composite inertia of vehicle and arm at these joint coordinates.
     pub fn inertia(&self, q: &[f64; JOINTS]) -> Matrix6<f64> {
-        let at = VehicleMotion { error: Vector6::zero(), twist: Vector6::zero() };
-        let arm = ArmMotion { q: *q, qd: [0.0; JOINTS] };
-        let inertia = self.composite_body(&at, &arm, &mut Scratch::new()).inertia;
-        Matrix6::from_fn(|i, k| inertia.entry(i, k))
+        let mut kernel = Inertia { plant: self, q, inertia: Matrix6::zeros() };
+        f64::dispatch_narrow(Isa::best().unwrap_or(Isa::Plain), &mut kernel);
+        kernel.inertia
     }
 
     /// Gravity in vehicle axes. Targets are level, so that the attitude error alone gives it.
@@ -181,6 +180,30 @@ impl<L: Lane<Real = f64>> Routine<L> for Composition<'_, L> {
         let Self { plant, at, arm, scratch, body } = self;
         let joints = (&arm.q, &arm.qd);
         **body = CompositeBody::of(&plant.system, plant.gravity(at.error), at.twist, joints, scratch);
+    }
+}
+
+/// Composite inertia at these joint coordinates.
+struct Inertia<'a> {
+    plant: &'a Plant,
+    q: &'a [f64; JOINTS],
+    inertia: Matrix6<f64>,
+}
+
+impl Kernel<f64> for Inertia<'_> {
+    #[inline(always)]
+    fn run<L: Lane<Real = f64>>(&mut self) {
+        let at = VehicleMotion { error: Vector6::zero(), twist: Vector6::zero() };
+        let mut arm = ArmMotion { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };
+        for k in 0..JOINTS {
+            arm.q[k] = L::splat(self.q[k]);
+        }
+        let body = self.plant.composite_body(&at, &arm, &mut Scratch::new());
+        for i in 0..6 {
+            for k in 0..6 {
+                body.inertia.entry(i, k).store(&mut self.inertia.as_mut_slice()[6 * k + i..][..1]);
+            }
+        }
     }
 }
 

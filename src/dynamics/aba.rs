@@ -141,7 +141,8 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     let (mut g, mut V) = (gravity, twist);
     // Two loops: the common kind of links needs no branch, and so no pass through memory.
     if system.z_aligned {
-        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        for i in 0..joints.len() {
+            let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             if let Some(central) = &joint.body.central {
                 central.bias_z_aligned(V, g, &mut link.p);
@@ -154,14 +155,15 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
             payload.add_bias(V, g, &mut link.p);
         }
     } else {
-        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        for i in 0..joints.len() {
+            let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             body_bias::<_, _, false>(&joint.body, V, g, &mut link.p);
         }
     }
     if loads.on_links {
-        for (link, load) in links.iter_mut().zip(&loads.links) {
-            link.p = link.p - *load;
+        for i in 0..joints.len() {
+            links[i].p = links[i].p - loads.links[i];
         }
     }
 
@@ -172,7 +174,8 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     }
 
     let mut V_dot = *twist_rate;
-    for ((joint, link), qdd) in joints.iter().zip(links.iter()).zip(qdd) {
+    for i in 0..joints.len() {
+        let (joint, link) = (&joints[i], &links[i]);
         V_dot = link.twist_from_parent(joint, V_dot);
         let ([mut vx, mut vy, vz], [mut wx, mut wy, wz]) = (V_dot.linear.0, V_dot.angular.0);
         (vx, vy) = (vx + link.c[0], vy + link.c[1]);
@@ -194,7 +197,7 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         } else {
             (vz, along, along - wz)
         };
-        *qdd = qdd_i;
+        qdd[i] = qdd_i;
         V_dot = Vector6 { linear: Vector3([vx, vy, vz]), angular: Vector3([wx, wy, wz]) };
     }
 }
@@ -212,7 +215,8 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     let joints = system.chain();
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
-    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate().rev() {
+    for i in (0..joints.len()).rev() {
+        let (joint, link) = (&joints[i], &mut links[i]);
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut p = link.p + p_children;
@@ -269,8 +273,8 @@ pub fn link_twists<L: Lane, P: Param<L>, B>(
     let links = &mut scratch.links[..joints.len()];
     joint_screws(joints, true, q, links);
     let mut twist = twist;
-    for (((joint, link), qd), to) in joints.iter().zip(links.iter()).zip(qd).zip(twists) {
-        twist = add_joint_rate(joint, link.twist_from_parent(joint, twist), *qd);
-        *to = twist;
+    for i in 0..joints.len() {
+        twist = add_joint_rate(&joints[i], links[i].twist_from_parent(&joints[i], twist), qd[i]);
+        twists[i] = twist;
     }
 }

@@ -123,7 +123,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
     }
 
     let mut V_dot = *twist_rate;
-    for (i, (joint, link)) in joints.iter().zip(links.iter()).enumerate() {
+    for i in 0..joints.len() {
+        let (joint, link) = (&joints[i], &links[i]);
         V_dot = link.twist_from_parent(joint, V_dot) + with_zeros(link.c);
         qdd[i] = link.u_over_D - link.U_over_D.dot(V_dot);
         V_dot = add_joint_rate(joint, V_dot, qdd[i]);

@@ -108,7 +108,8 @@ pub(super) fn joint_screws<L: Lane, P: Param<L>, B>(
     q: &[L; JOINTS],
     links: &mut [Link<L>],
 ) {
-    for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+    for i in 0..joints.len() {
+        let (joint, link) = (&joints[i], &mut links[i]);
         let coordinate = joint.offset.get() + q[i];
         link.screw = match joint.screw {
             JointScrew::Revolute { .. } if is_start => {

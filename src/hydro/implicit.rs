@@ -82,10 +82,11 @@ impl<P: Copy> Restoring<P> {
         let k = ((s.dot(s) * square).sqrt() + s.dot(g)) * L::c(0.5);
         let e = g.scale(L::c(1.0) / square.sqrt()).0;
         let mut stiffness = [L::zero(); 6];
-        for (place, (i, j)) in [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)].into_iter().enumerate() {
+        unroll!(place in 0 1 2 3 4 5 => {
+            let (i, j) = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)][place];
             let unit = if i == j { k } else { L::zero() };
             stiffness[place] = (e[i] * e[j]).neg_mul_add(k, unit);
-        }
+        });
         stiffness
     }
 }

@@ -68,7 +68,8 @@ impl<L: Lane, const N: usize> Stages<L, N> {
     pub(super) fn weigh(&mut self, weights: &Weights, n: usize, h: L, keeps: bool, from: &Motion<L, N>) -> Point<L> {
         let [speeds, places] = weights.support;
         let mut sum = Point { pose: Vector6::zero(), scalar: L::zero(), twist: Vector6::zero() };
-        for j in speeds.stages() {
+        for i in 0..speeds.count() {
+            let j = speeds.stage(i);
             let weight = h * L::c(weights.speed[j]);
             sum.twist = self.rates[j].twist.scale_add(weight, sum.twist);
             sum.pose = self.pose[j].scale_add(weight, sum.pose);
@@ -128,13 +129,15 @@ impl<L: Lane, const N: usize> Stages<L, N> {
             self.q_at[k] = from.qd[k] * way;
             self.qd_at[k] = L::zero();
         }
-        for j in speeds.stages() {
+        for i in 0..speeds.count() {
+            let j = speeds.stage(i);
             let weight = h * L::c(weights.speed[j]);
             for k in 0..n {
                 self.qd_at[k] = self.rates[j].qd[k].mul_add(weight, self.qd_at[k]);
             }
         }
-        for j in places.stages() {
+        for i in 0..places.count() {
+            let j = places.stage(i);
             let weight = h2 * L::c(weights.place[j]);
             for k in 0..n {
                 self.q_at[k] = self.rates[j].qd[k].mul_add(weight, self.q_at[k]);

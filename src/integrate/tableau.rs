@@ -59,10 +59,16 @@ impl Support {
         &self.stages[..self.count.min(STAGES)]
     }
 
-    /// Their numbers. (The bound, which always holds, spares index checks.)
+    /// How many there are.
     #[inline(always)]
-    pub fn stages(&self) -> impl Iterator<Item = usize> {
-        self.stages.iter().take(self.count).copied().take_while(|j| *j < STAGES)
+    pub fn count(&self) -> usize {
+        self.count.min(STAGES)
+    }
+
+    /// The number of the i-th. (The bound, which always holds, spares index checks.)
+    #[inline(always)]
+    pub fn stage(&self, i: usize) -> usize {
+        self.stages[i].min(STAGES - 1)
     }
 }
 

@@ -10,13 +10,13 @@ use super::simd::simd_lane;
 
 simd_lane! {
     /// Two instances in double precision (NEON).
-    F64x2, "neon", f64, float64x2_t, uint64x2_t, 2,
+    F64x2, f64x2, "neon", f64, float64x2_t, uint64x2_t, 2,
     vdupq_n_f64, vld1q_f64, vst1q_f64, vaddq_f64, vsubq_f64, vmulq_f64, vdivq_f64,
     |x, a, b| vfmaq_f64(b, x, a), vsqrtq_f64,
     |x, y| vbslq_f64(vcltq_f64(x, y), x, y), |x, y| vbslq_f64(vcltq_f64(y, x), x, y),
     vabsq_f64, vrndnq_f64, vcltq_f64, vbslq_f64,
-    |a, b| unsafe { vandq_u64(a, b) },
-    |mask| unsafe { (vgetq_lane_u64::<0>(mask) & 1 | vgetq_lane_u64::<1>(mask) & 2) as u32 },
+    |a, b| vandq_u64(a, b),
+    |mask| (vgetq_lane_u64::<0>(mask) & 1 | vgetq_lane_u64::<1>(mask) & 2) as u32,
     split_f64x2, estimate_f64x2,
     |from| vcvt_f64_f32(vld1_f32(from)),
     |to, x| vst1_f32(to, vcvt_f32_f64(x)),
@@ -25,13 +25,13 @@ simd_lane! {
 
 simd_lane! {
     /// Four instances in single precision (NEON).
-    F32x4, "neon", f32, float32x4_t, uint32x4_t, 4,
+    F32x4, f32x4, "neon", f32, float32x4_t, uint32x4_t, 4,
     vdupq_n_f32, vld1q_f32, vst1q_f32, vaddq_f32, vsubq_f32, vmulq_f32, vdivq_f32,
     |x, a, b| vfmaq_f32(b, x, a), vsqrtq_f32,
     |x, y| vbslq_f32(vcltq_f32(x, y), x, y), |x, y| vbslq_f32(vcltq_f32(y, x), x, y),
     vabsq_f32, vrndnq_f32, vcltq_f32, vbslq_f32,
-    |a, b| unsafe { vandq_u32(a, b) },
-    |mask| unsafe { vaddvq_u32(vandq_u32(mask, vld1q_u32([1, 2, 4, 8].as_ptr()))) },
+    |a, b| vandq_u32(a, b),
+    |mask| vaddvq_u32(vandq_u32(mask, vld1q_u32([1, 2, 4, 8].as_ptr()))),
     split_f32x4, estimate_f32x4,
     vld1q_f32,
     vst1q_f32,

@@ -28,8 +28,8 @@ pub trait Lane:
     /// True where a group is one instance. (As the whole condition of an `if` it spares the compiler the branch not taken.)
     const SCALAR: bool = Self::LANES == 1;
 
-    /// Runs a routine as a function of its own, compiled for the instruction set of these lanes. (The compiler's time grows
-    /// with more than the length of a function: where a call costs nothing noticeable, it saves most of that.)
+    /// Runs a routine of a kernel as a function of its own, compiled for the instruction set of these lanes. (The compiler's
+    /// time grows with more than the length of a function: where a call costs nothing noticeable, it saves most of that.)
     #[inline(always)]
     fn call<R: Routine<Self>>(routine: &mut R) {
         routine.run();

@@ -7,7 +7,18 @@ use super::isa::Isa;
 use super::number::{Lane, Routine, assigning_ops};
 
 macro_rules! scalar_lane {
-    ($real:ty, $fraction:expr, $exponent:expr, $inverse_sqrt:expr) => {
+    ($real:ty, $module:ident, $fraction:expr, $exponent:expr, $inverse_sqrt:expr) => {
+        // In a module for each kind of lanes: the compiler works on several modules at a time.
+        mod $module {
+            use super::Routine;
+
+            #[cfg_attr(target_arch = "x86_64", target_feature(enable = "fma"))]
+            #[inline(never)]
+            pub(super) fn call<R: Routine<$real>>(routine: &mut R) {
+                routine.run();
+            }
+        }
+
         impl Lane for $real {
             type Real = $real;
             type Mask = bool;
@@ -15,19 +26,11 @@ macro_rules! scalar_lane {
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {
-                #[cfg_attr(target_arch = "x86_64", target_feature(enable = "fma"))]
-                #[cfg_attr(not(target_arch = "x86_64"), inline(never))]
-                fn fused<R: Routine<$real>>(routine: &mut R) {
-                    routine.run();
-                }
-                if Isa::Fma.detected() {
-                    // SAFETY: the feature has been detected.
-                    #[allow(unused_unsafe, reason = "needed on x86-64 alone")]
-                    unsafe {
-                        fused(routine)
-                    }
-                } else {
-                    routine.run();
+                assert!(Isa::Fma.detected(), "kernels run on these lanes where there is fused multiply-add");
+                // SAFETY: the feature has been detected.
+                #[allow(unused_unsafe, reason = "needed on x86-64 alone")]
+                unsafe {
+                    $module::call(routine)
                 }
             }
             #[inline(always)]
@@ -100,15 +103,24 @@ macro_rules! scalar_lane {
         }
     };
 }
-scalar_lane!(f64, (1 << 52) - 1, 0x7ff, INVERSE_SQRT);
-scalar_lane!(f32, (1 << 23) - 1, 0xff, INVERSE_SQRT_SINGLE);
+scalar_lane!(f64, double, (1 << 52) - 1, 0x7ff, INVERSE_SQRT);
+scalar_lane!(f32, single, (1 << 23) - 1, 0xff, INVERSE_SQRT_SINGLE);
 
 /// A scalar whose multiply-add rounds twice, for machines without fused multiply-add, where `f64::mul_add` is a slow call.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unfused<T>(pub T);
 
 macro_rules! unfused_lane {
-    ($real:ty) => {
+    ($real:ty, $module:ident) => {
+        mod $module {
+            use super::{Routine, Unfused};
+
+            #[inline(never)]
+            pub(super) fn call<R: Routine<Unfused<$real>>>(routine: &mut R) {
+                routine.run();
+            }
+        }
+
         impl Add for Unfused<$real> {
             type Output = Self;
             #[inline(always)]
@@ -153,11 +165,7 @@ macro_rules! unfused_lane {
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {
-                #[inline(never)]
-                fn call<R: Routine<Unfused<$real>>>(routine: &mut R) {
-                    routine.run();
-                }
-                call(routine);
+                $module::call(routine);
             }
             #[inline(always)]
             fn splat(x: $real) -> Self {
@@ -232,5 +240,5 @@ macro_rules! unfused_lane {
         }
     };
 }
-unfused_lane!(f64);
-unfused_lane!(f32);
+unfused_lane!(f64, plain_double);
+unfused_lane!(f32, plain_single);

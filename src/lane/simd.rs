@@ -6,7 +6,7 @@
 /// Defines a lane by a vector type and its intrinsics.
 macro_rules! simd_lane {
     (
-        $(#[$doc:meta])* $name:ident, $features:literal, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
+        $(#[$doc:meta])* $name:ident, $module:ident, $features:literal, $real:ty, $vector:ty, $mask:ty, $lanes:literal,
         $set1:ident, $load:ident, $store:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $fma:expr,
         $sqrt:ident, $min:expr, $max:expr, $abs:expr, $round:expr, $lt:expr, $select:expr, $and:expr, $bits:expr, $split:expr, $estimate:expr,
         $load_single:expr, $store_single:expr, $store_double:expr
@@ -57,6 +57,17 @@ macro_rules! simd_lane {
         }
         assigning_ops!($name);
 
+        // In a module for each kind of lanes: the compiler works on several modules at a time.
+        mod $module {
+            use super::{$name, Routine};
+
+            #[target_feature(enable = $features)]
+            #[inline(never)]
+            pub(super) fn call<R: Routine<$name>>(routine: &mut R) {
+                routine.run();
+            }
+        }
+
         impl Lane for $name {
             type Real = $real;
             type Mask = $mask;
@@ -64,12 +75,7 @@ macro_rules! simd_lane {
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {
-                #[target_feature(enable = $features)]
-                #[inline(never)]
-                fn call<R: Routine<$name>>(routine: &mut R) {
-                    routine.run();
-                }
-                unsafe { call(routine) }
+                unsafe { $module::call(routine) }
             }
             #[inline(always)]
             fn splat(x: $real) -> Self {
@@ -120,11 +126,11 @@ macro_rules! simd_lane {
             }
             #[inline(always)]
             fn and(a: $mask, b: $mask) -> $mask {
-                $and(a, b)
+                unsafe { $and(a, b) }
             }
             #[inline(always)]
             fn bits(mask: $mask) -> u32 {
-                $bits(mask)
+                unsafe { $bits(mask) }
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {

@@ -69,9 +69,10 @@ impl Entry for f32 {
             let row = |k: usize| _mm_loadu_ps(from.add(k * from_width));
             let (mut a, mut b, mut c, mut d) = (row(0), row(1), row(2), row(3));
             _MM_TRANSPOSE4_PS(&mut a, &mut b, &mut c, &mut d);
-            for (k, x) in [a, b, c, d].into_iter().enumerate() {
-                _mm_storeu_ps(to.add(k * to_width), x);
-            }
+            _mm_storeu_ps(to, a);
+            _mm_storeu_ps(to.add(to_width), b);
+            _mm_storeu_ps(to.add(2 * to_width), c);
+            _mm_storeu_ps(to.add(3 * to_width), d);
         }
     }
 }

@@ -19,28 +19,23 @@ const ULP_ONE: f64 = 4_503_599_627_370_496.0;
 
 simd_lane! {
     /// Eight instances in double precision (AVX-512F).
-    F64x8, "avx512f,avx2,fma", f64, __m512d, __mmask8, 8,
+    F64x8, f64x8, "avx512f,avx2,fma", f64, __m512d, __mmask8, 8,
     _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd,
     _mm512_fmadd_pd, _mm512_sqrt_pd, _mm512_min_pd, _mm512_max_pd, _mm512_abs_pd,
     _mm512_roundscale_pd::<NEAREST>, _mm512_cmp_pd_mask::<_CMP_LT_OQ>,
-    |mask, yes, no| _mm512_mask_blend_pd(mask, no, yes),
-    |a, b| a & b,
-    u32::from,
+    select_f64x8, and_mask8, bits_mask8,
     split_f64x8, estimate_f64x8,
-    |from| _mm512_cvtps_pd(_mm256_loadu_ps(from)),
-    |to, x| _mm256_storeu_ps(to, _mm512_cvtpd_ps(x)),
+    load_single_f64x8, store_single_f64x8,
     _mm512_storeu_pd
 }
 
 simd_lane! {
     /// Sixteen instances in single precision (AVX-512F).
-    F32x16, "avx512f,avx2,fma", f32, __m512, __mmask16, 16,
+    F32x16, f32x16, "avx512f,avx2,fma", f32, __m512, __mmask16, 16,
     _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps,
     _mm512_fmadd_ps, _mm512_sqrt_ps, _mm512_min_ps, _mm512_max_ps, _mm512_abs_ps,
     _mm512_roundscale_ps::<NEAREST>, _mm512_cmp_ps_mask::<_CMP_LT_OQ>,
-    |mask, yes, no| _mm512_mask_blend_ps(mask, no, yes),
-    |a, b| a & b,
-    u32::from,
+    select_f32x16, and_mask16, bits_mask16,
     split_f32x16, estimate_f32x16,
     _mm512_loadu_ps,
     _mm512_storeu_ps,
@@ -49,30 +44,25 @@ simd_lane! {
 
 simd_lane! {
     /// Four instances in double precision (AVX2 and FMA).
-    F64x4, "avx2,fma", f64, __m256d, __m256d, 4,
+    F64x4, f64x4, "avx2,fma", f64, __m256d, __m256d, 4,
     _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd,
     _mm256_fmadd_pd, _mm256_sqrt_pd, _mm256_min_pd, _mm256_max_pd,
-    |x| _mm256_andnot_pd(_mm256_set1_pd(-0.0), x),
+    abs_f64x4,
     _mm256_round_pd::<NEAREST>, _mm256_cmp_pd::<_CMP_LT_OQ>,
-    |mask, yes, no| _mm256_blendv_pd(no, yes, mask),
-    |a, b| unsafe { _mm256_and_pd(a, b) },
-    |mask| unsafe { _mm256_movemask_pd(mask) as u32 },
+    select_f64x4, _mm256_and_pd, bits_f64x4,
     split_f64x4, estimate_f64x4,
-    |from| _mm256_cvtps_pd(_mm_loadu_ps(from)),
-    |to, x| _mm_storeu_ps(to, _mm256_cvtpd_ps(x)),
+    load_single_f64x4, store_single_f64x4,
     _mm256_storeu_pd
 }
 
 simd_lane! {
     /// Eight instances in single precision (AVX2 and FMA).
-    F32x8, "avx2,fma", f32, __m256, __m256, 8,
+    F32x8, f32x8, "avx2,fma", f32, __m256, __m256, 8,
     _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps,
     _mm256_fmadd_ps, _mm256_sqrt_ps, _mm256_min_ps, _mm256_max_ps,
-    |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
+    abs_f32x8,
     _mm256_round_ps::<NEAREST>, _mm256_cmp_ps::<_CMP_LT_OQ>,
-    |mask, yes, no| _mm256_blendv_ps(no, yes, mask),
-    |a, b| unsafe { _mm256_and_ps(a, b) },
-    |mask| unsafe { _mm256_movemask_ps(mask) as u32 },
+    select_f32x8, _mm256_and_ps, bits_f32x8,
     split_f32x8, estimate_f32x8,
     _mm256_loadu_ps,
     _mm256_storeu_ps,
@@ -80,6 +70,39 @@ simd_lane! {
 }
 
 // SAFETY (all below): as in the expansions above, their only callers.
+
+/// Short functions. (Closures would not be inlined: they have no instruction set of their own.)
+macro_rules! inlined {
+    ($($name:ident($($x:ident: $from:ty),+) -> $to:ty = $value:expr;)+) => {
+        $(#[inline(always)]
+        unsafe fn $name($($x: $from),+) -> $to {
+            #[allow(unused_unsafe, reason = "operations on masks are safe")]
+            unsafe { $value }
+        })+
+    };
+}
+
+inlined! {
+    select_f64x8(mask: __mmask8, yes: __m512d, no: __m512d) -> __m512d = _mm512_mask_blend_pd(mask, no, yes);
+    and_mask8(a: __mmask8, b: __mmask8) -> __mmask8 = a & b;
+    bits_mask8(mask: __mmask8) -> u32 = u32::from(mask);
+    load_single_f64x8(from: *const f32) -> __m512d = _mm512_cvtps_pd(_mm256_loadu_ps(from));
+    store_single_f64x8(to: *mut f32, x: __m512d) -> () = _mm256_storeu_ps(to, _mm512_cvtpd_ps(x));
+
+    select_f32x16(mask: __mmask16, yes: __m512, no: __m512) -> __m512 = _mm512_mask_blend_ps(mask, no, yes);
+    and_mask16(a: __mmask16, b: __mmask16) -> __mmask16 = a & b;
+    bits_mask16(mask: __mmask16) -> u32 = u32::from(mask);
+
+    abs_f64x4(x: __m256d) -> __m256d = _mm256_andnot_pd(_mm256_set1_pd(-0.0), x);
+    select_f64x4(mask: __m256d, yes: __m256d, no: __m256d) -> __m256d = _mm256_blendv_pd(no, yes, mask);
+    bits_f64x4(mask: __m256d) -> u32 = _mm256_movemask_pd(mask) as u32;
+    load_single_f64x4(from: *const f32) -> __m256d = _mm256_cvtps_pd(_mm_loadu_ps(from));
+    store_single_f64x4(to: *mut f32, x: __m256d) -> () = _mm_storeu_ps(to, _mm256_cvtpd_ps(x));
+
+    abs_f32x8(x: __m256) -> __m256 = _mm256_andnot_ps(_mm256_set1_ps(-0.0), x);
+    select_f32x8(mask: __m256, yes: __m256, no: __m256) -> __m256 = _mm256_blendv_ps(no, yes, mask);
+    bits_f32x8(mask: __m256) -> u32 = _mm256_movemask_ps(mask) as u32;
+}
 
 /// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]

@@ -53,13 +53,15 @@ pub fn byte(x: f32) -> u32 {
 }
 
 /// Packs the colour of a sample, 0 to 1.
-pub fn pack(colour: [f32; 3]) -> u32 {
-    let [r, g, b] = colour.map(byte);
-    r | (g << 8) | (b << 16)
+#[inline]
+pub fn pack([r, g, b]: [f32; 3]) -> u32 {
+    byte(r) | (byte(g) << 8) | (byte(b) << 16)
 }
 
-fn unpack(colour: u32) -> [f32; 3] {
-    [0, 8, 16].map(|shift| ((colour >> shift) & 255) as f32 * (1.0 / 255.0))
+/// One channel of a packed colour, 0 to 1.
+#[inline]
+fn unpack(colour: u32, channel: usize) -> f32 {
+    ((colour >> (8 * channel)) & 255) as f32 * (1.0 / 255.0)
 }
 
 impl Canvas {
@@ -79,7 +81,8 @@ impl Canvas {
     /// Averages the samples: red, green, blue by rows.
     pub fn resolve(&self) -> Vec<u8> {
         let mut out = vec![0; 3 * self.colours.len()];
-        for (pixel, samples) in out.chunks_exact_mut(3).zip(&self.colours) {
+        for k in 0..self.colours.len() {
+            let (pixel, samples) = (&mut out[3 * k..][..3], &self.colours[k]);
             // Two channels at a time: sums of four bytes do not overlap.
             let (mut red_blue, mut green) = (0, 0);
             for sample in samples {
@@ -199,22 +202,27 @@ impl Canvas {
             });
             let row = y as usize * self.width;
             for x in first..end {
-                let outside: [T; SAMPLES] = std::array::from_fn(|s| at[0][s] | at[1][s] | at[2][s]);
-                for (at, along) in at.iter_mut().zip(along) {
-                    for value in at {
-                        *value += along;
+                let (mut outside, mut any) = ([zero; SAMPLES], false);
+                for s in 0..SAMPLES {
+                    outside[s] = at[0][s] | at[1][s] | at[2][s];
+                    any |= outside[s] >= zero;
+                    for i in 0..3 {
+                        at[i][s] += along[i];
                     }
                 }
-                if outside.iter().all(|o| *o < zero) {
+                if !any {
                     continue;
                 }
                 let fx = (x * GRID - from[0]) as f32;
                 let nearness = n0 + nx * fx + ny * fy;
                 let pixel = row + x as usize;
                 let depths = &mut self.nearness[pixel];
-                let seen: [bool; SAMPLES] =
-                    std::array::from_fn(|s| outside[s] >= zero && nearness + spread[s] > depths[s]);
-                if !seen.iter().any(|s| *s) {
+                let (mut seen, mut any) = ([false; SAMPLES], false);
+                for s in 0..SAMPLES {
+                    seen[s] = outside[s] >= zero && nearness + spread[s] > depths[s];
+                    any |= seen[s];
+                }
+                if !any {
                     continue;
                 }
                 let [r, g, b, alpha] = shading.colour(fx, fy);
@@ -231,8 +239,12 @@ impl Canvas {
                     let over = [r, g, b];
                     for s in 0..SAMPLES {
                         if seen[s] {
-                            let under = unpack(colours[s]);
-                            colours[s] = pack(std::array::from_fn(|k| under[k] + (over[k] - under[k]) * alpha));
+                            let mut mixed = [0.0; 3];
+                            for k in 0..3 {
+                                let under = unpack(colours[s], k);
+                                mixed[k] = under + (over[k] - under) * alpha;
+                            }
+                            colours[s] = pack(mixed);
                         }
                     }
                 }
@@ -320,12 +332,15 @@ impl Shading {
     }
 
     /// Colour at the centre of a pixel, clamped to the range of the corners.
+    #[inline]
     fn colour(&self, x: f32, y: f32) -> [f32; 4] {
         let (x, y) = (x + 0.5 * GRID as f32, y + 0.5 * GRID as f32);
-        std::array::from_fn(|k| {
+        let mut colour = [0.0; 4];
+        for k in 0..4 {
             let ([at, along, down], [least, most]) = (self.colour[k], self.range[k]);
-            (at + along * x + down * y).max(least).min(most)
-        })
+            colour[k] = (at + along * x + down * y).max(least).min(most);
+        }
+        colour
     }
 }
 

@@ -173,8 +173,8 @@ impl<L: Lane> ScaledSystem<L> {
     ) {
         let Some((vehicle, links)) = unscaled.split_first() else { return };
         scale_body(&mut self.vehicle, &of.vehicle, vehicle, factors, body_frame_terms);
-        for ((joint, of), parts) in self.joints.iter_mut().zip(&of.joints).zip(links) {
-            scale_body(&mut joint.body, &of.body, parts, factors, body_frame_terms);
+        for i in 0..links.len() {
+            scale_body(&mut self.joints[i].body, &of.joints[i].body, &links[i], factors, body_frame_terms);
         }
     }
 }
@@ -230,10 +230,8 @@ fn scale_body<L: Lane, P: Param<L>>(
             });
         }
     }
-    for (k, (damping, of)) in body.damping.iter_mut().zip(&of.damping).enumerate() {
-        if central_only && k == 0 {
-            continue;
-        }
+    for k in usize::from(central_only)..body.damping.len() {
+        let (damping, of) = (&mut body.damping[k], &of.damping[k]);
         scale(&mut damping.linear, &of.linear, factors.linear_damping);
         scale(&mut damping.quadratic, &of.quadratic, factors.quadratic_damping);
         if let (Some(bound), Some(of)) = (&mut damping.linear_bound, &of.linear_bound) {

@@ -1,8 +1,6 @@
 //! Observations: layout, blocks that several tasks share, and the writer.
 
 use std::f64::consts::PI;
-use std::iter::Zip;
-use std::slice::{ChunksExactMut, Iter};
 
 use super::bounds::{POSITION_BOUND, RATE_BOUND, SPEED_BOUND, TURN_BOUND};
 use super::reference::PRISMATIC_PER_RADIAN;
@@ -136,15 +134,20 @@ pub(super) fn joint_bounds(layout: &Layout) -> Vec<f64> {
 
 /// Writer of an observation's entries, in order.
 pub struct ObservationWriter<'a, T> {
-    /// Scale and bound of the remaining entries, and their places.
-    places: Zip<Iter<'a, [T; 2]>, ChunksExactMut<'a, f32>>,
+    /// Scale and bound of each entry.
+    scaling: &'a [[T; 2]],
+    /// Places of the entries, of `lanes` instances each.
+    entries: &'a mut [f32],
+    lanes: usize,
+    /// Entries written so far.
+    written: usize,
 }
 
 impl<'a, T: Real> ObservationWriter<'a, T> {
     /// For entries of `lanes` instances each, with these scales and bounds.
     #[inline(always)]
     pub fn new(scaling: &'a [[T; 2]], entries: &'a mut [f32], lanes: usize) -> Self {
-        Self { places: scaling.iter().zip(entries.chunks_exact_mut(lanes)) }
+        Self { scaling, entries, lanes, written: 0 }
     }
 
     /// Writes the next three entries.
@@ -159,8 +162,9 @@ impl<'a, T: Real> ObservationWriter<'a, T> {
     /// invalid state never reads like one on target.
     #[inline(always)]
     pub fn put<L: Lane<Real = T>>(&mut self, value: L) {
-        let Some((&[by, bound], entry)) = self.places.next() else { unreachable!("more entries than the layout has") };
+        let [by, bound] = self.scaling[self.written];
         let bound = L::splat(bound);
-        (value * L::splat(by)).min(bound).max(-bound).store_single(entry);
+        (value * L::splat(by)).min(bound).max(-bound).store_single(&mut self.entries[self.written * self.lanes..]);
+        self.written += 1;
     }
 }

@@ -248,7 +248,11 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
             let chosen = &self.chosen[first..first + lanes];
-            if !chosen.contains(&true) {
+            let mut any = false;
+            for lane in 0..lanes {
+                any |= chosen[lane];
+            }
+            if !any {
                 continue;
             }
             let (physics, memory) = self.blocks.group::<L>(first, [0..0, 0..0]);

@@ -11,8 +11,8 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::hydro::{FinAxes, ThrusterDynamics};
-use crate::integrate::{Integrator, Motion, Stages, implicit_interval, interval};
-use crate::lane::{Kernel, Lane, Param, Real, Shared, get_all, prefetch_after};
+use crate::integrate::{Explicit, Integrator, Motion, Stages, StepEstimates, implicit_interval, interval};
+use crate::lane::{Kernel, Lane, Param, Real, Routine, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::system::{JOINTS, ScaledSystem, System, UnscaledBodyTerms};
 
@@ -97,6 +97,40 @@ impl<L: Lane> Memory<L> {
             memory.write_bytes(0xFF, 1);
             (&raw mut (*memory).loads.on_links).write(false);
         }
+    }
+}
+
+/// One step of an explicit method.
+struct ExplicitStep<'a, 'b, L: Lane, B, const BASELINES: bool> {
+    method: &'a Explicit,
+    h: L::Real,
+    motion: &'a mut Motion<L, JOINTS>,
+    estimates: &'a mut StepEstimates<L>,
+    equations: &'a mut EquationsOfMotion<'b, L, B>,
+    stages: &'a mut Stages<L, JOINTS>,
+}
+
+impl<L: Lane, B: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_, '_, L, B, BASELINES> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { method, h, motion, estimates, equations, stages } = self;
+        interval::<_, _, _, BASELINES>(method, *h, motion, estimates, *equations, stages);
+    }
+}
+
+/// One step of the linearly implicit method.
+struct ImplicitStep<'a, 'b, L: Lane, B> {
+    h: L::Real,
+    motion: &'a mut Motion<L, JOINTS>,
+    estimates: &'a mut StepEstimates<L>,
+    equations: &'a mut EquationsOfMotion<'b, L, B>,
+}
+
+impl<L: Lane, B: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, B> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { h, motion, estimates, equations } = self;
+        implicit_interval(*h, motion, estimates, *equations);
     }
 }
 
@@ -255,11 +289,15 @@ impl<'a, T: Real> Step<'a, T> {
             }
             match &self.integrator {
                 Integrator::Explicit(method) => {
+                    let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.stages;
-                    interval::<_, _, _, BASELINES>(method, self.h, motion, &mut estimates, &mut equations, stages);
+                    let mut step =
+                        ExplicitStep::<_, _, BASELINES> { method, h: self.h, motion, estimates, equations, stages };
+                    L::call(&mut step);
                 }
                 Integrator::LinearlyImplicit => {
-                    implicit_interval(self.h, motion, &mut estimates, &mut equations);
+                    let (estimates, equations) = (&mut estimates, &mut equations);
+                    L::call(&mut ImplicitStep { h: self.h, motion, estimates, equations });
                 }
             }
             motion.travel(drift(current, gained, self.h));

@@ -101,8 +101,8 @@ impl Kernel<f32> for Forward<'_> {
         for (observations, actions) in observations.zip(self.actions.chunks_mut(PANEL * outputs)) {
             let (input, result) = (&mut self.input, &mut self.result);
             for (j, row) in observations.chunks_exact(inputs).enumerate() {
-                for (panel, x) in input.iter_mut().zip(row) {
-                    panel.0[j] = *x;
+                for k in 0..inputs {
+                    input[k].0[j] = row[k];
                 }
             }
             // Lanes that hold instances, to whole pairs; the others are not read.
@@ -125,8 +125,8 @@ impl Kernel<f32> for Forward<'_> {
                 std::mem::swap(input, result);
             }
             for (j, row) in actions.chunks_exact_mut(outputs).enumerate() {
-                for (panel, a) in input.iter().zip(row) {
-                    *a = panel.0[j];
+                for k in 0..outputs {
+                    row[k] = input[k].0[j];
                 }
             }
         }
@@ -137,16 +137,18 @@ impl PackedLayer {
     /// `W x + b` of two lanes of instances that begin at `at`.
     #[inline(always)]
     fn multiply<L: Lane<Real = f32>>(&self, input: &[Panel], result: &mut [Panel], at: usize) {
-        let tiles = self.weights.chunks_exact(self.inputs).zip(&self.biases);
-        for ((weights, biases), rows) in tiles.zip(result.chunks_exact_mut(TILE)) {
+        let input = &input[..self.inputs];
+        for tile in 0..self.biases.len() {
+            let weights = &self.weights[tile * self.inputs..][..self.inputs];
+            let (biases, rows) = (&self.biases[tile], &mut result[tile * TILE..][..TILE]);
             let mut sums = [[L::zero(); PAIR]; TILE];
             for r in 0..TILE {
                 sums[r] = [L::splat(biases[r]); PAIR];
             }
-            for (w, x) in weights.iter().zip(input) {
-                let x = [L::load(&x.0[at..]), L::load(&x.0[at + L::LANES..])];
+            for k in 0..self.inputs {
+                let x = [L::load(&input[k].0[at..]), L::load(&input[k].0[at + L::LANES..])];
                 for r in 0..TILE {
-                    let w = L::splat(w[r]);
+                    let w = L::splat(weights[k][r]);
                     for g in 0..PAIR {
                         sums[r][g] = x[g].mul_add(w, sums[r][g]);
                     }
@@ -164,10 +166,11 @@ impl PackedLayer {
 #[inline(always)]
 fn normalise<L: Lane<Real = f32>>(panels: &mut [Panel], entries: &[[f32; 2]], clip: f32) {
     let bound = L::splat(clip);
-    for (panel, [mean, factor]) in panels.iter_mut().zip(entries) {
-        for x in panel.0.chunks_exact_mut(L::LANES) {
-            let scaled = (L::load(x) - L::splat(*mean)) * L::splat(*factor);
-            scaled.min(bound).max(-bound).store(x);
+    for k in 0..entries.len() {
+        let ([mean, factor], panel) = (entries[k], &mut panels[k].0);
+        for at in (0..PANEL).step_by(L::LANES) {
+            let scaled = (L::load(&panel[at..]) - L::splat(mean)) * L::splat(factor);
+            scaled.min(bound).max(-bound).store(&mut panel[at..]);
         }
     }
 }
@@ -216,8 +219,8 @@ impl Function for Clip {
 #[inline(always)]
 fn each<L: Lane<Real = f32>, F: Function>(panels: &mut [Panel], used: usize) {
     for panel in panels {
-        for x in panel.0[..used].chunks_exact_mut(L::LANES) {
-            F::of(L::load(x)).store(x);
+        for at in (0..used).step_by(L::LANES) {
+            F::of(L::load(&panel.0[at..])).store(&mut panel.0[at..]);
         }
     }
 }
