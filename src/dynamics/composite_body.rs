@@ -39,12 +39,14 @@ impl<L: Lane> CompositeBody<L> {
         let links = &mut scratch.links[..joints.len()];
         joint_screws(joints, true, q, links);
         let (mut g, mut V) = (gravity, twist);
-        for (i, (joint, link)) in joints.iter().zip(links.iter_mut()).enumerate() {
+        for i in 0..joints.len() {
+            let (joint, link) = (&joints[i], &mut links[i]);
             (g, V) = link.outward(joint, g, V, qd[i]);
             (link.g, link.V) = (g, V);
         }
         let mut composite = Self { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
-        for (joint, link) in joints.iter().zip(links.iter()).rev() {
+        for i in (0..joints.len()).rev() {
+            let (joint, link) = (&joints[i], &links[i]);
             composite.add(&joint.body, link.V, link.g);
             composite = Self {
                 inertia: link.inertia_to_parent(joint, &composite.inertia),

@@ -103,6 +103,9 @@ pub trait Lane:
 
 /// Part of a kernel that may be a function of its own.
 pub trait Routine<L: Lane> {
+    /// True if it may run outside kernels too, where the instruction set is not known.
+    const PORTABLE: bool = false;
+
     /// Runs the routine. Implementations are `#[inline(always)]`.
     fn run(&mut self);
 }

@@ -26,6 +26,9 @@ macro_rules! scalar_lane {
 
             #[inline(always)]
             fn call<R: Routine<Self>>(routine: &mut R) {
+                if R::PORTABLE && !Isa::Fma.detected() {
+                    return routine.run();
+                }
                 assert!(Isa::Fma.detected(), "kernels run on these lanes where there is fused multiply-add");
                 // SAFETY: the feature has been detected.
                 #[allow(unused_unsafe, reason = "needed on x86-64 alone")]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray};
+use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -78,11 +78,18 @@ impl Controller {
             }
         }
         // Copies: the caller's arrays may change while other Python threads run.
-        let observations: Vec<f32> = observations.as_array().iter().copied().collect();
-        let mut memory: Vec<f64> = memory.as_array().iter().copied().collect();
+        let (observations, mut memory) = (by_rows(&observations), by_rows(&memory));
         let mut actions = vec![0.0; n * a];
         py.detach(|| self.inner.act(&observations, &mut memory, &mut actions)).or_raise()?;
         Ok((matrix(py, actions, n)?, matrix(py, memory, n)?))
+    }
+}
+
+/// Numbers of an array by rows.
+fn by_rows<T: Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> Vec<T> {
+    match array.as_slice() {
+        Ok(numbers) => numbers.to_vec(),
+        Err(_) => array.as_array().iter().copied().collect(),
     }
 }
 

@@ -149,6 +149,7 @@ pub fn decay(x: f32) -> f32 {
 }
 
 /// Gamma-encoded value of a linear colour, 0 to 1.
+#[inline]
 pub fn display(linear: f32) -> f32 {
     linear.clamp(0.0, 1.0).sqrt()
 }

@@ -40,6 +40,7 @@ impl Shadow {
         this
     }
 
+    #[inline]
     fn texel(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         [(x - self.corner[0]) * self.density, (y - self.corner[1]) * self.density]
     }
@@ -101,8 +102,10 @@ impl Shadow {
     }
 
     /// Fraction of light that is blocked at a point of the floor.
+    #[inline]
     pub fn at(&self, place: [f32; 2]) -> f32 {
-        let [x, y] = self.texel(place).map(|t| t - 0.5);
+        let [x, y] = self.texel(place);
+        let (x, y) = (x - 0.5, y - 0.5);
         let most = (SIDE - 1) as f32;
         if !(x >= 0.0 && y >= 0.0 && x < most && y < most) {
             return 0.0;

@@ -6,7 +6,7 @@ use super::compile::compile;
 use super::model::{JointPlacement, JointScrew, JointTerms};
 use super::state::{JOINTS, Joints};
 use crate::description::{Frame, Scene};
-use crate::lane::{Lane, Param, Shared, get_option, sin_cos};
+use crate::lane::{Lane, Param, Routine, Shared, get_option, sin_cos};
 use crate::lie::{Matrix3, Pose, Vector3};
 use crate::spatial::{Screw, constant_screw_z, screw_x, screw_z};
 
@@ -80,13 +80,23 @@ impl<P: Copy> EndEffector<P> {
         }
     }
 
-    /// Pose in the vehicle frame at joint coordinates `q`, composed from the tip towards the vehicle.
+    /// Pose in the vehicle frame at joint coordinates `q`.
     #[inline(always)]
     pub fn at<L: Lane>(&self, q: &[L; JOINTS]) -> Pose<L>
     where
         P: Param<L>,
     {
         let mut pose = Pose::of(&self.tip.0, &self.tip.1);
+        L::call(&mut ForwardKinematics { end_effector: self, q, pose: &mut pose });
+        pose
+    }
+
+    /// Composes the pose of [`Self::at`] from the tip, at which `pose` is, towards the vehicle.
+    #[inline(always)]
+    fn compose<L: Lane>(&self, q: &[L; JOINTS], pose: &mut Pose<L>)
+    where
+        P: Param<L>,
+    {
         // By columns, which transform like the position.
         pose.rotation = pose.rotation.transposed();
         let mut i = self.joints.len();
@@ -101,12 +111,12 @@ impl<P: Copy> EndEffector<P> {
                 }
                 JointScrew::Prismatic { sin, cos } => screw_z(sin.get(), cos.get(), Some(coordinate)),
             };
-            to_parent(&screw, &mut pose);
+            to_parent(&screw, pose);
             match joint.placement {
-                JointPlacement::Dh(bend, a) => to_parent(&screw_x(bend, a), &mut pose),
+                JointPlacement::Dh(bend, a) => to_parent(&screw_x(bend, a), pose),
                 JointPlacement::DhWithOffset(turn, d, bend, a) => {
-                    to_parent(&screw_x(bend, a), &mut pose);
-                    to_parent(&constant_screw_z(turn, d), &mut pose);
+                    to_parent(&screw_x(bend, a), pose);
+                    to_parent(&constant_screw_z(turn, d), pose);
                 }
                 JointPlacement::General(rotation, position) => {
                     let placement = Pose::of(&rotation, &position);
@@ -118,7 +128,22 @@ impl<P: Copy> EndEffector<P> {
             }
         }
         pose.rotation = pose.rotation.transposed();
-        pose
+    }
+}
+
+/// [`EndEffector::compose`], which several kernels share.
+struct ForwardKinematics<'a, P, L: Lane> {
+    end_effector: &'a EndEffector<P>,
+    q: &'a [L; JOINTS],
+    pose: &'a mut Pose<L>,
+}
+
+impl<P: Param<L>, L: Lane> Routine<L> for ForwardKinematics<'_, P, L> {
+    const PORTABLE: bool = true;
+
+    #[inline(always)]
+    fn run(&mut self) {
+        self.end_effector.compose(self.q, self.pose);
     }
 }
 

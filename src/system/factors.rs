@@ -173,8 +173,9 @@ impl<L: Lane> ScaledSystem<L> {
     ) {
         let Some((vehicle, links)) = unscaled.split_first() else { return };
         scale_body(&mut self.vehicle, &of.vehicle, vehicle, factors, body_frame_terms);
-        for i in 0..links.len() {
-            scale_body(&mut self.joints[i].body, &of.joints[i].body, &links[i], factors, body_frame_terms);
+        let (joints, of) = (&mut self.joints[..], &of.joints[..]);
+        for i in 0..links.len().min(joints.len()).min(of.len()) {
+            scale_body(&mut joints[i].body, &of[i].body, &links[i], factors, body_frame_terms);
         }
     }
 }
@@ -230,8 +231,9 @@ fn scale_body<L: Lane, P: Param<L>>(
             });
         }
     }
-    for k in usize::from(central_only)..body.damping.len() {
-        let (damping, of) = (&mut body.damping[k], &of.damping[k]);
+    let (dampings, of) = (&mut body.damping[..], &of.damping[..]);
+    for k in usize::from(central_only)..dampings.len().min(of.len()) {
+        let (damping, of) = (&mut dampings[k], &of[k]);
         scale(&mut damping.linear, &of.linear, factors.linear_damping);
         scale(&mut damping.quadratic, &of.quadratic, factors.quadratic_damping);
         if let (Some(bound), Some(of)) = (&mut damping.linear_bound, &of.linear_bound) {

@@ -108,6 +108,7 @@ impl EpisodeRows {
     }
 
     /// First of the rows that an action needs, up to [`Self::integral`].
+    #[inline]
     pub fn first_for_action(&self) -> usize {
         self.task.joints.map_or(self.action, |joints| joints.now)
     }

@@ -4,13 +4,14 @@ use std::f64::consts::PI;
 
 use super::bounds::{POSITION_BOUND, bounded_length, in_bounds};
 use super::definition::{TaskDefinition, TaskKernel};
-use super::disturbance::{DisturbanceKernel, Forcing};
+use super::disturbance::Forcing;
+use super::episode::EpisodeRows;
 use super::metrics::{Evaluation, Metrics, OWN_METRICS};
 use super::pose::PoseError;
-use super::reward::squared_pose_error;
+use super::reward::{RewardKernel, squared_pose_error};
 use super::stage_state::StageState;
 use crate::control::{ACTIONS, Actuated};
-use crate::lane::{Lane, Real, Rows};
+use crate::lane::{Lane, Real, Routine, Rows};
 use crate::system::JOINTS;
 
 /// Inputs of the physics over one control period.
@@ -77,36 +78,10 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         K::advance::<T, L>(self, memory);
     }
 
-    /// Disturbances of the coming control period.
-    #[inline(always)]
-    pub fn disturb<L: Lane<Real = T>>(
-        &self,
-        disturbance: &DisturbanceKernel<T>,
-        memory: &mut Rows<'_, T>,
-        state: &StageState<L>,
-    ) -> Forcing<L> {
-        let forcing = disturbance.forcing(memory, &state.pose, &state.twist);
-        self.record_forcing(disturbance, memory, &forcing);
-        disturbance.end_period::<L>(memory);
-        forcing
-    }
-
     /// Scales ideal thrusters' thrusts by their remaining gains.
     #[inline(always)]
     pub fn scale_thrusts<L: Lane<Real = T>>(&self, forcing: &Forcing<L>, actuated: &mut Actuated<L>) {
         self.actuation.scale_thrusts(actuated, &forcing.gains);
-    }
-
-    /// Records the current and the disturbance's metrics.
-    #[inline(always)]
-    pub(super) fn record_forcing<L: Lane<Real = T>>(
-        &self,
-        disturbance: &DisturbanceKernel<T>,
-        memory: &mut Rows<'_, T>,
-        forcing: &Forcing<L>,
-    ) {
-        memory.set_all(self.rows.current, &forcing.velocity.0);
-        memory.set_all(disturbance.rows().summary, &forcing.summary());
     }
 
     /// Error of the task's frame.
@@ -138,27 +113,17 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
             memory.set(rows.integral + k, L::select(in_bounds, new, old));
         }
 
-        let (zero, one) = (L::zero(), L::c(1.0));
+        let zero = L::zero();
         let mut metrics = self.instant_metrics(memory, state, error);
         let (mut own, mut own_reward) = ([zero; OWN_METRICS], zero);
         if !K::METRICS.is_empty() {
             own_reward = K::update(self, memory, state, &metrics);
             own = K::own_metrics(self, memory, &mut metrics);
         }
-        self.running_means(memory, share, &mut metrics);
-        let [was_out, clock] = memory.get_all(rows.recovery);
-        let within = L::c(0.5).lt(metrics.success);
-        metrics.recovery_time = L::select(within, clock, was_out.mul_add(clock, L::splat(self.period)));
-        memory.set_all(rows.recovery, &[L::select(within, zero, one), metrics.recovery_time]);
-
-        let squared_error = squared_pose_error(metrics.position_error, metrics.attitude_error);
-        let terms = self.reward.terms(squared_error, metrics.effort, memory.get(rows.change), in_bounds);
-        metrics.reward_pose = terms.pose;
-        metrics.reward_effort = terms.effort;
-        metrics.reward_action_rate = terms.action_rate;
-        metrics.reward_diverged = terms.diverged;
-        metrics.diverged = L::select(in_bounds, zero, one);
-        let mut reward = terms.sum();
+        let mut reward = zero;
+        let (weights, period) = (&self.reward, self.period);
+        let metrics_so_far = (&mut metrics, &mut reward);
+        L::call(&mut Assessment { rows, weights, period, memory, share, in_bounds, results: metrics_so_far });
         if !K::METRICS.is_empty() {
             reward += own_reward;
         }
@@ -223,10 +188,50 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         }
         metrics
     }
+}
 
+/// Running means, time of recovery and reward: the end of [`TaskKernel::evaluate`], which the kernels of all tasks share.
+struct Assessment<'a, 'b, T: Real, L: Lane> {
+    rows: &'a EpisodeRows,
+    weights: &'a RewardKernel<T>,
+    /// Control period, s.
+    period: T,
+    memory: &'a mut Rows<'b, T>,
+    share: L,
+    in_bounds: L::Mask,
+    /// Metrics and reward.
+    results: (&'a mut Metrics<L>, &'a mut L),
+}
+
+impl<T: Real, L: Lane<Real = T>> Routine<L> for Assessment<'_, '_, T, L> {
+    const PORTABLE: bool = true;
+
+    #[inline(always)]
+    fn run(&mut self) {
+        self.running_means();
+        let Self { rows, weights, period, memory, in_bounds, results: (metrics, reward), .. } = self;
+        let (zero, one) = (L::zero(), L::c(1.0));
+        let [was_out, clock] = memory.get_all(rows.recovery);
+        let within = L::c(0.5).lt(metrics.success);
+        metrics.recovery_time = L::select(within, clock, was_out.mul_add(clock, L::splat(*period)));
+        memory.set_all(rows.recovery, &[L::select(within, zero, one), metrics.recovery_time]);
+
+        let squared_error = squared_pose_error(metrics.position_error, metrics.attitude_error);
+        let terms = weights.terms(squared_error, metrics.effort, memory.get(rows.change), *in_bounds);
+        metrics.reward_pose = terms.pose;
+        metrics.reward_effort = terms.effort;
+        metrics.reward_action_rate = terms.action_rate;
+        metrics.reward_diverged = terms.diverged;
+        metrics.diverged = L::select(*in_bounds, zero, one);
+        **reward = terms.sum();
+    }
+}
+
+impl<T: Real, L: Lane<Real = T>> Assessment<'_, '_, T, L> {
     /// Updates the running means and sets them among the metrics.
     #[inline(always)]
-    fn running_means<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, share: L, metrics: &mut Metrics<L>) {
+    fn running_means(&mut self) {
+        let Self { rows, memory, share, results: (metrics, _), .. } = self;
         let mut entries = [
             metrics.position_error,
             metrics.attitude_error,
@@ -240,9 +245,9 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
             entries[k] = entries[k] * entries[k];
         }
         for k in 0..7 {
-            let mean: L = memory.get(self.rows.means + k);
-            entries[k] = (entries[k] - mean).mul_add(share, mean);
-            memory.set(self.rows.means + k, entries[k]);
+            let mean: L = memory.get(rows.means + k);
+            entries[k] = (entries[k] - mean).mul_add(*share, mean);
+            memory.set(rows.means + k, entries[k]);
         }
         metrics.rms_position_error = entries[0].sqrt();
         metrics.rms_attitude_error = entries[1].sqrt();

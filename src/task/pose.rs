@@ -2,7 +2,7 @@
 
 use nalgebra as na;
 
-use crate::lane::Lane;
+use crate::lane::{Lane, Routine};
 use crate::lie::{self, Matrix3, Vector3, rotation_vector_and_angle};
 use crate::system::State;
 
@@ -56,8 +56,29 @@ impl<L: Lane> PoseError<L> {
     /// Error of `pose` from `target`.
     #[inline(always)]
     pub fn of(pose: &lie::Pose<L>, target: &lie::Pose<L>) -> Self {
+        let zero = lie::Vector3::zero();
+        let mut error = Self { position: zero, rotation: zero, angle: L::zero(), turn: pose.rotation };
+        L::call(&mut Comparison { pose, target, error: &mut error });
+        error
+    }
+}
+
+/// [`PoseError::of`], which several kernels share.
+struct Comparison<'a, L: Lane> {
+    pose: &'a lie::Pose<L>,
+    target: &'a lie::Pose<L>,
+    error: &'a mut PoseError<L>,
+}
+
+impl<L: Lane> Routine<L> for Comparison<'_, L> {
+    const PORTABLE: bool = true;
+
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { pose, target, error } = self;
         let turn = target.rotation.transposed().times(&pose.rotation);
         let (rotation, angle) = rotation_vector_and_angle(&turn);
-        Self { position: pose.rotation.apply_transposed(pose.position - target.position), rotation, angle, turn }
+        let position = pose.rotation.apply_transposed(pose.position - target.position);
+        **error = PoseError { position, rotation, angle, turn };
     }
 }

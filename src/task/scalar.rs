@@ -94,7 +94,7 @@ impl<K: TaskDefinition> ScalarKernel for Scalar<K> {
     fn measure_start(&self, memory: &mut Rows<'_, f64>, state: &StageState<f64>) {
         let Some(disturbance) = self.kernel.disturbance() else { return };
         let forcing = disturbance.forcing(memory, &state.pose, &state.twist);
-        self.kernel.record_forcing(disturbance, memory, &forcing);
+        disturbance.record(memory, self.kernel.rows().current, &forcing);
         let error = self.kernel.error(memory, state);
         self.kernel.measure(memory, state, &error, true);
     }

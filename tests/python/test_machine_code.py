@@ -53,34 +53,36 @@ ARCHITECTURES = {
 
 # What the kernels that step begin with: working memory, some with memory for parameters of single instances.
 MEMORY = re.compile("4step.*6memory|17memory_and_system")
+# Routines of kernels that are functions of their own, compiled for the same instruction set.
+ROUTINE = r"4lane(3x86|4neon|6scalar)\w+4callI"
+# Those that do a step of an integrator.
+STEP = ROUTINE + r".*stepping4step12(Explicit|Implicit)Step"
 # What they may call, and why.
 AROUND_STEPS = {
     MEMORY.pattern: "before the first instance",
     r"13return_memory": "keeps both, after the last",
-    r"drop_in_place.*System": "frees it where nobody will need it",
+    r"drop_in_place.*(6system|5hydro)|5alloc(3vec|7raw_vec).*4drop|___rust_dealloc": "frees it where nobody will need it",
+    r"^_Unwind_Resume$|panic_in_cleanup": "the same after a panic",
+    r"3Isa8detected|9panic_fmt": "the instruction set of a routine in scalar lanes, and its absence",
+    STEP: "the step itself",
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {
-    r"^mem(cpy|set|move)$": "fills and copies tables",
+    r"^mem(cpy|set|move)$|as_flattened|copy_from_slice": "fills and copies tables",
     r"4core(9panicking|5slice5index)": "checks bounds",
-    r"^_Unwind_Resume$": "frees memory after a panic",
     r"Scratch.*3new|15allocate_scaled": "working memory of those that only work out accelerations",
     r"7control.*(allocate|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
     r"^r[a-z0-9]+$": "one of these through a register",
+    ROUTINE: "routines that several kernels share",
 }
 # Modules of controllers with a model.
 MODEL = r"7control(3mpc|4rows|5plant|8observer|11model_based)"
-# Routines of kernels that are functions of their own, compiled for the same instruction set.
-ROUTINE = r"lane.*4call(4call|5fused)"
 # What these controllers may call besides those: they plan once in a control period.
 PLANNING = {
     MODEL: "plans, actions of wrenches, decay of lags",
-    ROUTINE: "the composite body, several times in a control period",
-    r"std_detect.*detect_and_initialize": "the instruction set of a routine in scalar lanes",
     r"^(exp|ceil|floor|fma)$": "decays of observers",
     r"^(calloc|malloc|free|realloc|posix_memalign)$|___rust_(alloc|dealloc|no_alloc)": "memory of a call",
     r"5alloc7raw_vec|rotate_right": "memory of a call and of observers",
-    r"lane\.\.x86.*3abs": "a lane's magnitude",
 }
 
 
@@ -154,7 +156,7 @@ def module() -> Module:
 
 def kernels(dtype: str, lanes: str) -> list[Function]:
     """All kernels of this precision and width."""
-    name = re.compile(f"lane8dispatch{PRECISIONS[dtype]}{LANES[lanes]}(?![a-z])")
+    name = re.compile(f"lane8dispatch{PRECISIONS[dtype]}{LANES[lanes]}3run")
     return [function for function in module().functions if name.search(function.name)]
 
 
@@ -163,9 +165,14 @@ def steps(dtype: str, lanes: str) -> list[Function]:
     return [function for function in kernels(dtype, lanes) if any(map(MEMORY.search, module().calls(function)))]
 
 
+def routines() -> list[Function]:
+    """Parts of kernels that are functions of their own."""
+    return [function for function in module().functions if re.search(ROUTINE, function.name)]
+
+
 def plans(function: Function) -> bool:
     """True for a controller with a model."""
-    return any(re.search(f"{MODEL}|{ROUTINE}", call) for call in module().calls(function))
+    return any(re.search(MODEL, call) for call in [function.name, *module().calls(function)])
 
 
 def others(function: Function, allowed: dict[str, str]) -> dict[str, int]:
@@ -190,7 +197,8 @@ def test_where_instances_are_stepped_nothing_is_called(dtype: str, lanes: str) -
 @pytest.mark.parametrize("lanes", LANES)
 def test_where_instances_are_stepped_no_jump_goes_by_a_table(dtype: str, lanes: str) -> None:
     """Built with RUSTFLAGS in the environment, which take the place of those in .cargo/config.toml, some do."""
-    for step in steps(dtype, lanes):
+    of_steps = (routine for routine in routines() if re.search(STEP, routine.name))
+    for step in [*steps(dtype, lanes), *of_steps]:
         assert module().indirect_jumps(step) == [], step.name
 
 
@@ -203,15 +211,16 @@ def test_every_kernel_is_inlined_and_none_needs_the_c_library_to_calculate(dtype
 
 
 def test_routines_are_inlined_too() -> None:
-    routines = [function for function in module().functions if re.search(ROUTINE, function.name)]
-    assert routines
-    for routine in routines:
-        assert others(routine, ELSEWHERE) == {}, routine.name
+    found = routines()
+    assert sum(bool(re.search(STEP, routine.name)) for routine in found) >= len(PRECISIONS) * 2 * 2
+    for routine in found:
+        allowed = {} if re.search(STEP, routine.name) else ELSEWHERE
+        assert others(routine, allowed) == {}, routine.name
 
 
 def test_calls_are_seen() -> None:
     """Of all kinds, in the functions that choose the lanes."""
-    choosing = [f for f in module().functions if re.search("8dispatch6(single|double).*8dispatch(17h|$)", f.name)]
+    choosing = [f for f in module().functions if re.search("8dispatch6(single|double).*4Real(8dispatch|15dispatch_narrow)", f.name)]
     called = {call for function in choosing for call in module().calls(function)}
     for isa in module().architecture.lanes:
         assert any(re.search(f"8dispatch6(single|double){LANES[isa]}(?![a-z])", call) for call in called), isa

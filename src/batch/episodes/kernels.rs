@@ -5,9 +5,10 @@ use std::ops::Range;
 use super::outputs::Outputs;
 use crate::batch::storage::layout::Layout;
 use crate::control::ACTIONS;
-use crate::lane::{Kernel, Lane, Real, Rows, prefetch_after, transpose};
+use crate::lane::{Kernel, Lane, Real, Routine, Rows, prefetch_after, transpose};
 use crate::lie::{Matrix3, Pose, Vector3, Vector6};
 use crate::system::{Factors, JOINTS};
+use crate::task::disturbance::Forcing;
 use crate::task::{Command, Evaluation, METRICS, PREVIEW, StageState, TaskDefinition, TaskKernel};
 
 /// Greatest number of lanes.
@@ -28,7 +29,7 @@ impl<T: Real, K: TaskDefinition> Blocks<'_, T, K> {
     /// Physics and episodes of the group that starts with instance `first`. The `needed` rows of either in the next block
     /// are prefetched.
     #[inline(always)]
-    fn group<L: Lane>(&mut self, first: usize, needed: [Range<usize>; 2]) -> (Rows<'_, T>, Rows<'_, T>) {
+    fn group<L: Lane>(&mut self, first: usize, needed: &[Range<usize>; 2]) -> (Rows<'_, T>, Rows<'_, T>) {
         let (block, lane) = (first / T::BLOCK, first % T::BLOCK);
         let [of_physics, of_episodes] = needed;
         let width = self.layout.rows * T::BLOCK;
@@ -82,18 +83,19 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ActKernel<'_, T, K> {
         let mut page = [0.0; ACTIONS * WIDEST];
         // Zeroed once, not for each group: most of these numbers belong to no thruster and no joint.
         let (mut action, mut base, mut command) = ([L::zero(); ACTIONS], [L::zero(); ACTIONS], Command::none());
+        let mut forcing = Forcing::none();
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
             read(&self.actions[first * width..], lanes, width, &mut page, &mut action);
             if let Some(given) = self.base {
                 read(&given[first * width..], lanes, width, &mut page, &mut base);
             }
-            let (mut physics, mut memory) = self.blocks.group::<L>(first, needed.clone());
+            let (mut physics, mut memory) = self.blocks.group::<L>(first, &needed);
             kernel.act(&mut memory, &mut action, self.base.is_some().then_some(&base), &mut command);
             let mut disturbing = Vector6::zero();
             if let Some(disturbance) = kernel.disturbance() {
                 let state = stage_state::<T, L>(layout, &physics);
-                let forcing = kernel.disturb(disturbance, &mut memory, &state);
+                disturbance.pass_period(&mut memory, &state.pose, &state.twist, rows.current, &mut forcing);
                 for k in 0..layout.thrusters {
                     physics.set(layout.loss + k, L::c(1.0) - forcing.gains[k]);
                 }
@@ -170,7 +172,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for EvaluateKernel<'_, '_, T, K> {
         let needed = [0..layout.time, 0..kernel.rows().rows];
         let mut page = [0.0; LONGEST * WIDEST];
         for first in (0..count).step_by(L::LANES) {
-            let (physics, mut memory) = self.blocks.group::<L>(first, needed.clone());
+            let (physics, mut memory) = self.blocks.group::<L>(first, &needed);
             let state = stage_state::<T, L>(layout, &physics);
             kernel.advance::<L>(&mut memory);
             let error = kernel.error(&memory, &state);
@@ -192,26 +194,38 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for EvaluateKernel<'_, '_, T, K> {
                     rows[..lanes * width].copy_from_slice(&all[..lanes * width]);
                 }
             }
-            write::<L, K>(&evaluation, first, lanes, self.out);
+            L::call(&mut Writer { evaluation: &evaluation, own: K::METRICS.len(), first, lanes, out: self.out });
         }
     }
 }
 
-/// Writes the first `lanes` lanes of an evaluation.
-#[inline(always)]
-fn write<L: Lane, K: TaskDefinition>(evaluation: &Evaluation<L>, first: usize, lanes: usize, out: &mut Outputs<'_>) {
-    let continues = L::bits(evaluation.continues);
-    for (lane, terminated) in out.terminated[first..first + lanes].iter_mut().enumerate() {
-        *terminated = continues >> lane & 1 == 0;
+/// Writes the first `lanes` lanes of an evaluation with `own` metrics of the task; the kernels of all tasks share it.
+struct Writer<'a, 'b, L: Lane> {
+    evaluation: &'a Evaluation<L>,
+    own: usize,
+    first: usize,
+    lanes: usize,
+    out: &'a mut Outputs<'b>,
+}
+
+impl<L: Lane> Routine<L> for Writer<'_, '_, L> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { evaluation, own, first, lanes, out } = self;
+        let (first, lanes) = (*first, *lanes);
+        let continues = L::bits(evaluation.continues);
+        for lane in 0..lanes {
+            out.terminated[first + lane] = continues >> lane & 1 == 0;
+        }
+        let metrics = evaluation.metrics.to_array();
+        for k in 0..METRICS {
+            put(metrics[k], out.info[k], first, lanes);
+        }
+        for k in 0..*own {
+            put(evaluation.own[k], out.info[METRICS + k], first, lanes);
+        }
+        put(evaluation.reward, out.rewards, first, lanes);
     }
-    let metrics = evaluation.metrics.to_array();
-    for k in 0..METRICS {
-        put(metrics[k], out.info[k], first, lanes);
-    }
-    for k in 0..K::METRICS.len() {
-        put(evaluation.own[k], out.info[METRICS + k], first, lanes);
-    }
-    put(evaluation.reward, out.rewards, first, lanes);
 }
 
 /// Writes the first `lanes` lanes of a number to a row, from instance `first` on.
@@ -255,7 +269,7 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
             if !any {
                 continue;
             }
-            let (physics, memory) = self.blocks.group::<L>(first, [0..0, 0..0]);
+            let (physics, memory) = self.blocks.group::<L>(first, &[0..0, 0..0]);
             let state = stage_state::<T, L>(layout, &physics);
             let error = kernel.error(&memory, &state);
             kernel.observe(&memory, &state, &error, &mut page);

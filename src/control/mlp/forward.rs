@@ -137,15 +137,15 @@ impl PackedLayer {
     /// `W x + b` of two lanes of instances that begin at `at`.
     #[inline(always)]
     fn multiply<L: Lane<Real = f32>>(&self, input: &[Panel], result: &mut [Panel], at: usize) {
-        let input = &input[..self.inputs];
         for tile in 0..self.biases.len() {
             let weights = &self.weights[tile * self.inputs..][..self.inputs];
+            let input = &input[..weights.len()];
             let (biases, rows) = (&self.biases[tile], &mut result[tile * TILE..][..TILE]);
             let mut sums = [[L::zero(); PAIR]; TILE];
             for r in 0..TILE {
                 sums[r] = [L::splat(biases[r]); PAIR];
             }
-            for k in 0..self.inputs {
+            for k in 0..weights.len() {
                 let x = [L::load(&input[k].0[at..]), L::load(&input[k].0[at + L::LANES..])];
                 for r in 0..TILE {
                     let w = L::splat(weights[k][r]);

@@ -15,7 +15,7 @@ use super::thrusters::ThrusterLoss;
 use super::waves::{WaveOrbit, Waves};
 use super::{Disturbance, SensorRows};
 use crate::control::THRUSTERS;
-use crate::lane::{Lane, Real, Rows};
+use crate::lane::{Lane, Real, Routine, Rows};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::task::EpisodeKey;
 use crate::task::random::{Purpose, Stream};
@@ -36,6 +36,13 @@ pub struct Forcing<L> {
 }
 
 impl<L: Lane> Forcing<L> {
+    /// No forcing.
+    #[inline(always)]
+    pub fn none() -> Self {
+        let (velocity, acceleration) = (Vector3::zero(), Vector3::zero());
+        Self { velocity, acceleration, wrench: Vector6::zero(), gains: [L::c(1.0); THRUSTERS], payload: L::zero() }
+    }
+
     /// Summary for `info`: magnitude of the force (N), payload (kg), least gain of a thruster.
     #[inline(always)]
     pub fn summary(&self) -> [L; 3] {
@@ -230,6 +237,27 @@ impl<T: Real> DisturbanceKernel<T> {
         Forcing { velocity, acceleration, wrench, gains, payload }
     }
 
+    /// Forcing over the coming control period, recorded in the memory; then the memory at the period's end. `current` is
+    /// the row of the current.
+    #[inline(always)]
+    pub fn pass_period<L: Lane<Real = T>>(
+        &self,
+        memory: &mut Rows<'_, T>,
+        pose: &Pose<L>,
+        twist: &Vector6<L>,
+        current: usize,
+        forcing: &mut Forcing<L>,
+    ) {
+        L::call(&mut Period { kernel: self, memory, pose, twist, current, forcing });
+    }
+
+    /// Records the current and the disturbance's metrics; `current` is the row of the current.
+    #[inline(always)]
+    pub fn record<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, current: usize, forcing: &Forcing<L>) {
+        memory.set_all(current, &forcing.velocity.0);
+        memory.set_all(self.rows.summary, &forcing.summary());
+    }
+
     /// Advances clock and phases to the end of the control period.
     #[inline(always)]
     pub fn end_period<L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>) {
@@ -259,5 +287,25 @@ impl<T: Real> DisturbanceKernel<T> {
     fn axis<L: Lane<Real = T>>(&self, k: usize) -> Vector3<L> {
         let [x, y, z] = self.level[k].0;
         Vector3([L::splat(x), L::splat(y), L::splat(z)])
+    }
+}
+
+/// [`DisturbanceKernel::pass_period`], which the kernels of all tasks share.
+struct Period<'a, 'b, T: Real, L: Lane> {
+    kernel: &'a DisturbanceKernel<T>,
+    memory: &'a mut Rows<'b, T>,
+    pose: &'a Pose<L>,
+    twist: &'a Vector6<L>,
+    current: usize,
+    forcing: &'a mut Forcing<L>,
+}
+
+impl<T: Real, L: Lane<Real = T>> Routine<L> for Period<'_, '_, T, L> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { kernel, memory, pose, twist, current, forcing } = self;
+        **forcing = kernel.forcing(memory, pose, twist);
+        kernel.record(memory, *current, forcing);
+        kernel.end_period::<L>(memory);
     }
 }

@@ -6,7 +6,7 @@ use super::column::Column;
 use super::draws::{QUAD, normal_pair};
 use super::span::{check, refuse};
 use crate::error::TaskError;
-use crate::lane::{Lane, Real, Rows};
+use crate::lane::{Lane, Real, Routine, Rows};
 use crate::system::JOINTS;
 use crate::task::random::Stream;
 
@@ -138,6 +138,11 @@ impl SensorRows {
     /// Stores a measurement of true values: errors of position and attitude, twist, joint coordinates, joint rates.
     #[inline(always)]
     pub fn measure<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, truth: &[L; MEASURED]) {
+        L::call(&mut Measurement { sensors: self, memory, truth });
+    }
+
+    #[inline(always)]
+    fn store<T: Real, L: Lane<Real = T>>(&self, memory: &mut Rows<'_, T>, truth: &[L; MEASURED]) {
         let width = self.measured;
         for slot in (1..self.slots).rev() {
             for k in 0..width {
@@ -182,5 +187,21 @@ impl SensorRows {
             seen[k] = memory.get(self.ring + (self.slots - 1) * self.measured + k);
         }
         seen
+    }
+}
+
+/// [`SensorRows::measure`], which the kernels of all tasks share.
+struct Measurement<'a, 'b, T, L> {
+    sensors: &'a SensorRows,
+    memory: &'a mut Rows<'b, T>,
+    truth: &'a [L; MEASURED],
+}
+
+impl<T: Real, L: Lane<Real = T>> Routine<L> for Measurement<'_, '_, T, L> {
+    const PORTABLE: bool = true;
+
+    #[inline(always)]
+    fn run(&mut self) {
+        self.sensors.store(self.memory, self.truth);
     }
 }
