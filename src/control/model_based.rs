@@ -127,18 +127,20 @@ impl Kernel<f64> for Rows<'_> {
         let Widths { observation, memory: width, action } = self.control.widths();
         let mut scratch = Scratch::new();
         let mut memory = vec![L::zero(); width];
-        let groups = self.observations.chunks(L::LANES * observation);
-        let groups =
-            groups.zip(self.memory.chunks_mut(L::LANES * width)).zip(self.actions.chunks_mut(L::LANES * action));
-        for ((rows, remembered), actions) in groups {
+        let count = self.observations.len() / observation;
+        for first in (0..count).step_by(L::LANES) {
+            let lanes = L::LANES.min(count - first);
+            let rows = &self.observations[first * observation..][..lanes * observation];
+            let remembered = &mut self.memory[first * width..][..lanes * width];
+            let actions = &mut self.actions[first * action..][..lanes * action];
             load(remembered, width, &mut memory);
             let measured = read::<L>(indices, rows);
             let estimate = observer.observe(&measured, &mut memory, &mut scratch);
             let mut bodies =
                 [CompositeBody { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
                     2];
-            for (body, arm) in bodies.iter_mut().zip(&estimate.arms).take(law.bodies()) {
-                *body = observer.plant().composite_body(&estimate.motion, arm, &mut scratch);
+            for k in 0..law.bodies() {
+                bodies[k] = observer.plant().composite_body(&estimate.motion, &estimate.arms[k], &mut scratch);
             }
             match law {
                 Law::Dob(dob) => write_actions(map, dob.wrench(&estimate, &bodies[0]), actions),
@@ -147,9 +149,9 @@ impl Kernel<f64> for Rows<'_> {
                 }
                 Law::Mpc(mpc) => {
                     let parameters = rows_of(&mpc::parameters(&estimate, &bodies, observer.period()));
-                    for (parameters, action) in parameters.iter().zip(actions.chunks_exact_mut(action)) {
-                        let parameters = DVector::from_column_slice(parameters.as_flattened());
-                        write_action(map, &mpc.plan(&parameters), action);
+                    for lane in 0..lanes {
+                        let parameters = DVector::from_column_slice(parameters[lane].as_flattened());
+                        write_action(map, &mpc.plan(&parameters), &mut actions[lane * action..][..action]);
                     }
                 }
             }

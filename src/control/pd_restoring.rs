@@ -57,8 +57,11 @@ impl Kernel<f64> for Rows<'_> {
         let PdRestoring { pd, indices, plant } = self.control;
         let Widths { observation, action, .. } = pd.widths();
         let mut scratch = Scratch::new();
-        let groups = self.observations.chunks(L::LANES * observation);
-        for (rows, actions) in groups.zip(self.actions.chunks_mut(L::LANES * action)) {
+        let count = self.observations.len() / observation;
+        for first in (0..count).step_by(L::LANES) {
+            let lanes = L::LANES.min(count - first);
+            let rows = &self.observations[first * observation..][..lanes * observation];
+            let actions = &mut self.actions[first * action..][..lanes * action];
             let measured = read::<L>(indices, rows);
             let mut arm = measured.arm;
             arm.qd = [L::zero(); JOINTS];

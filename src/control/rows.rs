@@ -36,7 +36,11 @@ fn column<L: Lane<Real = f64>>(rows: &[f32], width: usize, (offset, scale): (usi
 /// Resets rows of memory that are not finite: predictions may diverge with a vehicle that does.
 pub(super) fn reset_diverged(memory: &mut [f64], width: usize) {
     for row in memory.chunks_exact_mut(width) {
-        if !row.iter().fold(true, |finite, x| finite & x.is_finite()) {
+        let mut finite = true;
+        for k in 0..width {
+            finite &= row[k].is_finite();
+        }
+        if !finite {
             row.fill(0.0);
         }
     }
@@ -121,8 +125,8 @@ pub(super) fn write_action(map: &ActionMap, wrench: &na::Vector6<f64>, action: &
 #[inline(always)]
 pub(super) fn write_actions<L: Lane<Real = f64>>(map: &ActionMap, wrench: Vector6<L>, actions: &mut [f32]) {
     let rows = rows_of(&[wrench.to_array()]);
-    for (row, action) in rows.iter().zip(actions.chunks_exact_mut(map.len())) {
-        write_action(map, &na::Vector6::from(row[0]), action);
+    for lane in 0..actions.len() / map.len() {
+        write_action(map, &na::Vector6::from(rows[lane][0]), &mut actions[lane * map.len()..][..map.len()]);
     }
 }
 

@@ -215,7 +215,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     let joints = system.chain();
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
-    for i in (0..joints.len()).rev() {
+    for i in (0..joints.len().min(links.len())).rev() {
         let (joint, link) = (&joints[i], &mut links[i]);
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
@@ -273,7 +273,7 @@ pub fn link_twists<L: Lane, P: Param<L>, B>(
     let links = &mut scratch.links[..joints.len()];
     joint_screws(joints, true, q, links);
     let mut twist = twist;
-    for i in 0..joints.len() {
+    for i in 0..joints.len().min(twists.len()) {
         twist = add_joint_rate(&joints[i], links[i].twist_from_parent(&joints[i], twist), qd[i]);
         twists[i] = twist;
     }

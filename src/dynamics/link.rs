@@ -108,7 +108,7 @@ pub(super) fn joint_screws<L: Lane, P: Param<L>, B>(
     q: &[L; JOINTS],
     links: &mut [Link<L>],
 ) {
-    for i in 0..joints.len() {
+    for i in 0..joints.len().min(links.len()) {
         let (joint, link) = (&joints[i], &mut links[i]);
         let coordinate = joint.offset.get() + q[i];
         link.screw = match joint.screw {

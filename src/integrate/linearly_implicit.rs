@@ -38,6 +38,7 @@ const GREATEST_TURN: f64 = 0.5;
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
 
 /// Coordinates of a point within a step.
+#[derive(Debug, Clone)]
 struct Point<L, const N: usize> {
     theta: Vector6<L>,
     twist: Vector6<L>,
@@ -46,16 +47,20 @@ struct Point<L, const N: usize> {
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
-    /// (Entry by entry: whole arrays would be copied by a call.)
-    #[inline(always)]
-    fn start(from: &Motion<L, N>, n: usize) -> Self {
+    fn new() -> Self {
         let zero = [L::zero(); N];
-        let mut point = Self { theta: Vector6::zero(), twist: from.twist, q: zero, qd: zero };
+        Self { theta: Vector6::zero(), twist: Vector6::zero(), q: zero, qd: zero }
+    }
+
+    /// Moves to the start. (Entry by entry: whole arrays would be copied by a call.)
+    #[inline(always)]
+    fn start(&mut self, from: &Motion<L, N>, n: usize) {
+        self.theta = Vector6::zero();
+        self.twist = from.twist;
         for k in 0..n {
-            point.q[k] = from.q[k];
-            point.qd[k] = from.qd[k];
+            self.q[k] = from.q[k];
+            self.qd[k] = from.qd[k];
         }
-        point
     }
 
     /// Euler's rule, each coordinate at the rate of its end; the velocity v in axes that do not turn, so that a spinning body in
@@ -104,20 +109,43 @@ impl<L: Lane, const N: usize> Point<L, N> {
     }
 }
 
-/// One step of size `h`, which begins `elapsed` after the start of the interval; moves `fine` from its start to its end.
-/// Returns the square of the greatest rotation within the step and the estimated error, m and rad.
+/// Memory of the linearly implicit method: end of a step by two halves and by one, and the rates.
+#[derive(Debug, Clone)]
+pub struct ImplicitStages<L, const N: usize> {
+    fine: Point<L, N>,
+    coarse: Point<L, N>,
+    rates: Rates<L, N>,
+}
+
+impl<L: Lane, const N: usize> ImplicitStages<L, N> {
+    /// Zeroed memory.
+    pub fn new() -> Self {
+        let rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
+        Self { fine: Point::new(), coarse: Point::new(), rates }
+    }
+}
+
+impl<L: Lane, const N: usize> Default for ImplicitStages<L, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// One step of size `h`, which begins `elapsed` after the start of the interval; leaves its end in `stages.fine`. Returns the
+/// square of the greatest rotation within the step and the estimated error, m and rad.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     h: L,
     elapsed: L,
     from: &Motion<L, N>,
-    fine: &mut Point<L, N>,
+    stages: &mut ImplicitStages<L, N>,
     derivative: &mut D,
 ) -> (L, L) {
     let n = derivative.joints();
     let half = h * L::c(0.5);
-    let mut rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-    let mut coarse = Point::start(from, n);
+    let ImplicitStages { fine, coarse, rates } = stages;
+    fine.start(from, n);
+    coarse.start(from, n);
     let mut greatest = L::zero();
     // One call of the right-hand side for all three: it is by far the most code.
     for solve in 0..3 {
@@ -126,14 +154,14 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
             1 => (elapsed, half),
             _ => (elapsed + half, half),
         };
-        let point = if solve == 0 { &mut coarse } else { &mut *fine };
+        let point = if solve == 0 { &mut *coarse } else { &mut *fine };
         let at = Increment { start: &from.pose, theta: Some(point.theta) };
-        derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, &mut rates);
-        point.advance(size, &rates, n);
+        derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, rates);
+        point.advance(size, rates, n);
         greatest = greatest.max(point.turn());
     }
     let apart = fine.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
-    fine.extrapolate(&coarse, n);
+    fine.extrapolate(coarse, n);
     // For a mode: distance z^2 / 4, change z, error z^3 / 6.
     let changed = fine.velocity_distance(&from.twist, &from.qd, n) * h + L::c(1e-30);
     let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
@@ -148,6 +176,7 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     motion: &mut Motion<L, N>,
     estimates: &mut StepEstimates<L>,
     derivative: &mut D,
+    stages: &mut ImplicitStages<L, N>,
 ) {
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
@@ -156,8 +185,8 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let (mut share, mut left) = (one, one);
     let mut begun = false;
     loop {
-        let mut end = Point::start(motion, n);
-        let (turn, error) = extrapolated(h * share, h * (one - left), motion, &mut end, derivative);
+        let (turn, error) = extrapolated(h * share, h * (one - left), motion, stages, derivative);
+        let end = &stages.fine;
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
         let takes = half.lt(taken);

@@ -14,7 +14,7 @@ mod sub_intervals;
 mod tableau;
 
 pub use chart::{Attitude, Chart, Correction};
-pub use linearly_implicit::{LinearlyImplicit, implicit_interval};
+pub use linearly_implicit::{ImplicitStages, LinearlyImplicit, implicit_interval};
 pub use motion::Motion;
 pub use registry::{Entry, Explicit, Gains, Integrator, Kind};
 pub use stability::{GROWTH, PASSING, Stability};

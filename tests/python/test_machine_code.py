@@ -68,7 +68,7 @@ AROUND_STEPS = {
 }
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {
-    r"^mem(cpy|set|move)$|as_flattened|copy_from_slice": "fills and copies tables",
+    r"^mem(cpy|set|move)$|as_flattened|copy_from_slice|spec_fill": "fills and copies tables",
     r"4core(9panicking|5slice5index)": "checks bounds",
     r"Scratch.*3new|15allocate_scaled": "working memory of those that only work out accelerations",
     r"7control.*(allocate|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
@@ -82,7 +82,7 @@ PLANNING = {
     MODEL: "plans, actions of wrenches, decay of lags",
     r"^(exp|ceil|floor|fma)$": "decays of observers",
     r"^(calloc|malloc|free|realloc|posix_memalign)$|___rust_(alloc|dealloc|no_alloc)": "memory of a call",
-    r"5alloc7raw_vec|rotate_right": "memory of a call and of observers",
+    r"5alloc(7raw_vec|3vec)|drop_in_place.*3vec|rotate_right": "memory of a call and of observers",
 }
 
 

@@ -44,9 +44,9 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
         let mut motion = Motion::blank();
         let (mut propulsion, mut surfaces) = (ThrusterDynamics::blank(), FinAxes::blank());
         let (mut twist_rate, mut qdd) = (Vector6::zero(), [L::zero(); JOINTS]);
-        let blocks = self.blocks.chunks_exact_mut(layout.rows * T::BLOCK);
-        let results = self.out.chunks_exact_mut((6 + layout.joints) * T::BLOCK);
-        for (k, (rows, out)) in blocks.zip(results).enumerate() {
+        let (width, results) = (layout.rows * T::BLOCK, (6 + layout.joints) * T::BLOCK);
+        for k in 0..self.count.div_ceil(T::BLOCK) {
+            let (rows, out) = (&mut self.blocks[k * width..][..width], &mut self.out[k * results..][..results]);
             for first in (0..T::BLOCK).step_by(L::LANES) {
                 if k * T::BLOCK + first >= self.count {
                     break;

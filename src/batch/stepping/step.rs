@@ -11,7 +11,9 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::hydro::{FinAxes, ThrusterDynamics};
-use crate::integrate::{Explicit, Integrator, Motion, Stages, StepEstimates, implicit_interval, interval};
+use crate::integrate::{
+    Explicit, ImplicitStages, Integrator, Motion, Stages, StepEstimates, implicit_interval, interval,
+};
 use crate::lane::{Kernel, Lane, Param, Real, Routine, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::system::{JOINTS, ScaledSystem, System, UnscaledBodyTerms};
@@ -70,6 +72,7 @@ pub struct Step<'a, T> {
 struct Memory<L: Lane> {
     scratch: Scratch<L>,
     stages: Stages<L, JOINTS>,
+    implicit_stages: ImplicitStages<L, JOINTS>,
     loads: ArmLoads<L>,
     motion: Motion<L, JOINTS>,
     lag: LagState<L>,
@@ -124,13 +127,14 @@ struct ImplicitStep<'a, 'b, L: Lane, B> {
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
     equations: &'a mut EquationsOfMotion<'b, L, B>,
+    stages: &'a mut ImplicitStages<L, JOINTS>,
 }
 
 impl<L: Lane, B: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, B> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { h, motion, estimates, equations } = self;
-        implicit_interval(*h, motion, estimates, *equations);
+        let Self { h, motion, estimates, equations, stages } = self;
+        implicit_interval(*h, motion, estimates, *equations, stages);
     }
 }
 
@@ -297,7 +301,8 @@ impl<'a, T: Real> Step<'a, T> {
                 }
                 Integrator::LinearlyImplicit => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
-                    L::call(&mut ImplicitStep { h: self.h, motion, estimates, equations });
+                    let stages = &mut memory.implicit_stages;
+                    L::call(&mut ImplicitStep { h: self.h, motion, estimates, equations, stages });
                 }
             }
             motion.travel(drift(current, gained, self.h));

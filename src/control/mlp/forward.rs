@@ -97,16 +97,18 @@ impl Kernel<f32> for Forward<'_> {
     #[inline(always)]
     fn run<L: Lane<Real = f32>>(&mut self) {
         let Packed { inputs, outputs, .. } = *self.packed;
-        let observations = self.observations.chunks(PANEL * inputs);
-        for (observations, actions) in observations.zip(self.actions.chunks_mut(PANEL * outputs)) {
-            let (input, result) = (&mut self.input, &mut self.result);
-            for (j, row) in observations.chunks_exact(inputs).enumerate() {
+        let count = self.observations.len() / inputs;
+        for first in (0..count).step_by(PANEL) {
+            let (mut input, mut result) = (&mut self.input[..], &mut self.result[..]);
+            let rows = PANEL.min(count - first);
+            for j in 0..rows {
+                let row = &self.observations[(first + j) * inputs..][..inputs];
                 for k in 0..inputs {
                     input[k].0[j] = row[k];
                 }
             }
             // Lanes that hold instances, to whole pairs; the others are not read.
-            let used = (observations.len() / inputs).next_multiple_of(PAIR * L::LANES);
+            let used = rows.next_multiple_of(PAIR * L::LANES);
             if let Some((entries, clip)) = &self.packed.normalisation {
                 normalise::<L>(&mut input[..inputs], entries, *clip);
             }
@@ -122,9 +124,10 @@ impl Kernel<f32> for Forward<'_> {
                     (false, Activation::Elu, _) => each::<L, Elu>(result_used, used),
                     (true, _, Output::Clip) => each::<L, Clip>(result_used, used),
                 }
-                std::mem::swap(input, result);
+                (input, result) = (result, input);
             }
-            for (j, row) in actions.chunks_exact_mut(outputs).enumerate() {
+            for j in 0..rows {
+                let row = &mut self.actions[(first + j) * outputs..][..outputs];
                 for k in 0..outputs {
                     row[k] = input[k].0[j];
                 }
