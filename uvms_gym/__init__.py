@@ -34,6 +34,7 @@ from uvms_gym.controllers import (
 from uvms_gym.controllers.registry import make_controller
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
+from uvms_gym.logs import Log, LogError, LogMap
 from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
 
@@ -46,6 +47,9 @@ __all__ = [
     "PID",
     "ComputedTorque",
     "DockPD",
+    "Log",
+    "LogError",
+    "LogMap",
     "PDRestoring",
     "Renderer",
     "Residual",

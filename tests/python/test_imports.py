@@ -12,7 +12,7 @@ import uvms_gym
 LAYERS = (
     ("uvms_gym._core",),
     ("uvms_gym._task",),
-    ("uvms_gym.controllers", "uvms_gym.envs", "uvms_gym.disturbances", "uvms_gym.robots"),
+    ("uvms_gym.controllers", "uvms_gym.envs", "uvms_gym.disturbances", "uvms_gym.logs", "uvms_gym.robots"),
     ("uvms_gym.rollouts",),
     ("uvms_gym",),
     ("uvms_gym.sb3",),

@@ -1,0 +1,188 @@
+"""Logs of known motions, written as tables and bags in chosen conventions."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+JOINTS = ("shoulder", "upper-arm", "elbow", "wrist")
+THRUSTERS = ("left", "right")
+LENGTH = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+ANGLE = {"rad": 1.0, "deg": np.pi / 180.0}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+ACCELERATION = {"m/s2": 1.0, "mm/s2": 1e-3, "g": 9.80665}
+#: Rows: axes of the logs in the library's world and body axes.
+WORLD = {
+    "nwu": np.eye(3),
+    "enu": np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    "ned": np.diag([1.0, -1.0, -1.0]),
+}
+BODY = {"flu": np.eye(3), "frd": np.diag([1.0, -1.0, -1.0])}
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of a vehicle with four joints and two thrusters, at stamps (n,); SI units, z up."""
+
+    time: np.ndarray
+    position: np.ndarray
+    rotation: Rotation
+    velocity: np.ndarray
+    angular_velocity: np.ndarray
+    specific_force: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    command: np.ndarray
+
+    @classmethod
+    def random(cls, n: int = 30, seed: int = 0, start: float = 2.0) -> "Motion":
+        rng = np.random.default_rng(seed)
+        time = start + np.cumsum(rng.uniform(0.02, 0.06, n))
+        vectors = [np.cumsum(rng.normal(size=(n, 3)), axis=0) for _ in range(4)]
+        turn = np.cumsum(0.05 * rng.normal(size=(n, 3)), axis=0)
+        q, qd = (np.cumsum(0.1 * rng.normal(size=(n, 4)), axis=0) for _ in range(2))
+        return cls(time, vectors[0], Rotation.from_rotvec(turn), *vectors[1:], q, qd, 20.0 * rng.normal(size=(n, 2)))
+
+
+@dataclass(frozen=True)
+class Convention:
+    """Units, axes and orders of a log."""
+
+    time: str = "s"
+    length: str = "m"
+    angle: str = "rad"
+    acceleration: str = "m/s2"
+    world: str = "nwu"
+    body: str = "flu"
+    order: str = "wxyz"
+    delimiter: str = ","
+    lag: float = 0.0
+    sign: int = 1
+    zero: float = 0.0
+    scale: float = 1.0
+    neutral: float = 0.0
+    shuffle: int = 0
+    overrides: dict[str, Any] = field(default_factory=dict)
+
+
+def write_table(path: Path, columns: dict[str, np.ndarray], delimiter: str = ",", shuffle: int = 0) -> None:
+    """Write columns, in an order drawn at random and with one that holds no numbers."""
+    columns = {**{name: [repr(float(x)) for x in column] for name, column in columns.items()}}
+    columns["frame"] = ["world"] * len(next(iter(columns.values())))
+    names = list(np.random.default_rng(shuffle).permutation(list(columns))) if shuffle else list(columns)
+    lines = [delimiter.join(names), *(delimiter.join(cells) for cells in zip(*(columns[name] for name in names)))]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def write_logs(folder: Path, motion: Motion, c: Convention = Convention(), trial: str = "1") -> dict[str, Any]:  # noqa: B008
+    """Write all channels of a motion in a convention, and return the map that reads them."""
+    W, B = WORLD[c.world], BODY[c.body]
+    rotation = Rotation.from_matrix(W @ motion.rotation.as_matrix() @ B.T)
+    if c.order == "rpy":
+        names, turned = ("roll", "pitch", "yaw"), rotation.as_euler("ZYX")[:, ::-1] / ANGLE[c.angle]
+        attitude = {"rpy": {"columns": list(names), "unit": c.angle}}
+    else:
+        names, xyzw = tuple("q" + letter for letter in c.order), rotation.as_quat()
+        turned = xyzw if c.order == "xyzw" else xyzw[:, [3, 0, 1, 2]]
+        attitude = {"quaternion": {"columns": list(names), "order": c.order}}
+    stamps = {"t": (motion.time + c.lag) / TIME[c.time]}
+    orientation = dict(zip(names, turned.T))
+    position = dict(zip("xyz", (motion.position @ W.T / LENGTH[c.length]).T))
+    velocity = dict(zip(("vx", "vy", "vz"), (motion.velocity @ B.T / LENGTH[c.length]).T))
+    gyro = dict(zip(("wx", "wy", "wz"), (motion.angular_velocity @ B.T / ANGLE[c.angle]).T))
+    force = dict(zip(("fx", "fy", "fz"), (motion.specific_force @ B.T / ACCELERATION[c.acceleration]).T))
+    unit = ANGLE[c.angle]
+    joints = {f"{name}.pos": c.sign * (motion.q[:, k] / unit + c.zero) for k, name in enumerate(JOINTS)}
+    joints |= {f"{name}.vel": c.sign * motion.qd[:, k] / unit for k, name in enumerate(JOINTS)}
+    commands = {name: motion.command[:, k] / c.scale + c.neutral for k, name in enumerate(THRUSTERS)}
+    tables = {
+        "pose": position | orientation,
+        "attitude": orientation,
+        "twist": velocity | gyro,
+        "imu": gyro | force | orientation,
+        "joints": joints,
+        "thrusters": commands,
+    }
+    for name, columns in tables.items():
+        write_table(folder / f"{trial}_{name}.csv", stamps | columns, c.delimiter, c.shuffle)
+    common: dict[str, Any] = {"time": {"column": "t", "unit": c.time, "lag": c.lag}, "delimiter": c.delimiter}
+    turning = {"angular_velocity": {"columns": list(gyro), "unit": f"{c.angle}/s"}}
+    axes = {"world": c.world, "body": c.body}
+    axis = {"sign": c.sign, "zero": c.zero, "unit": c.angle}
+    channels: dict[str, Any] = {
+        "pose": {"position": {"columns": list("xyz"), "unit": c.length}, **attitude, **axes},
+        "attitude": {**attitude, **axes},
+        "twist": {"velocity": {"columns": list(velocity), "unit": f"{c.length}/s"}, **turning, "body": c.body},
+        "imu": {"specific_force": {"columns": list(force), "unit": c.acceleration}, **turning, **attitude, **axes},
+        "joints": {"axes": {n: {"position": f"{n}.pos", "velocity": f"{n}.vel", **axis} for n in JOINTS}},
+        "thrusters": {"axes": {n: {"command": n, "scale": c.scale, "neutral": c.neutral} for n in THRUSTERS}},
+    }
+    return {name: {"file": f"{{trial}}_{name}.csv", **common, **keys} for name, keys in channels.items()}
+
+
+def write_bag(path: Path, motion: Motion, storage: str = "sqlite3", late: float = 0.1) -> dict[str, Any]:
+    """Write a motion as a ROS 2 bag, recorded late, and return the map that reads it; thrusters have no header."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = store.types
+
+    def make(kind: str, *values: Any) -> Any:
+        return kinds[kind](*values)
+
+    def three(x: np.ndarray, kind: str = "geometry_msgs/msg/Vector3") -> Any:
+        return make(kind, *map(float, x))
+
+    cov, none = np.zeros(36), np.zeros(9)
+    with Writer(path, version=9, storage_plugin=StoragePlugin[storage.upper()]) as bag:
+        topics = {
+            "/pose": "geometry_msgs/msg/PoseStamped",
+            "/pose_cov": "geometry_msgs/msg/PoseWithCovarianceStamped",
+            "/odometry": "nav_msgs/msg/Odometry",
+            "/imu": "sensor_msgs/msg/Imu",
+            "/joint_states": "sensor_msgs/msg/JointState",
+            "/thrusters": "std_msgs/msg/Float64MultiArray",
+        }
+        connections = {topic: bag.add_connection(topic, kind, typestore=store) for topic, kind in topics.items()}
+        for k, t in enumerate(motion.time):
+            ns = round(t * 1e9)
+            stamp = make("builtin_interfaces/msg/Time", ns // 10**9, ns % 10**9)
+            header = make("std_msgs/msg/Header", stamp, "world")
+            quaternion = make("geometry_msgs/msg/Quaternion", *map(float, motion.rotation[k].as_quat()))
+            pose = make("geometry_msgs/msg/Pose", three(motion.position[k], "geometry_msgs/msg/Point"), quaternion)
+            with_cov = make("geometry_msgs/msg/PoseWithCovariance", pose, cov)
+            rate = three(motion.angular_velocity[k])
+            twist = make("geometry_msgs/msg/Twist", three(motion.velocity[k]), rate)
+            twist = make("geometry_msgs/msg/TwistWithCovariance", twist, cov)
+            order = [2, 0, 3, 1]
+            names = [JOINTS[i] for i in order]
+            layout = make("std_msgs/msg/MultiArrayLayout", [], 0)
+            messages = {
+                "/pose": (header, pose),
+                "/pose_cov": (header, with_cov),
+                "/odometry": (header, "base", with_cov, twist),
+                "/imu": (header, quaternion, none, rate, none, three(motion.specific_force[k]), none),
+                "/joint_states": (header, names, motion.q[k][order], motion.qd[k][order], np.zeros(0)),
+                "/thrusters": (layout, motion.command[k]),
+            }
+            for topic, values in messages.items():
+                data = store.serialize_cdr(make(topics[topic], *values), topics[topic])
+                bag.write(connections[topic], ns + round(late * 1e9), data)
+    return {
+        "pose": {"topic": "/pose"},
+        "attitude": {"topic": "/pose_cov"},
+        "twist": {"topic": "/odometry", "angular_velocity": {}},
+        "imu": {"topic": "/imu", "specific_force": {}, "quaternion": {}},
+        "joints": {
+            "topic": "/joint_states",
+            "axes": {n: {"position": f"position[{n}]", "velocity": f"velocity[{n}]"} for n in JOINTS},
+        },
+        "thrusters": {
+            "topic": "/thrusters",
+            "time": {"lag": late},
+            "axes": {n: {"command": f"data[{k}]"} for k, n in enumerate(THRUSTERS)},
+        },
+    }

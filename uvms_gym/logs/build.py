@@ -1,0 +1,164 @@
+"""Channels from tables: checks, units, axes, clocks and outliers."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym.logs import rotations
+from uvms_gym.logs.channel_map import Axis, ChannelMap, Columns
+from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
+from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.tables import Table
+from uvms_gym.logs.units import Floats
+
+#: Greatest deviation of a logged quaternion's norm from 1.
+NORM_TOLERANCE = 0.01
+
+_TYPES: dict[str, type[Channel]] = {
+    "pose": Pose,
+    "attitude": Attitude,
+    "twist": Twist,
+    "imu": Imu,
+    "joints": Joints,
+    "thrusters": Thrusters,
+}
+
+Mask = NDArray[np.bool_]
+
+
+def make_channel(kind: str, found: ChannelMap, table: Table) -> Channel:
+    """Channel of a table.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the channel.
+    found : ChannelMap
+        Its map.
+    table : Table
+        Its numbers.
+
+    Raises
+    ------
+    LogError
+        Stamps that run backwards, a quaternion that is none, or fewer than two samples.
+    """
+    time = _time(table, found)
+    dropped: dict[str, int] = {}
+    keep = np.diff(time, prepend=-np.inf) > 0.0
+    dropped["equal stamps"] = int(np.sum(~keep))
+    values: dict[str, Any] = _values(found, table)
+    if found.axes:
+        values |= _axis_values(kind, found.axes, table)
+    if np.isfinite(found.jump):
+        keep[keep] = without_jumps(time[keep], values["quaternion"][keep], found.jump, found.gap)
+        dropped["jumps"] = int(np.sum(~keep)) - sum(dropped.values())
+    if found.repeat_period > 0.0:
+        keep[keep] = without_repeats(time[keep], values["position"][keep], found.repeat_period)
+        dropped["repeats"] = int(np.sum(~keep)) - sum(dropped.values())
+    if np.sum(keep) < 2:
+        counts = ", ".join(f"{count} {reason}" for reason, count in dropped.items())
+        raise LogError(f"{table.source}: {np.sum(keep)} of {len(keep)} rows remain (left out: {counts}), but must be 2")
+    samples: dict[str, Any] = {
+        name: array[keep] if isinstance(array, np.ndarray) else array for name, array in values.items()
+    }
+    common: dict[str, Any] = {
+        "source": table.source,
+        "time": time[keep],
+        "gap": found.gap,
+        "rows": len(keep),
+        "dropped": dropped,
+    }
+    return _TYPES[kind](**common, **samples)
+
+
+def _time(table: Table, found: ChannelMap) -> Floats:
+    """Stamps on the common clock, s; never running backwards."""
+    backwards = np.flatnonzero(np.diff(table.time) < 0.0)
+    if len(backwards):
+        row = int(backwards[0]) + 1
+        before, after = (repr(float(stamp)) for stamp in table.time[row - 1 : row + 1])
+        raise LogError(f"{table.where(row)}: the stamp {after} is before that of the row above, {before}")
+    return np.asarray(table.time * found.time_factor - found.lag)
+
+
+def _values(found: ChannelMap, table: Table) -> dict[str, Floats]:
+    """Vectors and attitudes in the library's units and axes."""
+    world, body = np.array(found.world), np.array(found.body)
+    values = {}
+    for quantity, columns in found.columns.items():
+        logged = table.values[quantity] * columns.factor
+        if quantity == "attitude":
+            q = _quaternions(columns, logged, table)
+            q = rotations.multiply(rotations.multiply(world, q), rotations.conjugate(body))
+            values["quaternion"] = rotations.canonical(q)
+        else:
+            values[quantity] = logged @ rotations.matrices(world if quantity == "position" else body).T
+    return values
+
+
+def _quaternions(columns: Columns, logged: Floats, table: Table) -> Floats:
+    """Unit quaternions [w, x, y, z] in the source's axes."""
+    if columns.order == "rpy":
+        return rotations.from_rpy(logged)
+    q = logged[:, [3, 0, 1, 2]] if columns.order == "xyzw" else logged
+    norms = np.linalg.norm(q, axis=1)
+    wrong = np.flatnonzero(np.abs(norms - 1.0) > NORM_TOLERANCE)
+    if len(wrong):
+        row = int(wrong[0])
+        raise LogError(f"{table.where(row)}: the quaternion has norm {norms[row]:.6g}, but must have 1")
+    return np.asarray(q / norms[:, None])
+
+
+def _axis_values(kind: str, axes: tuple[Axis, ...], table: Table) -> dict[str, Any]:
+    """Values of joints or thrusters in the scene's units, and their names."""
+    names, factor = tuple(axis.name for axis in axes), np.array([axis.factor for axis in axes])
+    logged = np.zeros((2, len(table.time), len(axes)))
+    for k, key in enumerate(("value", "rate")):
+        if key in table.values:
+            logged[k][:, [axis.column is not None for axis in axes]] = table.values[key]
+    value = factor * logged[0] - np.array([axis.offset for axis in axes])
+    if kind == "thrusters":
+        return {"names": names, "command": value}
+    velocity = {"velocity": factor * logged[1]} if "rate" in table.values else {}
+    return {"names": names, "position": value} | velocity
+
+
+def without_jumps(time: Floats, q: Floats, limit: float, gap: float) -> Mask:
+    """True for samples (n,) whose attitude (n, 4) is within a limit, rad, of that of the accepted sample before.
+
+    The samples between two gaps, s, are judged together. Their longest run without a jump is accepted, and from it in
+    both directions every run that begins within the limit of the last accepted sample.
+    """
+    keep = np.zeros(len(time), dtype=np.bool_)
+    breaks = np.diff(time) > gap
+    jumps = (rotations.angles(q[:-1], q[1:]) > limit) | breaks
+    first = np.r_[0, np.flatnonzero(jumps) + 1]
+    end = np.r_[first[1:], len(time)]
+    stretch = np.cumsum(np.r_[True, breaks])[first]
+    for part in np.unique(stretch):
+        runs = [slice(a, b) for a, b in zip(first[stretch == part], end[stretch == part])]
+        longest = int(np.argmax([run.stop - run.start for run in runs]))
+        keep[runs[longest]] = True
+        last = q[runs[longest].stop - 1]
+        for run in runs[longest + 1 :]:
+            if rotations.angles(last, q[run.start]) <= limit:
+                keep[run], last = True, q[run.stop - 1]
+        last = q[runs[longest].start]
+        for run in reversed(runs[:longest]):
+            if rotations.angles(last, q[run.stop - 1]) <= limit:
+                keep[run], last = True, q[run.start]
+    return keep
+
+
+def without_repeats(time: Floats, values: Floats, period: float) -> Mask:
+    """True for samples (n,) whose values (n, k) are new, or follow the last kept sample by a period, s."""
+    keep: Mask = np.r_[True, np.any(np.diff(values, axis=0) != 0.0, axis=1)]
+    for first, end in zip(np.flatnonzero(keep), np.r_[np.flatnonzero(keep)[1:], len(time)]):
+        last = time[first]
+        if time[end - 1] - last >= period:
+            for k in range(first + 1, end):
+                if time[k] - last >= period:
+                    keep[k], last = True, time[k]
+    return keep

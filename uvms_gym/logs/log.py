@@ -1,0 +1,253 @@
+"""Log of one trial: channels of a vehicle's motion, sensors and commands."""
+
+import glob
+import math
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from uvms_gym import _core
+from uvms_gym.logs.build import make_channel
+from uvms_gym.logs.channel_map import ChannelMap, in_scene_order
+from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
+from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.map import TRIAL, Bound, LogMap
+from uvms_gym.logs.ros2 import read_bag
+from uvms_gym.logs.tables import Table, read_table
+from uvms_gym.logs.units import Floats
+
+Scene = str | os.PathLike[str] | dict[str, Any]
+#: Map: path of a TOML file, its data, or the map read from it.
+Map = str | os.PathLike[str] | Mapping[str, Any] | LogMap
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Log:
+    """Log of one trial: channels with stamps of their own, in SI units and the library's axes, on a common clock.
+
+    Attributes
+    ----------
+    name : str
+        Name of the trial.
+    start, end : float
+        Start and end of the trial, s. All channels have samples in between, and one beyond each end where there is one.
+    pose : Pose or None
+        Position and attitude of the vehicle frame.
+    attitude : Attitude or None
+        Attitude alone.
+    twist : Twist or None
+        Velocity and angular velocity, body axes.
+    imu : Imu or None
+        Angular velocity, specific force and attitude.
+    joints : Joints or None
+        Positions and velocities of the joints.
+    thrusters : Thrusters or None
+        Commands of the thrusters.
+    """
+
+    name: str
+    start: float
+    end: float
+    pose: Pose | None = None
+    attitude: Attitude | None = None
+    twist: Twist | None = None
+    imu: Imu | None = None
+    joints: Joints | None = None
+    thrusters: Thrusters | None = None
+
+    @classmethod
+    def read(
+        cls, path: str | os.PathLike[str], map: Map, trial: str | None = None, scene: Scene | None = None
+    ) -> "Log":
+        """Read the log of one trial.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Directory of the map's files and bags; or the bag, where the map has topics and no key `bag`.
+        map : str, os.PathLike, dict or LogMap
+            Map from files and topics to channels: see docs/logs.md.
+        trial : str, optional
+            Name of the trial, which replaces "{trial}" in names of files. A map without "{trial}" takes none: the
+            directory, or the bag, is one trial.
+        scene : str, os.PathLike or dict, optional
+            Scene whose joints and thrusters give the order of the columns and must be those of the map. Without it, the
+            order is that of the map.
+
+        Raises
+        ------
+        LogError
+            Map or file that cannot be read; the message names file, line and value.
+        SceneError
+            Scene that cannot be read.
+        """
+        directory, whole = Path(path), LogMap.read(map) if not isinstance(map, LogMap) else map
+        if whole.by_trial != (trial is not None):
+            problem = "is missing" if whole.by_trial else f"is given, but no file's name has {TRIAL}"
+            raise LogError(f"{whole.name}: the name of the trial {problem}")
+        found = whole.of(trial)
+        channels = _read_channels(directory, found, trial, scene)
+        zero = min(channel.time[0] for channel in channels.values()) if found.first else 0.0
+        channels = {kind: channel.shifted(-zero) for kind, channel in channels.items()}
+        pose: Any = channels.get("pose")
+        start = max(float(channel.time[0]) for channel in channels.values())
+        end = min(float(channel.time[-1]) for channel in channels.values())
+        start = max(start, _time_of(found.start, -math.inf, directory, trial, pose, start))
+        end = min(end, _time_of(found.end, math.inf, directory, trial, pose, start))
+        name = trial if trial is not None else directory.resolve().stem
+        if not start < end:
+            spans = "; ".join(f"{kind} {c.time[0]:.6g} to {c.time[-1]:.6g} s" for kind, c in channels.items())
+            raise LogError(f"{directory}: {name}: no samples between start {start:.6g} and end {end:.6g} s; {spans}")
+        given: dict[str, Any] = {**channels}
+        return cls(name=name, start=start, end=end, **given).between(start, end)
+
+    @classmethod
+    def read_all(cls, path: str | os.PathLike[str], map: Map, scene: Scene | None = None) -> "list[Log]":
+        """Read the logs of all trials of a directory, sorted by name; arguments and errors as of `read`."""
+        found = LogMap.read(map) if not isinstance(map, LogMap) else map
+        if not found.by_trial:
+            return [cls.read(path, found, scene=scene)]
+        return [cls.read(path, found, trial, scene) for trial in trials(Path(path), found)]
+
+    @property
+    def channels(self) -> dict[str, Channel]:
+        """Channels that the log has, by name."""
+        kinds = ("pose", "attitude", "twist", "imu", "joints", "thrusters")
+        return {kind: channel for kind in kinds if (channel := getattr(self, kind)) is not None}
+
+    def spans(self, *kinds: str) -> Floats:
+        """(k, 2) starts and ends of the times between start and end at which channels have no gaps, s.
+
+        Parameters
+        ----------
+        *kinds : str
+            Names of the channels; by default all.
+
+        Raises
+        ------
+        LogError
+            The log has no such channel.
+        """
+        spans = np.array([[self.start, self.end]])
+        for kind in kinds or self.channels:
+            if kind not in self.channels:
+                raise LogError(f"{self.name}: no channel {kind}; channels: {', '.join(self.channels)}")
+            other = self.channels[kind].spans
+            low = np.maximum(spans[:, None, 0], other[None, :, 0]).ravel()
+            high = np.minimum(spans[:, None, 1], other[None, :, 1]).ravel()
+            spans = np.stack([low, high], axis=-1)[low < high]
+        return spans
+
+    def between(self, start: float, end: float) -> Self:
+        """Log of the times in [start, end], s, within those of this log.
+
+        Every channel keeps one sample beyond each end, so that both interpolate.
+
+        Raises
+        ------
+        LogError
+            Fewer than two samples of a channel.
+        """
+        start, end = max(start, self.start), min(end, self.end)
+        if not start < end:
+            raise LogError(f"{self.name}: no times between {start:.6g} and {end:.6g} s")
+        cut: dict[str, Any] = {kind: channel.between(start, end) for kind, channel in self.channels.items()}
+        return replace(self, start=start, end=end, **cut)
+
+    def summary(self) -> str:
+        """Text with one line per channel: samples, rate, gaps and rows left out."""
+        lines = [f"{self.name}: {self.start:.3f} to {self.end:.3f} s ({self.end - self.start:.3f} s)"]
+        for kind, channel in self.channels.items():
+            rate = 1.0 / np.median(np.diff(channel.time))
+            gaps = ", ".join(f"{b - a:.2f} s at {a:.2f} s" for a, b in channel.gaps) or "none"
+            dropped = ", ".join(f"{count} {reason}" for reason, count in channel.dropped.items() if count) or "none"
+            lines.append(f"  {kind}: {len(channel.time)} samples, {rate:.3g} Hz; gaps: {gaps}; left out: {dropped}")
+        return "\n".join(lines)
+
+
+def trials(directory: Path, found: LogMap) -> list[str]:
+    """Names of the trials in a directory, sorted: all that a channel's file, or a bag, is named by.
+
+    Raises
+    ------
+    LogError
+        No such directory, or no such file.
+    """
+    if not directory.is_dir():
+        raise LogError(f"{directory}: no such directory")
+    names = set()
+    patterns = [found.bag, *(channel.file for channel in found.channels.values())]
+    wanted = list(dict.fromkeys(pattern for pattern in patterns if pattern and TRIAL in pattern))
+    for pattern in wanted:
+        parts = pattern.split(TRIAL)
+        expression = re.escape(parts[0]) + "([^/]+)" + r"\1".join(map(re.escape, parts[1:]))
+        for file in directory.glob("*".join(map(glob.escape, parts))):
+            if match := re.fullmatch(expression, file.relative_to(directory).as_posix()):
+                names.add(match[1])
+    if not names:
+        raise LogError(f"{directory}: no file is named {' or '.join(wanted) or TRIAL}")
+    return sorted(names)
+
+
+def _read_channels(directory: Path, found: LogMap, trial: str | None, scene: Scene | None) -> dict[str, Channel]:
+    """Channels of a trial."""
+    maps = dict(found.channels)
+    if scene is not None:
+        simulator = _core.Simulator(scene)
+        for kind, names in (("joints", simulator.joint_names), ("thrusters", simulator.thruster_names)):
+            if kind in maps:
+                maps[kind] = replace(maps[kind], axes=in_scene_order(kind, maps[kind], names))
+    tables = {kind: _table(directory, channel, trial) for kind, channel in maps.items() if channel.file}
+    if topics := {kind: channel for kind, channel in maps.items() if channel.topic}:
+        tables |= read_bag(_file(directory, found.bag, trial) if found.bag else directory, topics)
+    return {kind: make_channel(kind, channel, tables[kind]) for kind, channel in maps.items()}
+
+
+def _table(directory: Path, channel: ChannelMap, trial: str | None) -> Table:
+    """Table of a channel's file."""
+    names = {key: group or [] for key, group in channel.names.items()}
+    return read_table(_file(directory, channel.file or "", trial), channel.delimiter, channel.time or "", names)
+
+
+def _file(directory: Path, pattern: str, trial: str | None) -> Path:
+    """Path of a trial's file."""
+    return directory / (pattern if trial is None else pattern.replace(TRIAL, trial))
+
+
+def _time_of(bound: Bound, default: float, directory: Path, trial: str | None, pose: Any, after: float) -> float:
+    """Time of a start or an end, s; that of a position is sought from `after` on, infinite if it is never reached."""
+    if bound.time is not None:
+        return bound.time
+    if bound.file is not None:
+        return _value_of(_file(directory, bound.file, trial), bound.key or "")
+    if math.isinf(bound.above) and math.isinf(bound.below):
+        return default
+    height = pose.position[:, bound.axis]
+    beyond = (pose.time >= after) & ((height > bound.above) | (height < bound.below))
+    return float(pose.time[np.argmax(beyond)]) if beyond.any() else math.inf
+
+
+def _value_of(path: Path, key: str) -> float:
+    """Number of a key in a file of lines "key: value"."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise LogError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from None
+    lines = [line.partition("#")[0].partition(":") for line in text.splitlines()]
+    values = {name.strip(): value.strip() for name, colon, value in lines if colon}
+    if key not in values:
+        raise LogError(f"{path}: {key}: no such key; keys: {', '.join(values) or 'none'}")
+    try:
+        number = float(values[key])
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise LogError(f"{path}: {key}: {values[key]!r} is not a finite number")
+    return number

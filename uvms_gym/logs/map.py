@@ -1,0 +1,171 @@
+"""Map of logs: files or topics of every channel, with their columns, units, axes and clocks."""
+
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from uvms_gym.logs.channel_map import GAP, QUANTITIES, ChannelMap, channel_map
+from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.keys import Keys
+
+#: Place of the trial's name in names of files.
+TRIAL = "{trial}"
+_AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Start or end of a trial: a time, a key of a file, or the first sample whose position passes a limit.
+
+    Attributes
+    ----------
+    time : float or None
+        s on the log's clock.
+    file, key : str or None
+        File of lines "key: value", in whose name "{trial}" is replaced, and the key whose value is the time, s.
+    axis : int
+        Axis of the position, in the library's world axes.
+    above, below : float
+        Limits of the position, m.
+    """
+
+    time: float | None = None
+    file: str | None = None
+    key: str | None = None
+    axis: int = 2
+    above: float = math.inf
+    below: float = -math.inf
+
+
+@dataclass(frozen=True)
+class LogMap:
+    """Map from files or bags to the channels of logs.
+
+    Attributes
+    ----------
+    name : str
+        Name of the map's file, for errors.
+    bag : str or None
+        Name of the bag, in which "{trial}" is replaced; None: the path that is read is the bag.
+    first : bool
+        Zero of the log's clock at its first sample; otherwise that of the stamps.
+    start, end : Bound
+        Start and end of the trial, within the samples that all channels share.
+    channels : dict of str to ChannelMap
+        Channels by name.
+    trials : dict of str to LogMap
+        Maps of trials with keys of their own.
+    """
+
+    name: str
+    bag: str | None
+    first: bool
+    start: Bound
+    end: Bound
+    channels: Mapping[str, ChannelMap]
+    trials: Mapping[str, "LogMap"]
+
+    @classmethod
+    def read(cls, source: "str | os.PathLike[str] | Mapping[str, Any]") -> "LogMap":
+        """Read a map from a TOML file, or from the same data as a dict.
+
+        Raises
+        ------
+        LogError
+            The message names file, key and value.
+        """
+        if isinstance(source, Mapping):
+            return _log_map(source, "map")
+        name = os.fspath(source)
+        try:
+            return _log_map(tomllib.loads(Path(name).read_text(encoding="utf-8")), name)
+        except FileNotFoundError:
+            raise LogError(f"{name}: no such file") from None
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise LogError(f"{name}: cannot be read: {error}") from None
+
+    def of(self, trial: str | None) -> "LogMap":
+        """Map of a trial: with the keys of its table in place of the general ones."""
+        return self.trials.get(trial or "", self)
+
+    @property
+    def patterns(self) -> list[str]:
+        """Names of all files and bags of a trial, in which "{trial}" is replaced."""
+        names = [self.bag, *(channel.file for channel in self.channels.values()), self.start.file, self.end.file]
+        return list(dict.fromkeys(name for name in names if name))
+
+    @property
+    def by_trial(self) -> bool:
+        """True where names of files hold the trial's name; otherwise a directory or a bag is one trial."""
+        return any(TRIAL in name for name in self.patterns)
+
+
+def _log_map(data: Mapping[str, Any], name: str) -> LogMap:
+    """Map of a TOML file's data."""
+    general = {key: value for key, value in data.items() if key != "trial"}
+    _one_map(general, name, {})
+    table = Keys(data, name).table("trial")
+    trials = {}
+    for trial in table:
+        own = table.table(trial).data
+        trials[trial] = _one_map(_merged(general, own), f'{name} with [trial."{trial}"]', {})
+    return _one_map(general, name, trials)
+
+
+def _merged(general: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Data with other values: tables key by key, start and end as a whole."""
+    merged = dict(general)
+    for key, value in own.items():
+        old = merged.get(key)
+        tables = isinstance(old, Mapping) and isinstance(value, Mapping) and key not in ("start", "end")
+        merged[key] = _merged(merged[key], value) if tables else value
+    return merged
+
+
+def _one_map(data: Mapping[str, Any], name: str, trials: Mapping[str, LogMap]) -> LogMap:
+    """Map of data without tables of trials."""
+    keys = Keys(data, name)
+    gap = keys.number("gap", GAP, above=0.0, finite=False)
+    found = LogMap(
+        name=name,
+        bag=keys.text("bag") if keys.has("bag") else None,
+        first=keys.choice("clock", ("stamps", "first"), "stamps") == "first",
+        start=_bound(keys, "start"),
+        end=_bound(keys, "end"),
+        channels={kind: channel_map(kind, keys.table(kind), gap) for kind in QUANTITIES if keys.has(kind)},
+        trials=trials,
+    )
+    keys.has("trial")
+    keys.finish()
+    if not found.channels:
+        raise keys.error(None, f"no channel; known: {', '.join(QUANTITIES)}")
+    if found.bag and not any(channel.topic for channel in found.channels.values()):
+        raise keys.error("bag", "no channel has a topic")
+    limits = {found.start.above, found.start.below, found.end.above, found.end.below}
+    if "pose" not in found.channels and limits != {math.inf, -math.inf}:
+        raise keys.error(None, "a start or an end by position needs the channel pose")
+    return found
+
+
+def _bound(keys: Keys, key: str) -> Bound:
+    """Start or end of a trial."""
+    value = keys.value(key)
+    if value is None:
+        return Bound()
+    if not isinstance(value, Mapping):
+        return Bound(time=keys.number(key, 0.0))
+    table = keys.table(key)
+    if table.has("file"):
+        bound = Bound(file=table.text("file"), key=table.text("key"))
+    else:
+        axis = table.choice("position", _AXES)
+        table.require("above", "below")
+        bound = Bound(
+            axis=_AXES.index(axis), above=table.number("above", math.inf), below=table.number("below", -math.inf)
+        )
+    table.finish()
+    return bound

@@ -1,0 +1,175 @@
+"""Topics of ROS bags, as tables."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uvms_gym.logs.channel_map import ChannelMap
+from uvms_gym.logs.errors import LogError
+from uvms_gym.logs.tables import Table, make_table
+
+#: Fields of the usual messages that hold a quantity; the first one that a message has is read.
+FIELDS = {
+    "position": ("pose.pose.position", "pose.position", "position", "transform.translation"),
+    "attitude": ("pose.pose.orientation", "pose.orientation", "orientation", "quaternion", "transform.rotation"),
+    "velocity": ("twist.twist.linear", "twist.linear", "linear", "velocity", "vector"),
+    "angular_velocity": ("twist.twist.angular", "twist.angular", "angular", "angular_velocity", "vector"),
+    "specific_force": ("linear_acceleration", "accel.linear", "linear", "vector"),
+}
+
+Getter = Callable[[Any], float]
+#: Stamp, in place of the name of a column.
+_STAMP = "stamp"
+
+
+class _Topic:
+    """Rows of one channel, message by message."""
+
+    def __init__(self, place: str, channel: ChannelMap) -> None:
+        self._place = place
+        self._channel = channel
+        self._names: dict[str, list[str]] = {}
+        self._getters: dict[str, Getter] = {}
+        self._header = False
+        self._rows: list[list[float]] = []
+
+    def append(self, message: Any, recorded: int) -> None:
+        """Add a message, which the bag recorded at a time in ns."""
+        channel = self._channel
+        if not self._rows:
+            self._names = {key: names or self._default(key, message) for key, names in channel.names.items()}
+            needed = [
+                *([channel.time] if channel.time else []),
+                *(name for group in self._names.values() for name in group),
+            ]
+            self._getters = {name: _getter(name) for name in needed}
+            self._header = channel.stamp != "bag" and hasattr(message, "header")
+            if channel.stamp == "header" and not self._header:
+                raise LogError(
+                    f'{self._place}: the messages have no header; stamp = "bag" reads the times of recording'
+                )
+        row = [_header_stamp(message) if self._header else recorded * 1e-9]
+        for name, get in self._getters.items():
+            try:
+                row.append(float(get(message)))
+            except (AttributeError, IndexError, TypeError, ValueError):
+                raise self._missing(name, message) from None
+        self._rows.append(row)
+
+    def table(self) -> Table:
+        """Table of all messages."""
+        rows = np.array(self._rows).reshape(len(self._rows), -1).T
+        columns = dict(zip([_STAMP, *self._getters], rows)) if self._rows else {_STAMP: np.empty(0)}
+        time = self._channel.time if self._rows else None
+        return make_table(self._place, self._where, columns, time or _STAMP, self._names)
+
+    def _where(self, row: int) -> str:
+        """Place of a message."""
+        return f"{self._place}, message {row + 1}"
+
+    def _default(self, quantity: str, message: Any) -> list[str]:
+        """Fields of the message that hold a quantity."""
+        parts = ("w", "x", "y", "z") if quantity == "attitude" else ("x", "y", "z")
+        for base in FIELDS[quantity]:
+            names = [f"{base}.{part}" for part in parts]
+            try:
+                [float(attrgetter(name)(message)) for name in names]
+            except (AttributeError, TypeError, ValueError):
+                continue
+            return names
+        raise LogError(f"{self._place}: no field for {quantity}; the map names columns, of: {_listed(message)}")
+
+    def _missing(self, name: str, message: Any) -> LogError:
+        """Error of a field that a message lacks."""
+        return LogError(f"{self._where(len(self._rows))}: {name}: no such number; fields: {_listed(message)}")
+
+
+def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]:
+    """Read the topics of channels from a bag.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Directory of a ROS 2 bag (SQLite or MCAP), or file of a ROS 1 bag.
+    channels : dict of str to ChannelMap
+        Channels with a topic.
+
+    Returns
+    -------
+    dict of str to Table
+        Table of every channel.
+
+    Raises
+    ------
+    LogError
+        The message names bag, topic and field; or the package `rosbags` is missing.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise LogError(f"{path}: reading bags needs the package rosbags: pip install 'uvms-gym[ros2]'") from None
+    if not path.exists():
+        raise LogError(f"{path}: no such bag")
+    topics = {kind: _Topic(f"{path} {channel.topic}", channel) for kind, channel in channels.items()}
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            for kind, channel in channels.items():
+                if channel.topic not in reader.topics:
+                    known = ", ".join(sorted(reader.topics)) or "none"
+                    raise LogError(f"{path}: {kind}: no topic {channel.topic}; topics: {known}")
+            wanted = {channel.topic for channel in channels.values()}
+            connections = [connection for connection in reader.connections if connection.topic in wanted]
+            for connection, recorded, data in reader.messages(connections=connections):
+                message = reader.deserialize(data, connection.msgtype)
+                for kind, channel in channels.items():
+                    if channel.topic == connection.topic:
+                        topics[kind].append(message, recorded)
+    except LogError:
+        raise
+    except Exception as error:  # (a damaged bag fails anywhere in the package, in its parsers and in SQLite)
+        raise LogError(f"{path}: cannot be read: {error}") from None
+    return {kind: topic.table() for kind, topic in topics.items()}
+
+
+def _getter(name: str) -> Getter:
+    """Number of a message: a field, its entry by number, or by the name that the message's `name` gives to it."""
+    field, _, entry = name.partition("[")
+    get, entry = attrgetter(field), entry.removesuffix("]")
+    if not re.fullmatch(r"\w+(\.\w+)*(\[[^\[\]]+\])?", name):
+        return attrgetter("")  # fails: no such field
+    if not entry:
+        return get
+    if entry.isdecimal():
+        return lambda message: get(message)[int(entry)]
+    return lambda message: get(message)[list(message.name).index(entry)]
+
+
+def _header_stamp(message: Any) -> float:
+    """Stamp of a message's header, s."""
+    stamp = message.header.stamp
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def _listed(message: Any) -> str:
+    """Fields of a message that hold numbers."""
+    return ", ".join(_fields(message, "")) or "none"
+
+
+def _fields(value: Any, path: str) -> Iterator[str]:
+    """Paths of the numbers in a message."""
+    if is_dataclass(value):
+        for field in fields(value):
+            if field.name != "__msgtype__":
+                yield from _fields(getattr(value, field.name), f"{path}.{field.name}" if path else field.name)
+    elif isinstance(value, np.ndarray | list):
+        names = len(value) > 0
+        if names:
+            yield f"{path}[0 to {len(value) - 1}]"
+    elif isinstance(value, int | float):
+        yield path
