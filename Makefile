@@ -52,6 +52,7 @@ test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/wheel test-ray ## long tests
 	cargo test --locked
 	$(installed) -m nightly
 	UVMS_FUZZ=10000 && export UVMS_FUZZ && $(installed)/test_fuzz.py
+	UVMS_FUZZ=10000 && export UVMS_FUZZ && $(installed)/test_log_errors.py
 
 test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluation on a local Ray; downloads 300 MB
 	UVMS_GYM_UNDER_TEST="$(CURDIR)" .venv-ray/bin/python -m pytest -n auto --dist loadfile -m "not nightly" \

@@ -1,6 +1,7 @@
 """Logs of known motions, written as tables and bags in chosen conventions."""
 
-from dataclasses import dataclass, field
+from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,6 @@ class Convention:
     scale: float = 1.0
     neutral: float = 0.0
     shuffle: int = 0
-    overrides: dict[str, Any] = field(default_factory=dict)
 
 
 def write_table(path: Path, columns: dict[str, np.ndarray], delimiter: str = ",", shuffle: int = 0) -> None:
@@ -76,7 +76,7 @@ def write_table(path: Path, columns: dict[str, np.ndarray], delimiter: str = ","
     path.write_text("\n".join(lines) + "\n")
 
 
-def write_logs(folder: Path, motion: Motion, c: Convention = Convention(), trial: str = "1") -> dict[str, Any]:  # noqa: B008
+def write_logs(folder: Path, motion: Motion, c: Convention = Convention(), trial: str = "1") -> dict[str, Any]:
     """Write all channels of a motion in a convention, and return the map that reads them."""
     W, B = WORLD[c.world], BODY[c.body]
     rotation = Rotation.from_matrix(W @ motion.rotation.as_matrix() @ B.T)
@@ -119,7 +119,7 @@ def write_logs(folder: Path, motion: Motion, c: Convention = Convention(), trial
         "joints": {"axes": {n: {"position": f"{n}.pos", "velocity": f"{n}.vel", **axis} for n in JOINTS}},
         "thrusters": {"axes": {n: {"command": n, "scale": c.scale, "neutral": c.neutral} for n in THRUSTERS}},
     }
-    return {name: {"file": f"{{trial}}_{name}.csv", **common, **keys} for name, keys in channels.items()}
+    return {name: deepcopy({"file": f"{{trial}}_{name}.csv", **common, **keys}) for name, keys in channels.items()}
 
 
 def write_bag(path: Path, motion: Motion, storage: str = "sqlite3", late: float = 0.1) -> dict[str, Any]:
@@ -186,3 +186,28 @@ def write_bag(path: Path, motion: Motion, storage: str = "sqlite3", late: float 
             "axes": {n: {"command": f"data[{k}]"} for k, n in enumerate(THRUSTERS)},
         },
     }
+
+
+def write_zeros(path: Path, message: str) -> None:
+    """Write a bag of two messages, recorded and stamped at 1 and 2 s, whose numbers are 0 and whose attitudes are 1."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = next(name for name in store.types if name.endswith(f"/msg/{message}"))
+
+    def zeros(kind: str, second: int) -> Any:
+        values: list[Any] = []
+        for name, (node, detail) in store.fielddefs[kind][1]:
+            if node.name == "NAME":
+                values.append(zeros(detail, second))
+            elif node.name == "ARRAY":
+                values.append(np.zeros(detail[1]))
+            else:
+                values.append("" if detail[0] == "string" else second * (name == "sec") + (name == "w"))
+        return store.types[kind](*values)
+
+    with Writer(path, version=9) as bag:
+        connection = bag.add_connection("/topic", kind, typestore=store)
+        for second in (1, 2):
+            bag.write(connection, second * 10**9, store.serialize_cdr(zeros(kind, second), kind))

@@ -1,6 +1,8 @@
 """Logs of vehicles: what is read equals the motion, in any convention and from any source."""
 
+import re
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,11 +11,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from log_files import ACCELERATION, ANGLE, BODY, JOINTS, LENGTH, TIME, WORLD, Convention, Motion, write_bag, write_logs
+from log_files import (
+    ACCELERATION,
+    ANGLE,
+    BODY,
+    JOINTS,
+    LENGTH,
+    TIME,
+    WORLD,
+    Convention,
+    Motion,
+    write_bag,
+    write_logs,
+    write_zeros,
+)
 
 from uvms_gym import Log, LogError, LogMap
 
-POOL = Path(__file__).parents[1] / "data" / "pool"
+ROOT = Path(__file__).parents[2]
+POOL = ROOT / "tests" / "data" / "pool"
 KINDS = ("pose", "attitude", "twist", "imu", "joints", "thrusters")
 
 
@@ -96,6 +112,32 @@ def test_a_bag_reads_equal_to_tables(storage: str, tmp_path: Path) -> None:
                 assert np.allclose(value, getattr(tables.channels[kind], name), rtol=0.0, atol=1e-9), (kind, name)
 
 
+@pytest.mark.parametrize(
+    ("kind", "messages"),
+    [
+        ("pose", ["PoseStamped", "PoseWithCovarianceStamped", "Odometry", "TransformStamped"]),
+        (
+            "attitude",
+            ["PoseStamped", "PoseWithCovarianceStamped", "Odometry", "TransformStamped", "Imu", "QuaternionStamped"],
+        ),
+        ("twist", ["Odometry", "TwistStamped", "TwistWithCovarianceStamped", "Twist"]),
+        ("imu", ["Imu"]),
+    ],
+)
+def test_usual_messages_need_no_columns(kind: str, messages: list[str], tmp_path: Path) -> None:
+    optional = {"twist": {"angular_velocity": {}}, "imu": {"specific_force": {}, "quaternion": {}}}.get(kind, {})
+    for message in messages:
+        path = tmp_path / message
+        write_zeros(path, message)
+        channel = Log.read(path, {kind: {"topic": "/topic", **optional}}).channels[kind]
+        assert channel.time.tolist() == [1.0, 2.0]
+        arrays = {name: value for name, value in vars(channel).items() if isinstance(value, np.ndarray)}
+        assert len(arrays) == {"pose": 3, "attitude": 2, "twist": 3, "imu": 4}[kind]
+        for name, value in arrays.items():
+            if name != "time":
+                assert value.tolist() == 2 * [[1.0, 0.0, 0.0, 0.0] if name == "quaternion" else [0.0, 0.0, 0.0]]
+
+
 def test_bags_are_trials_of_a_directory(tmp_path: Path) -> None:
     motions = {name: Motion.random(seed=k) for k, name in enumerate(("run_a", "run_b"))}
     for name, motion in motions.items():
@@ -149,12 +191,21 @@ def test_a_trial_has_keys_of_its_own(tmp_path: Path) -> None:
     for name in ("a", "b"):
         found = write_logs(tmp_path, motion, trial=name)
     found["start"] = {"position": "z", "above": -1e9}
-    found["trial"] = {"b": {"start": 2.5, "joints": {"time": {"lag": 0.1}, "axes": {"elbow": {"zero": 1.0}}}}}
+    found["end"] = {"position": "z", "above": 1e9}
+    found["trial"] = {
+        "b": {
+            "start": 2.5,
+            "end": {"position": "x", "below": -1e9},
+            "joints": {"time": {"lag": 0.1}, "axes": {"elbow": {"zero": 1.0}}},
+        }
+    }
     a, b = Log.read_all(tmp_path, found)
+    own = LogMap.read(found).of("b").end
+    assert (own.axis, own.above, own.below) == (0, np.inf, -1e9)
     assert (a.start, b.start) == (pytest.approx(motion.time[0]), 2.5)
     assert np.allclose(b.joints.time, motion.time[-len(b.joints.time) :] - 0.1)
     assert np.allclose(a.joints.position, motion.q)
-    assert np.allclose(b.joints.position + [0.0, 0.0, 1.0, 0.0], motion.q[-len(b.joints.time) :])
+    assert np.allclose(b.joints.position, motion.q[-len(b.joints.time) :] - np.array([0.0, 0.0, 1.0, 0.0]))
 
 
 def test_joints_and_thrusters_follow_the_scene(tmp_path: Path) -> None:
@@ -197,6 +248,18 @@ def test_start_and_end_are_times_keys_or_positions(tmp_path: Path) -> None:
     log = Log.read(tmp_path, found, "1")
     assert log.start == motion.time[np.argmax(motion.position[:, 0] > 0.5)]
     assert log.end == motion.time[-1]
+
+
+def test_the_examples_of_the_documentation_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    blocks = dict(
+        re.findall(r"^```(\w+)\n(.*?)^```", (ROOT / "docs" / "logs.md").read_text(), re.MULTILINE | re.DOTALL)
+    )
+    found = LogMap.read(tomllib.loads(blocks["toml"]))
+    assert tuple(found.channels) == KINDS and list(found.trials) == ["003-1"]
+    names: dict[str, Any] = {}
+    exec(blocks["python"], names)
+    assert names["cubics"].shape[1:] == (4, 4)
 
 
 def test_pool_trials_read_as_their_map_says() -> None:

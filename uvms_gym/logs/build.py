@@ -59,7 +59,9 @@ def make_channel(kind: str, found: ChannelMap, table: Table) -> Channel:
         dropped["repeats"] = int(np.sum(~keep)) - sum(dropped.values())
     if np.sum(keep) < 2:
         counts = ", ".join(f"{count} {reason}" for reason, count in dropped.items())
-        raise LogError(f"{table.source}: {np.sum(keep)} of {len(keep)} rows remain (left out: {counts}), but must be 2")
+        raise LogError(
+            f"{table.source}: {np.sum(keep)} of {len(keep)} rows remain, at least 2 must; left out: {counts}"
+        )
     samples: dict[str, Any] = {
         name: array[keep] if isinstance(array, np.ndarray) else array for name, array in values.items()
     }

@@ -123,14 +123,13 @@ class ChannelMap:
 
 def channel_map(kind: str, keys: Keys, gap: float) -> ChannelMap:
     """Read the table of a channel; `gap` is that of the map."""
-    keys.require("file", "topic")
-    if keys.has("file") and keys.has("topic"):
-        raise keys.error(None, "file or topic, not both")
+    _exclusive(keys, "file", "topic")
     topic = keys.text("topic") if keys.has("topic") else None
     time = keys.table("time")
     if topic is None:
         time.require("column")
     column = time.text("column") if time.has("column") else None
+    columns = _columns(kind, keys, topic is not None)
     found = ChannelMap(
         place=keys,
         file=None if topic else keys.text("file"),
@@ -141,16 +140,24 @@ def channel_map(kind: str, keys: Keys, gap: float) -> ChannelMap:
         time_factor=units.TIME[time.choice("unit", units.TIME, "s")] if column else 1.0,
         lag=time.number("lag", 0.0),
         gap=keys.number("gap", gap, above=0.0, finite=False),
-        jump=np.radians(keys.number("jump_deg", math.inf, above=0.0)) if kind in ORIENTED else math.inf,
+        jump=np.radians(keys.number("jump_deg", math.inf, above=0.0)) if "attitude" in columns else math.inf,
         repeat_period=keys.number("repeat_period", 0.0, above=0.0) if kind == "joints" else 0.0,
         world=units.WORLD[keys.choice("world", units.WORLD, "nwu")] if kind in ORIENTED else units.WORLD["nwu"],
         body=units.BODY["flu" if kind in ("joints", "thrusters") else keys.choice("body", units.BODY, "flu")],
-        columns=_columns(kind, keys, topic is not None),
+        columns=columns,
         axes=_axes(kind, keys),
     )
     time.finish()
     keys.finish()
     return found
+
+
+def _exclusive(keys: Keys, one: str, other: str, required: bool = True) -> None:
+    """Refuse both of two keys, and neither of them where one is required."""
+    if keys.has(one) + keys.has(other) == 2:
+        raise keys.error(None, f"{one} or {other}, not both")
+    if required:
+        keys.require(one, other)
 
 
 def _delimiter(keys: Keys) -> str:
@@ -172,14 +179,11 @@ def _columns(kind: str, keys: Keys, topic: bool) -> dict[str, Columns]:
         elif k == 0:
             keys.require(quantity)
     if kind in ORIENTED:
-        if keys.has("quaternion") and keys.has("rpy"):
-            raise keys.error(None, "quaternion or rpy, not both")
+        _exclusive(keys, "quaternion", "rpy", required=ORIENTED[kind] and not topic)
         if keys.has("rpy"):
             columns["attitude"] = _group(keys.table("rpy"), 3, units.ANGLE, topic=False, order="rpy")
         elif keys.has("quaternion") or (ORIENTED[kind] and topic):
             columns["attitude"] = _quaternion(keys.table("quaternion"), topic)
-        elif ORIENTED[kind]:
-            keys.require("quaternion", "rpy")
     return columns
 
 
@@ -222,7 +226,7 @@ def _joint(name: str, keys: Keys) -> Axis:
     """Joint: q = (sign * column - zero) in the unit of the column, or a constant."""
     unit = keys.choice("unit", units.ANGLE | units.LENGTH, "rad")
     factor = (units.ANGLE | units.LENGTH)[unit]
-    keys.require("position", "value")
+    _exclusive(keys, "position", "value")
     if keys.has("value"):
         axis = Axis(name, offset=-keys.number("value", 0.0) * factor)
     else:
@@ -237,7 +241,7 @@ def _joint(name: str, keys: Keys) -> Axis:
 
 def _thruster(name: str, keys: Keys) -> Axis:
     """Thruster: command = scale * (column - neutral), N, or a constant."""
-    keys.require("command", "value")
+    _exclusive(keys, "command", "value")
     if keys.has("value"):
         axis = Axis(name, offset=-keys.number("value", 0.0))
     else:

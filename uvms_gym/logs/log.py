@@ -4,7 +4,7 @@ import glob
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -86,12 +86,16 @@ class Log:
         SceneError
             Scene that cannot be read.
         """
-        directory, whole = Path(path), LogMap.read(map) if not isinstance(map, LogMap) else map
+        return cls._read(Path(path), LogMap.read(map) if not isinstance(map, LogMap) else map, trial, _names(scene))
+
+    @classmethod
+    def _read(cls, directory: Path, whole: LogMap, trial: str | None, names: Mapping[str, Sequence[str]]) -> "Log":
+        """Read the log of one trial, with the names of the scene's joints and thrusters."""
         if whole.by_trial != (trial is not None):
             problem = "is missing" if whole.by_trial else f"is given, but no file's name has {TRIAL}"
             raise LogError(f"{whole.name}: the name of the trial {problem}")
         found = whole.of(trial)
-        channels = _read_channels(directory, found, trial, scene)
+        channels = _read_channels(directory, found, trial, names)
         zero = min(channel.time[0] for channel in channels.values()) if found.first else 0.0
         channels = {kind: channel.shifted(-zero) for kind, channel in channels.items()}
         pose: Any = channels.get("pose")
@@ -110,9 +114,9 @@ class Log:
     def read_all(cls, path: str | os.PathLike[str], map: Map, scene: Scene | None = None) -> "list[Log]":
         """Read the logs of all trials of a directory, sorted by name; arguments and errors as of `read`."""
         found = LogMap.read(map) if not isinstance(map, LogMap) else map
-        if not found.by_trial:
-            return [cls.read(path, found, scene=scene)]
-        return [cls.read(path, found, trial, scene) for trial in trials(Path(path), found)]
+        which = trials(Path(path), found) if found.by_trial else [None]
+        names = _names(scene)
+        return [cls._read(Path(path), found, trial, names) for trial in which]
 
     @property
     def channels(self) -> dict[str, Channel]:
@@ -153,11 +157,12 @@ class Log:
         LogError
             Fewer than two samples of a channel.
         """
-        start, end = max(start, self.start), min(end, self.end)
-        if not start < end:
-            raise LogError(f"{self.name}: no times between {start:.6g} and {end:.6g} s")
-        cut: dict[str, Any] = {kind: channel.between(start, end) for kind, channel in self.channels.items()}
-        return replace(self, start=start, end=end, **cut)
+        first, last = max(float(start), self.start), min(float(end), self.end)
+        if not first < last:
+            known = f"the log has {self.start:.6g} to {self.end:.6g} s"
+            raise LogError(f"{self.name}: no times between {start:.6g} and {end:.6g} s; {known}")
+        cut: dict[str, Any] = {kind: channel.between(first, last) for kind, channel in self.channels.items()}
+        return replace(self, start=first, end=last, **cut)
 
     def summary(self) -> str:
         """Text with one line per channel: samples, rate, gaps and rows left out."""
@@ -170,7 +175,7 @@ class Log:
         return "\n".join(lines)
 
 
-def trials(directory: Path, found: LogMap) -> list[str]:
+def trials(directory: Path, found: LogMap) -> list[str | None]:
     """Names of the trials in a directory, sorted: all that a channel's file, or a bag, is named by.
 
     Raises
@@ -194,14 +199,21 @@ def trials(directory: Path, found: LogMap) -> list[str]:
     return sorted(names)
 
 
-def _read_channels(directory: Path, found: LogMap, trial: str | None, scene: Scene | None) -> dict[str, Channel]:
+def _names(scene: Scene | None) -> dict[str, Sequence[str]]:
+    """Names of a scene's joints and thrusters, by channel."""
+    if scene is None:
+        return {}
+    simulator = _core.Simulator(scene)
+    return {"joints": simulator.joint_names, "thrusters": simulator.thruster_names}
+
+
+def _read_channels(
+    directory: Path, found: LogMap, trial: str | None, names: Mapping[str, Sequence[str]]
+) -> dict[str, Channel]:
     """Channels of a trial."""
     maps = dict(found.channels)
-    if scene is not None:
-        simulator = _core.Simulator(scene)
-        for kind, names in (("joints", simulator.joint_names), ("thrusters", simulator.thruster_names)):
-            if kind in maps:
-                maps[kind] = replace(maps[kind], axes=in_scene_order(kind, maps[kind], names))
+    for kind in (kind for kind in names if kind in maps):
+        maps[kind] = replace(maps[kind], axes=in_scene_order(kind, maps[kind], names[kind]))
     tables = {kind: _table(directory, channel, trial) for kind, channel in maps.items() if channel.file}
     if topics := {kind: channel for kind, channel in maps.items() if channel.topic}:
         tables |= read_bag(_file(directory, found.bag, trial) if found.bag else directory, topics)

@@ -43,16 +43,11 @@ class _Topic:
         channel = self._channel
         if not self._rows:
             self._names = {key: names or self._default(key, message) for key, names in channel.names.items()}
-            needed = [
-                *([channel.time] if channel.time else []),
-                *(name for group in self._names.values() for name in group),
-            ]
-            self._getters = {name: _getter(name) for name in needed}
+            names = [name for group in self._names.values() for name in group]
+            self._getters = {name: _getter(name) for name in ([channel.time] if channel.time else []) + names}
             self._header = channel.stamp != "bag" and hasattr(message, "header")
             if channel.stamp == "header" and not self._header:
-                raise LogError(
-                    f'{self._place}: the messages have no header; stamp = "bag" reads the times of recording'
-                )
+                raise LogError(f'{self._place}: no header; stamp = "bag" reads the times of recording')
         row = [_header_stamp(message) if self._header else recorded * 1e-9]
         for name, get in self._getters.items():
             try:
@@ -133,18 +128,16 @@ def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]
     except LogError:
         raise
     except Exception as error:  # (a damaged bag fails anywhere in the package, in its parsers and in SQLite)
-        raise LogError(f"{path}: cannot be read: {error}") from None
+        raise LogError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
     return {kind: topic.table() for kind, topic in topics.items()}
 
 
 def _getter(name: str) -> Getter:
     """Number of a message: a field, its entry by number, or by the name that the message's `name` gives to it."""
-    field, _, entry = name.partition("[")
-    get, entry = attrgetter(field), entry.removesuffix("]")
-    if not re.fullmatch(r"\w+(\.\w+)*(\[[^\[\]]+\])?", name):
-        return attrgetter("")  # fails: no such field
-    if not entry:
-        return get
+    found = re.fullmatch(r"([\w.]+)\[([^\[\]]+)\]", name)
+    if not found:
+        return attrgetter(name)
+    get, entry = attrgetter(found[1]), found[2]
     if entry.isdecimal():
         return lambda message: get(message)[int(entry)]
     return lambda message: get(message)[list(message.name).index(entry)]
@@ -168,8 +161,7 @@ def _fields(value: Any, path: str) -> Iterator[str]:
             if field.name != "__msgtype__":
                 yield from _fields(getattr(value, field.name), f"{path}.{field.name}" if path else field.name)
     elif isinstance(value, np.ndarray | list):
-        names = len(value) > 0
-        if names:
+        if len(value) > 0:
             yield f"{path}[0 to {len(value) - 1}]"
     elif isinstance(value, int | float):
         yield path
