@@ -22,14 +22,14 @@ ENV = "UVMS-StationKeep-Storm-v0"
 
 
 def episodes_of(controller: uvms_gym.controllers.Controller, seed: int, episodes: int) -> dict[str, np.ndarray]:
-    """Run the episodes with seeds from `seed` on, on one thread: root mean square pose errors, m, and mean effort."""
+    """Run the episodes with seeds from `seed` on, on one thread: root mean square pose errors, m, and mean power."""
     envs = gymnasium.make_vec(ENV, num_envs=episodes, threads=1)
     envs.reset(seed=seed)
     rollout = uvms_gym.Rollout(envs, controller)
     rollout.run(gymnasium.spec(ENV).max_episode_steps or 0)
     stats = rollout.pop_stats()
     task: Any = envs.unwrapped
-    return {"pose": pose_rms(stats, task.task), "effort": stats.mean("power")}
+    return {"pose": pose_rms(stats, task.task), "power": stats.mean("power")}
 
 
 def evaluate(names: list[str], episodes: int, seed: int, block: int) -> dict[str, dict[str, np.ndarray]]:
@@ -63,8 +63,8 @@ def main() -> None:
     for name, found in evaluate(
         options.controller or ["none", "pd", "pid"], options.episodes, options.seed, options.block
     ).items():
-        pose, effort = (interquartile_mean(found[metric]) for metric in ("pose", "effort"))
-        print(f"{name}: pose error {pose:.4f} m, effort {effort:.4f}")
+        pose, power = (interquartile_mean(found[metric]) for metric in ("pose", "power"))
+        print(f"{name}: pose error {pose:.4f} m, power {power:.4f}")
     ray.shutdown()
 
 

@@ -81,8 +81,8 @@ def test_pd_beats_no_control_with_intervals_apart(comparison: dict[str, Any]) ->
             assert against["difference"]["low"] > 0.0
             assert against["probability_of_improvement"]["high"] < 0.2
             assert against["ratio"]["low"] > 1.0
-    assert none["effort"]["whole"]["iqm"]["value"] == none["variation"]["whole"]["iqm"]["value"] == 0.0
-    assert pd["effort"]["whole"]["iqm"]["low"] > 0.0 and pd["variation"]["whole"]["iqm"]["low"] > 0.0
+    assert none["power"]["whole"]["iqm"]["value"] == none["variation"]["whole"]["iqm"]["value"] == 0.0
+    assert pd["power"]["whole"]["iqm"]["low"] > 0.0 and pd["variation"]["whole"]["iqm"]["low"] > 0.0
     assert result["winner"] in ("pd", "pid") and result["margin"]["value"] <= 1.0
     assert "none" not in result["profiles"]
 
@@ -174,7 +174,7 @@ def test_a_comparison_measures_what_the_environment_reports(env: str) -> None:
         "position": info["rms_position_error"],
         "attitude": info["rms_attitude_error"],
         "pose": np.sqrt(np.mean(pose)),
-        "effort": info["mean_power"],
+        "power": info["mean_power"],
         "saturation": info["mean_saturation"],
         "variation": np.mean(changes),
         "within": info["mean_success"],

@@ -13,13 +13,13 @@ from uvms_gym.studies.comparison.study import Comparison
 from uvms_gym.studies.comparison.summary import Summary, baselines, is_learned
 
 _ERRORS = [name for name, metric in METRICS.items() if metric.error]
-_COSTS = ("effort", "saturation", "variation", "recovery", "within", "success", "diverged")
+_COSTS = ("power", "saturation", "variation", "recovery", "within", "success", "diverged")
 
 NOTES = (
     "Errors are root mean squares over an episode's steps; pose is sqrt(position^2 + (0.5 m attitude)^2). Numbers are "
     "interquartile means over training seeds and episodes (success and diverged: means) with 95 % bootstrap intervals "
     "that resample both; p95 is the 95th percentile. P(better) is the probability that an episode has a smaller error "
-    "than one of the baseline (rliable's probability of improvement). Effort is the mean of |T/T_max|^1.5; variation "
+    "than one of the baseline (rliable's probability of improvement). Power is the mean of |T/T_max|^1.5; variation "
     "the mean squared change of the action between steps; recovery the duration of the last stay outside the "
     "tolerance; success the share of episodes that end within it."
 )
@@ -43,9 +43,9 @@ def print_detail(comparison: Comparison, summary: Summary) -> None:
     header = [word for metric in _ERRORS[1:] for word in (METRICS[metric].label, "p95")]
     table("Errors, whole episode", ("controller", *header), rows)
     rows = [(name, *(_cost(summary, name, metric) for metric in _COSTS)) for name in names]
-    table("Effort and outcomes, whole episode", ("controller", *(METRICS[m].label for m in _COSTS)), rows)
+    table("Power and outcomes, whole episode", ("controller", *(METRICS[m].label for m in _COSTS)), rows)
     rows = []
-    shown = (*_ERRORS, "effort")
+    shown = (*_ERRORS, "power")
     for name in names:
         metrics = summary.controllers[name]["metrics"]
         rows.append((name, *(text(metrics[metric]["settled"]["iqm"], METRICS[metric].scale) for metric in shown)))
@@ -91,13 +91,13 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
                 percent(pose["ratio"]),
                 f"{pose['probability_of_improvement'].value:.2f}",
                 text(pose["p95_ratio"], 1.0, 2),
-                *(text(ratios[metric]["whole"]["ratio"], 1.0, 2) for metric in ("effort", "variation")),
+                *(text(ratios[metric]["whole"]["ratio"], 1.0, 2) for metric in ("power", "variation")),
             ]
         else:
             row += ["", "", "1", "1", "1"]
         rows.append(row)
     header = ("controller", METRICS[HEADLINE].label, "p95, mm", f"against {first}", "P(better)")
-    table("Pose error and its costs", (*header, f"p95 / {first}", f"effort / {first}", f"variation / {first}"), rows)
+    table("Pose error and its costs", (*header, f"p95 / {first}", f"power / {first}", f"variation / {first}"), rows)
 
 
 def _cost(summary: Summary, name: str, metric: str) -> str:

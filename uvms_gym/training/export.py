@@ -95,7 +95,7 @@ def card(folder: Path) -> str:
         f"# {', '.join(dict.fromkeys(_name(policy) for policy in files.values()))}: {spec['task']} on "
         f"{spec['scene']}, every {spec['control_period']:g} s",
         "",
-        "| File | Learned | Training seed | Steps | Wall-clock | Pose error | 95th percentile | Effort | Diverged |",
+        "| File | Learned | Training seed | Steps | Wall-clock | Pose error | 95th percentile | Power | Diverged |",
         "| --- | --- | --: | --: | --: | --: | --: | --: | --: |",
     ]
     for file, policy in files.items():

@@ -79,7 +79,7 @@ METRICS: dict[str, Metric] = {
     "position": Metric("position", "mm", _rms("position_error"), 1e3, error=True),
     "attitude": Metric("attitude", "mrad", _rms("attitude_error"), 1e3, error=True),
     "end_effector": Metric("end effector", "mm", _rms("end_effector_position_error"), 1e3, error=True),
-    "effort": Metric("effort", "%", _mean("power"), 1e2),
+    "power": Metric("power", "%", _mean("power"), 1e2),
     "saturation": Metric("saturation", "%", _mean("saturation"), 1e2),
     "variation": Metric("variation", "1e-3", _mean("action_rate"), 1e3),
     "recovery": Metric("recovery", "s", lambda stats: stats.last["recovery_time"], whole=True),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Results = Sequence[tuple[Comparison, Summary]]
 
 #: Metrics of the bar charts.
-_BARS = ("pose", "position", "attitude", "end_effector", "effort", "variation", "recovery", "within")
+_BARS = ("pose", "position", "attitude", "end_effector", "power", "variation", "recovery", "within")
 #: Colours of learned controllers, which stand out, and of classical ones.
 _LEARNED = (VERMILION, ORANGE, PURPLE, "#7a1f00")
 _CLASSICAL = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")

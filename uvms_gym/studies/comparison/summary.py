@@ -155,7 +155,7 @@ def _described(
         "episodes": scores.shape[1],
         "seconds": run.seconds,
         "metrics": metrics,
-        "kept": {metric: run.scores[metric]["whole"][:, :KEPT] for metric in (HEADLINE, "effort")},
+        "kept": {metric: run.scores[metric]["whole"][:, :KEPT] for metric in (HEADLINE, "power")},
     }
 
 
