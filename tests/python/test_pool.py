@@ -64,7 +64,7 @@ def held_out_error(scene: dict[str, Any], fitted: str, held_out: str) -> np.ndar
 
 
 def test_val_static_equilibria_follow_the_arm() -> None:
-    """Roll and pitch of a trial held out: off by over 2 deg with the arm's tables, by under 1 deg with two links turned.
+    """Roll and pitch of a trial held out: off by over 2 deg with the tables, under 1 deg with two links turned.
 
     In the tables the upper arm has x along the link, and z of the wrist points towards the base: the axes of the joints
     are others.
