@@ -10,7 +10,6 @@ from uvms_gym import Simulator, load_scene
 from uvms_gym.studies.hard_cases.case import (
     Case,
     CaseRunner,
-    Floats,
     Quantities,
     Reference,
     Scene,
@@ -19,6 +18,7 @@ from uvms_gym.studies.hard_cases.case import (
     single_body,
 )
 from uvms_gym.studies.hard_cases.reference_solutions import rotation_about
+from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.paper.momentum import conservative_scene
 
 
@@ -44,9 +44,7 @@ def _run_light(runner: CaseRunner) -> Quantities:
     joint = {"frame": {"position": [hinge, 0.0, 0.0]}, "home": start}
     s = runner.simulator(_arm("light link", {"mass": 1.0, "inertia": [0.4] * 3}, joint, link))
     s.set_state(twist=[0.0, 0.0, 0.0, 0.0, 0.0, spin])
-    return runner.sampled(
-        s, 0.5, len(LIGHT_TIMES), lambda: {"q": s.q[0], "q'": s.qd[0], "attitude of vehicle": s.rotation[0]}
-    )
+    return runner.sampled(s, LIGHT_TIMES, lambda: {"q": s.q[0], "q'": s.qd[0], "attitude of vehicle": s.rotation[0]})
 
 
 def _light_reference() -> Reference:
@@ -82,7 +80,7 @@ LIGHT_BODY = {"mass": 0.01, "inertia": [4e-5, 5e-5, 6e-5]}
 HEAVY_BODY = {"mass": 10.0, "inertia": [0.3, 0.4, 0.5]}
 LIGHT_ARM, HEAVY_ARM = np.array([0.06, 0.01, -0.02]), np.array([0.12, -0.05, 0.03])
 HEAVY_TWIST, HEAVY_RATE = np.array([0.2, -0.1, 0.3, 0.5, 0.8, -0.4]), 0.7
-HEAVY_COUNT = 10
+HEAVY_TIMES = instants(0.5, 10)
 
 
 def _hinged(runner: CaseRunner, parent: Scene, child: Scene, arm: Floats, child_arm: Floats, sign: float) -> Simulator:
@@ -99,7 +97,7 @@ def _run_heavy(runner: CaseRunner) -> Quantities:
         light, heavy = s.body_poses()[0]
         return _pair(s, light, heavy[:3, :3], heavy[:3, 3] + heavy[:3, :3] @ HEAVY_ARM)
 
-    return runner.sampled(s, 0.5, HEAVY_COUNT, observe)
+    return runner.sampled(s, HEAVY_TIMES, observe)
 
 
 def _run_exchanged(runner: CaseRunner) -> Quantities:
@@ -119,7 +117,7 @@ def _run_exchanged(runner: CaseRunner) -> Quantities:
         light[:3, 3] -= light[:3, :3] @ LIGHT_ARM
         return _pair(s, light, heavy[:3, :3], heavy[:3, 3])
 
-    return runner.sampled(s, 0.5, HEAVY_COUNT, observe)
+    return runner.sampled(s, HEAVY_TIMES, observe)
 
 
 def _pair(s: Simulator, light: Floats, heavy: Floats, heavy_position: Floats) -> Quantities:
@@ -138,7 +136,7 @@ def _pair(s: Simulator, light: Floats, heavy: Floats, heavy_position: Floats) ->
 def _heavy_reference() -> Reference:
     found = converged(_run_exchanged, 0.001, "the heavy body as the vehicle")
     for law in ("momentum", "energy"):
-        found.values[law] = np.tile(found.values[law][:1], (HEAVY_COUNT, 1))
+        found.values[law] = np.tile(found.values[law][:1], (len(HEAVY_TIMES), 1))
     return found
 
 
@@ -164,7 +162,7 @@ def _run_stiff(runner: CaseRunner) -> Quantities:
     scene = _arm("stiff damping", {"mass": 1.0, "inertia": [1.0] * 3}, {}, link, 1000.0)
     scene["vehicle"]["fixed"] = True
     s = runner.simulator(scene)
-    return runner.sampled(s, 0.1, len(STIFF_TIMES), lambda: {"q": s.q[0], "q'": s.qd[0]}, joint_torque=[torque])
+    return runner.sampled(s, STIFF_TIMES, ["q", "q'"], joint_torque=[torque])
 
 
 def _stiff_reference() -> Reference:
@@ -195,7 +193,7 @@ GAIN = 100.0
 # As far as the torque limits allow, and far enough for float32: a joint near 3 rad stops where its increment h q'
 # falls below half a unit in the last place, 1.2e-7 rad.
 SERVO_STEP = np.array([0.05, -0.016, 0.05, 0.05])
-SERVO_COUNT = 5
+SERVO_TIMES = instants(0.2, 5)
 
 
 def _run_servo(runner: CaseRunner) -> Quantities:
@@ -210,19 +208,14 @@ def _run_servo(runner: CaseRunner) -> Quantities:
         end = s.end_effector_pose()[0]
         return {"travel of joints": s.q[0] - start, "attitude": s.rotation[0], "end effector": end[:3, 3]}
 
-    return runner.sampled(s, 0.2, SERVO_COUNT, observe, joint_target=target)
-
-
-@cache
-def _servo_reference() -> Reference:
-    return converged(_run_servo, 5e-5)
+    return runner.sampled(s, SERVO_TIMES, observe, joint_target=target)
 
 
 STIFF_SERVO = Case(
     name="PD gains 100 times too high",
     description="BlueROV2 + Alpha 5, servo gains a hundredfold, joints to new targets, 1 s: joints, end effector",
     run=_run_servo,
-    reference=_servo_reference,
+    reference=cache(lambda: converged(_run_servo, 5e-5)),
     steps={1: 0.00025},
     interval=0.2,
     implicit_step=0.01,
@@ -249,18 +242,16 @@ def _run_back(runner: CaseRunner) -> Quantities:
     runner.advance(s, BACK_TIME)
     s.set_state(twist=-s.twist, qd=-s.qd)
     runner.advance(s, BACK_TIME)
-    return _back(s, s.position, s.rotation, -s.twist, s.q, -s.qd)
+    return _back(s, -s.twist, -s.qd)
 
 
-def _back(s: Simulator, position: Floats, rotation: Floats, twist: Floats, q: Floats, qd: Floats) -> Quantities:
+def _back(s: Simulator, twist: Floats, qd: Floats) -> Quantities:
     # Positions relative to a metre.
-    return {"position": 1.0 + position, "attitude": rotation, "twist": twist, "q": q, "q'": qd}
+    return {"position": 1.0 + s.position, "attitude": s.rotation, "twist": twist, "q": s.q, "q'": qd}
 
 
 def _back_reference() -> Reference:
-    s = Simulator(_ideal_arm())
-    values = _back(s, s.position, s.rotation, BACK_TWIST[None], s.q, BACK_RATES[None])
-    return Reference(values, "the state at the start")
+    return Reference(_back(Simulator(_ideal_arm()), BACK_TWIST[None], BACK_RATES[None]), "the state at the start")
 
 
 REVERSAL = Case(

@@ -2,18 +2,17 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uvms_gym
 from uvms_gym import Simulator
+from uvms_gym.studies.numerics import Floats
 
-Floats = NDArray[np.float64]
 #: Results of a run by name: each (k, ...), one row per instant or instance.
 Quantities = dict[str, Floats]
 Scene = dict[str, Any]
@@ -29,6 +28,18 @@ GROSS = 0.1
 COARSER, COARSEST = (2, 5, 10, 20, 50, 100, 200), 0.1
 #: Tolerances of integrators with adaptive steps.
 TOLERANCE = {"float64": 1e-10, "float32": 1e-6}
+#: Observed quantities of a single instance; velocity and momentum in world axes, twist and rate in body axes.
+OBSERVED: dict[str, Callable[[Simulator], Floats]] = {
+    "position": lambda s: s.position[0],
+    "attitude": lambda s: s.rotation[0],
+    "twist": lambda s: s.twist[0],
+    "rate": lambda s: s.twist[0, 3:],
+    "velocity": lambda s: s.rotation[0] @ s.twist[0, :3],
+    "impulse": lambda s: s.momentum()[0],
+    "energy": lambda s: s.energy()["total"],
+    "q": lambda s: s.q[0],
+    "q'": lambda s: s.qd[0],
+}
 
 
 @dataclass(frozen=True)
@@ -79,13 +90,13 @@ class CaseRunner:
         simulator.step(substeps=steps, **inputs)
 
     def sampled(
-        self, simulator: Simulator, interval: float, count: int, observe: Callable[[], Quantities], **inputs: Any
+        self, simulator: Simulator, times: Floats, observe: Sequence[str] | Callable[[], Quantities], **inputs: Any
     ) -> Quantities:
-        """Advance `count` times by `interval`, and stack the results of `observe` after each, one row per time."""
+        """Advance to multiples of `times[0]`, and stack what `observe`, or names in `OBSERVED`, give at each."""
         rows = []
-        for _ in range(count):
-            self.advance(simulator, interval, **inputs)
-            rows.append(observe())
+        for _ in times:
+            self.advance(simulator, times[0], **inputs)
+            rows.append(observe() if callable(observe) else {name: OBSERVED[name](simulator) for name in observe})
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
@@ -212,8 +223,9 @@ def _error(value: Floats, reference: Floats) -> float:
         raise ValueError(f"shape {value.shape} is not that of the reference, {reference.shape}")
     if not np.isfinite(value).all():
         return math.inf
-    rows = (np.linalg.norm(x.reshape(len(x), -1), axis=1).max() for x in (value - reference, reference))
-    difference, magnitude = rows
+    difference, magnitude = (
+        np.linalg.norm(x.reshape(len(x), -1), axis=1).max() for x in (value - reference, reference)
+    )
     # A small rotation by an angle has the Frobenius norm sqrt(2) times the angle.
     scale = math.sqrt(2.0) if reference.shape[1:] == (3, 3) else magnitude
     return float(difference / scale)

@@ -9,7 +9,6 @@ from uvms_gym import Simulator, load_scene
 from uvms_gym.studies.hard_cases.case import (
     Case,
     CaseRunner,
-    Floats,
     NonFinite,
     Quantities,
     Reference,
@@ -18,12 +17,15 @@ from uvms_gym.studies.hard_cases.case import (
     instants,
     single_body,
 )
+from uvms_gym.studies.numerics import Floats
 
 # A link hits a compliant end stop at speed and leaves it again: I q'' = -(k + c q') p for p > 0. During contact
 # p^2/2 = -(I/c) [(v - v0) - (k/c) ln((k + c v)/(k + c v0))], which gives the final speed v1 and, by a quadrature over
 # the speed, the duration of contact.
 STOP = {"inertia": 0.2, "stiffness": 40.0, "damping": 4.0, "speed": 5.0, "limit": 0.5, "start": 0.0137}
 STOP_TIMES = instants(0.1, 6)
+# Without the instants in contact.
+STOP_CLEAR = (STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)
 
 
 def _run_stop(runner: CaseRunner) -> Quantities:
@@ -36,10 +38,8 @@ def _run_stop(runner: CaseRunner) -> Quantities:
     scene["arm"] = {"name": "arm", "links": [{"name": "link", "joint": joint, "body": link}]}
     s = runner.simulator(scene)
     s.set_state(qd=[speed])
-    values = runner.sampled(s, 0.1, len(STOP_TIMES), lambda: {"q": s.q[0], "q'": s.qd[0]})
-    # Without the instants in contact.
-    clear = (STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)
-    return {"q": values["q"][clear], "speed after": values["q'"][-1:]}
+    values = runner.sampled(s, STOP_TIMES, ["q", "q'"])
+    return {"q": values["q"][STOP_CLEAR], "speed after": values["q'"][-1:]}
 
 
 def _stop_reference() -> Reference:
@@ -64,7 +64,7 @@ def _stop_reference() -> Reference:
 
     duration = fixed_quad(rate, 0.0, math.pi, n=64)[0]
     hit = (limit - start) / v0
-    times = STOP_TIMES[(STOP_TIMES < 0.09) | (STOP_TIMES > 0.4)]
+    times = STOP_TIMES[STOP_CLEAR]
     q = np.where(times < hit, start + v0 * times, limit + v1 * (times - hit - duration))
     return Reference({"q": q[:, None], "speed after": np.array([[v1]])}, "closed form, and quadrature of the contact")
 
@@ -111,16 +111,11 @@ def _run_chatter(runner: CaseRunner) -> Quantities:
     return {"position": position, "attitude": attitude, "twist": twist, "switchings": np.array([[switches]])}
 
 
-@cache
-def _chatter_reference() -> Reference:
-    return converged(_run_chatter, 0.002, "with the same control period")
-
-
 CHATTER = Case(
     name="thruster dead-band chatter",
     description="BlueROV2 Heavy under a sampled PD with a dead-band, 20 s: pose, twist and number of switchings",
     run=_run_chatter,
-    reference=_chatter_reference,
+    reference=cache(lambda: converged(_run_chatter, 0.002, "with the same control period")),
     steps={4: 0.005, 3: 0.01, 2: 0.01, 1: 0.005},
     interval=CONTROL_PERIOD,
     coarsest=0.025,
@@ -134,11 +129,6 @@ PAYLOAD = {"mass": 2.0, "inertia": 0.01, "added": 1.0, "added_inertia": 0.004}
 PAYLOAD_TWIST = np.array([0.3, -0.1, 0.05, 0.05, -0.1, 0.1])
 PAYLOAD_TARGET = np.array([0.3, 0.5, 0.8, 0.5, 0.2])
 PAYLOAD_PART = 1.0
-
-
-def _payload_inertia() -> Floats:
-    mass, inertia, added, added_inertia = PAYLOAD.values()
-    return np.diag([mass + added] * 3 + [inertia + added_inertia] * 3)
 
 
 def _payload_scene(held: bool) -> Scene:
@@ -168,7 +158,8 @@ def grasp_velocity(mass: Floats, joined: Floats, velocity: Floats) -> Floats:
 def _run_payload(runner: CaseRunner) -> Quantities:
     free, holding = (runner.simulator(_payload_scene(held)) for held in (False, True))
     free.set_state(twist=PAYLOAD_TWIST)
-    payload = _payload_inertia()
+    mass, inertia, added, added_inertia = PAYLOAD.values()
+    payload = np.diag([mass + added] * 3 + [inertia + added_inertia] * 3)
     values: Quantities = {}
 
     def observe(s: Simulator, when: str) -> None:
@@ -180,10 +171,10 @@ def _run_payload(runner: CaseRunner) -> Quantities:
     runner.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
     observe(free, "before")
     before = np.concatenate([free.twist[0], free.qd[0]])
-    mass, jacobian = free.mass_matrix()[0], free.jacobian()[0]
-    joined = mass + jacobian.T @ payload @ jacobian
-    after = grasp_velocity(mass, joined, before)
-    impulse, energy = free.momentum()[0], 0.5 * before @ mass @ before
+    matrix, jacobian = free.mass_matrix()[0], free.jacobian()[0]
+    joined = matrix + jacobian.T @ payload @ jacobian
+    after = grasp_velocity(matrix, joined, before)
+    impulse, energy = free.momentum()[0], 0.5 * before @ matrix @ before
     _copy_state(free, holding, after)
     # Laws: the inertia of both together, conserved impulse, no gain of energy.
     held = holding.mass_matrix()[0]

@@ -5,17 +5,9 @@ from functools import cache
 
 import numpy as np
 
-from uvms_gym.studies.hard_cases.case import (
-    Case,
-    CaseRunner,
-    Floats,
-    Quantities,
-    Reference,
-    Scene,
-    instants,
-    single_body,
-)
+from uvms_gym.studies.hard_cases.case import Case, CaseRunner, Quantities, Reference, Scene, instants, single_body
 from uvms_gym.studies.hard_cases.reference_solutions import Top, rotation_about
+from uvms_gym.studies.numerics import Floats
 
 OBLIQUE = np.array([0.36, 0.48, 0.8])
 STRAIGHT = np.array([0.4, -0.3, 0.2])
@@ -32,7 +24,7 @@ SPIN_TIMES = instants(50.0, 10)
 def _run_spin(runner: CaseRunner) -> Quantities:
     s = runner.simulator(_free("free spin", np.ones(3)))
     s.set_state(twist=np.concatenate([np.zeros(3), OBLIQUE]))
-    return runner.sampled(s, 50.0, len(SPIN_TIMES), lambda: {"attitude": s.rotation[0]})
+    return runner.sampled(s, SPIN_TIMES, ["attitude"])
 
 
 FREE_SPIN = Case(
@@ -52,15 +44,13 @@ TUMBLE = Top(np.array([1.0, 2.0, 2.6]), 20.0 * np.array([0.7, 0.5, -0.6]) / math
 TUMBLE_TIMES = instants(0.5, 10)
 
 
-def _run_top(runner: CaseRunner, name: str, top: Top, count: int) -> Quantities:
+def _run_top(runner: CaseRunner, name: str, top: Top, times: Floats) -> Quantities:
     s = runner.simulator(_free(name, top.inertia))
     s.set_state(twist=np.concatenate([np.zeros(3), top.spin]))
-    return runner.sampled(s, 0.5, count, lambda: {"attitude": s.rotation[0], "rate": s.twist[0, 3:]})
+    return runner.sampled(s, times, ["attitude", "rate"])
 
 
-@cache
-def _top_reference(which: str) -> Reference:
-    top, times = (FLIP, FLIP_TIMES) if which == "flip" else (TUMBLE, TUMBLE_TIMES)
+def _top_reference(top: Top, times: Floats) -> Reference:
     values = {"attitude": top.attitudes(times), "rate": top.rates(times)}
     return Reference(values, "Jacobi elliptic functions, and quadrature of the precession")
 
@@ -68,8 +58,8 @@ def _top_reference(which: str) -> Reference:
 DZHANIBEKOV = Case(
     name="Dzhanibekov flip",
     description="15 s about the middle axis at 2 rad/s, disturbed: several flips, attitude and rate every 0.5 s",
-    run=lambda runner: _run_top(runner, "flip", FLIP, len(FLIP_TIMES)),
-    reference=lambda: _top_reference("flip"),
+    run=lambda runner: _run_top(runner, "flip", FLIP, FLIP_TIMES),
+    reference=cache(lambda: _top_reference(FLIP, FLIP_TIMES)),
     steps={4: 0.025, 3: 0.0125, 2: 0.01, 1: 0.0002},
     interval=0.5,
     reason="errors grow about a hundredfold near the separatrix, so low orders need small steps",
@@ -78,8 +68,8 @@ DZHANIBEKOV = Case(
 FAST_TUMBLE = Case(
     name="tumble at 20 rad/s",
     description="5 s of tumbling about all three axes, 100 rad: attitude and rate every 0.5 s",
-    run=lambda runner: _run_top(runner, "tumble", TUMBLE, len(TUMBLE_TIMES)),
-    reference=lambda: _top_reference("tumble"),
+    run=lambda runner: _run_top(runner, "tumble", TUMBLE, TUMBLE_TIMES),
+    reference=cache(lambda: _top_reference(TUMBLE, TUMBLE_TIMES)),
     steps={4: 0.002, 3: 0.0005, 2: 0.001, 1: 5e-6},
     interval=0.5,
     reason="the phase error h^p rate^(p+1) time needs small steps of low orders",
@@ -88,6 +78,7 @@ FAST_TUMBLE = Case(
 
 # Nearly one revolution, and more, within one step, as a screw motion, whose position has a closed form too.
 TURN_STEP = 0.1
+TURN_TIMES = instants(TURN_STEP, 10)
 TURNS = np.array([0.5, 0.9, 0.999, 1.0 - 1e-9, 1.001, 1.5, 3.999])
 SCREW = 1.5
 
@@ -100,16 +91,15 @@ def _run_screw(runner: CaseRunner) -> Quantities:
     def observe() -> Quantities:
         return {f"attitude at {turns:.4g} turns": r for turns, r in zip(TURNS, s.rotation)} | {"position": s.position}
 
-    return runner.sampled(s, TURN_STEP, 10, observe)
+    return runner.sampled(s, TURN_TIMES, observe)
 
 
 def _screw_reference() -> Reference:
-    times = instants(TURN_STEP, 10)
     attitudes = {
-        f"attitude at {turns:.4g} turns": rotation_about(OBLIQUE, 2.0 * math.pi / TURN_STEP * turns * times)
+        f"attitude at {turns:.4g} turns": rotation_about(OBLIQUE, 2.0 * math.pi / TURN_STEP * turns * TURN_TIMES)
         for turns in TURNS
     }
-    position = np.tile((SCREW * times[:, None] * OBLIQUE)[:, None], (1, len(TURNS), 1))
+    position = np.tile((SCREW * TURN_TIMES[:, None] * OBLIQUE)[:, None], (1, len(TURNS), 1))
     return Reference(attitudes | {"position": position}, "closed form")
 
 
@@ -127,25 +117,19 @@ LARGE_TURN = Case(
 # The same spin, nearly one revolution in 0.1 s, of a body in straight flight: in body axes its velocity rotates as
 # fast. Substeps keep the attitude accurate, and orders 3 and above stable, but not this velocity.
 WHIRL_RATE = 2.0 * math.pi / TURN_STEP * 0.999
-WHIRL_TIMES = instants(TURN_STEP, 10)
 
 
 def _run_whirl(runner: CaseRunner) -> Quantities:
     s = runner.simulator(_free("whirl", np.ones(3)))
     s.set_state(twist=np.concatenate([STRAIGHT, WHIRL_RATE * OBLIQUE]))
-
-    def observe() -> Quantities:
-        velocity = s.rotation[0] @ s.twist[0, :3]
-        return {"position": s.position[0], "velocity": velocity, "attitude": s.rotation[0]}
-
-    return runner.sampled(s, TURN_STEP, len(WHIRL_TIMES), observe)
+    return runner.sampled(s, TURN_TIMES, ["position", "velocity", "attitude"])
 
 
 def _whirl_reference() -> Reference:
     values = {
-        "position": WHIRL_TIMES[:, None] * STRAIGHT,
-        "velocity": np.tile(STRAIGHT, (len(WHIRL_TIMES), 1)),
-        "attitude": rotation_about(OBLIQUE, WHIRL_RATE * WHIRL_TIMES),
+        "position": TURN_TIMES[:, None] * STRAIGHT,
+        "velocity": np.tile(STRAIGHT, (len(TURN_TIMES), 1)),
+        "attitude": rotation_about(OBLIQUE, WHIRL_RATE * TURN_TIMES),
     }
     return Reference(values, "closed form")
 
@@ -182,7 +166,7 @@ def _run_pitch(runner: CaseRunner) -> Quantities:
     def observe() -> Quantities:
         return {"through 90 degrees": s.rotation[0], "from 90 degrees": s.rotation[1], "position": s.position}
 
-    return runner.sampled(s, 1.0, len(PITCH_TIMES), observe, wrench=torque)
+    return runner.sampled(s, PITCH_TIMES, observe, wrench=torque)
 
 
 def _pitch_reference() -> Reference:
@@ -210,12 +194,11 @@ DRIFT_STEPS, DRIFT_SAMPLES = 1_000_000, 10
 def _run_orthonormal(runner: CaseRunner) -> Quantities:
     s = runner.simulator(_free("orthonormal", TUMBLE.inertia))
     s.set_state(twist=np.concatenate([np.zeros(3), 0.1 * TUMBLE.spin]))
-    part = runner.step * DRIFT_STEPS / DRIFT_SAMPLES
-    return runner.sampled(s, part, DRIFT_SAMPLES, lambda: {"R'R": _gram(s.rotation[0])})
 
+    def observe() -> Quantities:
+        return {"R'R": np.array([1.0 + np.abs(s.rotation[0].T @ s.rotation[0] - np.eye(3)).max()])}
 
-def _gram(r: Floats) -> Floats:
-    return np.array([1.0 + np.abs(r.T @ r - np.eye(3)).max()])
+    return runner.sampled(s, instants(runner.step * DRIFT_STEPS / DRIFT_SAMPLES, DRIFT_SAMPLES), observe)
 
 
 ORTHONORMAL = Case(

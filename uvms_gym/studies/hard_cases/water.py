@@ -5,11 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from uvms_gym import Simulator, load_scene
+from uvms_gym import load_scene
 from uvms_gym.studies.hard_cases.case import (
     Case,
     CaseRunner,
-    Floats,
     Quantities,
     Reference,
     Scene,
@@ -17,6 +16,7 @@ from uvms_gym.studies.hard_cases.case import (
     single_body,
 )
 from uvms_gym.studies.hard_cases.reference_solutions import force_free_motion, rotation_about
+from uvms_gym.studies.numerics import Floats
 
 # Added mass far below and far above the mass: a body pushed against quadratic damping, v = v_t tanh(t/T),
 # x = v_t T ln cosh(t/T), T = (m + m_A) / (k v_t). Added mass as a lagged force is unstable here above m_A = m.
@@ -51,9 +51,8 @@ def _run_ratio(runner: CaseRunner) -> Quantities:
         return rows | {f"impulse at {ratio:g}": p for ratio, p in zip(RATIOS, momentum, strict=True)}
 
     wrench = [PUSH["force"], 0.0, 0.0, 0.0, 0.0, 0.0]
-    count = len(PUSH_TIMES)
-    values = runner.sampled(pushed, 1.0, count, observe_pushed, wrench=wrench)
-    return values | runner.sampled(loose, 1.0, count, observe_loose)
+    values = runner.sampled(pushed, PUSH_TIMES, observe_pushed, wrench=wrench)
+    return values | runner.sampled(loose, PUSH_TIMES, observe_loose)
 
 
 def _ratio_reference() -> Reference:
@@ -96,17 +95,7 @@ def _rexrov() -> Scene:
 def _run_rexrov(runner: CaseRunner) -> Quantities:
     s = runner.simulator(_rexrov())
     s.set_state(twist=REXROV_TWIST)
-
-    def observe() -> Quantities:
-        return {
-            "position": s.position[0],
-            "attitude": s.rotation[0],
-            "twist": s.twist[0],
-            "impulse": s.momentum()[0],
-            "energy": s.energy()["total"],
-        }
-
-    return runner.sampled(s, 1.0, len(REXROV_TIMES), observe)
+    return runner.sampled(s, REXROV_TIMES, ["position", "attitude", "twist", "impulse", "energy"])
 
 
 @cache
@@ -189,7 +178,7 @@ def _run_fast(runner: CaseRunner) -> Quantities:
             "distance, through zero": s.position[1, :1],
         }
 
-    return runner.sampled(s, 0.1, len(FAST_TIMES), observe, wrench=wrench)
+    return runner.sampled(s, FAST_TIMES, observe, wrench=wrench)
 
 
 def _fast_reference() -> Reference:
@@ -238,12 +227,10 @@ def _run_decay(runner: CaseRunner) -> Quantities:
 
     def observe() -> Quantities:
         left = np.exp(-DECAY * s.time[0])
-        return {"velocity": s.rotation[0] @ s.twist[0, :3] / left, "rate": s.twist[0, 3:] / left} | {
-            "position": s.position[0],
-            "attitude": s.rotation[0],
-        }
+        velocity, rate = s.rotation[0] @ s.twist[0, :3] / left, s.twist[0, 3:] / left
+        return {"velocity": velocity, "rate": rate, "position": s.position[0], "attitude": s.rotation[0]}
 
-    return runner.sampled(s, 1.0, len(DECAY_TIMES), observe)
+    return runner.sampled(s, DECAY_TIMES, observe)
 
 
 def _decay_reference() -> Reference:
@@ -273,8 +260,7 @@ DAMPED_DECAY = Case(
 PENDULUM = {"mass": 10.0, "depth": 0.05, "inertia": 0.3, "added": 8.0, "added_inertia": 0.2}
 PENDULUM_START, GRAVITY = 1e-3, 9.81
 # Ten periods, sampled often enough to follow the phase.
-PENDULUM_TIME, PENDULUM_INTERVAL = 20.0, 0.5
-PENDULUM_SAMPLES = round(PENDULUM_TIME / PENDULUM_INTERVAL)
+PENDULUM_TIMES = instants(0.5, 40)
 
 
 def _pendulum_rate() -> float:
@@ -294,17 +280,17 @@ def _run_pendulum(runner: CaseRunner) -> Quantities:
     s = runner.simulator(single_body("pendulum", body, 1000.0, gravity=[0.0, 0.0, -GRAVITY]))
     s.set_state(rotation=rotation_about(np.eye(3)[0], PENDULUM_START)[0])
     rate, phase, sizes = _pendulum_rate(), 0.0, []
-    for _ in range(PENDULUM_SAMPLES):
-        runner.advance(s, PENDULUM_INTERVAL)
+    for _ in PENDULUM_TIMES:
+        runner.advance(s, PENDULUM_TIMES[0])
         angle, speed = math.atan2(s.rotation[0, 2, 1], s.rotation[0, 2, 2]), float(s.twist[0, 3]) / rate
         phase += (math.atan2(-speed, angle) - phase + math.pi) % (2.0 * math.pi) - math.pi
         sizes.append(math.hypot(angle, speed))
-    return {"time per rad": np.array([[PENDULUM_TIME / phase]]), "amplitude": np.array(sizes)[:, None]}
+    return {"time per rad": np.array([[PENDULUM_TIMES[-1] / phase]]), "amplitude": np.array(sizes)[:, None]}
 
 
 def _pendulum_reference() -> Reference:
     rate = _pendulum_rate()
-    values = {"time per rad": np.array([[1.0 / rate]]), "amplitude": np.full((PENDULUM_SAMPLES, 1), PENDULUM_START)}
+    values = {"time per rad": np.array([[1.0 / rate]]), "amplitude": np.full((len(PENDULUM_TIMES), 1), PENDULUM_START)}
     return Reference(values, "closed form for small angles: 6e-8 from the angle of 1e-3 rad")
 
 
@@ -314,7 +300,7 @@ PENDULUM_CASE = Case(
     run=_run_pendulum,
     reference=_pendulum_reference,
     steps={4: 0.01, 3: 0.005, 2: 0.01, 1: 0.0002},
-    interval=PENDULUM_INTERVAL,
+    interval=0.5,
 )
 
 
@@ -339,11 +325,7 @@ def _run_ball(runner: CaseRunner, acceleration: Floats) -> Quantities:
     }
     s = runner.simulator(single_body("ball in a current", body, 1000.0, gravity=[0.0, 0.0, -GRAVITY]))
     s.set_state(twist=np.concatenate([np.zeros(3), BALL_SPIN]), current=CURRENT, current_acceleration=acceleration)
-    return runner.sampled(s, 1.0, len(BALL_TIMES), lambda: _ball(s))
-
-
-def _ball(s: Simulator) -> Quantities:
-    return {"position": s.position[0], "velocity": s.rotation[0] @ s.twist[0, :3], "attitude": s.rotation[0]}
+    return runner.sampled(s, BALL_TIMES, ["position", "velocity", "attitude"])
 
 
 def _ball_reference(acceleration: Floats) -> Reference:
