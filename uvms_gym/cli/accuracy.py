@@ -21,6 +21,7 @@ from uvms_gym.cli.common import (
     progress,
     read_scene,
     say,
+    several,
     table,
     user_errors,
     write_results,
@@ -41,18 +42,10 @@ QUICK_STEPS, QUICK_TOLERANCES = (0.005, 0.01, 0.02, 0.05), (1e-4, 1e-6, 1e-8)
 
 
 def accuracy(
-    scene: Annotated[
-        list[str] | None, typer.Option(help="Scene: name or TOML file; may be repeated. [default: all shipped scenes]")
-    ] = None,
-    integrator: Annotated[list[str] | None, typer.Option(help="Integrator; may be repeated. [default: all]")] = None,
-    step: Annotated[
-        list[float] | None,
-        typer.Option(help=f"Step, s, that divides {PERIOD:g} s; may be repeated. [default: 0.001 to 0.1]"),
-    ] = None,
-    tolerance: Annotated[
-        list[float] | None,
-        typer.Option(help="Tolerance of the adaptive method; may be repeated. [default: 1e-3 to 1e-10]"),
-    ] = None,
+    scene: Annotated[list[str] | None, several("Scene: name or TOML file", "all shipped scenes")] = None,
+    integrator: Annotated[list[str] | None, several("Integrator")] = None,
+    step: Annotated[list[float] | None, several(f"Step, s, that divides {PERIOD:g} s", "0.001 to 0.1")] = None,
+    tolerance: Annotated[list[float] | None, several("Tolerance of the adaptive method", "1e-3 to 1e-10")] = None,
     seconds: Annotated[
         float | None, typer.Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]")
     ] = None,
@@ -69,7 +62,33 @@ def accuracy(
 
     Prints tables and the recommended step of each scene, and writes two pictures and accuracy.json to --out.
     """
-    arguments = _arguments(scene, integrator, step, tolerance, seconds, episodes, seed, quick)
+    known = work_precision.integrators()
+    for name in integrator or ():
+        if name not in known:
+            raise fail(f"unknown integrator {name!r}; known: {', '.join(known)}")
+    for h in step or ():
+        check_range("--step", h, LEAST_STEP, PERIOD)
+        if not _divides(h, PERIOD):
+            raise fail(f"--step is {h:g}, but must divide the control period of {PERIOD:g} s, as 0.02 or 0.05 do")
+    for bound in tolerance or ():
+        check_range("--tolerance", bound, LEAST_TOLERANCE, MOST_TOLERANCE)
+    seconds = (QUICK_TIME if quick else TIME) if seconds is None else seconds
+    check_range("--time", seconds, PERIOD, MOST_TIME)
+    if not _divides(PERIOD, seconds):
+        raise fail(f"--time is {seconds:g}, but must be a multiple of the control period of {PERIOD:g} s")
+    episodes = (QUICK_EPISODES if quick else EPISODES) if episodes is None else episodes
+    check_range("--episodes", episodes, 2, MOST_EPISODES)
+    check_range("--seed", seed, 0, math.inf)
+    arguments: dict[str, Any] = {
+        "scene": check_list("scene", scene, uvms_gym.scene_names()),
+        "integrator": list(dict.fromkeys(integrator or known)),
+        "step": sorted(set(step or (QUICK_STEPS if quick else work_precision.STEPS))),
+        "tolerance": sorted(set(tolerance or (QUICK_TOLERANCES if quick else work_precision.TOLERANCES)), reverse=True),
+        "time": seconds,
+        "episodes": episodes,
+        "seed": seed,
+        "repeats": QUICK_REPEATS if quick else work_precision.REPEATS,
+    }
     loaded = {name: read_scene(name) for name in arguments["scene"]}
     prepare(out, json_file, FILES)
     begun = time.perf_counter()
@@ -88,46 +107,6 @@ def accuracy(
         "criteria": criteria,
     }
     write_results(out, FILES, json_file, data, f" ({spent:.0f} s)")
-
-
-def _arguments(
-    scene: Sequence[str] | None,
-    integrator: Sequence[str] | None,
-    step: Sequence[float] | None,
-    tolerance: Sequence[float] | None,
-    seconds: float | None,
-    episodes: int | None,
-    seed: int,
-    quick: bool,
-) -> dict[str, Any]:
-    """Check options, and fill in defaults."""
-    known = work_precision.integrators()
-    for name in integrator or ():
-        if name not in known:
-            raise fail(f"unknown integrator {name!r}; known: {', '.join(known)}")
-    for h in step or ():
-        check_range("--step", h, LEAST_STEP, PERIOD)
-        if not _divides(h, PERIOD):
-            raise fail(f"--step is {h:g}, but must divide the control period of {PERIOD:g} s, as 0.02 or 0.05 do")
-    for bound in tolerance or ():
-        check_range("--tolerance", bound, LEAST_TOLERANCE, MOST_TOLERANCE)
-    seconds = (QUICK_TIME if quick else TIME) if seconds is None else seconds
-    check_range("--time", seconds, PERIOD, MOST_TIME)
-    if not _divides(PERIOD, seconds):
-        raise fail(f"--time is {seconds:g}, but must be a multiple of the control period of {PERIOD:g} s")
-    episodes = (QUICK_EPISODES if quick else EPISODES) if episodes is None else episodes
-    check_range("--episodes", episodes, 2, MOST_EPISODES)
-    check_range("--seed", seed, 0, math.inf)
-    return {
-        "scene": check_list("scene", scene, uvms_gym.scene_names()),
-        "integrator": list(dict.fromkeys(integrator or known)),
-        "step": sorted(set(step or (QUICK_STEPS if quick else work_precision.STEPS))),
-        "tolerance": sorted(set(tolerance or (QUICK_TOLERANCES if quick else work_precision.TOLERANCES)), reverse=True),
-        "time": seconds,
-        "episodes": episodes,
-        "seed": seed,
-        "repeats": QUICK_REPEATS if quick else work_precision.REPEATS,
-    }
 
 
 def _results(loaded: dict[str, Any], arguments: dict[str, Any], out: Path) -> dict[str, Any]:

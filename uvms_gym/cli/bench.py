@@ -21,6 +21,7 @@ from uvms_gym.cli.common import (
     prepare,
     progress,
     read_scene,
+    several,
     user_errors,
     write_results,
 )
@@ -44,10 +45,6 @@ MOST_INSTANCES, MOST_THREADS, MOST_SUBSTEPS, MOST_REPEATS = 200_000, 1024, 1000,
 Tick = Callable[[], None]
 
 
-def _listed(text: str, default: Sequence[Any], **options: Any) -> Any:
-    return typer.Option(help=f"{text}; may be repeated. [default: {', '.join(map(str, default))}]", **options)
-
-
 def _whole(text: str) -> int:
     if not text.removeprefix("-").isdecimal():
         raise typer.BadParameter(f"{text!r} is not a whole number")
@@ -58,14 +55,14 @@ _WHOLE: Any = {"parser": _whole, "metavar": "COUNT"}
 
 
 def bench(
-    scene: Annotated[list[str] | None, _listed("Scene: name or TOML file", SCENES)] = None,
-    n: Annotated[list[int] | None, _listed("Number of instances", INSTANCES, **_WHOLE)] = None,
-    threads: Annotated[list[int] | None, _listed("Number of threads", ("1", "all cores"), **_WHOLE)] = None,
-    dtype: Annotated[list[str] | None, _listed("Precision", DTYPES)] = None,
+    scene: Annotated[list[str] | None, several("Scene: name or TOML file", ", ".join(SCENES))] = None,
+    n: Annotated[list[int] | None, several("Number of instances", ", ".join(map(str, INSTANCES)), **_WHOLE)] = None,
+    threads: Annotated[list[int] | None, several("Number of threads", "1, all cores", **_WHOLE)] = None,
+    dtype: Annotated[list[str] | None, several("Precision", ", ".join(DTYPES))] = None,
     instruction_set: Annotated[
-        list[str] | None, _listed("Instruction set, as UVMS_INSTRUCTION_SET names it", ("the widest",))
+        list[str] | None, several("Instruction set, as UVMS_INSTRUCTION_SET names it", "the widest")
     ] = None,
-    substeps: Annotated[list[int] | None, _listed("Steps per call", SUBSTEPS, **_WHOLE)] = None,
+    substeps: Annotated[list[int] | None, several("Steps per call", ", ".join(map(str, SUBSTEPS)), **_WHOLE)] = None,
     integrator: Annotated[str, typer.Option(help="Integrator.")] = "mk4",
     repeats: Annotated[
         int | None, typer.Option(help=f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]")
@@ -85,8 +82,34 @@ def bench(
     All cases of a table are timed in turn, round by round: medians with quartiles. Prints tables and writes a picture
     and bench.json to --out.
     """
-    arguments = _arguments(scene, n, threads, dtype, instruction_set, substeps, integrator, repeats, seed, quick)
-    arguments |= {"env": env, "peers": with_peers, "sb3": sb3}
+    known = [entry["name"] for entry in uvms_gym.integrators()]
+    if integrator not in known:
+        raise fail(f"unknown integrator {integrator!r}; known: {', '.join(known)}")
+    for name in dtype or ():
+        if name not in DTYPES:
+            raise fail(f"--dtype is {name!r}, but must be {' or '.join(DTYPES)}")
+    counts = {"n": (n, MOST_INSTANCES), "threads": (threads, MOST_THREADS), "substeps": (substeps, MOST_SUBSTEPS)}
+    for option, (values, most) in counts.items():
+        for value in values or ():
+            check_range(f"--{option}", value, 1, most)
+    repeats = (QUICK_REPEATS if quick else REPEATS) if repeats is None else repeats
+    check_range("--repeats", repeats, 1, MOST_REPEATS)
+    check_range("--seed", seed, 0, math.inf)
+    arguments: dict[str, Any] = {
+        "scene": check_list("scene", scene, SCENES),
+        "n": sorted(set(n or (QUICK_INSTANCES if quick else INSTANCES))),
+        "threads": sorted(set(threads or (1, len(os.sched_getaffinity(0))))),
+        "dtype": list(dict.fromkeys(dtype or DTYPES)),
+        "instruction_set": list(dict.fromkeys(instruction_set)) if instruction_set else None,
+        "substeps": sorted(set(substeps or (QUICK_SUBSTEPS if quick else SUBSTEPS))),
+        "integrator": integrator,
+        "repeats": repeats,
+        "seed": seed,
+        "quick": quick,
+        "env": env,
+        "peers": with_peers,
+        "sb3": sb3,
+    }
     loaded = [read_scene(name) for name in arguments["scene"]]
     acting, compared = _sections(loaded, scene is not None, env, with_peers, sb3)
     with user_errors():
@@ -116,46 +139,6 @@ def bench(
     run |= {"seconds": time.perf_counter() - begun, "load": {"before": load, "after": os.getloadavg()}}
     bench_report.print_all(results, run)
     write_results(out, FILES, json_file, {"circumstances": run, "results": results}, f" ({run['seconds']:.0f} s)")
-
-
-def _arguments(
-    scene: Sequence[str] | None,
-    n: Sequence[int] | None,
-    threads: Sequence[int] | None,
-    dtype: Sequence[str] | None,
-    instruction_set: Sequence[str] | None,
-    substeps: Sequence[int] | None,
-    integrator: str,
-    repeats: int | None,
-    seed: int,
-    quick: bool,
-) -> dict[str, Any]:
-    """Check options, and fill in defaults."""
-    known = [entry["name"] for entry in uvms_gym.integrators()]
-    if integrator not in known:
-        raise fail(f"unknown integrator {integrator!r}; known: {', '.join(known)}")
-    for name in dtype or ():
-        if name not in DTYPES:
-            raise fail(f"--dtype is {name!r}, but must be {' or '.join(DTYPES)}")
-    counts = {"n": (n, MOST_INSTANCES), "threads": (threads, MOST_THREADS), "substeps": (substeps, MOST_SUBSTEPS)}
-    for option, (values, most) in counts.items():
-        for value in values or ():
-            check_range(f"--{option}", value, 1, most)
-    repeats = (QUICK_REPEATS if quick else REPEATS) if repeats is None else repeats
-    check_range("--repeats", repeats, 1, MOST_REPEATS)
-    check_range("--seed", seed, 0, math.inf)
-    return {
-        "scene": check_list("scene", scene, SCENES),
-        "n": sorted(set(n or (QUICK_INSTANCES if quick else INSTANCES))),
-        "threads": sorted(set(threads or (1, len(os.sched_getaffinity(0))))),
-        "dtype": list(dict.fromkeys(dtype or DTYPES)),
-        "instruction_set": list(dict.fromkeys(instruction_set)) if instruction_set else None,
-        "substeps": sorted(set(substeps or (QUICK_SUBSTEPS if quick else SUBSTEPS))),
-        "integrator": integrator,
-        "repeats": repeats,
-        "seed": seed,
-        "quick": quick,
-    }
 
 
 def _sections(

@@ -22,6 +22,13 @@ from uvms_gym.studies import records
 
 T = TypeVar("T")
 
+
+def several(text: str, default: str = "all", **options: Any) -> Any:
+    """Make an option that may be repeated, with its default in the help."""
+    return typer.Option(help=f"{text}; may be repeated. [default: {default}]", **options)
+
+
+Scene = Annotated[str, typer.Option(help="Scene: name or TOML file.")]
 Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
 Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
 
@@ -84,7 +91,7 @@ def progress() -> Progress:
     return Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal)
 
 
-def table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], text_columns: int = 1) -> None:
+def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]], text_columns: int = 1) -> None:
     """Print a table; all but the first columns hold numbers."""
     console.print(title, style="bold", markup=False)
     drawn = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
@@ -92,7 +99,7 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[str]], text
         justify: Literal["left", "right"] = "left" if i < text_columns else "right"
         drawn.add_column(name, justify=justify, overflow="fold", no_wrap=i == 0 and text_columns == 1)
     for row in rows:
-        drawn.add_row(*(escape(cell) for cell in row))
+        drawn.add_row(*(escape(str(cell)) for cell in row))
     console.print(drawn)
     console.print()
 

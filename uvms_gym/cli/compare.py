@@ -19,6 +19,7 @@ from uvms_gym.cli.common import (
     progress,
     read_scene,
     say,
+    several,
     user_errors,
     write_results,
 )
@@ -40,23 +41,14 @@ KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
 
 
 def compare(
-    env: Annotated[
-        list[str] | None,
-        typer.Option(help="Environment, by Gymnasium's id; may be repeated. [default: UVMS-StationKeep-Storm-v0]"),
-    ] = None,
-    scene: Annotated[
-        list[str] | None, typer.Option(help="Scene: name or TOML file; may be repeated. [default: petasus-pum]")
-    ] = None,
-    controller: Annotated[
-        list[str] | None, typer.Option(help=f"One of {KNOWN}; may be repeated. [default: every available controller]")
-    ] = None,
+    env: Annotated[list[str] | None, several("Environment, by Gymnasium's id", "UVMS-StationKeep-Storm-v0")] = None,
+    scene: Annotated[list[str] | None, several("Scene: name or TOML file", "petasus-pum")] = None,
+    controller: Annotated[list[str] | None, several(f"One of {KNOWN}", "every available controller")] = None,
     episodes: Annotated[
         int, typer.Option(help=f"Episodes of each controller under each condition, 2 to {MOST_EPISODES}.")
     ] = 1024,
     seed: Annotated[int, typer.Option(help="Episode i has the seed SEED + i.")] = 0,
-    condition: Annotated[
-        list[str] | None, typer.Option(help=f"One of {', '.join(DEPARTURES)}; may be repeated. [default: {DESIGN}]")
-    ] = None,
+    condition: Annotated[list[str] | None, several(f"One of {', '.join(DEPARTURES)}", DESIGN)] = None,
     off_design: Annotated[bool, typer.Option("--off-design", help="All conditions.")] = False,
     disturbance: Annotated[
         list[str] | None,

@@ -10,7 +10,7 @@ import typer
 from numpy.typing import NDArray
 
 import uvms_gym
-from uvms_gym.cli.common import Out, check_range, fail, line, prepare, read_scene, say, table, user_errors
+from uvms_gym.cli.common import Out, Scene, check_range, fail, line, prepare, read_scene, say, table, user_errors
 from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
 
 Profile = dict[str, NDArray[np.float64]]
@@ -35,7 +35,7 @@ def disturbances(
     name: Annotated[
         str | None, typer.Argument(metavar="[NAME]", help="Level. [default: all, and the shape of each component]")
     ] = None,
-    scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
+    scene: Scene = "petasus-pum",
     seed: Annotated[int, typer.Option(help="Seed of the episode.")] = 0,
     seconds: Annotated[float, typer.Option(help=f"Duration of the pictures, 1 to {LONGEST:g} s.")] = 20.0,
     out: Out = Path("out/disturbances"),

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from uvms_gym.cli.common import Json, Out, prepare, progress, say, table, user_errors, write_results
+from uvms_gym.cli.common import Json, Out, prepare, progress, say, several, table, user_errors, write_results
 from uvms_gym.studies.hard_cases.case import BOUND, BOUND_FLOAT32, COARSEST, DTYPES, GROSS, Case, Run, methods
 from uvms_gym.studies.hard_cases.plots import SHORT, plot_hard_cases
 from uvms_gym.studies.hard_cases.study import as_data, run_all, select
@@ -18,9 +16,7 @@ FILES = ("hard-cases.json", "hard-cases.png")
 
 
 def hard_cases(
-    case: Annotated[
-        list[str] | None, typer.Option(help="Part of a case's name; may be repeated. [default: all cases]")
-    ] = None,
+    case: Annotated[list[str] | None, several("Part of a case's name", "all cases")] = None,
     out: Out = Path("out/hard-cases"),
     json_file: Json = None,
 ) -> int:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import gymnasium
 import typer
 
-from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.common import Scene, check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.controllers import Controller, registry
 
@@ -28,7 +28,7 @@ KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
 
 def play(
     env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-v0",
-    scene: Annotated[str, typer.Option(help="Scene: name or TOML file.")] = "petasus-pum",
+    scene: Scene = "petasus-pum",
     controller: Annotated[
         str | None, typer.Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
     ] = None,
@@ -70,12 +70,13 @@ def play(
     steps = max(1, round(seconds / period))
     name = Path(chosen).name if chosen.startswith(registry.MLP_PREFIX) else chosen
     title = f"{made.unwrapped.snapshot().scene_name}  ·  {name}"  # type: ignore[attr-defined]
-    overlay = _overlay(title, disturbance or "", steps * period) if out is not None or window else None
-    for file in (out, plot):
-        if file is not None:
-            prepare(file.absolute().parent, None)
-            if file.is_dir():
-                raise fail(f"cannot write {file}: it is a folder")
+    overlay = None
+    if pictures:
+        from uvms_gym.cli.overlay import Overlay
+
+        overlay = Overlay(title, disturbance or "", steps * period)
+    prepare(None, out)
+    prepare(None, plot)
     shown = _Recorder(made, overlay, period)
     with progress() as bar:
         task = bar.add_task("playing", total=steps)
@@ -102,12 +103,6 @@ def play(
     for file in (out, plot):
         if file is not None:
             line(str(file))
-
-
-def _overlay(title: str, disturbance: str, seconds: float) -> "Overlay":
-    from uvms_gym.cli.overlay import Overlay
-
-    return Overlay(title, disturbance, seconds)
 
 
 class _Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):

@@ -137,11 +137,9 @@ def train(
         settings = _settings(env, n_envs, seed or 0, base, residual, env_kwargs, hyperparams, conf_file)
         folder, agent = log_folder, None
     settings = _with(settings, given)
-    for file in (export, *([] if agent else [log_folder / "x"]), *([tensorboard_log / "x"] if tensorboard_log else [])):
-        if file is not None:
-            prepare(file.absolute().parent, None)
-            if file.is_dir():
-                raise fail(f"cannot write {file}: it is a folder")
+    prepare(None, export)
+    for logs in (None if agent else log_folder, tensorboard_log):
+        prepare(logs, None)
     return _run(settings, folder, agent, export, tensorboard_log, show_progress, verbose)
 
 

@@ -7,14 +7,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym import Simulator
 from uvms_gym.studies.accuracy.driven_motion import PERIOD
 from uvms_gym.studies.accuracy.work_precision import Setting
-from uvms_gym.studies.numerics import bodies, joints
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats, bodies, joints
 
 #: Root mean squares at the start: velocity, m/s; angular velocity and joint rates, rad/s; joint coordinates about home.
 SPEED, SPIN, RATE, SPREAD = 0.2, 0.2, 0.3, 0.3

@@ -11,12 +11,9 @@ import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym import Simulator, StepWarning
-from uvms_gym.studies.numerics import hermite_cubic, joints
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats, hermite_cubic, joints
 
 #: Control period, s: wrenches are held over it, and joint references are one cubic.
 PERIOD = 0.1

@@ -8,14 +8,12 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import uvms_gym
 from uvms_gym import Simulator
 from uvms_gym.studies.accuracy.driven_motion import PERIOD, Motion, Track, character, driven_motion, follow
-from uvms_gym.studies.numerics import bodies, convergence_order, loglog_interpolation, rotation_distance
+from uvms_gym.studies.numerics import Floats, bodies, convergence_order, loglog_interpolation, rotation_distance
 
-Floats = NDArray[np.float64]
 Tick = Callable[[], None]
 
 PRECISIONS = {"f64": "float64", "f32": "float32"}

@@ -8,15 +8,13 @@ from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym import Rollout
 from uvms_gym.controllers import MLP, Controller, Residual, registry
 from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition
 from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats
 
 
 class Contender(NamedTuple):

@@ -4,12 +4,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym import ATTITUDE_LEVER
 from uvms_gym.rollouts import RolloutStats
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats
 
 #: Parts of an episode: all of it, and the rest after the first `SETTLED` seconds.
 PARTS, SETTLED = ("whole", "settled"), 3.0

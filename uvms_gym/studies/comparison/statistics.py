@@ -16,7 +16,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats
 
 RESAMPLES = 1000
 CONFIDENCE = 0.95

@@ -5,14 +5,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym.controllers.registry import LEARNED, MLP_PREFIX
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.statistics import Draws, Estimate, Profile, Sample, Scores
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats
 
 #: Classical controllers that others are compared with.
 BASELINES = (

@@ -6,6 +6,9 @@ from typing import Any
 from uvms_gym.studies.hard_cases import CASES
 from uvms_gym.studies.hard_cases.case import DTYPES, Case, Run, evaluate, methods
 
+#: Attributes of runs in the data.
+RUN_DATA = ("dtype", "step", "recommended", "error", "errors", "bound", "verdict")
+
 
 def select(parts: Sequence[str] = ()) -> list[Case]:
     """Cases with one of `parts` in their names; all without parts.
@@ -50,17 +53,9 @@ def as_data(cases: Sequence[Case], runs: Sequence[Run]) -> list[dict[str, Any]]:
                 "uncertainty": reference.uncertainty,
                 "reason": case.reason,
                 "runs": [
-                    {
-                        "integrator": run.method,
-                        "dtype": run.dtype,
-                        "step": run.step,
-                        "recommended": run.recommended,
-                        "error": run.error,
-                        "errors": run.errors,
-                        "bound": run.bound,
-                        "verdict": run.verdict,
-                        "warnings": run.warnings[:1],
-                    }
+                    {"integrator": run.method}
+                    | {name: getattr(run, name) for name in RUN_DATA}
+                    | {"warnings": run.warnings[:1]}
                     for run in runs
                     if run.case == case.name
                 ],

@@ -5,12 +5,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.studies.numerics import hermite_cubic
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats, hermite_cubic
 
 STEP = 0.01
 TIME = 50.0

@@ -4,12 +4,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.studies.numerics import convergence_order
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats, convergence_order
 
 STEP = 0.1
 STEPS = 5000

@@ -4,12 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym import Simulator, load_scene
-from uvms_gym.studies.numerics import bodies, convergence_order, hermite_cubic
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats, bodies, convergence_order, hermite_cubic
 
 TIME = 100.0
 STEPS = (0.04, 0.02, 0.01, 0.005)

@@ -9,8 +9,9 @@ from gymnasium.utils import performance
 from numpy.typing import NDArray
 
 from uvms_gym import Simulator
+from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.physics import THRUST, assert_finite
-from uvms_gym.studies.speed.timing import Floats, Tick, Times, calls_per_sample, interleave, summary, timed
+from uvms_gym.studies.speed.timing import Tick, Times, calls_per_sample, interleave, summary, timed
 
 ENV = "UVMS-StationKeep-v0"
 #: Physics steps per control step, the environments' default.

@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
+from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.physics import THRUST, TWIST
-from uvms_gym.studies.speed.rigid_chain import Floats, Link, chain
+from uvms_gym.studies.speed.rigid_chain import Link, chain
 from uvms_gym.studies.speed.timing import Times, calls_per_sample, timed
 
 VERSION = mujoco.__version__

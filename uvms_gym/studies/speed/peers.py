@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from uvms_gym import Simulator
+from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.environment import SUBSTEPS, VectorEnv
 from uvms_gym.studies.speed.physics import Setting, Stepping
-from uvms_gym.studies.speed.rigid_chain import Floats, chain, dry
+from uvms_gym.studies.speed.rigid_chain import chain, dry
 from uvms_gym.studies.speed.timing import Tick, interleave, rounds, summary
 
 #: Names of our cases.

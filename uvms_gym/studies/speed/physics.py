@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uvms_gym import Simulator
-from uvms_gym.studies.speed.timing import Floats, Tick, Times, calls_per_sample, interleave, summary, timed
+from uvms_gym.studies.numerics import Floats
+from uvms_gym.studies.speed.timing import Tick, Times, calls_per_sample, interleave, summary, timed
 
 #: Standard deviation of initial twists (m/s and rad/s), range of held thrusts (share of the limits), and step, s.
 TWIST, THRUST, DT = 0.1, 0.05, 0.01

@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from uvms_gym.studies.speed.rigid_chain import Floats, chain
+from uvms_gym.studies.numerics import Floats
+from uvms_gym.studies.speed.rigid_chain import chain
 from uvms_gym.studies.speed.timing import Times, calls_per_sample, timed
 
 VERSION = pin.__version__

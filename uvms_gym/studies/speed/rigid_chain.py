@@ -4,11 +4,8 @@ import copy
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uvms_gym.studies.numerics import bodies, joints
-
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats, bodies, joints
 
 
 class Link(NamedTuple):

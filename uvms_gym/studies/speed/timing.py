@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from uvms_gym.studies.numerics import Floats
+
 Tick = Callable[[], None]
 
 #: Least duration of a sample, s, by repeated calls: the first one, with caches filled by the case before, is one of

@@ -8,14 +8,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uvms_gym import Simulator
 from uvms_gym.studies.accuracy.driven_motion import Motion, driven_motion, follow
-from uvms_gym.studies.numerics import rotation_distance
+from uvms_gym.studies.numerics import Floats, rotation_distance
 from uvms_gym.studies.terms.scene_terms import ALL, CURRENT, Term, edited, terms_of
 
-Floats = NDArray[np.float64]
 Tick = Callable[[], None]
 
 #: Step of all runs, s; length of the motion and instants of errors, s.
