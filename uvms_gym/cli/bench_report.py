@@ -39,48 +39,33 @@ def print_all(results: dict[str, Any], run: dict[str, Any]) -> None:
     _print_physics(results["physics"], arguments["integrator"])
     if results["parameters"]:
         rows = [
-            [
-                row["scene"],
-                SHORT[row["dtype"]],
-                row["instruction_set"],
-                f"{spread(row['percent'], 1.0, 1)} %",
-                str(row["bytes"]),
-            ]
+            (*_kind(row), row["instruction_set"], spread(row["percent"], 1.0, 1) + " %", row["bytes"])
             for row in results["parameters"]
         ]
         table("Parameters per instance", ("scene", "", "instructions", "cost", "bytes"), rows, text_columns=3)
     if results["threads"]:
-        rows = [
-            [row["scene"], row["what"], SHORT[row["dtype"]], str(row["n"]), str(row["substeps"]), str(row["threads"])]
-            for row in results["threads"]
-        ]
-        for cells, row in zip(rows, results["threads"], strict=True):
-            cells.append(spread(row["ratio"], 1.0, 2))
+        rows = []
+        for row in results["threads"]:
+            counts = (row[name] for name in ("n", "substeps", "threads"))
+            rows.append((row["scene"], row["what"], SHORT[row["dtype"]], *counts, spread(row["ratio"], 1.0, 2)))
         header = ("scene", "", "", "n", "substeps", "threads", "times as fast as one")
         table(f"Threads, wall-clock time (load {before:.2f} to {after:.2f})", header, rows, text_columns=3)
-    if found := results.get("environment"):
-        _print_environment(found)
-    if found := results.get("peers"):
-        _print_peers(found)
-    if found := results.get("learning"):
-        _print_learning(found)
+    for section, show in (("environment", _print_environment), ("peers", _print_peers), ("learning", _print_learning)):
+        if section in results:
+            show(results[section])
+
+
+def _kind(row: Mapping[str, Any]) -> tuple[str, str]:
+    return row["scene"], SHORT[row["dtype"]]
 
 
 def _print_physics(found: Sequence[dict[str, Any]], integrator: str) -> None:
-    rows = [
-        [
-            row["scene"],
-            SHORT[row["dtype"]],
-            row["instruction_set"],
-            *(str(row[name]) for name in ("threads", "n", "substeps")),
-            spread(row["seconds"], NS),
-            f"{NS * row['seconds']['least']:.0f}",
-            f"{1e-6 * row['steps_per_second']:.3f}",
-            str(row["bytes"]),
-        ]
-        for row in found
-        if not row["varied"]
-    ]
+    rows = []
+    for row in found:
+        if not row["varied"]:
+            counts = (row[name] for name in ("instruction_set", "threads", "n", "substeps"))
+            times = (spread(row["seconds"], NS), f"{NS * row['seconds']['least']:.0f}")
+            rows.append((*_kind(row), *counts, *times, f"{1e-6 * row['steps_per_second']:.3f}", row["bytes"]))
     name = integrator.upper() if integrator.startswith("mk") else integrator
     header = ("scene", "", "instructions", "threads", "n", "substeps", "ns", "least", "M steps/s", "bytes")
     table(f"{name}: ns per step and instance, bytes per instance", header, rows, text_columns=3)
@@ -91,7 +76,7 @@ def _print_environment(found: dict[str, Any]) -> None:
     for row in found["vector"]:
         times = (f"{NS * row[name]['median']:.0f}" for name in ("env", "physics", "physics_alone"))
         shares = (f"{spread(row[name], 1.0, 1)} %" for name in ("percent", "percent_of_alone"))
-        rows.append([row["scene"], SHORT[row["dtype"]], str(row["threads"]), str(row["n"]), *times, *shares])
+        rows.append([*_kind(row), row["threads"], row["n"], *times, *shares])
     substeps = found["vector"][0]["substeps"]
     parts = ("env", "physics", "alone", "above physics", "above alone")
     header: tuple[str, ...] = ("scene", "", "threads", "n", *parts)
@@ -99,15 +84,14 @@ def _print_environment(found: dict[str, Any]) -> None:
     rows = []
     for row in found["single"]:
         times = (spread(row[name], US, 1) for name in ("env", "physics", "physics_alone", "above", "above_alone"))
-        rows.append([row["scene"], SHORT[row["dtype"]], *times])
+        rows.append([*_kind(row), *times])
     header = ("scene", "", *parts)
     table(f"make: us per control step ({substeps} substeps), one environment", header, rows, text_columns=2)
     rows = []
     for row in found["gymnasium"]:
         rate = row["steps_per_second"]
-        rows.append(
-            [row["scene"], str(row["threads"]), str(row["n"]), "Gymnasium lacks it" if rate is None else f"{rate:.0f}"]
-        )
+        rate = "Gymnasium lacks it" if rate is None else f"{rate:.0f}"
+        rows.append([row["scene"], row["threads"], row["n"], rate])
     header = ("scene", "threads", "n", "control steps per second")
     table("gymnasium.utils.performance.benchmark_vector_step", header, rows)
     say(
@@ -140,7 +124,7 @@ def _print_peers(found: dict[str, Any]) -> None:
         for row in found["vector"]:
             for name, peer in row["peers"].items():
                 times = (spread(row["ours"], US, 2), spread(peer["seconds"], US), spread(peer["ratio"], 1.0, 1))
-                rows.append([row["scene"], name, str(row["threads"]), *times])
+                rows.append([row["scene"], name, row["threads"], *times])
         header = ("scene", "program", "threads", "make_vec", "theirs", "ratio")
         n, substeps = (found["vector"][0][what] for what in ("n", "substeps"))
         title = f"make_vec, f64, {n} instances, against {substeps} steps of MuJoCo: us per control step and instance"

@@ -22,18 +22,8 @@ from uvms_gym.cli.common import (
 from uvms_gym.cli.scenes import Scene
 from uvms_gym.studies.accuracy.driven_motion import CURRENT
 from uvms_gym.studies.records import circumstances
-from uvms_gym.studies.terms.ablation import (
-    BATCHES,
-    DEVIATIONS,
-    INSTANTS,
-    STEP,
-    TIME,
-    TIMED,
-    Ablation,
-    Saving,
-    ablate,
-    ticks,
-)
+from uvms_gym.studies.terms import ablation
+from uvms_gym.studies.terms.ablation import INSTANTS, STEP, TIME, Ablation, Saving
 from uvms_gym.studies.terms.scene_terms import Term
 
 MOST_EPISODES = 10_000
@@ -58,8 +48,8 @@ def explain(
     check_range("--seed", seed, 0, math.inf)
     prepare(None, json_file)
     with progress() as bar, user_errors(f"{scene}: "):
-        task = bar.add_task("Terms", total=ticks(loaded))
-        found = ablate(loaded, episodes, seed, lambda: bar.advance(task))
+        task = bar.add_task("Terms", total=ablation.ticks(loaded))
+        found = ablation.ablate(loaded, episodes, seed, lambda: bar.advance(task))
     console.print(loaded["name"], style="bold", markup=False)
     console.print()
     _print_costs(found)
@@ -144,7 +134,8 @@ def _print_conditions(episodes: int, floor: NDArray[np.float64]) -> None:
         f"currents up to {CURRENT:g} m/s, in open loop: a controller would reduce them. Integration errors at the step "
         f"of {STEP:g} s are {floor[-1, 0]:.0e} m, {floor[-1, 1]:.0e} rad and {floor[-1, 2]:.0e} m at the end; '<': "
         f"below {SIGNIFICANT:g} times that, '0': not one bit of difference. Costs are of MK4 steps in double "
-        f"precision, {TIMED} instances on one thread of this machine: medians of {BATCHES} batches of interleaved "
-        f"rounds, with intervals of {DEVIATIONS:g} standard deviations; '<': within noise. Savings and errors of "
-        "single terms do not add up. All depend on the scene's numbers; `uvms scenes show` lists their sources."
+        f"precision, {ablation.TIMED} instances on one thread of this machine: medians of {ablation.BATCHES} batches "
+        f"of interleaved rounds, with intervals of {ablation.DEVIATIONS:g} standard deviations; '<': within noise. "
+        "Savings and errors of single terms do not add up. All depend on the scene's numbers; `uvms scenes show` lists "
+        "their sources."
     )

@@ -41,9 +41,8 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
     _print_tumbling(results["tumbling"])
     _print_momentum(results["momentum"])
     _print_arm_motion(results["arm_motion"])
-    write_results(
-        out, files, json_file, {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
-    )
+    data = {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
+    write_results(out, files, json_file, data)
 
 
 def _draw(out: Path, results: dict[str, Any]) -> None:
@@ -59,19 +58,12 @@ def _draw(out: Path, results: dict[str, Any]) -> None:
 
 
 def _print_table_1(results: dict[str, Any]) -> None:
-    printed = free_body.PRINTED
-    rows = [
-        (
-            row["method"],
-            f"{row['yaw_499_9']:.5f}",
-            f"{row['yaw_500']:.5f}",
-            f"{row['error_500']:+.1e}" if row["error_500"] else "",
-            f"{row['quaternion_length']:.4f}",
-        )
-        for row in results["table_1"]
-    ]
-    for method, yaw in printed.items():
-        rows.append((f"printed for {method}", f"{yaw:.3f}", "", "", ""))
+    rows = []
+    for row in results["table_1"]:
+        error = f"{row['error_500']:+.1e}" if row["error_500"] else ""
+        yaws = (f"{row[name]:.5f}" for name in ("yaw_499_9", "yaw_500"))
+        rows.append((row["method"], *yaws, error, f"{row['quaternion_length']:.4f}"))
+    rows += [(f"printed for {method}", f"{yaw:.3f}", "", "", "") for method, yaw in free_body.PRINTED.items()]
     header = ("method", "at 499.9 s", "at 500 s", "error", "|Q|")
     table("Table 1: yaw (rad) of a free body at 1 rad/s, h = 0.1 s", header, rows)
     say(
@@ -110,17 +102,12 @@ def _print_tumbling(data: dict[str, Any]) -> None:
 
 
 def _print_momentum(data: dict[str, Any]) -> None:
-    rows = [
-        (name, f"{run['step']:g}", f"{run['linear']:.1e}", f"{run['angular']:.1e}")
-        for name, study in data.items()
-        for run in study["runs"]
-    ]
-    rows += [
-        (name, "order", f"{study['orders']['linear']:.2f}", f"{study['orders']['angular']:.2f}")
-        for name, study in data.items()
-    ]
+    runs = [(name, run) for name, study in data.items() for run in study["runs"]]
+    rows = [(name, f"{run['step']:g}", f"{run['linear']:.1e}", f"{run['angular']:.1e}") for name, run in runs]
+    orders = {name: study["orders"] for name, study in data.items()}
+    rows += [(name, "order", f"{found['linear']:.2f}", f"{found['angular']:.2f}") for name, found in orders.items()]
     table("Momentum: greatest drift in 100 s over the sum of |momentum|", ("system", "h s", "linear", "angular"), rows)
-    peaks = [rate for study in data.values() for run in study["runs"] for rate in run["joint_rate_max"]]
+    peaks = [rate for _, run in runs for rate in run["joint_rate_max"]]
     say(
         "PETASUS-PUM (11 DoF) without gravity, damping, joint friction and limits; each joint reaches "
         f"{min(peaks):.1f} to {max(peaks):.1f} rad/s. At the paper's h = 0.01 s the drift must stay below "
@@ -129,23 +116,20 @@ def _print_momentum(data: dict[str, Any]) -> None:
 
 
 def _print_arm_motion(data: dict[str, Any]) -> None:
+    quantities = {
+        "position": ("vehicle position, mm", 1e3),
+        "angle": ("vehicle attitude, deg", 180.0 / np.pi),
+        "end_effector": ("end effector from ideal, mm", 1e3),
+    }
     rows = []
-    for quantity, key, scale in (
-        ("vehicle position, mm", "position", 1e3),
-        ("vehicle attitude, deg", "angle", 180.0 / np.pi),
-        ("end effector from ideal, mm", "end_effector", 1e3),
-    ):
+    for key, (quantity, scale) in quantities.items():
         for case in arm_motion.CASES[:2]:
-            numbers = data["numbers"][case]
-            rows.append(
-                (quantity, case, *(f"{scale * numbers[f'{key}_{what}']:.2f}" for what in ("max", "rms", "final")))
-            )
-    header = ("quantity", "vehicle", "greatest", "RMS", "at 50 s")
-    table(
-        "Figs. 5, 6 and 7: joint 2 moves 45 deg and back in 50 s, still water, h = 0.01 s", header, rows, text_columns=2
-    )
+            found = (scale * data["numbers"][case][f"{key}_{what}"] for what in ("max", "rms", "final"))
+            rows.append((quantity, case, *(f"{number:.2f}" for number in found)))
+    title = "Figs. 5, 6 and 7: joint 2 moves 45 deg and back in 50 s, still water, h = 0.01 s"
+    table(title, ("quantity", "vehicle", "greatest", "RMS", "at 50 s"), rows, text_columns=2)
     free, held = (data["numbers"][case] for case in arm_motion.CASES[:2])
-    times = {key: free[f"{key}_max"] / held[f"{key}_max"] for key in ("position", "angle", "end_effector")}
+    times = {key: free[f"{key}_max"] / held[f"{key}_max"] for key in quantities}
     say(
         "The uncontrolled vehicle moves much more than the controlled one, as in the paper: by factors of "
         f"{times['position']:.0f} in position, {times['angle']:.1f} in attitude and {times['end_effector']:.0f} at "

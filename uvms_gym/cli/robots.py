@@ -13,7 +13,10 @@ File = Annotated[
     Path | None, typer.Option("--out", metavar="FILE", help="File to write the TOML text to. [default: the terminal]")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
-_AT = "[@X,Y,Z[,ROLL,PITCH,YAW]]"
+
+
+def _shapes(dimensions: str, text: str) -> Any:
+    return typer.Option(metavar=f"{dimensions}[@X,Y,Z[,ROLL,PITCH,YAW]]", help=f"{text}; may be repeated.")
 
 
 def template(out: File = None, force: Force = False) -> None:
@@ -25,20 +28,10 @@ def estimate(
     outline: Annotated[
         Path | None, typer.Argument(metavar="[FILE]", help="TOML file of shapes: see `help(uvms_gym.estimate)`.")
     ] = None,
-    box: Annotated[
-        list[str] | None, typer.Option(metavar=f"X,Y,Z{_AT}", help="Edges, m, and placement; may be repeated.")
-    ] = None,
-    cylinder: Annotated[
-        list[str] | None,
-        typer.Option(metavar=f"RADIUS,LENGTH[,AXIS]{_AT}", help="m; axis x (default), y or z; may be repeated."),
-    ] = None,
-    capsule: Annotated[
-        list[str] | None,
-        typer.Option(metavar=f"RADIUS,LENGTH[,AXIS]{_AT}", help="Length without its half spheres; may be repeated."),
-    ] = None,
-    ellipsoid: Annotated[
-        list[str] | None, typer.Option(metavar=f"A,B,C{_AT}", help="Semi-axes, m; may be repeated.")
-    ] = None,
+    box: Annotated[list[str] | None, _shapes("X,Y,Z", "Edges, m, and placement")] = None,
+    cylinder: Annotated[list[str] | None, _shapes("RADIUS,LENGTH[,AXIS]", "m; axis x (default), y or z")] = None,
+    capsule: Annotated[list[str] | None, _shapes("RADIUS,LENGTH[,AXIS]", "Length without its half spheres")] = None,
+    ellipsoid: Annotated[list[str] | None, _shapes("A,B,C", "Semi-axes, m")] = None,
     perforation: Annotated[
         str | None, typer.Option(metavar="P[,P,P]", help="Open part of the faces, 0 to 0.5, of all axes or each.")
     ] = None,
@@ -66,26 +59,19 @@ def estimate(
 
     The text can be pasted into a scene; each number has its formula in a comment.
     """
-    shapes = [
-        *(_shape("--box", text, lambda numbers: {"box": numbers}) for text in box or []),
-        *(_shape("--cylinder", text, lambda numbers: {"cylinder": _round(numbers)}) for text in cylinder or []),
-        *(_shape("--capsule", text, lambda numbers: {"capsule": _round(numbers)}) for text in capsule or []),
-        *(_shape("--ellipsoid", text, lambda numbers: {"ellipsoid": numbers}) for text in ellipsoid or []),
-    ]
+    kinds = {"box": box, "cylinder": cylinder, "capsule": capsule, "ellipsoid": ellipsoid}
+    shapes = [_shape(kind, text) for kind, texts in kinds.items() for text in texts or []]
     if (outline is None) == (not shapes):
         raise fail("either a file of shapes or at least one of --box, --cylinder, --capsule and --ellipsoid is needed")
-    given: Path | dict[str, Any]
-    if outline is not None:
-        given = outline
-    else:
+    given: Path | dict[str, Any] | None = outline
+    if given is None:
         common: dict[str, Any] = {"ends": "joined" if joined else "free"}
         for option, text in (("perforation", perforation), ("solidity", solidity)):
             if text is not None:
                 numbers = _numbers(f"--{option}", text)
                 common[option] = numbers[0] if len(numbers) == 1 else numbers
-        for key, number in (("displaced", displaced), ("relative_density", relative_density)):
-            if number is not None:
-                common[key] = number
+        factors = {"displaced": displaced, "relative_density": relative_density}
+        common |= {key: number for key, number in factors.items() if number is not None}
         shapes = [common | shape for shape in shapes]
         given = {"density": density, "speed": _numbers("--speed", speed), "shapes": shapes}
     prepare(None, json_file)
@@ -142,25 +128,22 @@ def _numbers(option: str, text: str) -> list[float]:
         raise fail(f'{option} "{text}" is no vector of numbers separated by commas') from None
 
 
-def _round(parts: list[Any]) -> dict[str, Any]:
-    radius, length, *axis = parts
-    return {"radius": radius, "length": length, "axis": axis[0] if axis else "x"}
-
-
-def _shape(option: str, text: str, make: Any) -> dict[str, Any]:
+def _shape(kind: str, text: str) -> dict[str, Any]:
     """Read one shape: dimensions and, after an @, placement."""
+    option = f"--{kind}"
     dimensions, at, place = text.partition("@")
-    dimensions, comma, last = dimensions.rpartition(",")
+    given, _, last = dimensions.rpartition(",")
     axis = last.strip() if last.strip() in ("x", "y", "z") else None
-    parts: list[Any] = _numbers(option, dimensions if axis else dimensions + comma + last)
-    least = 2 if option in ("--cylinder", "--capsule") else 3
-    if len(parts) != least or (axis and least == 3):
+    numbers = _numbers(option, given if axis else dimensions)
+    is_round = kind in ("cylinder", "capsule")
+    least = 2 if is_round else 3
+    if len(numbers) != least or (axis and not is_round):
         raise fail(f'{option} "{text}" needs {least} dimensions')
-    shape: dict[str, Any] = make([*parts, axis] if axis else parts)
+    size: Any = {"radius": numbers[0], "length": numbers[1], "axis": axis or "x"} if is_round else numbers
+    shape: dict[str, Any] = {kind: size}
     if at:
         pose = _numbers(option, place)
         if len(pose) not in (3, 6):
             raise fail(f'{option} "{text}" needs 3 or 6 numbers after the @')
-        shape["position"] = pose[:3]
-        shape["rpy"] = pose[3:] or [0.0, 0.0, 0.0]
+        shape |= {"position": pose[:3], "rpy": pose[3:] or [0.0, 0.0, 0.0]}
     return shape

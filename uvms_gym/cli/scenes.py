@@ -37,10 +37,8 @@ def list_scenes() -> None:
     rows = []
     for name in uvms_gym.scene_names():
         simulator = uvms_gym.Simulator(name)
-        scene = simulator.scene
-        freedom = simulator.num_joints + (0 if scene["vehicle"]["fixed"] else 6)
-        counts = (str(freedom), str(simulator.num_joints), str(simulator.num_thrusters))
-        rows.append((name, " ".join(scene["summary"].split()).split(". ")[0].rstrip("."), *counts))
+        summary = " ".join(simulator.scene["summary"].split()).split(". ")[0].rstrip(".")
+        rows.append((name, summary, _freedom(simulator), simulator.num_joints, simulator.num_thrusters))
     table("Scenes", ("name", "description", "DoF", "joints", "thrusters"), rows, text_columns=2)
 
 
@@ -58,7 +56,7 @@ def show(scene: Scene, json_file: Json = None) -> None:
     rows = [(name, f"{body['mass']:.4g}", f"{1e3 * body.get('volume', 0.0):.4g}") for name, body in named]
     table("Bodies", ("body", "mass kg", "volume L"), rows)
     if simulator.num_joints:
-        table("Joints", ("index", "joint"), list(_numbered(simulator.joint_names)))
+        table("Joints", ("index", "joint"), enumerate(simulator.joint_names))
     if simulator.num_thrusters:
         rows = [
             (name, f"{low:g}", f"{high:g}")
@@ -121,6 +119,10 @@ def check(
         raise typer.Exit(1)
 
 
+def _freedom(simulator: uvms_gym.Simulator) -> int:
+    return simulator.num_joints + (0 if simulator.scene["vehicle"]["fixed"] else 6)
+
+
 def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
     """Degrees of freedom, mass, weight and buoyancy."""
     scene = simulator.scene
@@ -130,7 +132,7 @@ def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
     density = scene["water"]["density"]
     buoyancy = sum(body.get("buoyancy", density * gravity * body.get("volume", 0.0)) for body in bodies(scene))
     return {
-        "degrees of freedom": simulator.num_joints + (0 if scene["vehicle"]["fixed"] else 6),
+        "degrees of freedom": _freedom(simulator),
         "joints": simulator.num_joints,
         "thrusters": simulator.num_thrusters,
         "mass, kg": mass,
@@ -176,7 +178,3 @@ def _period(period: float) -> str:
 
 def _step(step: float) -> str:
     return f"{step:.3g}" if math.isfinite(step) else "any"
-
-
-def _numbered(names: list[str]) -> list[tuple[str, str]]:
-    return [(str(i), name) for i, name in enumerate(names)]

@@ -22,6 +22,11 @@ def hermite_cubic(start: tuple[Floats, Floats], end: tuple[Floats, Floats], leng
     return np.stack([a, da, quadratic, (2.0 * (a - b) / length + da + db) / length**2], axis=-1)
 
 
+def median_and_worst(values: Floats) -> dict[str, float]:
+    """Median and greatest of an ensemble (N,)."""
+    return {"median": float(np.median(values)), "worst": float(values.max())}
+
+
 def rotation_distance(a: Floats, b: Floats) -> Floats:
     """Angles (...) between rotation matrices (..., 3, 3), rad, accurate for small ones."""
     # |A - B| = 2 sqrt(2) sin(angle / 2)

@@ -11,7 +11,7 @@ import numpy as np
 from uvms_gym import Simulator
 from uvms_gym.studies.accuracy.driven_motion import PERIOD
 from uvms_gym.studies.accuracy.work_precision import Setting
-from uvms_gym.studies.numerics import Floats, bodies, joints
+from uvms_gym.studies.numerics import Floats, bodies, joints, median_and_worst
 
 #: Root mean squares at the start: velocity, m/s; angular velocity and joint rates, rad/s; joint coordinates about home.
 SPEED, SPIN, RATE, SPREAD = 0.2, 0.2, 0.3, 0.3
@@ -61,8 +61,7 @@ def drifts(
             greatest = _greatest(simulator, seconds)
         row: dict[str, Any] = setting._asdict()
         for name, values in greatest.items():
-            values = np.where(np.isfinite(values), values, np.inf)
-            row[name] = {"median": float(np.median(values)), "worst": float(values.max())}
+            row[name] = median_and_worst(np.where(np.isfinite(values), values, np.inf))
         rows.append(row)
         tick()
     return rows
@@ -86,11 +85,9 @@ def _greatest(simulator: Simulator, seconds: float) -> dict[str, Floats]:
     energy, momentum = _energy(simulator), simulator.momentum()
     scale = simulator.momentum_terms()["total_scale"]
     greatest = {name: np.zeros(simulator.num_envs) for name in QUANTITIES}
-    left = round(seconds / PERIOD)
-    while left > 0:
-        periods = min(10, left)
-        simulator.step(substeps=round(periods * PERIOD / simulator.dt))
-        left -= periods
+    total = round(seconds / PERIOD)
+    for begun in range(0, total, 10):
+        simulator.step(substeps=round(min(10, total - begun) * PERIOD / simulator.dt))
         impulse = (simulator.momentum() - momentum).reshape(-1, 2, 3)
         off = np.linalg.norm(impulse, axis=-1) / scale
         now = {"energy": np.abs(_energy(simulator) / energy - 1.0), "linear": off[:, 0], "angular": off[:, 1]}

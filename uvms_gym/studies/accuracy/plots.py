@@ -1,6 +1,6 @@
 """Figures of the accuracy study: error against cost, and drift against step."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,13 +20,22 @@ class Style(NamedTuple):
     colour: str
     marker: str
     label: str
-    #: Single precision is drawn, too: its floor is the same with every method.
-    single: bool = False
+
+
+class Line(NamedTuple):
+    """Line of an integrator in a precision: rows of the study, colour, label, and settings of matplotlib."""
+
+    integrator: str
+    precision: str
+    rows: list[Mapping[str, Any]]
+    colour: str
+    label: str
+    settings: dict[str, Any]
 
 
 #: Integrators in figures; tables have them all. Methods with coincident lines are left out.
 STYLES = {
-    "mk4": Style(BLUE, "o", "MK4", single=True),
+    "mk4": Style(BLUE, "o", "MK4"),
     "mk54": Style(GREEN, "D", "MK5(4) by tolerance"),
     "ros2": Style(ORANGE, "s", "linearly implicit"),
     "mk2": Style(PURPLE, "^", "MK2"),
@@ -79,36 +88,25 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
     axes.set(xscale="log", yscale="log")
     ends: list[tuple[float, float, str, str]] = []
     diverged: list[tuple[float, str]] = []
-    for name, style in STYLES.items():
-        for precision in ("f64", "f32") if style.single else ("f64",):
-            rows = [row for row in result["rows"] if (row["integrator"], row["precision"]) == (name, precision)]
-            valid = [row for row in rows if row["end_effector"]["median"] < DIVERGED]
-            timed = [row["cost"] * row["step"] for row in rows if np.isfinite(row["cost"])]
-            if precision == "f64" and timed:
-                # Runs that are not finite are not timed: their steps cost as much as the others'.
-                per_step = float(np.median(timed))
-                diverged += [(1e-3 * per_step / row["step"], style.colour) for row in rows if row not in valid]
-            valid = [row for row in valid if np.isfinite(row["cost"])]
-            if not valid:
-                continue
-            costs = [1e-3 * row["cost"] for row in valid]
-            errors = [row["end_effector"]["median"] for row in valid]
-            single = precision == "f32"
-            axes.plot(
-                costs,
-                errors,
-                linestyle="--" if single else "-",
-                marker=style.marker,
-                markersize=(5.5 if large else 3.5),
-                markerfacecolor="white" if single else style.colour,
-                color=style.colour,
-                linewidth=2.4 if name == "mk4" and not single else 1.4,
-                zorder=3 if name == "mk4" else 2,
-            )
-            last = int(np.argmax(costs))
-            ends.append((costs[last], errors[last], style.label + (" f32" if single else ""), style.colour))
-            if large and name == "mk4" and not single:
-                _annotate_steps(axes, valid)
+    for line in _lines(result["rows"]):
+        valid = [row for row in line.rows if row["end_effector"]["median"] < DIVERGED]
+        timed = [row["cost"] * row["step"] for row in line.rows if np.isfinite(row["cost"])]
+        if line.precision == "f64" and timed:
+            # Runs that are not finite are not timed: their steps cost as much as the others'.
+            per_step = float(np.median(timed))
+            diverged += [(1e-3 * per_step / row["step"], line.colour) for row in line.rows if row not in valid]
+        valid = [row for row in valid if np.isfinite(row["cost"])]
+        if not valid:
+            continue
+        costs = [1e-3 * row["cost"] for row in valid]
+        errors = [row["end_effector"]["median"] for row in valid]
+        main = line.label == "MK4"
+        weight = {"linewidth": 2.4 if main else 1.4, "zorder": 3 if line.integrator == "mk4" else 2}
+        axes.plot(costs, errors, markersize=5.5 if large else 3.5, **weight, **line.settings)
+        last = int(np.argmax(costs))
+        ends.append((costs[last], errors[last], line.label, line.colour))
+        if large and main:
+            _annotate_steps(axes, valid)
     floor = FLOOR * result["reference"]["uncertainty"]["end_effector"]["median"]
     low, high = axes.get_ylim()
     low = min(low, 0.3 * floor)
@@ -135,6 +133,17 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
         axes.text(0.01, floor, "uncertainty of the reference", transform=axes.get_yaxis_transform(), va="top", **grey)
         if diverged:
             axes.text(0.995, 0.97, "x: diverged", transform=axes.transAxes, ha="right", va="center", **grey)
+
+
+def _lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[Line]:
+    """All lines in `STYLES`. Of MK4 single precision is drawn, too: its floor is the same with every method."""
+    for name, (colour, marker, label) in STYLES.items():
+        for precision in ("f64", "f32") if name == "mk4" else ("f64",):
+            mine = [row for row in rows if (row["integrator"], row["precision"]) == (name, precision)]
+            single = precision == "f32"
+            style = {"linestyle": "--" if single else "-", "markerfacecolor": "white" if single else colour}
+            settings = style | {"marker": marker, "color": colour}
+            yield Line(name, precision, mine, colour, label + (" f32" if single else ""), settings)
 
 
 def _annotate_steps(axes: "Axes", rows: Sequence[Mapping[str, Any]]) -> None:
@@ -195,21 +204,9 @@ def _compare(axes: "Axes", result: Mapping[str, Any]) -> None:
 
 
 def _draw_drift(axes: "Axes", rows: Sequence[Mapping[str, Any]], quantity: str) -> None:
-    for name, style in STYLES.items():
-        for precision in ("f64", "f32") if style.single else ("f64",):
-            wanted = (name, precision, None)
-            mine = [row for row in rows if (row["integrator"], row["precision"], row["tolerance"]) == wanted]
-            mine = [row for row in mine if quantity in row]
-            if not mine:
-                continue
-            single = precision == "f32"
-            axes.loglog(
-                [row["step"] for row in mine],
-                [row[quantity]["median"] if np.isfinite(row[quantity]["median"]) else np.nan for row in mine],
-                linestyle="--" if single else "-",
-                marker=style.marker,
-                markersize=4.0,
-                markerfacecolor="white" if single else style.colour,
-                color=style.colour,
-                label=style.label + (" f32" if single else ""),
-            )
+    for line in _lines(rows):
+        mine = [row for row in line.rows if row["tolerance"] is None and quantity in row]
+        if mine:
+            medians = np.array([row[quantity]["median"] for row in mine])
+            medians[~np.isfinite(medians)] = np.nan
+            axes.loglog([row["step"] for row in mine], medians, markersize=4.0, label=line.label, **line.settings)

@@ -12,7 +12,14 @@ import numpy as np
 import uvms_gym
 from uvms_gym import Simulator
 from uvms_gym.studies.accuracy.driven_motion import PERIOD, Motion, Track, character, driven_motion, follow
-from uvms_gym.studies.numerics import Floats, bodies, convergence_order, loglog_interpolation, rotation_distance
+from uvms_gym.studies.numerics import (
+    Floats,
+    bodies,
+    convergence_order,
+    loglog_interpolation,
+    median_and_worst,
+    rotation_distance,
+)
 
 Tick = Callable[[], None]
 
@@ -132,13 +139,8 @@ def study(
     if not np.isfinite(reference.end_effector).all():
         raise ValueError(f"the motion is not finite by {REFERENCE.title}: the scene is too stiff")
     differences = [_errors(run(check), reference) for check in CHECKS]
-    uncertainty = {
-        name: {
-            "median": max(float(np.median(errors[name][-1])) for errors in differences),
-            "worst": max(float(errors[name][-1].max()) for errors in differences),
-        }
-        for name in QUANTITIES
-    }
+    ends = {name: [median_and_worst(errors[name][-1]) for errors in differences] for name in QUANTITIES}
+    uncertainty = {name: {key: max(end[key] for end in ends[name]) for key in ends[name][0]} for name in QUANTITIES}
     floor = FLOOR * uncertainty["end_effector"]["median"]
     rows = [_row(setting, run(setting), reference, floor) for setting in chosen]
     if repeats:
@@ -238,13 +240,8 @@ def _row(setting: Setting, track: Track, reference: Track, floor: float) -> dict
     row: dict[str, Any] = setting._asdict()
     for name, error in errors.items():
         with np.errstate(over="ignore"):
-            rms = np.sqrt((error**2).mean(axis=0))
-        row[name] = {
-            "median": float(np.median(error[-1])),
-            "worst": float(error[-1].max()),
-            "rms_median": float(np.median(rms)),
-            "rms_worst": float(rms.max()),
-        }
+            rms = median_and_worst(np.sqrt((error**2).mean(axis=0)))
+        row[name] = median_and_worst(error[-1]) | {f"rms_{key}": value for key, value in rms.items()}
     row["diverged"] = int(diverged.sum())
     row["floor"] = row["end_effector"]["median"] < floor
     row["warned_early"], row["warned_later"] = track.warned_early, track.warned_later
@@ -252,11 +249,7 @@ def _row(setting: Setting, track: Track, reference: Track, floor: float) -> dict
 
 
 def _costs(motion: Motion, chosen: Sequence[Setting], repeats: int, tick: Tick) -> list[float]:
-    """CPU time of each setting, ns per simulated second and instance; NaN where the state is not finite.
-
-    Measured from the start of the motion, on one thread, in whole calls with their inputs: medians of repeats
-    interleaved over all settings.
-    """
+    """CPU time of each setting on one thread, ns per simulated second and instance: medians of interleaved repeats."""
     motion = motion.tiled(TIMED)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -270,6 +263,7 @@ def _costs(motion: Motion, chosen: Sequence[Setting], repeats: int, tick: Tick) 
 
 
 def _cost(motion: Motion, simulator: Simulator) -> float:
+    """CPU time at the start of the motion, in whole calls with their inputs; NaN where the state is not finite."""
     substeps = round(PERIOD / simulator.dt)
     simulator.set_state(**motion.start)
     begun = 0

@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,22 +28,13 @@ class Term(NamedTuple):
     note: str = ""
 
 
-class _OfBody(NamedTuple):
-    """Kind of term of bodies: test for a body in its water, and edit that removes it."""
+class _Kind(NamedTuple):
+    """Kind of term of bodies or joints: test for one in its water, and edit that removes it."""
 
     name: str
-    note: str
-    has: Callable[[Table, Table], bool]
+    has: Callable[[Table, Table], object]
     remove: Callable[[Table, Table], object]
-
-
-class _OfJoint(NamedTuple):
-    """Kind of term of joints."""
-
-    name: str
-    note: str
-    has: Callable[[Table], bool]
-    remove: Callable[[Table], object]
+    note: str = ""
 
 
 def terms_of(scene: Table) -> list[Term]:
@@ -54,8 +45,14 @@ def terms_of(scene: Table) -> list[Term]:
     scene : dict
         As `uvms_gym.load_scene` gives it.
     """
-    terms = [_of_bodies(scene, group, kind) for group in _GROUPS for kind in _BODY_KINDS]
-    terms += [_current(scene), *(_of_joints(scene, kind) for kind in _JOINT_KINDS)]
+    terms = []
+    for group, pick in _GROUPS.items():
+        held = group == "vehicle" and scene["vehicle"]["fixed"]
+        for kind in _BODY_KINDS:
+            name = f"{group}: {kind.name}"
+            term = Term(name, False, note="the vehicle is held in the world") if held else None
+            terms.append(term or _of_kind(scene, name, kind, pick))
+    terms += [_current(scene), *(_of_kind(scene, kind.name, kind, joints) for kind in _JOINT_KINDS)]
     terms += [_arm_base(scene), _payload(scene), _vehicle_part(scene, "fins", "at the scene's deflections")]
     terms += [_vehicle_part(scene, "tether", "its weight and its damping"), _thrusters(scene)]
     removals = [term.remove for term in terms if term.remove is not None]
@@ -137,90 +134,77 @@ def _make_weightless(body: Table, water: Table) -> None:
 
 
 _BODY_KINDS = (
-    _OfBody(
+    _Kind(
         "added mass",
-        "with its convective (Munk) part, which follows from the same matrix and cannot be removed alone",
-        lambda body, water: bool(np.any(body["added_mass"])),
+        lambda body, water: np.any(body["added_mass"]),
         lambda body, water: body.update(added_mass=[0.0] * 6),
+        "with its convective (Munk) part, which follows from the same matrix and cannot be removed alone",
     ),
-    _OfBody(
+    _Kind(
         "added mass, off-diagonal",
-        "off-diagonal entries in the frame of the given coefficients",
         lambda body, water: _is_coupled(_matrix(body["added_mass"])),
         lambda body, water: body.update(added_mass=np.diag(_matrix(body["added_mass"])).tolist()),
+        "off-diagonal entries in the frame of the given coefficients",
     ),
-    _OfBody(
+    _Kind(
         "linear damping",
-        "",
-        lambda body, water: bool(np.any(body["damping"]["linear"])),
+        lambda body, water: np.any(body["damping"]["linear"]),
         lambda body, water: body["damping"].update(linear=[0.0] * 6),
     ),
-    _OfBody(
+    _Kind(
         "quadratic damping",
-        "",
-        lambda body, water: bool(np.any(body["damping"]["quadratic"])),
+        lambda body, water: np.any(body["damping"]["quadratic"]),
         lambda body, water: body["damping"].update(quadratic=[0.0] * 6),
     ),
-    _OfBody("added mass, damping", "all of the above at once", _feels_flow, _remove_flow),
-    _OfBody(
+    _Kind("added mass, damping", _feels_flow, _remove_flow, "all of the above at once"),
+    _Kind(
         "weight, buoyancy",
-        "removed by displacing as much water as a body weighs, at its centre of mass",
         _restores,
         _make_weightless,
+        "removed by displacing as much water as a body weighs, at its centre of mass",
     ),
 )
 
 _ONLY_WHERE_REACHED = "acts only where a joint reaches it; a zero effect in this motion does not hold for others"
 _JOINT_KINDS = (
-    _OfJoint(
+    _Kind(
         "joint friction, viscous",
-        "",
-        lambda joint: joint["friction"]["viscous"] > 0.0,
-        lambda joint: joint["friction"].update(viscous=0.0),
+        lambda joint, water: joint["friction"]["viscous"] > 0.0,
+        lambda joint, water: joint["friction"].update(viscous=0.0),
     ),
-    _OfJoint(
+    _Kind(
         "joint friction, Coulomb",
-        "",
-        lambda joint: joint["friction"]["coulomb"] > 0.0,
-        lambda joint: joint["friction"].update(coulomb=0.0),
+        lambda joint, water: joint["friction"]["coulomb"] > 0.0,
+        lambda joint, water: joint["friction"].update(coulomb=0.0),
     ),
-    _OfJoint(
+    _Kind(
         "end stops",
+        lambda joint, water: "limits" in joint and joint["limits"]["stiffness"] + joint["limits"]["damping"] > 0.0,
+        lambda joint, water: joint.pop("limits", None),
         _ONLY_WHERE_REACHED,
-        lambda joint: "limits" in joint and joint["limits"]["stiffness"] + joint["limits"]["damping"] > 0.0,
-        lambda joint: joint.pop("limits", None),
     ),
-    _OfJoint(
-        "effort limits", _ONLY_WHERE_REACHED, lambda joint: "effort" in joint, lambda joint: joint.pop("effort", None)
+    _Kind(
+        "effort limits",
+        lambda joint, water: "effort" in joint,
+        lambda joint, water: joint.pop("effort", None),
+        _ONLY_WHERE_REACHED,
     ),
 )
 
 
-def _of_bodies(scene: Table, group: str, kind: _OfBody) -> Term:
-    name, pick, water = f"{group}: {kind.name}", _GROUPS[group], scene["water"]
-    if group == "vehicle" and scene["vehicle"]["fixed"]:
-        return Term(name, False, note="the vehicle is held in the world")
-    if not any(kind.has(body, water) for body in pick(scene)):
+def _of_kind(scene: Table, name: str, kind: _Kind, pick: Callable[[Table], Iterable[Table]]) -> Term:
+    """Term of the bodies or joints that `pick` finds."""
+    water = scene["water"]
+    if not any(kind.has(part, water) for part in pick(scene)):
         return Term(name, False)
     if kind.remove is _make_weightless and water["density"] == 0.0:
         return Term(name, True, note="no edit removes the weight of single bodies without water")
 
     def remove(scene: Table) -> None:
-        for body in pick(scene):
-            kind.remove(body, water)
+        for part in pick(scene):
+            kind.remove(part, water)
 
     return Term(name, True, remove, kind.note)
-
-
-def _of_joints(scene: Table, kind: _OfJoint) -> Term:
-    if not any(kind.has(joint) for joint in joints(scene)):
-        return Term(kind.name, False)
-
-    def remove(scene: Table) -> None:
-        for joint in joints(scene):
-            kind.remove(joint)
-
-    return Term(kind.name, True, remove, kind.note)
 
 
 def _current(scene: Table) -> Term:
