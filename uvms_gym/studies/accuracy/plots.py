@@ -101,7 +101,7 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
         costs = [1e-3 * row["cost"] for row in valid]
         errors = [row["end_effector"]["median"] for row in valid]
         main = line.label == "MK4"
-        weight = {"linewidth": 2.4 if main else 1.4, "zorder": 3 if line.integrator == "mk4" else 2}
+        weight: Any = {"linewidth": 2.4 if main else 1.4, "zorder": 3 if line.integrator == "mk4" else 2}
         axes.plot(costs, errors, markersize=5.5 if large else 3.5, **weight, **line.settings)
         last = int(np.argmax(costs))
         ends.append((costs[last], errors[last], line.label, line.colour))

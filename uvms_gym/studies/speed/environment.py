@@ -1,6 +1,7 @@
 """Overhead of the environments over the physics of the same substeps."""
 
 import time
+from itertools import product
 from typing import Any
 
 import gymnasium
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.physics import THRUST, assert_finite
-from uvms_gym.studies.speed.timing import Tick, Times, calls_per_sample, interleave, summary, timed
+from uvms_gym.studies.speed.timing import Case, Tick, calls_per_sample, interleave, summary, timed
 
 ENV = "UVMS-StationKeep-v0"
 #: Physics steps per control step, the environments' default.
@@ -24,14 +25,14 @@ SINGLE_CALLS = 200
 VECTOR_SECONDS, QUICK_VECTOR_SECONDS = 2.0, 0.2
 
 
-class VectorEnv:
+class VectorEnv(Case):
     """A vector environment under random actions; a unit of work is one control step of an instance.
 
     Episodes are out of phase: at every step some of the N instances start the next one, as in a long run.
     """
 
     def __init__(self, scene: dict[str, Any], n: int, threads: int, dtype: str, seed: int) -> None:
-        self.name, self.n = scene["name"], n
+        self.name, self.work = scene["name"], n
         options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads, "dtype": dtype}
         self.env: Any = gymnasium.make_vec(ENV, num_envs=n, **options)
         rng = np.random.default_rng(seed)
@@ -47,17 +48,13 @@ class VectorEnv:
         self.last = self.env.step(self.actions[self.next % DRAWN])[:2]
         self.next += 1
 
-    def sample(self) -> Times:
-        """Time per control step and instance."""
-        return timed(self.step, self.calls).per(self.n)
-
     def check(self) -> None:
         """Raise ValueError if an observation or reward is not finite."""
         if not all(np.isfinite(part).all() for part in self.last):
             raise ValueError(f"{self.name}: a timed observation or reward is not finite")
 
 
-class Physics:
+class Physics(Case):
     """The same substeps by the simulator alone, under inputs like the environment's.
 
     A unit of work is `SUBSTEPS` steps of an instance, with `substeps` per call.
@@ -66,7 +63,7 @@ class Physics:
     def __init__(self, simulator: Simulator, substeps: int, seed: int) -> None:
         n = simulator.num_envs
         rng = np.random.default_rng(seed)
-        self.simulator, self.substeps = simulator, substeps
+        self.simulator, self.substeps, self.work = simulator, substeps, n * substeps / SUBSTEPS
         low, high = simulator.thruster_limits.T
         self.inputs: dict[str, Floats] = {"thrust": THRUST * rng.uniform(low, high, (n, simulator.num_thrusters))}
         if simulator.num_joints:
@@ -79,10 +76,6 @@ class Physics:
     def step(self) -> None:
         """One call."""
         self.simulator.step(**self.inputs, substeps=self.substeps)
-
-    def sample(self) -> Times:
-        """Time per `SUBSTEPS` steps and instance."""
-        return timed(self.step, self.calls).per(self.simulator.num_envs * self.substeps / SUBSTEPS)
 
     def check(self) -> None:
         """Raise ValueError if the state is not finite."""
@@ -97,35 +90,24 @@ def vector_study(
     `physics` is a call of `Simulator.step` with its inputs; `physics_alone` is the cost of as many more substeps in it.
     """
     cases: dict[Any, Any] = {}
-    for dtype in dtypes:
-        for count in threads:
-            case = VectorEnv(scene, n, count, dtype, seed)
-            cases[dtype, count, "env"] = case
-            for name, substeps in (("once", SUBSTEPS), ("twice", 2 * SUBSTEPS)):
-                cases[dtype, count, name] = Physics(case.env.unwrapped.snapshot(), substeps, seed)
+    for dtype, count in product(dtypes, threads):
+        case = VectorEnv(scene, n, count, dtype, seed)
+        cases[dtype, count, "env"] = case
+        for name, substeps in (("once", SUBSTEPS), ("twice", 2 * SUBSTEPS)):
+            cases[dtype, count, name] = Physics(case.env.unwrapped.snapshot(), substeps, seed)
     samples = interleave(cases, repeats, tick)
     rows = []
-    for dtype in dtypes:
-        for count in threads:
-            times = samples[dtype, count, "env"]
-            spent, once, twice = (samples[dtype, count, name].fair(count) for name in ("env", "once", "twice"))
-            # A call with twice the substeps passes its inputs once.
-            alone = 2.0 * twice - once
-            rows.append(
-                {
-                    "scene": scene["name"],
-                    "n": n,
-                    "threads": count,
-                    "dtype": dtype,
-                    "substeps": SUBSTEPS,
-                    "env": summary(spent),
-                    "physics": summary(once),
-                    "physics_alone": summary(alone),
-                    "percent": summary(100.0 * (spent / once - 1.0)),
-                    "percent_of_alone": summary(100.0 * (spent / alone - 1.0)),
-                    "samples": times,
-                }
-            )
+    for dtype, count in product(dtypes, threads):
+        spent, once, twice = (samples[dtype, count, name].fair(count) for name in ("env", "once", "twice"))
+        # A call with twice the substeps passes its inputs once.
+        alone = 2.0 * twice - once
+        percents = {"percent": spent / once, "percent_of_alone": spent / alone}
+        rows.append(
+            {"scene": scene["name"], "n": n, "threads": count, "dtype": dtype, "substeps": SUBSTEPS}
+            | {"env": summary(spent), "physics": summary(once), "physics_alone": summary(alone)}
+            | {name: summary(100.0 * (ratio - 1.0)) for name, ratio in percents.items()}
+            | {"samples": samples[dtype, count, "env"]}
+        )
     return rows
 
 
@@ -157,16 +139,10 @@ def single_study(scene: dict[str, Any], dtype: str, repeats: int, seed: int, tic
             case.check()
         tick()
     of_env, once, twice = np.array(medians[1:]).T
-    return {
-        "scene": scene["name"],
-        "dtype": dtype,
-        "substeps": SUBSTEPS,
-        "env": summary(of_env),
-        "physics": summary(once),
-        "physics_alone": summary(twice - once),
-        "above": summary(of_env - once),
-        "above_alone": summary(of_env - (twice - once)),
-    }
+    alone = twice - once
+    parts = {"env": of_env, "physics": once, "physics_alone": alone, "above": of_env - once}
+    times = {name: summary(part) for name, part in (parts | {"above_alone": of_env - alone}).items()}
+    return {"scene": scene["name"], "dtype": dtype, "substeps": SUBSTEPS} | times
 
 
 def gymnasium_study(scene: dict[str, Any], n: int, threads: int, seconds: float, seed: int) -> float | None:

@@ -14,7 +14,7 @@ from mujoco.rollout import Rollout
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.physics import THRUST, TWIST
 from uvms_gym.studies.speed.rigid_chain import Link, chain
-from uvms_gym.studies.speed.timing import Times, calls_per_sample, timed
+from uvms_gym.studies.speed.timing import Case, calls_per_sample
 
 VERSION = mujoco.__version__
 #: Dynamic viscosity of water, Pa s.
@@ -131,7 +131,7 @@ def coordinates(state: dict[str, Floats]) -> tuple[Floats, Floats]:
     return positions, np.concatenate([state["rotation"] @ state["twist"][:3], state["twist"][3:], state["qd"]])
 
 
-class Rolling:
+class Rolling(Case):
     """Native rollouts of a batch on `threads` threads with as many `MjData`; a unit of work is a step of an instance.
 
     Every rollout continues the one before. Outputs are allocated once.
@@ -198,10 +198,6 @@ class Rolling:
             state=self.states,
             sensordata=self.sensors,
         )
-
-    def sample(self) -> Times:
-        """Time per step and instance."""
-        return timed(self.step, self.calls).per(self.work)
 
     def check(self) -> None:
         """Raise ValueError if a state is not finite; else continue from the last one."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from uvms_gym import Simulator
 from uvms_gym.studies.numerics import Floats
-from uvms_gym.studies.speed.timing import Tick, Times, calls_per_sample, interleave, summary, timed
+from uvms_gym.studies.speed.timing import Case, Tick, Times, calls_per_sample, interleave, summary
 
 #: Standard deviation of initial twists (m/s and rad/s), range of held thrusts (share of the limits), and step, s.
 TWIST, THRUST, DT = 0.1, 0.05, 0.01
@@ -36,7 +36,7 @@ class Setting(NamedTuple):
     seed: int = 0
 
 
-class Stepping:
+class Stepping(Case):
     """A moving batch under held thrusts and joint targets; a unit of work is one step of one instance."""
 
     def __init__(self, setting: Setting) -> None:
@@ -53,10 +53,6 @@ class Stepping:
     def step(self) -> None:
         """One call."""
         self.simulator.step(**self.inputs, substeps=self.substeps)
-
-    def sample(self) -> Times:
-        """Time per step and instance."""
-        return timed(self.step, self.calls).per(self.work)
 
     def check(self) -> None:
         """Raise ValueError if the state is not finite."""
@@ -130,7 +126,7 @@ def steps(settings: Sequence[Setting], repeats: int, tick: Tick) -> list[dict[st
     return rows
 
 
-class Remote:
+class Remote(Case):
     """A case in a worker process."""
 
     def __init__(self, pool: ProcessPoolExecutor, index: int, facts: dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uvms_gym.studies.numerics import Floats
 from uvms_gym.studies.speed.rigid_chain import chain
-from uvms_gym.studies.speed.timing import Times, calls_per_sample, timed
+from uvms_gym.studies.speed.timing import Case, calls_per_sample
 
 VERSION = pin.__version__
 #: States of one call.
@@ -54,7 +54,7 @@ def acceleration(model: Any, state: dict[str, Floats], wrench: Floats, torque: F
     return found
 
 
-class Dynamics:
+class Dynamics(Case):
     """Articulated-body dynamics of a batch of states on one thread; a unit of work is `STAGES` times that of one state.
 
     `abaInParallel` loops in C++: a batch costs one call from Python, which needs no correction.
@@ -70,15 +70,11 @@ class Dynamics:
         # Columns, as Eigen has them: nothing is copied.
         self.q = np.asfortranarray(np.transpose(places))
         self.v, self.tau, self.found = (np.asfortranarray(rng.normal(size=(model.nv, BATCH))) for _ in range(3))
-        self.calls = calls_per_sample(self.step)
+        self.work, self.calls = BATCH / STAGES, calls_per_sample(self.step)
 
     def step(self) -> None:
         """One call."""
         pin.abaInParallel(1, self.pool, self.q, self.v, self.tau, self.found)
-
-    def sample(self) -> Times:
-        """Time per `STAGES` dynamics of a state."""
-        return timed(self.step, self.calls).per(BATCH / STAGES)
 
     def check(self) -> None:
         """Raise ValueError if an acceleration is not finite."""

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,11 +30,18 @@ class Times(NamedTuple):
         return Times(self.wall / work, self.cpu / work)
 
 
-class Case(Protocol):
-    """A case to time."""
+class Case:
+    """A case to time: a sample is `calls` calls of `step`, each with `work` units of work."""
+
+    work: float
+    calls: int
+
+    def step(self) -> None:
+        """One call."""
 
     def sample(self) -> Times:
-        """Run once, and return the time per unit of work."""
+        """Time per unit of work."""
+        return timed(self.step, self.calls).per(self.work)
 
     def check(self) -> None:
         """Raise ValueError if results are not finite: NaN is fast."""
