@@ -6,15 +6,7 @@ from functools import cache
 import numpy as np
 
 from uvms_gym import load_scene
-from uvms_gym.studies.hard_cases.case import (
-    Case,
-    CaseRunner,
-    Quantities,
-    Reference,
-    Scene,
-    instants,
-    single_body,
-)
+from uvms_gym.studies.hard_cases.case import Case, CaseRunner, Quantities, Reference, Scene, instants, single_body
 from uvms_gym.studies.hard_cases.reference_solutions import force_free_motion, rotation_about
 from uvms_gym.studies.numerics import Floats
 
