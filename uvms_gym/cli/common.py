@@ -46,7 +46,7 @@ def fail(message: str) -> typer.TyperException:
 
 
 @contextmanager
-def user_errors(place: str = "", verb: str = "read") -> Iterator[None]:
+def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> Iterator[None]:
     """Turn errors of library calls into user errors.
 
     Parameters
@@ -55,6 +55,8 @@ def user_errors(place: str = "", verb: str = "read") -> Iterator[None]:
         Start of the message, such as "UVMS-StationKeep-v0: ".
     verb : str
         Access to files within the block: "read" or "write".
+    *also
+        Further errors to turn into user errors.
 
     Raises
     ------
@@ -65,7 +67,7 @@ def user_errors(place: str = "", verb: str = "read") -> Iterator[None]:
         yield
     except OSError as error:
         raise fail(f"cannot {verb} {error.filename}: {error.strerror or error}") from None
-    except (ValueError, TypeError, ImportError, gymnasium.error.Error) as error:
+    except (ValueError, TypeError, ImportError, gymnasium.error.Error, *also) as error:
         # Gymnasium appends all arguments, whole scenes among them.
         reason = str(error).split(" was raised from the environment creator")[0]
         raise fail(place + " ".join(reason.split())) from None

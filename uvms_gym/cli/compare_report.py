@@ -32,29 +32,15 @@ def print_detail(comparison: Comparison, summary: Summary) -> None:
     console.rule(f"{comparison.condition.name}: {episodes} episodes", style="dim")
     _margins(summary, names)
     _overview(summary, names)
-    rows = []
-    for name in names:
-        metrics = summary.controllers[name]["metrics"]
-        texts = []
-        for metric in _ERRORS[1:]:
-            whole, scale = metrics[metric]["whole"], METRICS[metric].scale
-            texts += [text(whole["iqm"], scale), _brief(whole["p95"], scale)]
-        rows.append((name, *texts))
+    rows = [(name, *(cell for metric in _ERRORS[1:] for cell in _with_p95(summary, name, metric))) for name in names]
     header = [word for metric in _ERRORS[1:] for word in (METRICS[metric].label, "p95")]
     table("Errors, whole episode", ("controller", *header), rows)
-    rows = [(name, *(_cost(summary, name, metric) for metric in _COSTS)) for name in names]
+    rows = [(name, *(_mean(summary, name, metric) for metric in _COSTS)) for name in names]
     table("Power and outcomes, whole episode", ("controller", *(METRICS[m].label for m in _COSTS)), rows)
-    rows = []
     shown = (*_ERRORS, "power")
-    for name in names:
-        metrics = summary.controllers[name]["metrics"]
-        rows.append((name, *(text(metrics[metric]["settled"]["iqm"], METRICS[metric].scale) for metric in shown)))
+    rows = [(name, *(_mean(summary, name, metric, "settled") for metric in shown)) for name in names]
     table(f"After {SETTLED:g} s", ("controller", *(METRICS[metric].label for metric in shown)), rows)
-    own = [
-        name
-        for name in names
-        if name in baselines(names) and summary.controllers[name]["origin"].get("tuned", 0) is None
-    ]
+    own = [name for name in baselines(names) if summary.controllers[name]["origin"].get("tuned", 0) is None]
     if own:
         line(f"not tuned, default gains: {', '.join(own)}")
     for reason in dict.fromkeys(comparison.missing.values()):
@@ -81,9 +67,7 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
     first = summary.baseline
     rows = []
     for name in names:
-        metrics = summary.controllers[name]["metrics"][HEADLINE]["whole"]
-        scale = METRICS[HEADLINE].scale
-        row = [name, text(metrics["iqm"], scale), _brief(metrics["p95"], scale)]
+        row = [name, *_with_p95(summary, name, HEADLINE)]
         if name != first:
             ratios = summary.against[first][name]
             pose = ratios[HEADLINE]["whole"]
@@ -100,10 +84,16 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
     table("Pose error and its costs", (*header, f"p95 / {first}", f"power / {first}", f"variation / {first}"), rows)
 
 
-def _cost(summary: Summary, name: str, metric: str) -> str:
-    estimates = summary.controllers[name]["metrics"][metric]["whole"]
+def _mean(summary: Summary, name: str, metric: str, part: str = "whole") -> str:
+    """Interquartile mean with its interval; of shares the mean alone."""
+    estimates = summary.controllers[name]["metrics"][metric][part]
     scale = METRICS[metric].scale
     return text(estimates["iqm"], scale) if "iqm" in estimates else _brief(estimates["mean"], scale)
+
+
+def _with_p95(summary: Summary, name: str, metric: str) -> tuple[str, str]:
+    p95 = summary.controllers[name]["metrics"][metric]["whole"]["p95"]
+    return _mean(summary, name, metric), _brief(p95, METRICS[metric].scale)
 
 
 def print_across(group: str, results: Results) -> None:
@@ -128,14 +118,13 @@ def print_across(group: str, results: Results) -> None:
 def _verdict(comparison: Comparison, summary: Summary) -> list[str]:
     learned, classical = best(summary)
     condition = comparison.condition
-    row = [condition.label, DEPARTURES[condition.departure].summary, summary.winner, summary.runner_up or ""]
-    row.append(percent(summary.margin) if summary.margin is not None else "")
+    margin = percent(summary.margin) if summary.margin is not None else ""
+    duel = ""
     if learned is not None and classical is not None:
         ratio = summary.against[classical][learned][HEADLINE]["whole"]["ratio"]
-        row.append(f"{learned} {percent(ratio)} {classical}")
-    else:
-        row.append("")
-    return row
+        duel = f"{learned} {percent(ratio)} {classical}"
+    description = DEPARTURES[condition.departure].summary
+    return [condition.label, description, summary.winner, summary.runner_up or "", margin, duel]
 
 
 def best(summary: Summary) -> tuple[str | None, str | None]:

@@ -100,9 +100,8 @@ def play(
         names = [block.name for block in made.unwrapped.action_layout]  # type: ignore[attr-defined]
         with user_errors(verb="write"):
             plot_episode(plot, f"{title}, {disturbance}" if disturbance else title, names, shown.instants)
-    for file in (out, plot):
-        if file is not None:
-            line(str(file))
+    for file in filter(None, (out, plot)):
+        line(str(file))
 
 
 class _Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):

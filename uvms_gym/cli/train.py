@@ -101,18 +101,14 @@ def train(
     check_range("--verbose", verbose, 0, 2)
     if export is not None and export.suffix != ".safetensors":
         raise fail(f"--export is {str(export)!r}, but must end in .safetensors")
-    given = {
-        "n_timesteps": n_timesteps,
-        "eval_freq": eval_freq,
-        "eval_episodes": eval_episodes,
-        "save_freq": save_freq,
-        "num_threads": num_threads,
-        "device": device,
+    ranges = {
+        "--n-timesteps": (n_timesteps, 1, 1e15),
+        "--eval-episodes": (eval_episodes, 2, MOST_EPISODES),
+        "--num-threads": (num_threads, -1, MOST_THREADS),
     }
-    ranges = {"n_timesteps": (1, 1e15), "eval_episodes": (2, MOST_EPISODES), "num_threads": (-1, MOST_THREADS)}
-    for name, (least, most) in ranges.items():
-        if given[name] is not None:
-            check_range(f"--{name.replace('_', '-')}", given[name], least, most)  # type: ignore[arg-type]
+    for option, (number, least, most) in ranges.items():
+        if number is not None:
+            check_range(option, number, least, most)
     if num_threads == 0:
         raise fail("--num-threads is 0, but must be at least 1, or -1 for all")
     if trained_agent is not None:
@@ -134,9 +130,31 @@ def train(
             check_range("--residual", residual, 0.0, 1.0)
             if base is None:
                 raise fail("--residual is for --base")
-        settings = _settings(env, n_envs, seed or 0, base, residual, env_kwargs, hyperparams, conf_file)
+        from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
+        from uvms_gym.training.ppo import Settings
+
+        with user_errors():
+            pairs = {"env_kwargs": parse_pairs(env_kwargs or ()), "hyperparams": parse_pairs(hyperparams or ())}
+            gymnasium.spec(env)
+            found = read_hyperparameters(env, conf_file, residual=base is not None) | pairs["hyperparams"]
+        if n_envs is not None:
+            found["n_envs"] = n_envs
+        limit = {} if residual is None else {"limit": residual}
+        settings = Settings(env, found, pairs["env_kwargs"], seed or 0, base, **limit)
         folder, agent = log_folder, None
-    settings = _with(settings, given)
+    if n_timesteps is not None:
+        settings = replace(settings, hyperparameters=settings.hyperparameters | {"n_timesteps": n_timesteps})
+    with user_errors():
+        # Evaluations and checkpoints in every tenth of a new run.
+        tenth = max(1, math.ceil(settings.steps / PARTS))
+    given = {
+        "eval_freq": tenth if eval_freq is None and settings.eval_freq == 0 else eval_freq,
+        "save_freq": tenth if save_freq is None and settings.save_freq == 0 else save_freq,
+        "eval_episodes": eval_episodes,
+        "num_threads": num_threads,
+        "device": device,
+    }
+    settings = replace(settings, **{name: value for name, value in given.items() if value is not None})
     prepare(None, export)
     for logs in (None if agent else log_folder, tensorboard_log):
         prepare(logs, None)
@@ -166,7 +184,7 @@ def _run(
             if verbose:
                 bar.console.print(_line(found), markup=False, soft_wrap=True, highlight=False)
 
-        try:
+        with user_errors(f"{settings.env}: ", "read or write", AssertionError, RuntimeError):
             if agent is None:
                 # Errors show before the folder is made.
                 ppo.make_model(settings, ppo.make_envs(settings)[0])
@@ -184,11 +202,6 @@ def _run(
             if export is not None:
                 export.write_bytes(outcome.policy.read_bytes())
                 write_card(export.parent)
-        except OSError as error:
-            raise fail(f"cannot read or write {error.filename}: {error.strerror}") from None
-        except (ValueError, TypeError, AssertionError, RuntimeError, gymnasium.error.Error) as error:
-            reason = str(error).split(" was raised from the environment creator")[0]
-            raise fail(f"{settings.env}: {' '.join(reason.split())}") from None
     rate = outcome.steps / outcome.seconds
     line(f"{outcome.steps} steps in {outcome.seconds:.0f} s ({rate:.0f} per second): {_line(outcome.evaluation)}")
     line(f"{folder}: {outcome.policy.name}, {outcome.checkpoint.name}, README.md")
@@ -200,29 +213,6 @@ def _run(
     return 0
 
 
-def _settings(
-    env: str,
-    n_envs: int | None,
-    seed: int,
-    base: str | None,
-    residual: float | None,
-    env_kwargs: list[str] | None,
-    hyperparams: list[str] | None,
-    conf_file: Path | None,
-) -> "Settings":
-    from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
-    from uvms_gym.training.ppo import Settings
-
-    with user_errors():
-        pairs = {"env_kwargs": parse_pairs(env_kwargs or ()), "hyperparams": parse_pairs(hyperparams or ())}
-        gymnasium.spec(env)
-        found = read_hyperparameters(env, conf_file, residual=base is not None) | pairs["hyperparams"]
-    if n_envs is not None:
-        found["n_envs"] = n_envs
-    settings = Settings(env, found, pairs["env_kwargs"], seed, base)
-    return settings if residual is None else replace(settings, limit=residual)
-
-
 def _resumed(agent: Path) -> tuple["Settings", Path, Path]:
     from uvms_gym.training.ppo import Settings, latest_checkpoint
 
@@ -231,20 +221,6 @@ def _resumed(agent: Path) -> tuple["Settings", Path, Path]:
         agent.stat()
         folder = agent if agent.is_dir() else agent.parent
         return Settings.load(folder), folder, latest_checkpoint(folder) if agent.is_dir() else agent
-
-
-def _with(settings: "Settings", given: dict[str, Any]) -> "Settings":
-    """Settings with given options, and with evaluations and checkpoints in every tenth of a new run."""
-    steps = given.pop("n_timesteps")
-    if steps is not None:
-        settings = replace(settings, hyperparameters=settings.hyperparameters | {"n_timesteps": steps})
-    with user_errors():
-        tenth = max(1, math.ceil(settings.steps / PARTS))
-    for name in ("eval_freq", "save_freq"):
-        if getattr(settings, name) == 0:
-            given.setdefault(name, tenth)
-            given[name] = tenth if given[name] is None else given[name]
-    return replace(settings, **{name: value for name, value in given.items() if value is not None})
 
 
 def _new_folder(logs: Path, settings: "Settings") -> Path:
