@@ -8,24 +8,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import typer
+from typer import Option
 
 import uvms_gym
-from uvms_gym.cli.common import (
-    Json,
-    Out,
-    check_list,
-    check_range,
-    fail,
-    prepare,
-    progress,
-    read_scene,
-    say,
-    several,
-    table,
-    user_errors,
-    write_results,
-)
+from uvms_gym.cli.common import check_list, check_range, fail, prepare, progress, read_scene, several, user_errors
+from uvms_gym.cli.output import Json, Out, say, table, write_results
 from uvms_gym.studies.accuracy import conservation, plots, study, work_precision
 from uvms_gym.studies.accuracy.driven_motion import CURRENT, LEAD, PERIOD
 from uvms_gym.studies.accuracy.study import BASELINE, STEP, TIME
@@ -47,14 +34,14 @@ def accuracy(
     step: Annotated[list[float] | None, several(f"Step, s, that divides {PERIOD:g} s", "0.001 to 0.1")] = None,
     tolerance: Annotated[list[float] | None, several("Tolerance of the adaptive method", "1e-3 to 1e-10")] = None,
     seconds: Annotated[
-        float | None, typer.Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]")
+        float | None, Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]")
     ] = None,
     episodes: Annotated[
         int | None,
-        typer.Option(help=f"Instances, each with its own start and drive, 2 to {MOST_EPISODES}. [default: {EPISODES}]"),
+        Option(help=f"Instances, each with its own start and drive, 2 to {MOST_EPISODES}. [default: {EPISODES}]"),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of starts and drives.")] = 0,
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer steps and instances, and 2 s of motion.")] = False,
+    seed: Annotated[int, Option(help="Seed of starts and drives.")] = 0,
+    quick: Annotated[bool, Option("--quick", help="Fewer steps and instances, and 2 s of motion.")] = False,
     out: Out = Path("out/accuracy"),
     json_file: Json = None,
 ) -> None:

@@ -9,22 +9,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer import Option
 
 import uvms_gym
 from uvms_gym.cli import bench_report
-from uvms_gym.cli.common import (
-    Json,
-    Out,
-    check_list,
-    check_range,
-    fail,
-    prepare,
-    progress,
-    read_scene,
-    several,
-    user_errors,
-    write_results,
-)
+from uvms_gym.cli.common import check_list, check_range, fail, prepare, progress, read_scene, several, user_errors
+from uvms_gym.cli.output import Json, Out, write_results
 from uvms_gym.studies.records import circumstances
 from uvms_gym.studies.speed import environment, equal_error, learning, peers, physics, timing
 from uvms_gym.studies.speed.plots import plot_speed
@@ -63,17 +53,17 @@ def bench(
         list[str] | None, several("Instruction set, as UVMS_INSTRUCTION_SET names it", "the widest")
     ] = None,
     substeps: Annotated[list[int] | None, several("Steps per call", ", ".join(map(str, SUBSTEPS)), **_WHOLE)] = None,
-    integrator: Annotated[str, typer.Option(help="Integrator.")] = "mk4",
+    integrator: Annotated[str, Option(help="Integrator.")] = "mk4",
     repeats: Annotated[
-        int | None, typer.Option(help=f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]")
+        int | None, Option(help=f"Rounds after a discarded one, 1 to {MOST_REPEATS}. [default: {REPEATS}]")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of starts, thrusts and actions.")] = 0,
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer cases and rounds.")] = False,
-    env: Annotated[bool, typer.Option("--env", help="Time the environments, too, vector and single.")] = False,
+    seed: Annotated[int, Option(help="Seed of starts, thrusts and actions.")] = 0,
+    quick: Annotated[bool, Option("--quick", help="Fewer cases and rounds.")] = False,
+    env: Annotated[bool, Option("--env", help="Time the environments, too, vector and single.")] = False,
     with_peers: Annotated[
-        bool, typer.Option("--peers", help="Time MuJoCo and Pinocchio, too (extra `peers`), interleaved with ours.")
+        bool, Option("--peers", help="Time MuJoCo and Pinocchio, too (extra `peers`), interleaved with ours.")
     ] = False,
-    sb3: Annotated[bool, typer.Option("--sb3", help="Time PPO of Stable-Baselines3, too.")] = False,
+    sb3: Annotated[bool, Option("--sb3", help="Time PPO of Stable-Baselines3, too.")] = False,
     out: Out = Path("out/bench"),
     json_file: Json = None,
 ) -> None:

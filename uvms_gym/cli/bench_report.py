@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from uvms_gym.cli.common import say, table
+from uvms_gym.cli.output import say, table
 from uvms_gym.studies.speed.peers import ABA
 from uvms_gym.studies.speed.physics import DT
 from uvms_gym.studies.speed.plots import SHORT

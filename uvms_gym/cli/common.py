@@ -1,4 +1,4 @@
-"""Options, checks, tables, progress bars and files of all commands.
+"""Options, checks, user errors and progress bars of all commands.
 
 Lists are given by repeating an option (`--scene a --scene b`); commas separate the entries of one vector (`X,Y,Z`).
 """
@@ -7,31 +7,25 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import gymnasium
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
+from typer import Option
 
 import uvms_gym
-from uvms_gym.studies import records
 
 T = TypeVar("T")
 
 
 def several(text: str, default: str = "all", **options: Any) -> Any:
     """Make an option that may be repeated, with its default in the help."""
-    return typer.Option(help=f"{text}; may be repeated. [default: {default}]", **options)
+    return Option(help=f"{text}; may be repeated. [default: {default}]", **options)
 
 
-Scene = Annotated[str, typer.Option(help="Scene: name or TOML file.")]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for pictures (PNG) and JSON.")]
-Json = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
-
+Scene = Annotated[str, Option(help="Scene: name or TOML file.")]
 console = Console(highlight=False)
 if not console.is_terminal:
     # Files and pipes have no width; the widest tables need this much.
@@ -63,11 +57,12 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
     TyperException
         In place of ValueError, TypeError, ImportError, OSError and errors of Gymnasium.
     """
+    caught: tuple[type[Exception], ...] = (ValueError, TypeError, ImportError, gymnasium.error.Error, *also)
     try:
         yield
     except OSError as error:
         raise fail(f"cannot {verb} {error.filename}: {error.strerror or error}") from None
-    except (ValueError, TypeError, ImportError, gymnasium.error.Error, *also) as error:
+    except caught as error:
         # Gymnasium appends all arguments, whole scenes among them.
         reason = str(error).split(" was raised from the environment creator")[0]
         raise fail(place + " ".join(reason.split())) from None
@@ -91,25 +86,6 @@ def progress() -> Progress:
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     terminal = Console(stderr=True)
     return Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal)
-
-
-def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]], text_columns: int = 1) -> None:
-    """Print a table; all but the first columns hold numbers."""
-    console.print(title, style="bold", markup=False)
-    drawn = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for i, name in enumerate(header):
-        justify: Literal["left", "right"] = "left" if i < text_columns else "right"
-        drawn.add_column(name, justify=justify, overflow="fold", no_wrap=i == 0 and text_columns == 1)
-    for row in rows:
-        drawn.add_row(*(escape(str(cell)) for cell in row))
-    console.print(drawn)
-    console.print()
-
-
-def say(text: str) -> None:
-    """Print a paragraph."""
-    console.print(text, style="dim", markup=False)
-    console.print()
 
 
 def line(text: str) -> None:
@@ -167,24 +143,3 @@ def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ())
             raise fail(f"cannot write {file}: it is a folder")
         if file.exists() and not os.access(file, os.W_OK):
             raise fail(f"cannot write {file}: permission denied")
-
-
-def write_json(path: Path, data: dict[str, Any]) -> None:
-    """Write data as JSON.
-
-    Raises
-    ------
-    TyperException
-        The file cannot be written.
-    """
-    with user_errors(verb="write"):
-        records.write_json(path, data)
-
-
-def write_results(
-    out: Path, files: Sequence[str], json_file: Path | None, data: dict[str, Any], note: str = ""
-) -> None:
-    """Write data to the first of `files` in `out` and to `json_file`, and print the names of all files of the run."""
-    for path in {out / files[0], json_file or out / files[0]}:
-        write_json(path, data)
-    line(f"{out}: {', '.join(files)}{note}")

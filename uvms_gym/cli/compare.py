@@ -5,24 +5,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import typer
+from typer import Argument, Option
 
 from uvms_gym.cli import compare_report
-from uvms_gym.cli.common import (
-    Json,
-    Out,
-    check_list,
-    check_range,
-    fail,
-    line,
-    prepare,
-    progress,
-    read_scene,
-    say,
-    several,
-    user_errors,
-    write_results,
-)
+from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, read_scene, several, user_errors
+from uvms_gym.cli.output import Json, Out, say, write_results
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import DEPARTURES, DESIGN, make_conditions
@@ -45,25 +32,23 @@ def compare(
     scene: Annotated[list[str] | None, several("Scene: name or TOML file", "petasus-pum")] = None,
     controller: Annotated[list[str] | None, several(f"One of {KNOWN}", "every available controller")] = None,
     episodes: Annotated[
-        int, typer.Option(help=f"Episodes of each controller under each condition, 2 to {MOST_EPISODES}.")
+        int, Option(help=f"Episodes of each controller under each condition, 2 to {MOST_EPISODES}.")
     ] = 1024,
-    seed: Annotated[int, typer.Option(help="Episode i has the seed SEED + i.")] = 0,
+    seed: Annotated[int, Option(help="Episode i has the seed SEED + i.")] = 0,
     condition: Annotated[list[str] | None, several(f"One of {', '.join(DEPARTURES)}", DESIGN)] = None,
-    off_design: Annotated[bool, typer.Option("--off-design", help="All conditions.")] = False,
+    off_design: Annotated[bool, Option("--off-design", help="All conditions.")] = False,
     disturbance: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="Level of disturbances, such as storm, in place of the environment's; may be repeated. "
             "`uvms disturbances` lists them."
         ),
     ] = None,
     current: Annotated[
         float | None,
-        typer.Option(help=f"Greatest speed of the random current without a disturbance, 0 to {MOST_CURRENT:g} m/s."),
+        Option(help=f"Greatest speed of the random current without a disturbance, 0 to {MOST_CURRENT:g} m/s."),
     ] = None,
-    action: Annotated[
-        Literal["wrench", "thrusters"], typer.Option(help="Commanded quantity of controllers.")
-    ] = "wrench",
+    action: Annotated[Literal["wrench", "thrusters"], Option(help="Commanded quantity of controllers.")] = "wrench",
     out: Out = Path("out/compare"),
     json_file: Json = None,
 ) -> None:
@@ -128,7 +113,7 @@ def compare(
 
 
 def verify(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A compare.json, or the results.json of policies.")],
+    file: Annotated[Path, Argument(metavar="FILE", help="A compare.json, or the results.json of policies.")],
 ) -> None:
     """Run a stored comparison again, and report differences; the exit status is 2 if there are any."""
     with user_errors():

@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from uvms_gym.cli.common import console, line, table
+from uvms_gym.cli.common import console, line
+from uvms_gym.cli.output import table
 from uvms_gym.studies.comparison.conditions import DEPARTURES
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, SETTLED
 from uvms_gym.studies.comparison.plots import Results, controllers_of

@@ -6,11 +6,12 @@ from typing import Annotated, Any
 
 import gymnasium
 import numpy as np
-import typer
 from numpy.typing import NDArray
+from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym.cli.common import Out, Scene, check_range, fail, line, prepare, read_scene, say, table, user_errors
+from uvms_gym.cli.common import Scene, check_range, fail, line, prepare, read_scene, user_errors
+from uvms_gym.cli.output import Out, say, table
 from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
 
 Profile = dict[str, NDArray[np.float64]]
@@ -33,11 +34,11 @@ LONGEST = 3600.0
 
 def disturbances(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="Level. [default: all, and the shape of each component]")
+        str | None, Argument(metavar="[NAME]", help="Level. [default: all, and the shape of each component]")
     ] = None,
     scene: Scene = "petasus-pum",
-    seed: Annotated[int, typer.Option(help="Seed of the episode.")] = 0,
-    seconds: Annotated[float, typer.Option(help=f"Duration of the pictures, 1 to {LONGEST:g} s.")] = 20.0,
+    seed: Annotated[int, Option(help="Seed of the episode.")] = 0,
+    seconds: Annotated[float, Option(help=f"Duration of the pictures, 1 to {LONGEST:g} s.")] = 20.0,
     out: Out = Path("out/disturbances"),
 ) -> None:
     """List the levels of disturbances, and draw them over an episode.

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from uvms_gym.studies.plotting import BLUE, COLOURS, GREEN, ORANGE, PURPLE, VERMILION, picture
 
@@ -32,7 +31,9 @@ def plot_episode(path: Path, title: str, names: Sequence[str], instants: Sequenc
         water.set(title=f"{title}: water at the vehicle", ylabel="m/s")
         rest.plot(time, of("disturbance_force"), color=VERMILION, label="force, N")
         rest.set(title="Other disturbances", ylabel="N", ylim=(0.0, None))
-        share = _beside(rest)
+        share = rest.twinx()
+        share.grid(visible=False)
+        share.spines["right"].set_visible(True)
         share.plot(time, of("payload"), color=PURPLE, label="payload, kg")
         share.plot(time, of("thruster_gain"), color=ORANGE, linestyle="--", label="gain of the weakest thruster")
         share.set(ylabel="kg, 1", ylim=(0.0, None))
@@ -48,10 +49,3 @@ def plot_episode(path: Path, title: str, names: Sequence[str], instants: Sequenc
         acts.set(title="Actions", ylabel="share of the limit", xlabel="time (s)", ylim=(-1.05, 1.05))
         for axes in (water, errors, acts):
             axes.legend(ncol=6)
-
-
-def _beside(axes: Axes) -> Axes:
-    twin = axes.twinx()
-    twin.grid(visible=False)
-    twin.spines["right"].set_visible(True)
-    return twin

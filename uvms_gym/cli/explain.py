@@ -4,21 +4,11 @@ import math
 from typing import Annotated
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
+from typer import Option
 
-from uvms_gym.cli.common import (
-    Json,
-    check_range,
-    console,
-    prepare,
-    progress,
-    read_scene,
-    say,
-    table,
-    user_errors,
-    write_json,
-)
+from uvms_gym.cli.common import check_range, console, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.output import Json, say, table, write_json
 from uvms_gym.cli.scenes import Scene
 from uvms_gym.studies.accuracy.driven_motion import CURRENT
 from uvms_gym.studies.records import circumstances
@@ -35,8 +25,8 @@ SMALL = (1e-3, 1e-3, 1e-3)
 
 def explain(
     scene: Scene,
-    episodes: Annotated[int, typer.Option(help=f"Motions of the ensemble, 1 to {MOST_EPISODES}.")] = 64,
-    seed: Annotated[int, typer.Option(help="Seed of the ensemble.")] = 0,
+    episodes: Annotated[int, Option(help=f"Motions of the ensemble, 1 to {MOST_EPISODES}.")] = 64,
+    seed: Annotated[int, Option(help="Seed of the ensemble.")] = 0,
     json_file: Json = None,
 ) -> None:
     """Measure the cost of each modelled term per step, and the error without it.

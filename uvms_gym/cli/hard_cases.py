@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from uvms_gym.cli.common import Json, Out, prepare, progress, say, several, table, user_errors, write_results
+from uvms_gym.cli.common import prepare, progress, several, user_errors
+from uvms_gym.cli.output import Json, Out, say, table, write_results
 from uvms_gym.studies.hard_cases.case import BOUND, BOUND_FLOAT32, COARSEST, DTYPES, GROSS, Case, Run, methods
 from uvms_gym.studies.hard_cases.plots import SHORT, plot_hard_cases
 from uvms_gym.studies.hard_cases.study import as_data, run_all, select

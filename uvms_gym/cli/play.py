@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import gymnasium
-import typer
+from typer import Option
 
 from uvms_gym.cli.common import Scene, check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.cli.episode_plot import Instant, plot_episode
@@ -27,26 +27,23 @@ KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
 
 
 def play(
-    env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-v0",
+    env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-v0",
     scene: Scene = "petasus-pum",
     controller: Annotated[
-        str | None, typer.Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
+        str | None, Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
     ] = None,
     disturbance: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Level of disturbances. [default: the environment's]")
+        str | None, Option(metavar="NAME", help="Level of disturbances. [default: the environment's]")
     ] = None,
-    seconds: Annotated[float, typer.Option(help=f"Duration, up to {MOST_SECONDS:g} s.")] = 20.0,
-    seed: Annotated[int, typer.Option(help="Seed of the episode.")] = 0,
+    seconds: Annotated[float, Option(help=f"Duration, up to {MOST_SECONDS:g} s.")] = 20.0,
+    seed: Annotated[int, Option(help="Seed of the episode.")] = 0,
     out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture only (.png)."),
+        Path | None, Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture only (.png).")
     ] = None,
-    window: Annotated[bool, typer.Option("--window", help="Show the episode in a window.")] = False,
+    window: Annotated[bool, Option("--window", help="Show the episode in a window.")] = False,
     plot: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="PNG of disturbances, errors and actions over time, with or without a video."
-        ),
+        Option(metavar="FILE", help="PNG of disturbances, errors and actions over time, with or without a video."),
     ] = None,
 ) -> None:
     """Show an episode under a controller: in a window, a file, or a plot over time."""

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from uvms_gym.cli.common import Json, Out, prepare, progress, say, table, user_errors, write_results
+from uvms_gym.cli.common import prepare, progress, user_errors
+from uvms_gym.cli.output import Json, Out, say, table, write_results
 from uvms_gym.studies.paper import arm_motion, free_body, momentum, plots
 from uvms_gym.studies.records import circumstances
 

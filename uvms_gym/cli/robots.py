@@ -3,20 +3,21 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym.cli.common import Json, console, fail, prepare, user_errors, write_json
+from uvms_gym.cli.common import console, fail, prepare, user_errors
+from uvms_gym.cli.output import Json, write_json
 from uvms_gym.robots import import_with_notes
 
 File = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="File to write the TOML text to. [default: the terminal]")
+    Path | None, Option("--out", metavar="FILE", help="File to write the TOML text to. [default: the terminal]")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+Force = Annotated[bool, Option("--force", help="Overwrite an existing file.")]
 
 
 def _shapes(dimensions: str, text: str) -> Any:
-    return typer.Option(metavar=f"{dimensions}[@X,Y,Z[,ROLL,PITCH,YAW]]", help=f"{text}; may be repeated.")
+    return Option(metavar=f"{dimensions}[@X,Y,Z[,ROLL,PITCH,YAW]]", help=f"{text}; may be repeated.")
 
 
 def template(out: File = None, force: Force = False) -> None:
@@ -26,31 +27,30 @@ def template(out: File = None, force: Force = False) -> None:
 
 def estimate(
     outline: Annotated[
-        Path | None, typer.Argument(metavar="[FILE]", help="TOML file of shapes: see `help(uvms_gym.estimate)`.")
+        Path | None, Argument(metavar="[FILE]", help="TOML file of shapes: see `help(uvms_gym.estimate)`.")
     ] = None,
     box: Annotated[list[str] | None, _shapes("X,Y,Z", "Edges, m, and placement")] = None,
     cylinder: Annotated[list[str] | None, _shapes("RADIUS,LENGTH[,AXIS]", "m; axis x (default), y or z")] = None,
     capsule: Annotated[list[str] | None, _shapes("RADIUS,LENGTH[,AXIS]", "Length without its half spheres")] = None,
     ellipsoid: Annotated[list[str] | None, _shapes("A,B,C", "Semi-axes, m")] = None,
     perforation: Annotated[
-        str | None, typer.Option(metavar="P[,P,P]", help="Open part of the faces, 0 to 0.5, of all axes or each.")
+        str | None, Option(metavar="P[,P,P]", help="Open part of the faces, 0 to 0.5, of all axes or each.")
     ] = None,
     solidity: Annotated[
-        str | None,
-        typer.Option(metavar="S[,S,S]", help="Damping over that of the closed shape. [default: 1 - perforation]"),
+        str | None, Option(metavar="S[,S,S]", help="Damping over that of the closed shape. [default: 1 - perforation]")
     ] = None,
     displaced: Annotated[
-        float | None, typer.Option(metavar="PART", help="Part of the envelope that displaces water. [default: 1]")
+        float | None, Option(metavar="PART", help="Part of the envelope that displaces water. [default: 1]")
     ] = None,
     relative_density: Annotated[
-        float | None, typer.Option(metavar="D", help="Mass over that of the displaced water. [default: 1]")
+        float | None, Option(metavar="D", help="Mass over that of the displaced water. [default: 1]")
     ] = None,
-    joined: Annotated[bool, typer.Option("--joined", help="Boxes and cylinders are parts of an arm.")] = False,
-    density: Annotated[float, typer.Option(metavar="RHO", help="Density of the water, kg/m3.")] = 1000.0,
+    joined: Annotated[bool, Option("--joined", help="Boxes and cylinders are parts of an arm.")] = False,
+    density: Annotated[float, Option(metavar="RHO", help="Density of the water, kg/m3.")] = 1000.0,
     speed: Annotated[
-        str, typer.Option(metavar="V,W", help="Speeds of equal linear and quadratic damping, m/s and rad/s.")
+        str, Option(metavar="V,W", help="Speeds of equal linear and quadratic damping, m/s and rad/s.")
     ] = "0.1,0.3",
-    table: Annotated[str, typer.Option(metavar="KEY", help="Table of the scene.")] = "vehicle.body",
+    table: Annotated[str, Option(metavar="KEY", help="Table of the scene.")] = "vehicle.body",
     out: File = None,
     force: Force = False,
     json_file: Json = None,
@@ -83,15 +83,13 @@ def estimate(
 
 
 def import_arm(
-    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="URDF file; a xacro file must be expanded first.")],
-    vehicle: Annotated[
-        str, typer.Option(metavar="SCENE", help="Scene with the water and the vehicle.")
-    ] = "bluerov2-heavy",
+    urdf: Annotated[Path, Argument(metavar="URDF", help="URDF file; a xacro file must be expanded first.")],
+    vehicle: Annotated[str, Option(metavar="SCENE", help="Scene with the water and the vehicle.")] = "bluerov2-heavy",
     mount: Annotated[
-        str, typer.Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="Pose of the base link in the vehicle frame, m and rad.")
+        str, Option(metavar="X,Y,Z,ROLL,PITCH,YAW", help="Pose of the base link in the vehicle frame, m and rad.")
     ] = "0,0,0,0,0,0",
-    base: Annotated[str | None, typer.Option(metavar="LINK", help="First link. [default: the root]")] = None,
-    tip: Annotated[str | None, typer.Option(metavar="LINK", help="Last link. [default: the only leaf]")] = None,
+    base: Annotated[str | None, Option(metavar="LINK", help="First link. [default: the root]")] = None,
+    tip: Annotated[str | None, Option(metavar="LINK", help="Last link. [default: the only leaf]")] = None,
     out: File = None,
     force: Force = False,
 ) -> None:

@@ -4,18 +4,20 @@ import math
 from typing import Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym.cli.common import Json, check_range, console, fail, prepare, read_scene, table, write_json
+from uvms_gym.cli.common import check_range, console, fail, prepare, read_scene
+from uvms_gym.cli.output import Json, table, write_json
 from uvms_gym.studies.numerics import bodies
 
 app = typer.Typer(help="List, show, check and explain scenes.", no_args_is_help=True)
 
-Scene = Annotated[str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
+Scene = Annotated[str, Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
 
 Speed = Annotated[
     float | None,
-    typer.Option(
+    Option(
         metavar="SPEED",
         help="Expected speed of the vehicle along each axis, m/s and rad/s. [default: where full thrust balances drag]",
     ),
@@ -74,7 +76,7 @@ def show(scene: Scene, json_file: Json = None) -> None:
 def check(
     scene: Scene,
     speed: Speed = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit status 1 if there are warnings.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Exit status 1 if there are warnings.")] = False,
     json_file: Json = None,
 ) -> None:
     """Check a scene, and show its warnings, balance, fastest modes and stable steps.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import gymnasium
-import typer
+from typer import Option
 
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, user_errors
 from uvms_gym.studies.records import circumstances
@@ -25,51 +25,49 @@ MOST_EPISODES, MOST_THREADS = 100_000, 1024
 
 
 def train(
-    algo: Annotated[Literal["ppo"], typer.Option(help="Algorithm.")] = "ppo",
-    env: Annotated[str, typer.Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
+    algo: Annotated[Literal["ppo"], Option(help="Algorithm.")] = "ppo",
+    env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     n_timesteps: Annotated[
         int | None,
-        typer.Option("-n", "--n-timesteps", help="Steps of all instances together. [default: that of the YAML file]"),
+        Option("-n", "--n-timesteps", help="Steps of all instances together. [default: that of the YAML file]"),
     ] = None,
-    n_envs: Annotated[int | None, typer.Option(help="Instances. [default: that of the YAML file]")] = None,
-    seed: Annotated[int | None, typer.Option(help="Training seed. [default: 0]")] = None,
+    n_envs: Annotated[int | None, Option(help="Instances. [default: that of the YAML file]")] = None,
+    seed: Annotated[int | None, Option(help="Training seed. [default: 0]")] = None,
     base: Annotated[
-        str | None, typer.Option(metavar="CONTROLLER", help="Learn corrections to this controller, such as pd.")
+        str | None, Option(metavar="CONTROLLER", help="Learn corrections to this controller, such as pd.")
     ] = None,
     residual: Annotated[
-        float | None, typer.Option(metavar="LIMIT", help="Greatest correction with --base, 0 to 1. [default: 0.3]")
+        float | None, Option(metavar="LIMIT", help="Greatest correction with --base, 0 to 1. [default: 0.3]")
     ] = None,
     env_kwargs: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY:VALUE", help="Argument of the environment, such as substeps:5; may be repeated."),
+        Option(metavar="KEY:VALUE", help="Argument of the environment, such as substeps:5; may be repeated."),
     ] = None,
     hyperparams: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             "-params", "--hyperparams", metavar="KEY:VALUE", help="Hyperparameter, such as gamma:0.95; may be repeated."
         ),
     ] = None,
     conf_file: Annotated[
-        Path | None, typer.Option("-conf", "--conf-file", metavar="FILE", help="Hyperparameters, rl_zoo3's YAML.")
+        Path | None, Option("-conf", "--conf-file", metavar="FILE", help="Hyperparameters, rl_zoo3's YAML.")
     ] = None,
     eval_freq: Annotated[
-        int | None, typer.Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]")
+        int | None, Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]")
     ] = None,
-    eval_episodes: Annotated[
-        int | None, typer.Option(help="Held-out episodes of an evaluation. [default: 512]")
-    ] = None,
+    eval_episodes: Annotated[int | None, Option(help="Held-out episodes of an evaluation. [default: 512]")] = None,
     save_freq: Annotated[
-        int | None, typer.Option(help="Steps between checkpoints; negative: only at the end. [default: a tenth of all]")
+        int | None, Option(help="Steps between checkpoints; negative: only at the end. [default: a tenth of all]")
     ] = None,
     log_folder: Annotated[
-        Path, typer.Option("-f", "--log-folder", metavar="DIR", help="Parent of the run's folder, ppo/ENV_1 and so on.")
+        Path, Option("-f", "--log-folder", metavar="DIR", help="Parent of the run's folder, ppo/ENV_1 and so on.")
     ] = Path("out/train"),
     tensorboard_log: Annotated[
-        Path | None, typer.Option("-tb", "--tensorboard-log", metavar="DIR", help="Folder for TensorBoard.")
+        Path | None, Option("-tb", "--tensorboard-log", metavar="DIR", help="Folder for TensorBoard.")
     ] = None,
     trained_agent: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "-i",
             "--trained-agent",
             metavar="PATH",
@@ -77,17 +75,15 @@ def train(
         ),
     ] = None,
     export: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Also write the policy here (.safetensors), and a model card.")
+        Path | None, Option(metavar="FILE", help="Also write the policy here (.safetensors), and a model card.")
     ] = None,
     num_threads: Annotated[
-        int | None, typer.Option(help="Threads of torch and of the environment; -1: all. [default: 1]")
+        int | None, Option(help="Threads of torch and of the environment; -1: all. [default: 1]")
     ] = None,
-    device: Annotated[str | None, typer.Option(help="Device of torch. [default: cpu]")] = None,
-    show_progress: Annotated[
-        bool, typer.Option("--progress/--no-progress", "-P/", help="Show a bar, on a terminal.")
-    ] = True,
+    device: Annotated[str | None, Option(help="Device of torch. [default: cpu]")] = None,
+    show_progress: Annotated[bool, Option("--progress/--no-progress", "-P/", help="Show a bar, on a terminal.")] = True,
     verbose: Annotated[
-        int, typer.Option(help="0: only the result; 1: evaluations; 2: the log of Stable-Baselines3, too.")
+        int, Option(help="0: only the result; 1: evaluations; 2: the log of Stable-Baselines3, too.")
     ] = 1,
 ) -> int:
     """Train a policy by PPO, evaluate it on held-out episodes, and export it.
@@ -139,15 +135,16 @@ def train(
             found = read_hyperparameters(env, conf_file, residual=base is not None) | pairs["hyperparams"]
         if n_envs is not None:
             found["n_envs"] = n_envs
-        limit = {} if residual is None else {"limit": residual}
-        settings = Settings(env, found, pairs["env_kwargs"], seed or 0, base, **limit)
+        settings = Settings(env, found, pairs["env_kwargs"], seed or 0, base)
+        if residual is not None:
+            settings = replace(settings, limit=residual)
         folder, agent = log_folder, None
     if n_timesteps is not None:
         settings = replace(settings, hyperparameters=settings.hyperparameters | {"n_timesteps": n_timesteps})
     with user_errors():
         # Evaluations and checkpoints in every tenth of a new run.
         tenth = max(1, math.ceil(settings.steps / PARTS))
-    given = {
+    given: dict[str, Any] = {
         "eval_freq": tenth if eval_freq is None and settings.eval_freq == 0 else eval_freq,
         "save_freq": tenth if save_freq is None and settings.save_freq == 0 else save_freq,
         "eval_episodes": eval_episodes,

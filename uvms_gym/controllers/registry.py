@@ -85,12 +85,7 @@ def names(task: str | None = None) -> tuple[str, ...]:
 
 
 def make_controller(
-    name: str,
-    env: Any = None,
-    *,
-    gains: Literal["tuned", "scene"] = "tuned",
-    seed: int | None = None,
-    **options: Any,
+    name: str, env: Any = None, *, gains: Literal["tuned", "scene"] = "tuned", seed: int | None = None, **options: Any
 ) -> Controller:
     """Make a controller by its name, with tuned gains or a shipped policy.
 

@@ -27,6 +27,7 @@ _SCALED: Mapping[str, tuple[str, ...]] = {
     "payload": ("share", "mass"),
     "arm": ("amplitude",),
 }
+_HEAVY_PAYLOAD = {"share": [0.16, 0.24], "pick": [2.0, 6.0], "hold": [4.0, 8.0]}
 #: Components of sensors, which act on observations only.
 _SENSORS = ("noise", "delay")
 
@@ -88,9 +89,7 @@ def _level(options: Options) -> Components:
     given = options.get("disturbance")
     if given is None:
         return {"current": {"speed": [0.0, options.get("max_current", 0.3)]}}
-    return (
-        copy.deepcopy(disturbance_levels()[given].components) if isinstance(given, str) else copy.deepcopy(dict(given))
-    )
+    return copy.deepcopy(dict(disturbance_levels()[given].components if isinstance(given, str) else given))
 
 
 def _with(options: Options, **changes: Any) -> Components:
@@ -135,10 +134,7 @@ DEPARTURES: dict[str, Departure] = {
     ),
     "storm-hard": Departure("the level held out for evaluation", lambda options: {"disturbance": "storm-hard"}),
     "payload": Departure(
-        "payload of 16 to 24 % of the thrust",
-        lambda options: {
-            "disturbance": _with(options, payload={"share": [0.16, 0.24], "pick": [2.0, 6.0], "hold": [4.0, 8.0]})
-        },
+        "payload of 16 to 24 % of the thrust", lambda options: {"disturbance": _with(options, payload=_HEAVY_PAYLOAD)}
     ),
     "arm-only": Departure(
         "no disturbance but the arm's motion", lambda options: {"disturbance": _only(options, "arm")}

@@ -69,9 +69,8 @@ def _bars(axes: "Axes", summary: Summary, metric: str) -> None:
         estimates = summary.controllers[name]["metrics"][metric]["whole"]
         value, low, high = (description.scale * x for x in estimates.get("iqm", estimates.get("mean")))
         axes.barh(k, value, color=colour[name], height=0.68)
-        axes.errorbar(
-            value, k, xerr=[[max(0.0, value - low)], [max(0.0, high - value)]], color="#333333", capsize=3.0, lw=1.4
-        )
+        reach = [[max(0.0, value - low)], [max(0.0, high - value)]]
+        axes.errorbar(value, k, xerr=reach, color="#333333", capsize=3.0, lw=1.4)
         if description.error:
             tail = description.scale * estimates["p95"].value
             axes.plot(tail, k, "D", color="#333333", mfc="white", markersize=4.5)
@@ -116,24 +115,15 @@ def plot_profiles(path: Path, results: Results) -> None:
             for name, profile in summary.profiles.items():
                 learned = name not in classical
                 style = "-" if learned else _LINES[classical.index(name) % len(_LINES)]
-                (line,) = axes.plot(
-                    taus,
-                    100.0 * profile.value,
-                    style,
-                    color=colour[name],
-                    lw=2.2 if learned else 1.3,
-                    label=short_name(name),
-                    zorder=3 if learned else 2,
-                )
-                axes.fill_between(
-                    taus, 100.0 * profile.low, 100.0 * profile.high, color=colour[name], alpha=0.22, linewidth=0.0
-                )
+                value, low, high = (100.0 * shares for shares in profile)
+                weight: Any = {"lw": 2.2, "zorder": 3} if learned else {"lw": 1.3, "zorder": 2}
+                (line,) = axes.plot(taus, value, style, color=colour[name], label=short_name(name), **weight)
+                axes.fill_between(taus, low, high, color=colour[name], alpha=0.22, linewidth=0.0)
                 handles.setdefault(name, line)
             axes.set_xscale("log")
             _plain_ticks(axes)
-            condition = comparison.condition
-            axes.set(title=condition.label if len(results) > 1 else condition.name, ylim=(0.0, 101.0))
-            axes.set_xlabel("RMS pose error up to, mm")
+            title = comparison.condition.label if len(results) > 1 else comparison.condition.name
+            axes.set(title=title, ylim=(0.0, 101.0), xlabel="RMS pose error up to, mm")
         for axes in grid.flat[len(results) :]:
             axes.set_visible(False)
         for axes in grid[:, 0]:
@@ -187,20 +177,12 @@ def _heat(axes: "Axes", results: Results) -> Any:
             else:
                 words = comparison.missing.get(name, "-")
             dark = abs(ratios[row, column]) > 1.2
-            axes.text(
-                column,
-                row,
-                words,
-                ha="center",
-                va="center",
-                fontsize=9.0 if name in values else 7.5,
-                color="white" if dark else "black" if name in values else "#888888",
-                fontweight="bold" if name == summary.winner else "normal",
-            )
+            style: Any = {"color": "white" if dark else "black" if name in values else "#888888", "ha": "center"}
+            style |= {"fontsize": 9.0 if name in values else 7.5, "va": "center"}
+            axes.text(column, row, words, fontweight="bold" if name == summary.winner else "normal", **style)
             if name == summary.winner:
-                axes.add_patch(
-                    Rectangle((column - 0.47, row - 0.45), 0.94, 0.9, fill=False, edgecolor="black", linewidth=1.8)
-                )
+                corner = (column - 0.47, row - 0.45)
+                axes.add_patch(Rectangle(corner, 0.94, 0.9, fill=False, edgecolor="black", linewidth=1.8))
     image = axes.imshow(np.clip(ratios, -2.0, 2.0), cmap="RdBu_r", vmin=-2.0, vmax=2.0, aspect="auto")
     axes.set_xticks(range(len(names)), [short_name(name) for name in names], rotation=0)
     axes.set_yticks(range(len(results)), [comparison.condition.label for comparison, _ in results])

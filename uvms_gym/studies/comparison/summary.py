@@ -106,7 +106,6 @@ def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeSco
                 found[metric, part] = _Statistics(*scores.statistics(description.cut, thresholds=asked))
         return name, found
 
-    against: dict[str, dict[str, Any]] = {}
     first = first_baseline(names)
 
     def compare(name: str) -> dict[str, Any]:
@@ -116,6 +115,7 @@ def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeSco
         found = dict(pool.map(estimate, names))
         others = [name for name in names if name != first]
         compared = dict(zip(others, pool.map(compare, others), strict=True))
+    against: dict[str, dict[str, Any]] = {}
     for other in baselines(names):
         against[other] = {name: _ratios(found[name], found[other]) for name in names if name != other}
     for name in others:

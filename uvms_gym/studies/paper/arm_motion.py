@@ -94,24 +94,14 @@ def _sample(simulator: Simulator) -> dict[str, Any]:
 
 
 def _numbers(columns: dict[str, Floats], ideal: Floats) -> dict[str, float]:
-    moved = np.linalg.norm(columns["position"], axis=1)
-    turned = np.linalg.norm(columns["rpy"], axis=1)
-    missed = np.linalg.norm(columns["end_effector"] - ideal, axis=1)
-    lagged = columns["q"][:, JOINT] - columns["joint_2_target"]
-    return {
-        "position_max": float(moved.max()),
-        "position_rms": _rms(moved),
-        "position_final": float(moved[-1]),
-        "angle_start": float(turned[0]),
-        "angle_max": float(turned.max()),
-        "angle_rms": _rms(turned),
-        "angle_final": float(turned[-1]),
-        "end_effector_max": float(missed.max()),
-        "end_effector_rms": _rms(missed),
-        "end_effector_final": float(missed[-1]),
-        "joint_2_error_max": float(np.abs(lagged).max()),
-    }
-
-
-def _rms(values: Floats) -> float:
-    return math.sqrt(float((values**2).mean()))
+    missed = columns["end_effector"] - ideal
+    vectors = {"position": columns["position"], "angle": columns["rpy"], "end_effector": missed}
+    result = {}
+    for name, vector in vectors.items():
+        size = np.linalg.norm(vector, axis=1)
+        result[f"{name}_max"] = float(size.max())
+        result[f"{name}_rms"] = math.sqrt(float((size**2).mean()))
+        result[f"{name}_final"] = float(size[-1])
+    lag = columns["q"][:, JOINT] - columns["joint_2_target"]
+    start = float(np.linalg.norm(columns["rpy"], axis=1)[0])
+    return result | {"angle_start": start, "joint_2_error_max": float(np.abs(lag).max())}

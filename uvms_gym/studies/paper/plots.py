@@ -49,9 +49,8 @@ def plot_gamma_sweep(path: Path, data: Mapping[str, Any]) -> None:
         for axes, (integrator, sweep) in zip(figure.subplots(1, 2), data.items(), strict=True):
             gamma = [row["gamma"] for row in sweep["rows"]]
             yaw = [row["yaw_499_9"] for row in sweep["rows"]]
-            axes.axhline(
-                printed, color=VERMILION, linestyle="--", linewidth=1.0, label=f"printed for Fossen: {printed}"
-            )
+            label = f"printed for Fossen: {printed}"
+            axes.axhline(printed, color=VERMILION, linestyle="--", linewidth=1.0, label=label)
             axes.axhline(exact, color=BLACK, linestyle=":", linewidth=1.2, label=f"reference: {exact:.5f}")
             axes.plot(gamma, yaw, "o-", color=BLUE, markersize=4.0)
             label = "yaw at 499.9 s (rad)"
@@ -91,9 +90,8 @@ def plot_momentum(path: Path, data: Mapping[str, Any]) -> None:
             for kind, marker, colour in (("linear", "s", GREEN), ("angular", "o", BLUE)):
                 label = f"{kind} (order {study['orders'][kind]:.2f})"
                 by_step.loglog(steps, [run[kind] for run in study["runs"]], marker=marker, color=colour, label=label)
-            by_step.axhline(
-                BAR, color=VERMILION, linestyle="--", linewidth=1.0, label=f"{BAR:.0e}, the most at h = 0.01 s"
-            )
+            label = f"{BAR:.0e}, the most at h = 0.01 s"
+            by_step.axhline(BAR, color=VERMILION, linestyle="--", linewidth=1.0, label=label)
             by_step.set(title="Greatest drift in 100 s", xlabel="step h (s)", ylabel="relative drift")
             _step_ticks(by_step, steps)
             by_step.legend(loc="lower right")

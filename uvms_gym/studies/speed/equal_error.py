@@ -13,6 +13,9 @@ from uvms_gym.studies.numerics import Floats, loglog_interpolation
 from uvms_gym.studies.speed.physics import DT, THRUST
 from uvms_gym.studies.speed.timing import Tick
 
+#: Initial states, held thrusts (N, m) and joint targets (n,).
+Motions = tuple[list[dict[str, Floats]], Floats, Floats]
+
 #: Motions and their duration, s: vehicle with a random initial twist, held thrusts, arm held at home by its servos.
 MOTIONS, TIME = 8, 1.0
 #: Greatest speeds at the start, m/s and rad/s.
@@ -42,19 +45,19 @@ def study(scene: dict[str, Any], seed: int, quick: bool, tick: Tick) -> dict[str
         MuJoCo's motion is finite at fewer than two steps.
     """
     ladders = QUICK_LADDERS if quick else LADDERS
-    states, thrust, home = _motions(scene, seed)
-    fine = _by_us(scene, states, thrust, home, OURS)
+    motions = _motions(scene, seed)
+    fine = _by_us(scene, motions, OURS)
     tick()
-    ours = {dtype: _error(_by_us(scene, states, thrust, home, DT, dtype), fine) for dtype in ("float64", "float32")}
-    uncertainty = {"ours": _error(_by_us(scene, states, thrust, home, 2.0 * OURS), fine)}
+    ours = {dtype: _error(_by_us(scene, motions, DT, dtype), fine) for dtype in ("float64", "float32")}
+    uncertainty = {"ours": _error(_by_us(scene, motions, 2.0 * OURS), fine)}
     theirs: dict[str, Any] = {}
-    reference = _by_mujoco(scene, states, thrust, home, "RK4", THEIRS)
-    uncertainty["theirs"] = _error(_by_mujoco(scene, states, thrust, home, "RK4", 2.0 * THEIRS), reference)
+    reference = _by_mujoco(scene, motions, "RK4", THEIRS)
+    uncertainty["theirs"] = _error(_by_mujoco(scene, motions, "RK4", 2.0 * THEIRS), reference)
     tick()
     for integrator, steps in ladders.items():
         errors = []
         for step in steps:
-            errors.append(_error(_by_mujoco(scene, states, thrust, home, integrator, step), reference))
+            errors.append(_error(_by_mujoco(scene, motions, integrator, step), reference))
             tick()
         theirs[integrator] = {
             "steps": steps,
@@ -86,8 +89,7 @@ def equal_step(steps: tuple[float, ...], errors: list[float], error: float) -> d
     return {"step": step, "extrapolated": not h[0] <= step <= h[-1]}
 
 
-def _motions(scene: dict[str, Any], seed: int) -> tuple[list[dict[str, Floats]], Floats, Floats]:
-    """Initial states, held thrusts (N, m) and joint targets (n,)."""
+def _motions(scene: dict[str, Any], seed: int) -> Motions:
     rng = np.random.default_rng(seed)
     simulator = Simulator(scene)
     home = simulator.q[0]
@@ -105,15 +107,9 @@ def _motions(scene: dict[str, Any], seed: int) -> tuple[list[dict[str, Floats]],
     return states, THRUST * rng.uniform(low, high, (MOTIONS, len(low))), home
 
 
-def _by_us(
-    scene: dict[str, Any],
-    states: list[dict[str, Floats]],
-    thrust: Floats,
-    home: Floats,
-    step: float,
-    dtype: str = "float64",
-) -> Floats:
+def _by_us(scene: dict[str, Any], motions: Motions, step: float, dtype: str = "float64") -> Floats:
     """Final positions (N, 3) of the vehicles by MK4."""
+    states, thrust, home = motions
     simulator = Simulator(scene, MOTIONS, dt=step, dtype=dtype)
     simulator.set_state(**{name: np.array([state[name] for state in states]) for name in states[0]})
     inputs = {"thrust": thrust} if thrust.size else {}
@@ -123,12 +119,11 @@ def _by_us(
     return simulator.position
 
 
-def _by_mujoco(
-    scene: dict[str, Any], states: list[dict[str, Floats]], thrust: Floats, home: Floats, integrator: str, step: float
-) -> Floats:
+def _by_mujoco(scene: dict[str, Any], motions: Motions, integrator: str, step: float) -> Floats:
     """Final positions (N, 3) of the vehicles by MuJoCo."""
     from uvms_gym.studies.speed import mujoco_model
 
+    states, thrust, home = motions
     total = round(TIME / step)
     steps = min(total, CHUNK)
     model = mujoco_model.build(scene, integrator, step)
