@@ -103,10 +103,10 @@ def bench(
     loaded = [read_scene(name) for name in arguments["scene"]]
     acting, compared = _sections(loaded, scene is not None, env, with_peers, sb3)
     with user_errors():
-        if with_peers:
-            peers.require()
+        for module, package in peers.PACKAGES.items() if with_peers else ():
+            timing.require(module, package, "peers")
         if sb3:
-            learning.require()
+            timing.require("stable_baselines3", "stable-baselines3", "train")
     prepare(out, json_file, FILES)
     begun, load = time.perf_counter(), os.getloadavg()
     results: dict[str, Any] = {}

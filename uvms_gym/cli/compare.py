@@ -13,7 +13,6 @@ from uvms_gym.cli.output import Json, Out, say, write_results
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import DEPARTURES, DESIGN, make_conditions
-from uvms_gym.studies.comparison.plots import Results
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
 from uvms_gym.studies.comparison.study import TOLERANCE, as_data, make_comparisons, run_all, scores_by_name
 from uvms_gym.studies.comparison.study import verify as run_again
@@ -78,8 +77,8 @@ def compare(
     with user_errors():
         conditions = make_conditions(given["env"], scenes, given["disturbance"], given["condition"], **options)
         comparisons = make_comparisons(conditions, given["controllers"])
-    several = len(comparisons) > len({comparison.condition.group for comparison in comparisons})
-    files = ("compare.json", "scores.npz", "compare.png", "profiles.png", *(["off-design.png"] if several else []))
+    departing = len(comparisons) > len({comparison.condition.group for comparison in comparisons})
+    files = ("compare.json", "scores.npz", "compare.png", "profiles.png", *(["off-design.png"] if departing else []))
     prepare(out, json_file, files)
     scores: dict[str, Any] = {}
     results = []
@@ -97,7 +96,10 @@ def compare(
         for result in results:
             groups.setdefault(result[0].condition.group, []).append(result)
         with user_errors(verb="write"):
-            _draw(out, results, groups, several)
+            plots.plot_bars(out / "compare.png", [members[0] for members in groups.values()])
+            plots.plot_profiles(out / "profiles.png", results)
+            if departing:
+                plots.plot_departures(out / "off-design.png", groups)
             np.savez(out / "scores.npz", **scores)
     for group, members in groups.items():
         compare_report.print_detail(*members[0])
@@ -123,10 +125,3 @@ def verify(
     if differences:
         raise fail(f"{file}: {len(differences)} numbers are not reproduced to {TOLERANCE:g}")
     line(f"{file}: all numbers are reproduced to {TOLERANCE:g}")
-
-
-def _draw(out: Path, results: Results, groups: dict[str, Any], several: bool) -> None:
-    plots.plot_bars(out / "compare.png", [members[0] for members in groups.values()])
-    plots.plot_profiles(out / "profiles.png", results)
-    if several:
-        plots.plot_departures(out / "off-design.png", groups)

@@ -49,22 +49,11 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
         first = {run.dtype: run for run in own if run.method == default}
         double, single = (first[dtype] for dtype in DTYPES)
         worst = max(own, key=lambda run: run.error / run.bound)
-        verdicts = Counter(run.verdict for run in own)
-        wrong = Counter(run.verdict for run in coarser if run.verdict != "meets")
-        rows.append(
-            (
-                case.name,
-                f"{double.step:g}",
-                _number(double.error),
-                _number(single.error),
-                f"{double.bound:.0e}",
-                f"{worst.method} {SHORT[worst.dtype]}",
-                _number(worst.error),
-                f"{worst.bound:.0e}",
-                _counts(verdicts),
-                _counts(wrong) if wrong else "none" if coarser else "",
-            )
-        )
+        wrong = [run for run in coarser if run.verdict != "meets"]
+        first_cells = (f"{double.step:g}", _number(double.error), _number(single.error), f"{double.bound:.0e}")
+        worst_cells = (f"{worst.method} {SHORT[worst.dtype]}", _number(worst.error), f"{worst.bound:.0e}")
+        verdicts = (_counts(own), _counts(wrong) if wrong else "none" if coarser else "")
+        rows.append((case.name, *first_cells, *worst_cells, *verdicts))
     header = ("case", "step s", f"{default} f64", "f32", "bound", "worst", "error", "bound", "verdicts", "coarser")
     table("Hard cases: relative error at the recommended step", header, rows)
     say(
@@ -84,7 +73,8 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
             )
 
 
-def _counts(verdicts: Counter[str]) -> str:
+def _counts(runs: Sequence[Run]) -> str:
+    verdicts = Counter(run.verdict for run in runs)
     return ", ".join(f"{verdicts[name]} {name}" for name in ("meets", "warned", "SILENT") if verdicts[name])
 
 

@@ -1,7 +1,7 @@
 """Overlay of `uvms play`: time, errors, disturbance, and a chart of the errors so far."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -94,24 +94,13 @@ class Overlay:
             pen.line((x, top + 12, x + 14, top + 12), fill=curve.colour, width=3)
             pen.text((x + 19, top + 12), label, _WHITE, self._small, anchor="lm")
             x += 195
-            self._curve(pen, values, (left, right, low, high), ceiling, curve.colour)
-
-    def _curve(
-        self,
-        pen: ImageDraw.ImageDraw,
-        values: Sequence[float],
-        box: tuple[float, float, float, float],
-        ceiling: float,
-        colour: tuple[int, int, int, int],
-    ) -> None:
-        left, right, low, high = box
-        points = [
-            (left + (right - left) * min(t / self._seconds, 1.0), low - (low - high) * v / ceiling)
-            for t, v in zip(self._times, values, strict=True)
-            if math.isfinite(v)
-        ]
-        if len(points) > 1:
-            pen.line(points, fill=colour, width=2, joint="curve")
+            points = [
+                (left + (right - left) * min(t / self._seconds, 1.0), low - (low - high) * v / ceiling)
+                for t, v in zip(self._times, values, strict=True)
+                if math.isfinite(v)
+            ]
+            if len(points) > 1:
+                pen.line(points, fill=curve.colour, width=2, joint="curve")
 
 
 def nice_step(most: float, parts: int = 3) -> float:

@@ -175,9 +175,8 @@ def _need(*modules: str) -> None:
 
 
 def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymnasium.Env[Any, Any]:
-    options: dict[str, Any] = {"scene": scene, "render_mode": "rgb_array", "disable_env_checker": True}
-    if disturbance is not None:
-        options["disturbance"] = disturbance
+    options: dict[str, Any] = {} if disturbance is None else {"disturbance": disturbance}
+    options |= {"scene": scene, "render_mode": "rgb_array", "disable_env_checker": True}
     with user_errors(f"{env}: "):
         # A limit beyond the end.
         made = gymnasium.make(env, max_episode_steps=round(1000.0 * seconds) + 1000, **options)

@@ -71,11 +71,8 @@ def _start(scene: dict[str, Any], episodes: int, seed: int) -> dict[str, Floats]
     rng = np.random.default_rng(seed)
     simulator = Simulator(scene, episodes)
     moving = simulator.q.shape
-    state = {
-        "q": simulator.q + SPREAD * rng.normal(size=moving),
-        "qd": RATE * rng.normal(size=moving),
-        "current": np.zeros((episodes, 3)),
-    }
+    state = {"q": simulator.q + SPREAD * rng.normal(size=moving), "qd": RATE * rng.normal(size=moving)}
+    state["current"] = np.zeros((episodes, 3))
     if not scene["vehicle"]["fixed"]:
         state["twist"] = np.repeat([SPEED, SPIN], 3) / math.sqrt(3.0) * rng.normal(size=(episodes, 6))
     return state

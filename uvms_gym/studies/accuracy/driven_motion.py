@@ -112,7 +112,7 @@ def driven_motion(scene: dict[str, Any], episodes: int, time: float, seed: int) 
 def follow(motion: Motion, options: dict[str, Any], samples: int) -> Track:
     """Run the motion with options of the simulator; `samples` divides the number of control periods."""
     every = len(motion.wrench) // samples
-    columns: dict[str, list[Floats]] = {name: [] for name in Track._fields[:4]}
+    rows = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         simulator = Simulator(motion.scene, len(motion.wrench[0]), **options)
@@ -122,20 +122,17 @@ def follow(motion: Motion, options: dict[str, Any], samples: int) -> Track:
             simulator.step(**motion.inputs(i), substeps=round(PERIOD / simulator.dt))
             early = len(caught) if i == 0 else early
             if (i + 1) % every == 0:
-                columns["position"].append(simulator.position)
-                columns["rotation"].append(simulator.rotation)
-                columns["q"].append(simulator.q)
-                columns["end_effector"].append(simulator.end_effector_pose()[:, :3, 3])
-    arrays = {name: np.array(values) for name, values in columns.items()}
-    return Track(**arrays, warned_early=early > 0, warned_later=len(caught) > early)
+                end = simulator.end_effector_pose()[:, :3, 3]
+                rows.append((simulator.position, simulator.rotation, simulator.q, end))
+    position, rotation, q, end_effector = (np.array(column) for column in zip(*rows, strict=True))
+    return Track(position, rotation, q, end_effector, warned_early=early > 0, warned_later=len(caught) > early)
 
 
 def character(motion: Motion, track: Track) -> dict[str, float]:
     """Extent and speed of the motion, so that a reader can judge how typical it is."""
     steps = np.linalg.norm(np.diff(track.position, axis=0, prepend=0.0), axis=-1)
-    turned = np.arccos(
-        np.clip(0.5 * (np.einsum("kiab,kiab->ki", track.rotation[1:], track.rotation[:-1]) - 1.0), -1, 1)
-    )
+    traces = np.einsum("kiab,kiab->ki", track.rotation[1:], track.rotation[:-1])
+    turned = np.arccos(np.clip(0.5 * (traces - 1.0), -1, 1))
     tilt = np.arccos(np.clip(track.rotation[:, :, 2, 2], -1.0, 1.0))
     references = motion.target[..., 1]
     return {
@@ -225,6 +222,5 @@ def _spline(values: Floats, end_rates: Floats) -> Floats:
     right = np.empty_like(values)
     right[1:-1] = 3.0 / PERIOD * (values[2:] - values[:-2])
     right[[0, -1]] = end_rates
-    slopes = np.empty_like(values)
-    slopes[:] = np.linalg.solve(matrix, right.reshape(count, -1)).reshape(values.shape)
+    slopes = np.asarray(np.linalg.solve(matrix, right.reshape(count, -1)), dtype=np.float64).reshape(values.shape)
     return hermite_cubic((values[:-1], slopes[:-1]), (values[1:], slopes[1:]), PERIOD)

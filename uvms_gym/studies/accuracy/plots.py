@@ -114,16 +114,10 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
     axes.axhspan(low, floor, color="#eeeeee", zorder=0, linewidth=0.0)
     if diverged:
         left, right = axes.get_xlim()
-        axes.set_xlim(min(left, 0.8 * min(cost for cost, _ in diverged)), right)
-        axes.scatter(
-            [cost for cost, _ in diverged],
-            [0.97] * len(diverged),
-            c=[colour for _, colour in diverged],
-            marker="x",
-            s=28.0 if large else 12.0,
-            transform=axes.get_xaxis_transform(),
-            linewidths=1.4,
-        )
+        places, colours = zip(*diverged, strict=True)
+        axes.set_xlim(min(left, 0.8 * min(places)), right)
+        crosses: Any = {"marker": "x", "s": 28.0 if large else 12.0, "c": colours, "linewidths": 1.4}
+        axes.scatter(places, [0.97] * len(places), transform=axes.get_xaxis_transform(), **crosses)
     if large:
         left, right = axes.get_xlim()
         # Room for the names at the right.
@@ -151,17 +145,11 @@ def _annotate_steps(axes: "Axes", rows: Sequence[Mapping[str, Any]]) -> None:
     for row in rows:
         place = (1e-3 * row["cost"], row["end_effector"]["median"])
         # On the side without other lines.
-        aside = row["step"] == coarsest
-        axes.annotate(
-            f"{1e3 * row['step']:g} ms",
-            place,
-            xytext=(8.0, 0.0) if aside else (-6.0, -4.0),
-            textcoords="offset points",
-            ha="left" if aside else "right",
-            va="center" if aside else "top",
-            color=BLUE,
-            fontsize=8.5,
-        )
+        aside: Any = {"xytext": (-6.0, -4.0), "ha": "right", "va": "top"}
+        if row["step"] == coarsest:
+            aside = {"xytext": (8.0, 0.0), "ha": "left", "va": "center"}
+        text = f"{1e3 * row['step']:g} ms"
+        axes.annotate(text, place, textcoords="offset points", color=BLUE, fontsize=8.5, **aside)
 
 
 def _label(axes: "Axes", ends: Sequence[tuple[float, float, str, str]]) -> None:
@@ -171,16 +159,9 @@ def _label(axes: "Axes", ends: Sequence[tuple[float, float, str, str]]) -> None:
     at = -np.inf
     for cost, error, label, colour in sorted(ends, key=lambda end: end[1]):
         at = max(np.log10(error), at + gap)
-        axes.annotate(
-            label,
-            (cost, 10.0**at),
-            xytext=(8.0, 0.0),
-            textcoords="offset points",
-            va="center",
-            color=colour,
-            fontsize=9.5,
-            fontweight="bold" if label == "MK4" else "normal",
-        )
+        beside: Any = {"xytext": (8.0, 0.0), "textcoords": "offset points", "va": "center"}
+        weight = "bold" if label == "MK4" else "normal"
+        axes.annotate(label, (cost, 10.0**at), color=colour, fontsize=9.5, fontweight=weight, **beside)
 
 
 def _compare(axes: "Axes", result: Mapping[str, Any]) -> None:

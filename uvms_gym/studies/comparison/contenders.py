@@ -70,13 +70,11 @@ def _origin(name: str, seeds: tuple[int, ...], controllers: list[Controller], op
         files = [registry.policy_file(name, seed, **options) for seed in seeds]
     else:
         return {"tuned": registry.tuned(name, **options)}
-    digests = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
-    return {
-        "files": [
-            {"name": file.name, "sha256": digest, "notes": _notes(controller)}
-            for file, digest, controller in zip(files, digests, controllers, strict=True)
-        ]
-    }
+    found = []
+    for file, controller in zip(files, controllers, strict=True):
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+        found.append({"name": file.name, "sha256": digest, "notes": _notes(controller)})
+    return {"files": found}
 
 
 def _notes(controller: Controller) -> dict[str, str]:

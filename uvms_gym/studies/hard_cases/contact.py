@@ -50,8 +50,7 @@ def _stop_reference() -> Reference:
 
     def half_depth_squared(v: Floats) -> Floats:
         # log1p keeps its digits where v is near v0.
-        result: Floats = -(inertia / c) * ((v - v0) - (k / c) * np.log1p(c * (v - v0) / (k + c * v0)))
-        return result
+        return -(inertia / c) * ((v - v0) - (k / c) * np.log1p(c * (v - v0) / (k + c * v0)))
 
     v1 = float(brentq(half_depth_squared, -k / c * (1.0 - 1e-12), 0.0, xtol=1e-15))
 
@@ -59,8 +58,7 @@ def _stop_reference() -> Reference:
     def rate(a: Floats) -> Floats:
         v = 0.5 * (v0 + v1) + 0.5 * (v0 - v1) * np.cos(a)
         p = np.sqrt(2.0 * half_depth_squared(v))
-        result: Floats = inertia * 0.5 * (v0 - v1) * np.sin(a) / (p * (k + c * v))
-        return result
+        return inertia * 0.5 * (v0 - v1) * np.sin(a) / (p * (k + c * v))
 
     duration = fixed_quad(rate, 0.0, math.pi, n=64)[0]
     hit = (limit - start) / v0
@@ -98,9 +96,8 @@ def _run_chatter(runner: CaseRunner) -> Quantities:
     rows, switched = [], []
     for _ in range(CHATTER_COUNT):
         rotation = s.rotation[0]
-        tilt = 0.5 * np.array(
-            [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-        )
+        skew = rotation - rotation.T
+        tilt = 0.5 * np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
         wanted = s.allocate(-kp * np.concatenate([rotation.T @ s.position[0], tilt]) - kd * s.twist[0])[0]
         turning = (wanted < DEAD_BAND[0]) | (wanted > DEAD_BAND[1])
         runner.advance(s, CONTROL_PERIOD, thrust=np.where(turning, wanted, 0.0))
@@ -162,14 +159,14 @@ def _run_payload(runner: CaseRunner) -> Quantities:
     payload = np.diag([mass + added] * 3 + [inertia + added_inertia] * 3)
     values: Quantities = {}
 
-    def observe(s: Simulator, when: str) -> None:
+    def advance(s: Simulator, when: str) -> None:
+        runner.advance(s, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
         values[f"end effector {when}"] = s.end_effector_pose()[:, :3, 3]
         values[f"attitude {when}"] = s.rotation
         values[f"twist {when}"] = s.twist
         values[f"q' {when}"] = s.qd
 
-    runner.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
-    observe(free, "before")
+    advance(free, "before")
     before = np.concatenate([free.twist[0], free.qd[0]])
     matrix, jacobian = free.mass_matrix()[0], free.jacobian()[0]
     joined = matrix + jacobian.T @ payload @ jacobian
@@ -183,8 +180,7 @@ def _run_payload(runner: CaseRunner) -> Quantities:
     values["impulse kept"] = 1.0 + np.abs([gained]) / np.repeat(np.linalg.norm(impulse.reshape(2, 3), axis=1), 3)
     lost = energy - 0.5 * after @ held @ after
     values["energy gain at grasp"] = np.array([[1.0 + max(0.0, -lost / energy)]])
-    runner.advance(holding, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
-    observe(holding, "holding")
+    advance(holding, "holding")
 
     velocity = np.concatenate([holding.twist[0], holding.qd[0]])
     _copy_state(holding, free, velocity)
@@ -198,8 +194,7 @@ def _run_payload(runner: CaseRunner) -> Quantities:
     difference = free.momentum()[0] + taken - holding.momentum()[0]
     scale = np.linalg.norm(holding.momentum()[0].reshape(2, 3), axis=1)
     values["impulse at release"] = 1.0 + np.abs([difference]) / np.repeat(scale, 3)
-    runner.advance(free, PAYLOAD_PART, joint_target=PAYLOAD_TARGET)
-    observe(free, "after release")
+    advance(free, "after release")
     return values
 
 

@@ -71,8 +71,7 @@ class Top:
             theta = np.arctan2(np.hypot(direction[:, 0], direction[:, 1]), direction[:, 2])
             psi = np.arctan2(direction[:, 0], direction[:, 1])
             x, _, z = np.eye(3)
-            result: Floats = rotation_about(z, phi) @ rotation_about(x, theta) @ rotation_about(z, psi)
-            return result
+            return rotation_about(z, phi) @ rotation_about(x, theta) @ rotation_about(z, psi)
 
         start = euler(np.zeros(1), self.rates(np.zeros(1))[:, axes])[0]
         turned = start.T @ euler(angle, self.rates(time)[:, axes])
@@ -128,8 +127,7 @@ def force_free_motion(inertia: Floats, twist: Floats, times: Floats, tolerance: 
         w, x, y, z = state[:4]
         a, b, c = v[3:]
         spin = [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a]
-        result: Floats = np.concatenate([0.5 * np.array(spin), r @ v[:3]])
-        return result
+        return np.concatenate([0.5 * np.array(spin), r @ v[:3]])
 
     start, span = np.eye(7)[0], (0.0, float(times[-1]))
     states = solve_ivp(rate, span, start, "DOP853", times, rtol=tolerance, atol=tolerance).y.T

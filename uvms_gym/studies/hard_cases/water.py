@@ -27,6 +27,10 @@ def _ratio_scene(drag: float) -> Scene:
     return single_body("mass ratio", body, 1000.0)
 
 
+def _by_ratio(name: str, rows: Floats) -> Quantities:
+    return {f"{name} at {ratio:g}": row for ratio, row in zip(RATIOS, rows, strict=True)}
+
+
 def _run_ratio(runner: CaseRunner) -> Quantities:
     pushed, loose = (runner.simulator(_ratio_scene(drag), len(RATIOS)) for drag in (PUSH["drag"], 0.0))
     for s in (pushed, loose):
@@ -34,13 +38,10 @@ def _run_ratio(runner: CaseRunner) -> Quantities:
     loose.set_state(twist=FREE_TWIST)
 
     def observe_pushed() -> Quantities:
-        speed = {f"speed at {ratio:g}": v for ratio, v in zip(RATIOS, pushed.twist[:, :1], strict=True)}
-        return speed | {f"distance at {ratio:g}": x for ratio, x in zip(RATIOS, pushed.position[:, :1], strict=True)}
+        return _by_ratio("speed", pushed.twist[:, :1]) | _by_ratio("distance", pushed.position[:, :1])
 
     def observe_loose() -> Quantities:
-        energy, momentum = loose.energy()["total"], loose.momentum()
-        rows: Quantities = {f"energy at {ratio:g}": e[None] for ratio, e in zip(RATIOS, energy, strict=True)}
-        return rows | {f"impulse at {ratio:g}": p for ratio, p in zip(RATIOS, momentum, strict=True)}
+        return _by_ratio("energy", loose.energy()["total"][:, None]) | _by_ratio("impulse", loose.momentum())
 
     wrench = [PUSH["force"], 0.0, 0.0, 0.0, 0.0, 0.0]
     values = runner.sampled(pushed, PUSH_TIMES, observe_pushed, wrench=wrench)
@@ -159,16 +160,13 @@ def _run_fast(runner: CaseRunner) -> Quantities:
     m, k, force, speed = FAST.values()
     body = {"mass": m - 5.5, "inertia": [0.3] * 3, "added_mass": [5.5, 0.0, 0.0, 0.0, 0.0, 0.0]}
     s = runner.simulator(single_body("fast damping", body | {"damping": {"quadratic": [k] + [0.0] * 5}}, 1000.0), 2)
-    s.set_state(twist=[[speed, 0.0, 0.0, 0.0, 0.0, 0.0], [-speed, 0.0, 0.0, 0.0, 0.0, 0.0]])
-    wrench = [[0.0] * 6, [force, 0.0, 0.0, 0.0, 0.0, 0.0]]
+    s.set_state(twist=np.outer([speed, -speed], np.eye(6)[0]))
+    wrench = np.outer([0.0, force], np.eye(6)[0])
 
     def observe() -> Quantities:
-        return {
-            "speed, braked": s.twist[0, :1],
-            "distance, braked": s.position[0, :1],
-            "speed, through zero": s.twist[1, :1],
-            "distance, through zero": s.position[1, :1],
-        }
+        speeds, distances = s.twist[:, :1], s.position[:, :1]
+        braked = {"speed, braked": speeds[0], "distance, braked": distances[0]}
+        return braked | {"speed, through zero": speeds[1], "distance, through zero": distances[1]}
 
     return runner.sampled(s, FAST_TIMES, observe, wrench=wrench)
 

@@ -1,7 +1,6 @@
 """PPO of Stable-Baselines3: steps per second of collecting and learning."""
 
 import time
-from importlib import import_module
 from typing import Any
 
 import gymnasium
@@ -16,14 +15,6 @@ ROLLOUT, MINIBATCH = 16, 4096
 ITERATIONS, QUICK_ITERATIONS = 5, 1
 #: Adapter of the environment.
 WRAPPER = "uvms_gym.sb3.NativeVecEnv"
-
-
-def require() -> None:
-    """Raise ImportError with the installation command if Stable-Baselines3 cannot be imported."""
-    try:
-        import_module("stable_baselines3")
-    except ImportError as error:
-        raise ImportError(f"stable-baselines3 is missing ({error}); run: pip install 'uvms-gym[train]'") from None
 
 
 def ppo_study(scene: dict[str, Any], n: int, threads: int, iterations: int, seed: int, tick: Tick) -> dict[str, Any]:
@@ -95,7 +86,5 @@ def _timed(scene: dict[str, Any], n: int, threads: int) -> Any:
             self.spent += time.perf_counter() - begun
             return result
 
-    envs = gymnasium.make_vec(
-        ENV, num_envs=n, scene=scene, substeps=SUBSTEPS, threads=threads, autoreset_mode="SameStep"
-    )
-    return Timed(envs)
+    options: dict[str, Any] = {"scene": scene, "substeps": SUBSTEPS, "threads": threads}
+    return Timed(gymnasium.make_vec(ENV, num_envs=n, autoreset_mode="SameStep", **options))

@@ -161,12 +161,11 @@ class Rolling(Case):
         for row, speed in zip(self.start, twist, strict=True):
             state = {"position": np.zeros(3), "rotation": np.eye(3), "twist": speed, "q": home, "qd": 0.0 * home}
             self.put(row, state)
-        thrusters = scene["vehicle"].get("thrusters", ())
-        low, high = np.array([thruster["limits"] for thruster in thrusters], dtype=float).reshape(-1, 2).T
+        limits = [thruster["limits"] for thruster in scene["vehicle"].get("thrusters", ())]
+        low, high = np.array(limits, dtype=float).reshape(-1, 2).T
         self.controls = np.zeros((n, steps, model.nu))
         if model.nu:
-            thrust = THRUST * rng.uniform(low, high, (n, len(thrusters)))
-            self.command(thrust, home)
+            self.command(THRUST * rng.uniform(low, high, (n, len(limits))), home)
         self.calls = calls_per_sample(self.step) if measured else 1
 
     def put(self, row: Floats, state: dict[str, Floats]) -> None:

@@ -1,6 +1,5 @@
 """MuJoCo and Pinocchio for comparison: the same joints and masses, in one process, interleaved."""
 
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,8 @@ from uvms_gym.studies.speed.timing import Tick, interleave, rounds, summary
 OURS = {"float64": "ours, f64", "float32": "ours, f32"}
 #: Bound on the relative difference of dry accelerations, and number of random states.
 BOUND, TRIED = 1e-10, 20
-NAMES = {"mujoco": "mujoco", "pinocchio": "pin"}
+#: Packages of the peers, by module.
+PACKAGES = {"mujoco": "mujoco", "pinocchio": "pin"}
 
 #: Models of MuJoCo: title, integrator and options.
 MODELS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -45,15 +45,6 @@ arrays allocated once; fixed parts merged; constraints, contacts, limits, sensor
 Jacobians as MuJoCo chooses them (forcing dense or sparse ones is slower). Pinocchio: the loop over states is in C++ \
 (abaInParallel on one thread), without a Python call to subtract, and every joint is about z, its fastest kind. \
 Ours are timed as whole Python calls with their inputs."""
-
-
-def require() -> None:
-    """Raise ImportError with the installation command if a peer cannot be imported."""
-    for module, package in NAMES.items():
-        try:
-            import_module(module)
-        except ImportError as error:
-            raise ImportError(f"{package} is missing ({error}); run: pip install 'uvms-gym[peers]'") from None
 
 
 def check_scene(scene: dict[str, Any]) -> None:

@@ -92,8 +92,7 @@ def _rotation(axis: int, angle: float) -> Floats:
 
 def _point_inertia(mass: float, offset: Floats) -> Floats:
     """Inertia (3, 3) of a point mass at `offset`, for the parallel-axis theorem."""
-    moments: Floats = mass * ((offset @ offset) * np.eye(3) - np.outer(offset, offset))
-    return moments
+    return mass * ((offset @ offset) * np.eye(3) - np.outer(offset, offset))
 
 
 def _link(

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -45,6 +46,14 @@ class Case:
 
     def check(self) -> None:
         """Raise ValueError if results are not finite: NaN is fast."""
+
+
+def require(module: str, package: str, extra: str) -> None:
+    """Raise ImportError with the installation command if a module cannot be imported."""
+    try:
+        import_module(module)
+    except ImportError as error:
+        raise ImportError(f"{package} is missing ({error}); run: pip install 'uvms-gym[{extra}]'") from None
 
 
 def interleave(cases: Mapping[Any, Case], repeats: int, tick: Tick = lambda: None) -> dict[Any, Times]:
