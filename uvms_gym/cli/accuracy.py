@@ -16,7 +16,7 @@ from uvms_gym.cli.output import Json, Out, say, table, write_results
 from uvms_gym.studies.accuracy import conservation, plots, study, work_precision
 from uvms_gym.studies.accuracy.driven_motion import CURRENT, LEAD, PERIOD
 from uvms_gym.studies.accuracy.study import BASELINE, STEP, TIME
-from uvms_gym.studies.accuracy.work_precision import FLOOR, PRECISIONS, STABILITY_MARGIN, find
+from uvms_gym.studies.accuracy.work_precision import FLOOR, PRECISIONS, STABILITY_MARGIN, by_method, find
 from uvms_gym.studies.records import circumstances
 
 FILES = ("accuracy.json", "accuracy.png", "drift.png")
@@ -79,7 +79,18 @@ def accuracy(
     loaded = {name: read_scene(name) for name in arguments["scene"]}
     prepare(out, json_file, FILES)
     begun = time.perf_counter()
-    results = _results(loaded, arguments, out)
+    settings = work_precision.settings(*(arguments[key] for key in ("integrator", "step", "tolerance")))
+    run = {key: arguments[key] for key in ("episodes", "seed", "repeats")} | {"seconds": seconds}
+    results = {}
+    with progress() as bar:
+        for name, loaded_scene in loaded.items():
+            task = bar.add_task(str(loaded_scene["name"]), total=study.ticks(settings, arguments["repeats"]))
+            with user_errors(f"{name}: "):
+                results[name] = study.study_scene(loaded_scene, settings, **run, tick=partial(bar.advance, task))
+        bar.add_task("pictures", total=None)
+        with user_errors(verb="write"):
+            plots.plot_work_precision(out / "accuracy.png", results, seconds)
+            plots.plot_drift(out / "drift.png", results, seconds)
     for name, result in results.items():
         _print(name, result, arguments)
     _print_summary(results)
@@ -96,31 +107,13 @@ def accuracy(
     write_results(out, FILES, json_file, data, f" ({spent:.0f} s)")
 
 
-def _results(loaded: dict[str, Any], arguments: dict[str, Any], out: Path) -> dict[str, Any]:
-    """Study all scenes, and draw the pictures."""
-    settings = work_precision.settings(*(arguments[key] for key in ("integrator", "step", "tolerance")))
-    run = {key: arguments[key] for key in ("episodes", "seed", "repeats")} | {"seconds": arguments["time"]}
-    results = {}
-    with progress() as bar:
-        for name, scene in loaded.items():
-            task = bar.add_task(str(scene["name"]), total=study.ticks(settings, arguments["repeats"]))
-            with user_errors(f"{name}: "):
-                results[name] = study.study_scene(scene, settings, **run, tick=partial(bar.advance, task))
-        bar.add_task("pictures", total=None)
-        with user_errors(verb="write"):
-            plots.plot_work_precision(out / "accuracy.png", results, arguments["time"])
-            plots.plot_drift(out / "drift.png", results, arguments["time"])
-    return results
-
-
 def _print(name: str, result: dict[str, Any], arguments: dict[str, Any]) -> None:
     steps, tolerances, seconds = (arguments[key] for key in ("step", "tolerance", "time"))
     fixed = [row for row in result["rows"] if row["tolerance"] is None]
     adaptive = [row for row in result["rows"] if row["tolerance"] is not None]
     uncertainty = result["reference"]["uncertainty"]["end_effector"]["median"]
     lines = []
-    for method, precision in dict.fromkeys((row["integrator"], row["precision"]) for row in fixed):
-        rows = [row for row in fixed if (row["integrator"], row["precision"]) == (method, precision)]
+    for (method, precision), rows in by_method(fixed).items():
         order = ""
         if precision == "f64":
             found = (result[part].get(method, {}).get("order", math.nan) for part in ("orders", "smooth_orders"))
@@ -131,9 +124,8 @@ def _print(name: str, result: dict[str, Any], arguments: dict[str, Any]) -> None
     if lines:
         table(title, ("integrator", "", *(f"{step:g} s" for step in steps), "order", "ns/step"), lines, text_columns=2)
     lines = []
-    for method, precision in dict.fromkeys((row["integrator"], row["precision"]) for row in adaptive):
-        mine = [row for row in adaptive if (row["integrator"], row["precision"]) == (method, precision)]
-        by_tolerance = {row["tolerance"]: row for row in mine}
+    for (method, precision), rows in by_method(adaptive).items():
+        by_tolerance = {row["tolerance"]: row for row in rows}
         picked = [by_tolerance.get(tolerance) for tolerance in tolerances]
         lines.append((method, precision, "error, m", *(_cell(row, uncertainty) if row else "" for row in picked)))
         lines.append(("", "", "CPU, us/s", *(f"{1e-3 * row['cost']:.3g}" if row else "" for row in picked)))

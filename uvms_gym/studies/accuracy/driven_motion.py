@@ -154,9 +154,8 @@ def _start(rng: np.random.Generator, simulator: Simulator, fixed: bool) -> dict[
     if not fixed:
         # First a tilt about a horizontal axis, then yaw.
         side = 2.0 * math.pi * side
-        half = np.stack([np.cos(lean / 2), np.sin(lean / 2) * np.cos(side), np.sin(lean / 2) * np.sin(side)])
+        w, x, y = np.cos(lean / 2), np.sin(lean / 2) * np.cos(side), np.sin(lean / 2) * np.sin(side)
         c, s = np.cos(yaw / 2), np.sin(yaw / 2)
-        w, x, y = half
         state["quaternion"] = np.stack([c * w, c * x - s * y, c * y + s * x, s * w], axis=-1)
         state["twist"] = twist
     return state

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from uvms_gym.studies.accuracy.conservation import QUANTITIES
-from uvms_gym.studies.accuracy.work_precision import DIVERGED, FLOOR
+from uvms_gym.studies.accuracy.work_precision import DIVERGED, FLOOR, by_method
 from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, picture
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class Line(NamedTuple):
 
     integrator: str
     precision: str
-    rows: list[Mapping[str, Any]]
+    rows: list[Any]
     colour: str
     label: str
     settings: dict[str, Any]
@@ -131,13 +131,20 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
 
 def _lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[Line]:
     """All lines in `STYLES`. Of MK4 single precision is drawn, too: its floor is the same with every method."""
+    methods = by_method(rows)
     for name, (colour, marker, label) in STYLES.items():
         for precision in ("f64", "f32") if name == "mk4" else ("f64",):
-            mine = [row for row in rows if (row["integrator"], row["precision"]) == (name, precision)]
             single = precision == "f32"
             style = {"linestyle": "--" if single else "-", "markerfacecolor": "white" if single else colour}
             settings = style | {"marker": marker, "color": colour}
-            yield Line(name, precision, mine, colour, label + (" f32" if single else ""), settings)
+            yield Line(
+                name,
+                precision,
+                methods.get((name, precision), []),
+                colour,
+                label + (" f32" if single else ""),
+                settings,
+            )
 
 
 def _annotate_steps(axes: "Axes", rows: Sequence[Mapping[str, Any]]) -> None:

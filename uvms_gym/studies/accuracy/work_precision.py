@@ -4,7 +4,7 @@ import copy
 import statistics
 import time
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,9 +188,8 @@ def recommend(result: dict[str, Any], precision: str) -> dict[str, Any] | None:
     most = result["stable_steps"]["mk4"] / STABILITY_MARGIN
     fit = [
         row
-        for row in result["rows"]
-        if (row["integrator"], row["precision"]) == ("mk4", precision)
-        and row["end_effector"]["median"] < RECOMMENDED[precision]
+        for row in by_method(result["rows"]).get(("mk4", precision), ())
+        if row["end_effector"]["median"] < RECOMMENDED[precision]
         and row["step"] <= most
         and not (row["diverged"] or row["warned_early"] or row["warned_later"])
     ]
@@ -201,13 +200,21 @@ def at_cost(rows: Sequence[dict[str, Any]], integrator: str, cost: float) -> flo
     """Error at the end effector of a method at a cost, by its line of log error over log cost; None without a line."""
     line = sorted(
         (row["cost"], row["end_effector"]["median"])
-        for row in rows
-        if (row["integrator"], row["precision"]) == (integrator, "f64") and _resolved(row) and np.isfinite(row["cost"])
+        for row in by_method(rows).get((integrator, "f64"), ())
+        if _resolved(row) and np.isfinite(row["cost"])
     )
     if len(line) < 2:
         return None
     costs, errors = np.transpose(line)
     return loglog_interpolation(costs, errors, cost)
+
+
+def by_method(rows: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], list[Any]]:
+    """Rows by integrator and precision."""
+    found: dict[tuple[str, str], list[Any]] = {}
+    for row in rows:
+        found.setdefault((row["integrator"], row["precision"]), []).append(row)
+    return found
 
 
 def find(rows: Sequence[dict[str, Any]], integrator: str, precision: str, step: float) -> dict[str, Any] | None:
