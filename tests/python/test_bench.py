@@ -318,12 +318,11 @@ def test_missing_peers_are_one_line_that_says_what_to_install(
     def absent(name: str) -> None:
         raise ModuleNotFoundError(f"No module named {name!r}")
 
-    monkeypatch.setattr(peers, "import_module", absent)
+    monkeypatch.setattr(timing, "import_module", absent)
     assert main(["bench", "--peers", "--out", str(tmp_path / "out")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "No module named 'mujoco'" in line
     assert "pip install 'uvms-gym[peers]'" in line
-    monkeypatch.setattr(learning, "import_module", absent)
     assert main(["bench", "--sb3", "--out", str(tmp_path / "out")]) == 2
     assert "stable-baselines3" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
