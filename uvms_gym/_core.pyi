@@ -1,7 +1,7 @@
 """The native part of `uvms_gym`."""
 
 from os import PathLike
-from typing import Any, ClassVar, TypeAlias, TypedDict, final, type_check_only
+from typing import Any, ClassVar, Final, TypeAlias, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,11 +32,15 @@ __all__ = [
     "tasks",
 ]
 
+_Scene: TypeAlias = str | PathLike[str] | dict[str, Any]
+_Floats: TypeAlias = NDArray[np.float64]
+_Rows: TypeAlias = ArrayLike | None
+_Pose: TypeAlias = tuple[ArrayLike, ArrayLike] | ArrayLike | None
+
 __version__: str
 ATTITUDE_LEVER: float
 """Lever by which an attitude error counts in the pose error, m/rad."""
 
-@type_check_only
 class _Integrator(TypedDict):
     name: str
     summary: str
@@ -54,7 +58,6 @@ class StepWarning(UserWarning):
     The message names the rate, what moves that fast, and the step that suits it.
     """
 
-@type_check_only
 class _Mode(TypedDict):
     rate: complex
     time_constant: float
@@ -72,7 +75,7 @@ def task_defaults(task: str) -> dict[str, Any]:
 def scene_names() -> list[str]:
     """Names of the scenes that come with the package."""
 
-def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
+def load_scene(scene: _Scene) -> dict[str, Any]:
     """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units.
 
     Tables that state axes = "ned" are converted to x forward, y left, z up.
@@ -83,22 +86,21 @@ def load_scene(scene: str | PathLike[str] | dict[str, Any]) -> dict[str, Any]:
 def disturbance_levels() -> list[tuple[str, str, str]]:
     """Levels of disturbances: name, description, and the components as JSON."""
 
-def dump_scene(scene: str | PathLike[str] | dict[str, Any]) -> str:
+def dump_scene(scene: _Scene) -> str:
     """A scene as TOML text, which reads back as an equal scene."""
 
-def lint_scene(scene: str | PathLike[str] | dict[str, Any]) -> list[str]:
+def lint_scene(scene: _Scene) -> list[str]:
     """Warnings about implausible values of a valid scene: one line each, with key and numbers."""
 
 def scene_template() -> str:
     """TOML text of a scene with every key that there is, its unit and default in comments."""
 
-@type_check_only
 class _Estimate(TypedDict):
     body: dict[str, Any]
     formulas: dict[str, str]
     toml: str
 
-def estimate(outline: str | PathLike[str] | dict[str, Any], *, table: str = "vehicle.body") -> _Estimate:
+def estimate(outline: _Scene, *, table: str = "vehicle.body") -> _Estimate:
     """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.
 
     `outline`: {"density", "speed": [m/s, rad/s], "shapes": [...]}, or path of a TOML file of that form. Each shape has
@@ -109,9 +111,9 @@ def estimate(outline: str | PathLike[str] | dict[str, Any], *, table: str = "veh
 def import_urdf(
     path: str | PathLike[str],
     *,
-    vehicle: str | PathLike[str] | dict[str, Any],
-    position: ArrayLike | None = None,
-    rpy: ArrayLike | None = None,
+    vehicle: _Scene,
+    position: _Rows = None,
+    rpy: _Rows = None,
     base: str | None = None,
     tip: str | None = None,
 ) -> tuple[dict[str, Any], list[str]]:
@@ -137,7 +139,7 @@ class Simulator:
     """
     def __new__(
         cls,
-        scene: str | PathLike[str] | dict[str, Any],
+        scene: _Scene,
         num_envs: int = 1,
         *,
         dt: float = 0.01,
@@ -147,120 +149,98 @@ class Simulator:
         gamma: float = 1.0,
         tolerance: float = 1e-8,
     ) -> Simulator: ...
+    num_envs: Final[int]
+    """Number of instances N."""
+    dt: Final[float]
+    """Step size, s."""
+    integrator: Final[str]
+    """Name of the integrator."""
+    dtype: Final[str]
+    """Number type that the kernel computes with."""
+    gamma: Final[float]
+    """Gain of the quaternion integrators, 1/s. [HC eq. 14]"""
+    tolerance: Final[float]
+    """Bound on the estimated error of a sub-interval of a step, for adaptive integrators."""
+    threads: Final[int]
+    """Most threads that a step uses."""
+    instruction_set: Final[str]
+    """Instruction set of the kernel: "avx512", "avx2", "fma" or "plain" (see UVMS_INSTRUCTION_SET)."""
+    scene: Final[dict[str, Any]]
+    """The complete scene, as `load_scene` gives it."""
+    scene_name: Final[str]
+    """Name of the scene."""
+    num_joints: Final[int]
+    """Number of joints n."""
+    num_bodies: Final[int]
+    """Number of moving bodies, n + 1."""
+    num_thrusters: Final[int]
+    """Number of thrusters m."""
+    joint_names: Final[list[str]]
+    """Names of the joints, in the order of every joint array."""
+    body_names: Final[list[str]]
+    """Names of the moving bodies, "vehicle" first."""
+    thruster_names: Final[list[str]]
+    """Names of the thrusters."""
+    thruster_limits: Final[_Floats]
+    """(m, 2) least and greatest thrust, N."""
+    thruster_configuration: Final[_Floats]
+    """(6, m) wrench on the vehicle per thrust. [HC eq. 25]"""
+    num_fins: Final[int]
+    """Number of fins k."""
+    fin_names: Final[list[str]]
+    """Names of the fins."""
+    fin_limits: Final[_Floats]
+    """(k, 2) least and greatest deflection, rad."""
+    bytes_per_env: Final[int]
+    """Bytes of memory per instance."""
     @property
-    def num_envs(self) -> int:
-        """Number of instances N."""
-    @property
-    def dt(self) -> float:
-        """Step size, s."""
-    @property
-    def integrator(self) -> str:
-        """Name of the integrator."""
-    @property
-    def dtype(self) -> str:
-        """Number type that the kernel computes with."""
-    @property
-    def gamma(self) -> float:
-        """Gain of the quaternion integrators, 1/s. [HC eq. 14]"""
-    @property
-    def tolerance(self) -> float:
-        """Bound on the estimated error of a sub-interval of a step, for adaptive integrators."""
-    @property
-    def threads(self) -> int:
-        """Most threads that a step uses."""
-    @property
-    def instruction_set(self) -> str:
-        """Instruction set of the kernel: "avx512", "avx2", "fma" or "plain" (see UVMS_INSTRUCTION_SET)."""
-    @property
-    def scene(self) -> dict[str, Any]:
-        """The complete scene, as `load_scene` gives it."""
-    @property
-    def scene_name(self) -> str:
-        """Name of the scene."""
-    @property
-    def num_joints(self) -> int:
-        """Number of joints n."""
-    @property
-    def num_bodies(self) -> int:
-        """Number of moving bodies, n + 1."""
-    @property
-    def num_thrusters(self) -> int:
-        """Number of thrusters m."""
-    @property
-    def joint_names(self) -> list[str]:
-        """Names of the joints, in the order of every joint array."""
-    @property
-    def body_names(self) -> list[str]:
-        """Names of the moving bodies, "vehicle" first."""
-    @property
-    def thruster_names(self) -> list[str]:
-        """Names of the thrusters."""
-    @property
-    def thruster_limits(self) -> NDArray[np.float64]:
-        """(m, 2) least and greatest thrust, N."""
-    @property
-    def thruster_configuration(self) -> NDArray[np.float64]:
-        """(6, m) wrench on the vehicle per thrust. [HC eq. 25]"""
-    @property
-    def num_fins(self) -> int:
-        """Number of fins k."""
-    @property
-    def fin_names(self) -> list[str]:
-        """Names of the fins."""
-    @property
-    def fin_limits(self) -> NDArray[np.float64]:
-        """(k, 2) least and greatest deflection, rad."""
-    @property
-    def bytes_per_env(self) -> int:
-        """Bytes of memory per instance."""
-    @property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> _Floats:
         """(N, 3) vehicle origin in the world, m."""
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> _Floats:
         """(N, 3, 3) rotation matrix, body to world."""
     @property
-    def quaternion(self) -> NDArray[np.float64]:
+    def quaternion(self) -> _Floats:
         """(N, 4) [w, x, y, z], w >= 0, body to world; as kept, for the quaternion integrators."""
     @property
-    def twist(self) -> NDArray[np.float64]:
+    def twist(self) -> _Floats:
         """(N, 6) absolute body twist [v; omega], m/s and rad/s."""
     @property
-    def q(self) -> NDArray[np.float64]:
+    def q(self) -> _Floats:
         """(N, n) joint coordinates, rad or m."""
     @property
-    def qd(self) -> NDArray[np.float64]:
+    def qd(self) -> _Floats:
         """(N, n) joint rates, rad/s or m/s."""
     @property
-    def thrust(self) -> NDArray[np.float64]:
+    def thrust(self) -> _Floats:
         """(N, m) thrusts in still water, N: the state of thrusters with dynamics, else 0."""
     @property
-    def time(self) -> NDArray[np.float64]:
+    def time(self) -> _Floats:
         """(N,) time, s."""
     @property
-    def stiffness(self) -> NDArray[np.float64]:
+    def stiffness(self) -> _Floats:
         """(N,) dt times the fastest rate that each instance's motion excites, as the stages of its last steps show."""
     @property
-    def step_error(self) -> NDArray[np.float64]:
+    def step_error(self) -> _Floats:
         """(N,) share of its speed that each instance's last steps got wrong, as their stages show."""
     @property
-    def current(self) -> NDArray[np.float64]:
+    def current(self) -> _Floats:
         """(N, 3) velocity of the water in the world, m/s."""
     @property
-    def current_acceleration(self) -> NDArray[np.float64]:
+    def current_acceleration(self) -> _Floats:
         """(N, 3) acceleration of the water in the world, m/s^2."""
     def set_state(
         self,
-        position: ArrayLike | None = None,
-        rotation: ArrayLike | None = None,
-        quaternion: ArrayLike | None = None,
-        twist: ArrayLike | None = None,
-        q: ArrayLike | None = None,
-        qd: ArrayLike | None = None,
-        time: ArrayLike | None = None,
-        current: ArrayLike | None = None,
-        current_acceleration: ArrayLike | None = None,
-        thrust: ArrayLike | None = None,
+        position: _Rows = None,
+        rotation: _Rows = None,
+        quaternion: _Rows = None,
+        twist: _Rows = None,
+        q: _Rows = None,
+        qd: _Rows = None,
+        time: _Rows = None,
+        current: _Rows = None,
+        current_acceleration: _Rows = None,
+        thrust: _Rows = None,
     ) -> None:
         """Set parts of the state; what is left out stays as it is. ValueError before anything changes."""
     def reset(self) -> None:
@@ -268,13 +248,13 @@ class Simulator:
     def step(
         self,
         *,
-        thrust: ArrayLike | None = None,
-        wrench: ArrayLike | None = None,
-        joint_torque: ArrayLike | None = None,
-        joint_target: ArrayLike | None = None,
-        external: ArrayLike | None = None,
-        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
-        fin: ArrayLike | None = None,
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        joint_torque: _Rows = None,
+        joint_target: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
         substeps: int = 1,
     ) -> None:
         """Step all instances under held inputs, one row for all or one per instance (leading N).
@@ -285,118 +265,109 @@ class Simulator:
     def forward_dynamics(
         self,
         *,
-        thrust: ArrayLike | None = None,
-        wrench: ArrayLike | None = None,
-        joint_torque: ArrayLike | None = None,
-        joint_target: ArrayLike | None = None,
-        external: ArrayLike | None = None,
-        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
-        fin: ArrayLike | None = None,
-    ) -> NDArray[np.float64]:
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        joint_torque: _Rows = None,
+        joint_target: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
+    ) -> _Floats:
         """(N, 6 + n) accelerations [V'; q''] under the inputs of `step`."""
-    def mass_matrix(self) -> NDArray[np.float64]:
+    def mass_matrix(self) -> _Floats:
         """(N, 6 + n, 6 + n) M, added mass included. [HC eq. 13]"""
-    def bias(self) -> NDArray[np.float64]:
+    def bias(self) -> _Floats:
         """(N, 6 + n) the vector C [V; q']: no damping, no restoring, no acceleration of the water. [HC eq. 13]"""
-    def equations(self, nu: ArrayLike | None = None, *, axes: str = "flu") -> dict[str, NDArray[np.float64]]:
+    def equations(self, nu: _Rows = None, *, axes: str = "flu") -> dict[str, _Floats]:
         """Fossen's M nu' + C(nu) nu + D(nu) nu + g(eta) = tau, nu relative to the water. [F21 sections 6.3, 10.3]
 
         nu (N, 6 + n), by default the present [V_r; q']; M (N, 6 + n, 6 + n); C_nu, D_nu, g (N, 6 + n). `axes` is "flu"
         or "ned" (x forward, y starboard, z down).
         """
-    def wrench_influence(self) -> NDArray[np.float64]:
+    def wrench_influence(self) -> _Floats:
         """(N, 6 + n, 6 (n + 1)) W. [HC eq. 13]"""
-    def torque_influence(self) -> NDArray[np.float64]:
+    def torque_influence(self) -> _Floats:
         """(N, 6 + n, n) L. [HC eq. 13]"""
     def body_wrenches(
         self,
         *,
-        thrust: ArrayLike | None = None,
-        wrench: ArrayLike | None = None,
-        external: ArrayLike | None = None,
-        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
-        fin: ArrayLike | None = None,
-    ) -> dict[str, NDArray[np.float64]]:
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
+    ) -> dict[str, _Floats]:
         """(N, n + 1, 6) each: damping, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
-    def joint_torques(
-        self, *, joint_torque: ArrayLike | None = None, joint_target: ArrayLike | None = None
-    ) -> dict[str, NDArray[np.float64]]:
+    def joint_torques(self, *, joint_torque: _Rows = None, joint_target: _Rows = None) -> dict[str, _Floats]:
         """(N, n) each: command, friction, end_stop, sum; N m or N."""
-    def energy(self) -> dict[str, NDArray[np.float64]]:
+    def energy(self) -> dict[str, _Floats]:
         """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, total; J."""
     def power(
         self,
         *,
-        thrust: ArrayLike | None = None,
-        wrench: ArrayLike | None = None,
-        joint_torque: ArrayLike | None = None,
-        joint_target: ArrayLike | None = None,
-        external: ArrayLike | None = None,
-        pose_target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
-        fin: ArrayLike | None = None,
-    ) -> dict[str, NDArray[np.float64]]:
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        joint_torque: _Rows = None,
+        joint_target: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
+    ) -> dict[str, _Floats]:
         """(N,) each: damping, friction, end_stop, flow, thrust, fins, tether, external, joint_command, total; W."""
-    def momentum(self) -> NDArray[np.float64]:
+    def momentum(self) -> _Floats:
         """(N, 6) total momentum [linear; angular] in world axes about the world origin, N s and N m s."""
-    def momentum_terms(self) -> dict[str, NDArray[np.float64]]:
+    def momentum_terms(self) -> dict[str, _Floats]:
         """Momentum by terms: rigid, added, total (N, 6); rigid_scale, total_scale (N, 2)."""
-    def body_poses(self) -> NDArray[np.float64]:
+    def body_poses(self) -> _Floats:
         """(N, n + 1, 4, 4) poses of the moving bodies in the world."""
-    def end_effector_pose(self) -> NDArray[np.float64]:
+    def end_effector_pose(self) -> _Floats:
         """(N, 4, 4) pose of the end effector in the world."""
-    def jacobian(self) -> NDArray[np.float64]:
+    def jacobian(self) -> _Floats:
         """(N, 6, 6 + n) absolute body twist of the end effector per [V; q']. [MLS94]"""
     def inverse_dynamics(
-        self, acceleration: ArrayLike, *, thrust: ArrayLike | None = None, external: ArrayLike | None = None
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        self, acceleration: ArrayLike, *, thrust: _Rows = None, external: _Rows = None
+    ) -> tuple[_Floats, _Floats]:
         """Vehicle wrench (N, 6) and actuator torques (N, n) that give `acceleration` (6 + n,) or (N, 6 + n)."""
     def linearize(
         self,
         *,
-        thrust: ArrayLike | None = None,
-        wrench: ArrayLike | None = None,
-        joint_torque: ArrayLike | None = None,
-        external: ArrayLike | None = None,
-        fin: ArrayLike | None = None,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        joint_torque: _Rows = None,
+        external: _Rows = None,
+        fin: _Rows = None,
+    ) -> tuple[_Floats, _Floats]:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
     @property
-    def parameters(self) -> dict[str, NDArray[np.float64]]:
+    def parameters(self) -> dict[str, _Floats]:
         """(N,) factors on mass, added mass, linear and quadratic damping, volume, thrust, thruster lag; payload, kg."""
     def scale_parameters(
         self,
         *,
-        mass: ArrayLike | None = None,
-        added_mass: ArrayLike | None = None,
-        linear_damping: ArrayLike | None = None,
-        quadratic_damping: ArrayLike | None = None,
-        volume: ArrayLike | None = None,
-        payload: ArrayLike | None = None,
-        thrust: ArrayLike | None = None,
-        thruster_lag: ArrayLike | None = None,
+        mass: _Rows = None,
+        added_mass: _Rows = None,
+        linear_damping: _Rows = None,
+        quadratic_damping: _Rows = None,
+        volume: _Rows = None,
+        payload: _Rows = None,
+        thrust: _Rows = None,
+        thruster_lag: _Rows = None,
     ) -> None:
         """Set factors, () or (N,), on each instance's parameters, and its payload, kg; they stay through `reset`."""
-    def trim(self) -> dict[str, NDArray[np.float64]]:
+    def trim(self) -> dict[str, _Floats]:
         """Trim at rest: wrench (N, 6), thrust (N, m), joint_torque (N, n), residual (N, 6)."""
-    def modes(
-        self, speed: ArrayLike | None = None, *, joint_servos: bool = True, vehicle_servo: bool = True
-    ) -> list[_Mode]:
+    def modes(self, speed: _Rows = None, *, joint_servos: bool = True, vehicle_servo: bool = True) -> list[_Mode]:
         """Rates at which deviations decay, swing or grow, fastest first; at expected vehicle `speed` () or (6,)."""
     def stable_steps(
-        self,
-        speed: ArrayLike | None = None,
-        *,
-        joint_servos: bool = True,
-        vehicle_servo: bool = True,
-        end_stops: bool = True,
+        self, speed: _Rows = None, *, joint_servos: bool = True, vehicle_servo: bool = True, end_stops: bool = True
     ) -> dict[str, float]:
         """Greatest step, s, at which each integrator is stable for all modes, by its name; infinite where any is."""
-    def allocate(self, wrench: ArrayLike) -> NDArray[np.float64]:
+    def allocate(self, wrench: ArrayLike) -> _Floats:
         """(N, m) thrusts that come closest to `wrench` (6,) or (N, 6), scaled uniformly into their limits."""
     def __copy__(self) -> Simulator: ...
     def __deepcopy__(self, memo: object, /) -> Simulator: ...
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], int], dict[str, Any]]: ...
-    def __getstate__(self) -> NDArray[np.float64]: ...
+    def __getstate__(self) -> _Floats: ...
     def __setstate__(self, state: ArrayLike, /) -> None: ...
 
 @final
@@ -408,7 +379,7 @@ class Renderer:
     """
     def __new__(
         cls,
-        scene: str | PathLike[str] | dict[str, Any],
+        scene: _Scene,
         *,
         width: int = 640,
         height: int = 480,
@@ -417,33 +388,28 @@ class Renderer:
         distance: float | None = None,
         floor: float | None = None,
     ) -> Renderer: ...
-    @property
-    def width(self) -> int:
-        """Pixels along."""
-    @property
-    def height(self) -> int:
-        """Pixels down."""
-    @property
-    def distance(self) -> float:
-        """Distance of the camera, m."""
-    @property
-    def floor(self) -> float:
-        """Height of the floor, m."""
-    @property
-    def cell(self) -> float:
-        """Width of the cells of the floor's grid, m."""
+    width: Final[int]
+    """Pixels along."""
+    height: Final[int]
+    """Pixels down."""
+    distance: Final[float]
+    """Distance of the camera, m."""
+    floor: Final[float]
+    """Height of the floor, m."""
+    cell: Final[float]
+    """Width of the cells of the floor's grid, m."""
     def draw(
         self,
         position: ArrayLike,
         rotation: ArrayLike,
-        q: ArrayLike | None = None,
+        q: _Rows = None,
         *,
-        thrust: ArrayLike | None = None,
-        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
-        path: ArrayLike | None = None,
-        point: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
-        trail: ArrayLike | None = None,
-        current: ArrayLike | None = None,
+        thrust: _Rows = None,
+        target: _Pose = None,
+        path: _Rows = None,
+        point: _Pose = None,
+        trail: _Rows = None,
+        current: _Rows = None,
         payload: float = 0.0,
         time: float = 0.0,
     ) -> NDArray[np.uint8]:
@@ -452,32 +418,12 @@ class Renderer:
         thrust (m,) N; target and point: poses (4, 4) or (position, rotation) of vehicle and end effector; path and
         trail (k, 3) of the end effector; current (3,) m/s; payload kg; time s. World frame.
         """
-    def project(
-        self,
-        points: ArrayLike,
-        position: ArrayLike,
-        rotation: ArrayLike,
-        *,
-        target: tuple[ArrayLike, ArrayLike] | ArrayLike | None = None,
-    ) -> NDArray[np.float64]:
+    def project(self, points: ArrayLike, position: ArrayLike, rotation: ArrayLike, *, target: _Pose = None) -> _Floats:
         """(k, 3) pixels from left and top, and distance, of points (k, 3) in the picture of that pose and target."""
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
 
-@type_check_only
-class _Block(TypedDict):
-    name: str
-    offset: int
-    length: int
-    scale: tuple[float, ...]
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    unit: str
-    description: str
-
-_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64], NDArray[np.float64]]
-_StepArrays: TypeAlias = tuple[
-    NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]
-]
+_Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], _Floats, _Floats]
+_StepArrays: TypeAlias = tuple[NDArray[np.float32], _Floats, NDArray[np.bool_], NDArray[np.bool_], _Floats]
 
 @final
 class Task:
@@ -488,12 +434,11 @@ class Task:
 
     INFO: ClassVar[list[str]]
     """Names of the metrics that all tasks share, in the order of the rows of `info`."""
-    @property
-    def metric_names(self) -> list[str]:
-        """Names of the metrics, in the order of the rows of `info`."""
+    metric_names: Final[list[str]]
+    """Names of the metrics, in the order of the rows of `info`."""
     def __new__(
         cls,
-        scene: str | PathLike[str] | dict[str, Any],
+        scene: _Scene,
         options: dict[str, Any],
         *,
         num_envs: int = 1,
@@ -503,38 +448,28 @@ class Task:
         autoreset: str = "disabled",
         max_episode_steps: int | None = None,
     ) -> Task: ...
-    @property
-    def num_envs(self) -> int:
-        """Number of instances N."""
-    @property
-    def control_period(self) -> float:
-        """Control period, s."""
-    @property
-    def scene(self) -> dict[str, Any]:
-        """The complete scene, as `load_scene` gives it."""
+    num_envs: Final[int]
+    """Number of instances N."""
+    control_period: Final[float]
+    """Control period, s."""
+    scene: Final[dict[str, Any]]
+    """The complete scene, as `load_scene` gives it."""
     def snapshot(self) -> Simulator:
         """Simulator with a copy of the current state."""
-    @property
-    def observation_bound(self) -> NDArray[np.float32]:
-        """Greatest magnitude of each entry of an observation, (d,)."""
-    @property
-    def layout(self) -> list[_Block]:
-        """Blocks of an observation."""
-    @property
-    def action_layout(self) -> list[_Block]:
-        """Entries of an action, one block each."""
-    @property
-    def privileged_layout(self) -> list[_Block]:
-        """Parts of a row of `privileged`."""
-    def privileged(self) -> NDArray[np.float64]:
+    observation_bound: Final[NDArray[np.float32]]
+    """Greatest magnitude of each entry of an observation, (d,)."""
+    layout: Final[list[dict[str, Any]]]
+    """Blocks of an observation."""
+    action_layout: Final[list[dict[str, Any]]]
+    """Entries of an action, one block each."""
+    privileged_layout: Final[list[dict[str, Any]]]
+    """Parts of a row of `privileged`."""
+    def privileged(self) -> _Floats:
         """Privileged information: true state, flow, parameters and target, (N, m)."""
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: Any
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        """Start episodes of all instances, or of those in `mask`; observations (N, d), metrics (k, N).
-
-        Keywords give parts of the start, one row for all or (N, .), that are drawn otherwise.
-        """
+    ) -> tuple[NDArray[np.float32], _Floats]:
+        """Start episodes, of all or of `mask`, with `given` parts of the start; observations (N, d), metrics (k, N)."""
     def step(self, actions: NDArray[np.float32], out: _StepArrays) -> _Finals | None:
         """One control period of all instances under `actions` (N, a).
 
@@ -543,35 +478,21 @@ class Task:
         information (e, m).
         """
     def step_one(self, action: NDArray[np.float32]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, float]]:
-        """One control period of a single instance under `action` (a,).
-
-        Returns observation (d,), reward, terminated, truncated and metrics by name. TypeError for anything but a
-        float32 array of that shape; nothing has changed then.
-        """
+        """One control period of a single instance under `action` (a,), float32; TypeError for anything else."""
     def episodes(self) -> dict[str, NDArray[Any]]:
-        """Drawn parts and progress of the episodes.
-
-        seed, episode and step (N,), target_position (N, 3) and target_rotation (N, 3, 3) as they are now, current
-        (N, 3), action (N, a), joint_reference and joint_reference_rate (N, n) where joints follow one.
-        """
-    def disturbance(self, i: int, steps: int) -> dict[str, NDArray[np.float64]]:
-        """Disturbance of instance `i` over the next `steps` control periods, for a vehicle that stays in place.
-
-        time (T,), current and acceleration (T, 3), wrench (T, 6), gains (T, thrusters) and payload (T,).
-        """
-    def paths(self, count: int) -> NDArray[np.float64]:
+        """Drawn parts and progress of the episodes: `uvms_gym.envs.TaskEnv.episode` lists them."""
+    def disturbance(self, i: int, steps: int) -> dict[str, _Floats]:
+        """Disturbance of instance `i` over the next `steps` control periods: `uvms_gym.envs.TaskEnv.disturbance`."""
+    def paths(self, count: int) -> _Floats:
         """(N, count, 3) points along the reference paths of the end effectors; count is 0 for tasks without a path."""
     def controller(self, kind: str, gains: dict[str, float | list[float] | None]) -> Controller:
         """A classical controller by its kind and its gains; defaults where a gain is None or missing."""
     def rollout(self, controller: Controller, trace: list[int] = ...) -> Rollout:
         """Rollout of a controller from blank memory; `trace` lists the instances to record."""
     def run(self, rollout: Rollout, steps: int) -> None:
-        """Run `steps` control periods of all instances under the rollout's controller from their current states.
-
-        Instances whose episode is over wait.
-        """
+        """Run `steps` control periods of all instances from their current states; those whose episode is over wait."""
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any], dict[str, Any]], dict[str, Any]]: ...
-    def __getstate__(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def __getstate__(self) -> tuple[_Floats, _Floats]: ...
     def __setstate__(self, state: tuple[ArrayLike, ArrayLike]) -> None: ...
 
 @final
@@ -581,26 +502,19 @@ class Rollout:
     def traces(self) -> list[dict[str, Any]]:
         """Records of the chosen instances: instance, observations (T, d), actions (T, a), rewards (T,), info (T, k)."""
     def pop_stats(self) -> dict[str, Any]:
-        """Return the statistics so far and clear them; the controller's memory stays.
-
-        steps, returns, terminated and truncated (N,); sums, squares and last values of the metrics (k, N).
-        """
+        """Return the statistics so far, as of `uvms_gym.rollouts.RolloutStats`, and clear them; the memory stays."""
 
 @disjoint_base
 class Controller:
     """A native controller: alone by `act`, or in a closed loop by `Task.run`."""
-    @property
-    def widths(self) -> list[int]:
-        """Lengths of a row of observations, memory and actions."""
-    @property
-    def gains(self) -> dict[str, Any]:
-        """Gains by name: numbers and arrays."""
-    @property
-    def memory_layout(self) -> list[tuple[str, int]]:
-        """Name and length of each block of an instance's memory, in order."""
-    def act(
-        self, observations: NDArray[np.float32], memory: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+
+    widths: Final[list[int]]
+    """Lengths of a row of observations, memory and actions."""
+    gains: Final[dict[str, Any]]
+    """Gains by name: numbers and arrays."""
+    memory_layout: Final[list[tuple[str, int]]]
+    """Name and length of each block of an instance's memory, in order."""
+    def act(self, observations: NDArray[np.float32], memory: _Floats) -> tuple[NDArray[np.float32], _Floats]:
         """Actions (n, a) for observations (n, d) and memory (n, m), and the updated memory."""
 
 @final
@@ -628,21 +542,15 @@ class Mlp(Controller):
         """Refuse another task than the policy's, alone or as a residual policy."""
     def correcting(self, base: Controller, limit: float) -> Controller:
         """Give this network's corrections to a controller, of at most `limit`."""
-    @property
-    def residual(self) -> bool:
-        """True for a residual policy."""
-    @property
-    def history(self) -> int:
-        """Number of stacked observations."""
-    @property
-    def sizes(self) -> list[int]:
-        """Entries of the input, and of all layers' results."""
-    @property
-    def activation(self) -> str:
-        """Function between layers."""
-    @property
-    def spec(self) -> dict[str, Any] | None:
-        """Environment of the policy: task, scene, action, actions, control_period and observation."""
-    @property
-    def notes(self) -> dict[str, str]:
-        """Notes: seeds, steps, scores."""
+    residual: Final[bool]
+    """True for a residual policy."""
+    history: Final[int]
+    """Number of stacked observations."""
+    sizes: Final[list[int]]
+    """Entries of the input, and of all layers' results."""
+    activation: Final[str]
+    """Function between layers."""
+    spec: Final[dict[str, Any] | None]
+    """Environment of the policy: task, scene, action, actions, control_period and observation."""
+    notes: Final[dict[str, str]]
+    """Notes: seeds, steps, scores."""
