@@ -1,12 +1,9 @@
 """Controllers with the signature of Stable-Baselines3's policies. They run natively, alone or in a closed loop."""
 
 from uvms_gym.controllers.base import Controller, StateWarning
-from uvms_gym.controllers.dock_pd import DockPD
-from uvms_gym.controllers.feedback import PD, PID, NoControl, PDRestoring
-from uvms_gym.controllers.mlp import MLP
-from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque
-from uvms_gym.controllers.residual import Residual
-from uvms_gym.controllers.resolved_motion import ResolvedMotion
+from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
+from uvms_gym.controllers.mlp import MLP, Residual
+from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque, ResolvedMotion
 
 __all__ = [
     "DOB",

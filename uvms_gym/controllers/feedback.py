@@ -1,4 +1,4 @@
-"""Classical feedback: PD, PID, PD with restoring compensation, and zero action."""
+"""Classical feedback: PD, PID, PD with restoring compensation, PD for docking, and zero action."""
 
 from uvms_gym.controllers.base import ClassicalController
 
@@ -55,20 +55,11 @@ class PID(ClassicalController):
 
     Parameters
     ----------
-    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
-        As for `PD`; it determines the control period, too.
-    kp, kd : array_like (6,) or None
-        As for `PD`.
+    env, kp, kd, **options
+        As for `PD`, as are errors; `dt` and `substeps` matter, too.
     ki : array_like (6,) or None
         Integral gains, N/(m s) and N m/(rad s). Where None, from the others by T_i = 2 T_d: `ki = kp**2 / (2 kd)`.
         (On a critically damped PD the slowest poles then have a damping ratio of 0.69.)
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt` and `substeps` matter.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As for `PD`.
     """
 
     kind = "pid"
@@ -83,12 +74,28 @@ class PDRestoring(ClassicalController):
     Parameters
     ----------
     env, kp, kd, **options
-        As for `PD`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As for `PD`.
+        As for `PD`, as are errors.
     """
 
     kind = "pd-restoring"
+
+
+class DockPD(ClassicalController):
+    """PD for `UVMS-Dock` with a limited approach speed, `F = -kp sat(e) - kd V_r`, from observations alone.
+
+    It reads the pose error e and the twist V_r relative to the dock, which feeds the dock's velocity forward. `sat`
+    scales the linear and the angular part of e down together where the velocity at which both terms balance,
+    `-kp e / kd`, exceeds the approach speed. The arm is held by its own servos.
+
+    Parameters
+    ----------
+    env, kp, kd, **options
+        As for `PD`, as are errors, but of `DockEnv`; another task is a `ValueError`.
+    approach_speed : float or None
+        Greatest speed of approach, m/s. 0.5 by default.
+    turn_speed : float or None
+        Greatest angular speed of approach, rad/s. 0.3 by default.
+    """
+
+    kind = "dock-pd"
+    _task = "dock"

@@ -1,4 +1,4 @@
-"""Classical feedback with the scene's nominal model: disturbance observer, computed torque, MPC."""
+"""Control with the scene's nominal model: disturbance observer, computed torque, MPC, resolved motion."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,10 +43,8 @@ class DOB(ModelBased):
 
     Parameters
     ----------
-    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
-        As for `PD`; it determines the control period, the thrusters' lag and the age of measurements, too.
-    kp, kd : array_like (6,) or None
-        As for `PD`.
+    env, kp, kd, **options
+        As for `PD`, as are errors; `dt`, `substeps`, `thruster_lag` and the delay of `disturbance` matter, too.
     observer_bandwidth : array_like (2,) or None
         Bandwidth, linear and angular, rad/s; 0: no observer. 2 by default.
     wave_acceleration : array_like (2,) or None
@@ -61,14 +59,6 @@ class DOB(ModelBased):
         of the environment's sensors.
     prediction_horizon : float or None
         Time beyond the present for which the model predicts before the feedback, s: the thrusters' lag. 0 by default.
-    **options
-        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
-        the delay of `disturbance` matter.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As for `PD`.
     """
 
     kind = "dob"
@@ -83,21 +73,12 @@ class ComputedTorque(ModelBased):
 
     Parameters
     ----------
-    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
-        As for `DOB`.
+    env, **options
+        As for `DOB`, as are errors.
     kp, kd : array_like (6,) or None
         Gains per body axis, 1/s2 and 1/s. Where None: the scene's, over the diagonal of M at home.
-    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon
-        As for `DOB`; by default 8, 0.3, 1, (0.05, 0.3) and 0.
-    delay : int or None
-        As for `DOB`; that of the environment's sensors by default.
-    **options
-        As for `DOB`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As for `PD`.
+    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon, delay
+        As for `DOB`; by default 8, 0.3, 1, (0.05, 0.3), 0 and that of the environment's sensors.
     """
 
     kind = "computed-torque"
@@ -115,24 +96,58 @@ class MPC(ModelBased):
 
     Parameters
     ----------
-    env : gymnasium.Env, gymnasium.vector.VectorEnv, VecEnv or None
-        As for `DOB`.
+    env, **options
+        As for `DOB`, as are errors.
     velocity : array_like (2,) or None
         Weights on velocities, linear and angular, s2. 0.02 by default.
     effort, change : array_like (2,) or None
         Weights on wrenches over their limits, forces and moments, and on their changes from one move to the next, m2.
         (0.03, 0.06) and (0.01, 0.02) by default.
-    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise
+    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, delay
         As for `ComputedTorque`.
-    delay : int or None
-        As for `ComputedTorque`.
-    **options
-        As for `DOB`.
-
-    Raises
-    ------
-    ValueError, TypeError
-        As for `PD`.
     """
 
     kind = "mpc"
+
+
+class ResolvedMotion(ClassicalController):
+    """Resolved motion and inverse dynamics for `UVMS-EETrack`, from observations alone. [Whi69]
+
+    The end effector's commanded twist is the reference's less `pose_gain` times the pose error and its integral. A
+    damped and weighted pseudo-inverse of its Jacobian distributes it among vehicle and joints; in its null space the
+    arm returns home and the vehicle levels. Inverse dynamics of the scene's nominal model in still water turns the
+    error of these velocities, and the reference's acceleration, into a wrench and torques.
+
+    With `observer_bandwidth` the forces and torques that the nominal model lacks (currents, waves, a payload, other
+    parameters) are estimated from the measured velocities under the actions, and compensated. With `delay` the
+    controller acts on a prediction of the present from delayed measurements, by the same model and its own past
+    actions. Both assume that actions are carried out as given, and need the controller's state.
+
+    Parameters
+    ----------
+    env, **options
+        As for `PD`, as are errors, but of `EETrackEnv`; options of the observation matter, too. Another task, actions
+        that are corrections to a controller, and a delay beyond 10 are each a `ValueError`.
+    pose_gain : float or None
+        Pose error to the commanded twist, 1/s. 2.5 by default.
+    twist_gain, joint_gain : float or None
+        Errors of the vehicle's twist and of the joints' rates to their accelerations, 1/s. 6 and 10 by default.
+    posture_gain, levelling_gain : float or None
+        Distance of the joints from home and tilt of the vehicle to their rates, 1/s. 0.5 by default.
+    arm_weight : float or None
+        Mobility of the joints over the vehicle's: at 1 an arm of length 1 m takes as much of a motion. 2 by default.
+    lag_compensation : float or None
+        Share of the thrusters' nominal lag over a period that is compensated; only with `observer_bandwidth` or
+        `delay`. 0 by default.
+    integral_gain : float or None
+        Integral of the pose error, over `pose_gain`, 1/s. The integral pauses while actuators saturate and the error
+        would drive it further. 0 by default.
+    observer_bandwidth : array_like (3,) or None
+        Bandwidths of the disturbance observer, rad/s: of forces and of moments on the vehicle, and of torques on
+        joints; 0 estimates nothing there. 0 by default.
+    delay : int or None
+        Age of measurements in control periods, which is compensated, 0 to 10. 0 by default.
+    """
+
+    kind = "resolved-motion"
+    _task = "ee-track"

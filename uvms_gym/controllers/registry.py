@@ -13,12 +13,9 @@ from typing import Any, Literal, NamedTuple
 from uvms_gym import _core
 from uvms_gym._task.options import native
 from uvms_gym.controllers.base import Controller, options_of
-from uvms_gym.controllers.dock_pd import DockPD
-from uvms_gym.controllers.feedback import PD, PID, NoControl, PDRestoring
-from uvms_gym.controllers.mlp import MLP
-from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque
-from uvms_gym.controllers.residual import Residual
-from uvms_gym.controllers.resolved_motion import ResolvedMotion
+from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
+from uvms_gym.controllers.mlp import MLP, Residual
+from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque, ResolvedMotion
 
 #: Folder of shipped policies and tuned gains.
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
@@ -173,8 +170,7 @@ def available(env: Any = None, **options: Any) -> tuple[str, ...]:
 def folder(env: Any = None, **options: Any) -> Path:
     """Folder of shipped gains and policies for an environment; it may not exist."""
     given = options_of("controller", env, options)
-    made = native(given)
-    task = TASKS[given.get("task", "station-keep")]
+    made, task = native(given), TASKS[given.get("task", "station-keep")]
     return PRETRAINED / task / made.snapshot().scene_name / f"{made.control_period:.6g}s"
 
 
@@ -227,22 +223,18 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
     return place / f"{name}-{seed}.safetensors"
 
 
-def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
-    entry = CLASSICAL.get(name)
-    if entry is None:
-        raise Unavailable(f"controller {name} cannot be a base")
+def _classical(name: str, given: dict[str, Any], gains: str) -> Any:
+    entry = CLASSICAL[name]
     stored = tuned(name, **given) if gains == "tuned" else None
     if stored is None:
-        made: Controller = entry.kind(**entry.gains, **given)
-        return made
+        return entry.kind(**entry.gains, **given)
     try:
         # The class would take other names for options of an environment.
         if unknown := stored["gains"].keys() - set(_core.gain_names(entry.kind.kind)):
             raise TypeError(f"unknown gain {min(unknown)!r}")
-        made = entry.kind(**{**entry.gains, **stored["gains"]}, **given)
+        return entry.kind(**{**entry.gains, **stored["gains"]}, **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
-    return made
 
 
 def _entry(name: str) -> ClassicalEntry | LearnedEntry:
