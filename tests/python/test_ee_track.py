@@ -57,7 +57,7 @@ def test_documented_tables_are_those_of_the_native_layout():
 
 
 def test_documentation_names_all_arguments_options_and_measures():
-    text = EETrackEnv.__doc__
+    text = StationKeepEnv.__doc__ + EETrackEnv.__doc__
     options = TaskOptions.__doc__ + EETrackOptions.__doc__
     for name in EETrackOptions().to_dict():
         assert re.search(rf"^    (\w+, )*{name}(, \w+)* : ", options, re.MULTILINE), name

@@ -11,7 +11,7 @@ from helpers import SMALL, policies, policy
 
 import uvms_gym
 from uvms_gym import PD, PID, Rollout
-from uvms_gym.envs.station_keep import INFO, StationKeepVectorEnv
+from uvms_gym.envs import INFO, StationKeepVectorEnv
 
 
 def stepped(env: StationKeepVectorEnv, controller: Any, seed: int, steps: int) -> dict[str, Any]:

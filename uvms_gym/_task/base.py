@@ -1,6 +1,7 @@
-"""Read access that single and vector environments of all tasks share."""
+"""Construction and read access that single and vector environments of all tasks share."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -8,14 +9,48 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._core import Simulator, Task
-from uvms_gym._task.layout import Block, blocks
-from uvms_gym._task.options import TaskOptions, check_count
+from uvms_gym._task.options import TaskOptions, check_count, native
 
 #: Episode length of the registered environments, control periods.
 EPISODE_STEPS = 400
 
 #: Names of the metrics in `info` that all tasks share.
 INFO = tuple(Task.INFO)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Named run of entries in a row of observations, actions or privileged information.
+
+    Attributes
+    ----------
+    name : str
+        Name of the quantity.
+    offset, length : int
+        First entry and number of entries; `row[..., block.slice]` are the entries.
+    scale : tuple of float (length,)
+        Physical value of an entry of 1. An action's entry of -1 asks for `low`, which may differ from `-scale`.
+    low, high : tuple of float (length,)
+        Physical values at the least and at the greatest entry; infinite where there is no bound.
+    unit : str
+        Unit of the physical value.
+    description : str
+        Meaning, with the axes.
+    """
+
+    name: str
+    offset: int
+    length: int
+    scale: tuple[float, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    unit: str
+    description: str
+
+    @property
+    def slice(self) -> slice:
+        """Entries of the block in a row."""
+        return slice(self.offset, self.offset + self.length)
 
 
 class TaskBase:
@@ -28,16 +63,16 @@ class TaskBase:
     _native: Task
     _action_shape: tuple[int, ...]
 
-    def _resolve(self, options: TaskOptions | None, given: Mapping[str, Any]) -> TaskOptions:
-        """Options with changes by name."""
+    def _make(
+        self, options: TaskOptions | None, changes: Mapping[str, Any], **batch: Any
+    ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        """Make the native batch with options changed by name; spaces of one instance's observation and action."""
         if options is None:
-            return self.options_class.of(given)
-        if not isinstance(options, self.options_class):
+            options = self.options_class()
+        elif not isinstance(options, self.options_class):
             raise TypeError(f"options must be {self.options_class.__name__}, not {type(options).__name__}")
-        return options.with_changes(given)
-
-    def _spaces(self) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
-        """Spaces of one instance's observation and action."""
+        self.options = options.with_changes(changes)
+        self._native = native(self.options, **batch)
         bound = self._native.observation_bound
         action = np.ones(len(self._native.action_layout), dtype=np.float32)
         self._action_shape = action.shape
@@ -51,17 +86,17 @@ class TaskBase:
     @property
     def layout(self) -> tuple[Block, ...]:
         """Blocks of an observation."""
-        return blocks(self._native.layout)
+        return tuple(Block(**block) for block in self._native.layout)
 
     @property
     def action_layout(self) -> tuple[Block, ...]:
         """Entries of an action, one block each."""
-        return blocks(self._native.action_layout)
+        return tuple(Block(**block) for block in self._native.action_layout)
 
     @property
     def privileged_layout(self) -> tuple[Block, ...]:
         """Parts of `info["privileged"]`."""
-        return blocks(self._native.privileged_layout)
+        return tuple(Block(**block) for block in self._native.privileged_layout)
 
     @property
     def metric_names(self) -> tuple[str, ...]:

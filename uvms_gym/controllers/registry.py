@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 from uvms_gym import _core
 from uvms_gym._task.options import native
-from uvms_gym.controllers.base import Controller, options_of
+from uvms_gym.controllers.base import ClassicalController, Controller, options_of
 from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP, Residual
 from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque, ResolvedMotion
@@ -35,7 +35,7 @@ _ALL = tuple(TASKS)
 class ClassicalEntry(NamedTuple):
     """Classical controller: class, tasks, and gains of this variant."""
 
-    kind: type[Any]
+    kind: type[ClassicalController]
     tasks: tuple[str, ...] = _STATION
     gains: dict[str, Any] = {}  # noqa: RUF012 (never changed)
 
@@ -223,7 +223,7 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
     return place / f"{name}-{seed}.safetensors"
 
 
-def _classical(name: str, given: dict[str, Any], gains: str) -> Any:
+def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
     entry = CLASSICAL[name]
     stored = tuned(name, **given) if gains == "tuned" else None
     if stored is None:

@@ -4,8 +4,7 @@ from typing import Any
 
 import gymnasium
 
-from uvms_gym._task.base import EPISODE_STEPS, INFO
-from uvms_gym._task.layout import Block
+from uvms_gym._task.base import EPISODE_STEPS, INFO, Block
 from uvms_gym._task.options import Preview, RewardWeights, TaskOptions, Tolerance
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 from uvms_gym.envs.dock import DockEnv, DockOptions, DockVectorEnv

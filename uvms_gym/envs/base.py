@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym._task.arguments import Actions, as_actions, starts
 from uvms_gym._task.base import EPISODE_STEPS, TaskBase
-from uvms_gym._task.options import TaskOptions, native
-from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering, check_mode
+from uvms_gym._task.options import TaskOptions
+from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering
 
 Observations = NDArray[np.float32]
 
@@ -20,11 +20,6 @@ Observations = NDArray[np.float32]
 StepArrays = tuple[Observations, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
 
 _SEEDS = 2**64
-_MODES = {
-    AutoresetMode.NEXT_STEP: "next_step",
-    AutoresetMode.SAME_STEP: "same_step",
-    AutoresetMode.DISABLED: "disabled",
-}
 
 
 class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
@@ -45,19 +40,13 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
         An option is unknown or out of range; the message names it and what is allowed.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 (as gym.Env declares it)
-        "render_modes": list(RENDER_MODES),
-        "render_fps": 20.0,
-    }
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 20.0}  # noqa: RUF012 (as gym.Env has it)
 
     def __init__(self, options: TaskOptions | None = None, *, render_mode: str | None = None, **kwargs: Any) -> None:
-        check_mode(render_mode)
-        self.render_mode = render_mode
-        self.options = self._resolve(options, kwargs)
-        self._native = native(self.options)
+        self._set_render_mode(render_mode)
+        self.observation_space, self.action_space = self._make(options, kwargs)
+        self.metadata = {"render_modes": RENDER_MODES, "render_fps": 1.0 / self._native.control_period}
         self._seeded = False
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
-        self.observation_space, self.action_space = self._spaces()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -150,28 +139,24 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         render_mode: str | None = None,
         **kwargs: Any,
     ) -> None:
-        check_mode(render_mode)
-        self.render_mode = render_mode
-        self.copy = copy
-        self.options = self._resolve(options, kwargs)
-        self.num_envs = num_envs
+        self._set_render_mode(render_mode)
+        self.num_envs, self.copy = num_envs, copy
         mode = AutoresetMode(autoreset_mode)
-        self._native = native(
-            self.options, num_envs=num_envs, autoreset=_MODES[mode], max_episode_steps=max_episode_steps
+        self.single_observation_space, self.single_action_space = self._make(
+            options, kwargs, num_envs=num_envs, autoreset=mode.name.lower(), max_episode_steps=max_episode_steps
         )
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._observation_shape = (num_envs, len(self._native.observation_bound))
+        self.action_space = batch_space(self.single_action_space, num_envs)
         self._arrays: StepArrays | None = None
         self._metrics = self.metric_names
         self._masks = tuple(f"_{name}" for name in self._metrics)
         self._seeded = False
         self.metadata = {
-            "render_modes": list(RENDER_MODES),
+            "render_modes": RENDER_MODES,
             "render_fps": 1.0 / self._native.control_period,
             "autoreset_mode": mode,
         }
-        self.single_observation_space, self.single_action_space = self._spaces()
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._observation_shape = (num_envs, len(self._native.observation_bound))
-        self.action_space = batch_space(self.single_action_space, num_envs)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -6,8 +6,6 @@ from typing import Literal
 from uvms_gym._task.options import TaskOptions
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
 
-__all__ = ["DockEnv", "DockOptions", "DockVectorEnv"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class DockOptions(TaskOptions, task="dock"):

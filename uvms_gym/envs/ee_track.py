@@ -3,11 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from uvms_gym._task.base import INFO
 from uvms_gym._task.options import Preview, TaskOptions
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
-
-__all__ = ["INFO", "EETrackEnv", "EETrackOptions", "EETrackVectorEnv"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +44,7 @@ class EETrackEnv(TaskEnv):
     scene without an arm the end effector is the vehicle itself. The physics is that of `uvms_gym.Simulator`.
 
     ## Action Space
-    A `Box(-1, 1, (a,), float32)`, held over the control period `dt * substeps` (0.05 s). Entries beyond the range are
-    clipped; an action that is not finite or has another shape is refused with a `ValueError` and changes nothing.
+    A `Box(-1, 1, (a,), float32)`, held, clipped and refused as that of `StationKeepEnv`.
 
     With `action="wrench"` (a = 6 + n) the first entries are a body wrench over its limits, as `StationKeepEnv` has
     them, and the others are joint torques. A torque of 1 is the joint's effort limit or, if that is less, twice the
@@ -113,24 +109,16 @@ class EETrackEnv(TaskEnv):
     joint, or a joint beyond its observed range). Truncation: after 400 steps (20 s), by Gymnasium's `TimeLimit`.
 
     ## Information
-    `reset` and `step` give the same float keys: `position_error` (m), `attitude_error` (rad) of the end effector
-    (and the same as `end_effector_...`), and their pose error `pose_error` (m); `effort` (mean of u^2), `power` (mean
-    of |u|^1.5) and `saturation` over thrusters and joints; `action_rate` (mean squared change of the action); root mean
-    squares `rms_...` and means `mean_...` over the episode's steps so far; `current_x`, `current_y`, `current_z` (m/s,
-    world); and the reward's terms `reward_pose`, `reward_effort`, `reward_action_rate`, `reward_diverged`. Only these
-    depend on the reward's weights. `success` is 1 where both errors are within `tolerance`, else 0, and `mean_success`
-    its mean; `recovery_time` is the duration of the current, or of the last,
-    departure from `tolerance`, s (the approach at an episode's start counts as one). `diverged` is 1 where the run has
-    diverged, else 0. `disturbance_force`, `payload` and `thruster_gain` are those of `StationKeepEnv`.
+    Those of `StationKeepEnv`, but `position_error`, `attitude_error` and `pose_error` are the end effector's, as are
+    the `end_effector_...` ones, and `effort`, `power` and `saturation` are over thrusters and joints.
 
     ## Arguments
     `options`, an `EETrackOptions`, or its fields as keyword arguments; and `render_mode`, as `StationKeepEnv` has it.
     The drawn target is where the vehicle would be at the start. Noise and delay of the pose error are those of the end
     effector, the preview is off by as much, and the component `arm` of a disturbance has no effect.
 
-    `reset(options=...)` sets parts of the start, which are drawn otherwise: `position` (3), `attitude` (quaternion
-    [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude` (of the vehicle, where
-    the reference starts), `current` (3, world, the scene's own included), and `disturbance`. SI units.
+    `reset(options=...)` sets parts of the start as in `StationKeepEnv`; `target_position` and `target_attitude` are
+    those of the vehicle where the reference starts.
 
     `UVMS-EETrack-Storm-v0` is this task under the conditions of `UVMS-StationKeep-Storm-v0`, with the reward weight
     `action_rate` at 0.2.

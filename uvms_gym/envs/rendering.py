@@ -11,21 +11,10 @@ from uvms_gym._core import Renderer, Simulator, Task
 
 Picture = NDArray[np.uint8]
 
-RENDER_MODES = ("rgb_array",)
+#: Modes of the environments themselves; others are wrappers of `gymnasium.make`.
+RENDER_MODES = ["rgb_array"]
 #: Points along a drawn path.
 _PLACES = 97
-
-
-def check_mode(render_mode: str | None) -> None:
-    """Refuse unknown render modes.
-
-    Raises
-    ------
-    ValueError
-        `render_mode` is neither None nor one of `RENDER_MODES`; other modes are wrappers of `gymnasium.make`.
-    """
-    if render_mode is not None and render_mode not in RENDER_MODES:
-        raise ValueError(f"render_mode is {render_mode!r}, but must be None or 'rgb_array'")
 
 
 class Pictures(Sequence[Picture]):
@@ -59,6 +48,11 @@ class Rendering:
     render_mode: str | None
     _native: Task
     _renderer: Renderer | None = None
+
+    def _set_render_mode(self, render_mode: str | None) -> None:
+        if render_mode not in (None, *RENDER_MODES):
+            raise ValueError(f"render_mode is {render_mode!r}, but must be None or 'rgb_array'")
+        self.render_mode = render_mode
 
     def _pictures(self) -> Pictures | None:
         """Pictures of the current state; None, with Gymnasium's warning, without a render mode."""

@@ -2,11 +2,8 @@
 
 from dataclasses import dataclass
 
-from uvms_gym._task.base import INFO
 from uvms_gym._task.options import TaskOptions
 from uvms_gym.envs.base import TaskEnv, TaskVectorEnv
-
-__all__ = ["INFO", "StationKeepEnv", "StationKeepOptions", "StationKeepVectorEnv"]
 
 
 @dataclass(frozen=True, kw_only=True)
