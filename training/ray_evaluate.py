@@ -8,7 +8,6 @@ An episode depends on its seed alone: results are bit-identical whatever the blo
 """
 
 import argparse
-from typing import Any
 
 import gymnasium
 import numpy as np
@@ -17,6 +16,7 @@ import ray
 import uvms_gym
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
+from uvms_gym.training.evaluation import episode_steps, run_episodes
 
 ENV = "UVMS-StationKeep-Storm-v0"
 
@@ -24,12 +24,8 @@ ENV = "UVMS-StationKeep-Storm-v0"
 def episodes_of(controller: uvms_gym.controllers.Controller, seed: int, episodes: int) -> dict[str, np.ndarray]:
     """Run the episodes with seeds from `seed` on, on one thread: root mean square pose errors, m, and mean power."""
     envs = gymnasium.make_vec(ENV, num_envs=episodes, threads=1)
-    envs.reset(seed=seed)
-    rollout = uvms_gym.Rollout(envs, controller)
-    rollout.run(gymnasium.spec(ENV).max_episode_steps or 0)
-    stats = rollout.pop_stats()
-    task: Any = envs.unwrapped
-    return {"pose": pose_rms(stats, task.task), "power": stats.mean("power")}
+    stats = run_episodes(envs, controller, seed, episode_steps(ENV, {}))
+    return {"pose": pose_rms(stats, envs.unwrapped.task), "power": stats.mean("power")}
 
 
 def evaluate(names: list[str], episodes: int, seed: int, block: int) -> dict[str, dict[str, np.ndarray]]:

@@ -38,7 +38,7 @@ from parameters import ALIKE, BASES, EACH, Parameter, parameters, space_of
 from search import Space, rounded, search, store, write
 
 import uvms_gym
-from uvms_gym import Rollout, StepWarning
+from uvms_gym import StepWarning
 from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.controllers import Controller
@@ -46,6 +46,7 @@ from uvms_gym.controllers.registry import CLASSICAL, PRETRAINED, check_name, fol
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 from uvms_gym.studies.records import circumstances
+from uvms_gym.training.evaluation import run_episodes
 
 Floats = NDArray[np.float64]
 
@@ -104,11 +105,7 @@ class Arena:
 
     def score(self, controller: Controller, seed: int, episodes: int) -> Score:
         """Score a controller in the episodes with seeds from `seed` on."""
-        batch = self.batch(episodes)
-        batch.reset(seed=seed)
-        rollout = Rollout(batch, controller)
-        rollout.run(self.steps)
-        stats = rollout.pop_stats()
+        stats = run_episodes(self.batch(episodes), controller, seed, self.steps)
         totals = (stats.sums["power"].sum(), stats.sums["action_rate"].sum())
         effort, changes = (float(total / stats.steps.sum()) for total in totals)
         return Score(interquartile_mean(pose_rms(stats)), effort, changes, float(stats.terminated.mean()))

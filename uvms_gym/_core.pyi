@@ -53,10 +53,7 @@ class SceneError(ValueError):
     """A scene that cannot be read, or that no physical system can have. The message names the file, key and value."""
 
 class StepWarning(UserWarning):
-    """A step that is too large for the scene: its result is wrong, or not even finite.
-
-    The message names the rate, what moves that fast, and the step that suits it.
-    """
+    """A step too large for the scene, with a wrong or not finite result; the message names a suitable step."""
 
 class _Mode(TypedDict):
     rate: complex
@@ -76,12 +73,7 @@ def scene_names() -> list[str]:
     """Names of the scenes that come with the package."""
 
 def load_scene(scene: _Scene) -> dict[str, Any]:
-    """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units.
-
-    Tables that state axes = "ned" are converted to x forward, y left, z up.
-
-    Raises SceneError, whose message names file, key and value.
-    """
+    """Read and check a scene (shipped name, path of a TOML file, or dict); the complete scene in SI units."""
 
 def disturbance_levels() -> list[tuple[str, str, str]]:
     """Levels of disturbances: name, description, and the components as JSON."""
@@ -101,12 +93,7 @@ class _Estimate(TypedDict):
     toml: str
 
 def estimate(outline: _Scene, *, table: str = "vehicle.body") -> _Estimate:
-    """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids.
-
-    `outline`: {"density", "speed": [m/s, rad/s], "shapes": [...]}, or path of a TOML file of that form. Each shape has
-    one of box, cylinder, capsule, ellipsoid, and may have name, position, rpy, ends ("free", "joined"), perforation,
-    solidity, displaced, mass, relative_density. SceneError names file, key and value.
-    """
+    """Estimate a body's mass, inertia, buoyancy, added mass and drag from boxes, cylinders, capsules and ellipsoids."""
 
 def import_urdf(
     path: str | PathLike[str],

@@ -2,6 +2,7 @@
 
 import inspect
 import warnings
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -160,7 +161,7 @@ class ClassicalController(Controller):
         return f"{type(self).__name__}({', '.join(gains)})"
 
     def __reduce__(self) -> Any:
-        return _remade, (type(self), self._options, self.gains)
+        return partial(type(self), **self.gains, **self._options), ()
 
 
 def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> dict[str, Any]:
@@ -172,11 +173,6 @@ def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> 
         given = {**inner.options.to_dict(), "task": inner.task}
     matters = ("task", "scene", "action", "dt", "substeps", "preview", "thruster_lag", *more)
     return {key: value for key, value in given.items() if key in matters}
-
-
-def _remade(kind: type[Any], options: dict[str, Any], gains: dict[str, Any]) -> Any:
-    """Make a controller again after pickling."""
-    return kind(**gains, **options)
 
 
 def _plain(name: str, gain: Any) -> Any:

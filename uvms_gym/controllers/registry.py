@@ -78,7 +78,8 @@ class Unavailable(ValueError):
 
 def names(task: str | None = None) -> tuple[str, ...]:
     """Names of the controllers of a task, such as "station-keep", or of all tasks."""
-    return tuple(name for name in NAMES if task is None or task in _entry(name).tasks)
+    entries: dict[str, ClassicalEntry | LearnedEntry] = {**CLASSICAL, **LEARNED}
+    return tuple(name for name, entry in entries.items() if task is None or task in entry.tasks)
 
 
 def make_controller(
@@ -235,10 +236,6 @@ def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
         return entry.kind(**{**entry.gains, **stored["gains"]}, **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
-
-
-def _entry(name: str) -> ClassicalEntry | LearnedEntry:
-    return CLASSICAL[name] if name in CLASSICAL else LEARNED[name]
 
 
 def _shipped(given: dict[str, Any]) -> dict[str, tuple[int, ...]]:

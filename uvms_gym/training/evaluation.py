@@ -8,6 +8,7 @@ import numpy as np
 
 from uvms_gym import Rollout
 from uvms_gym.controllers import Controller
+from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 
@@ -29,6 +30,14 @@ def episode_steps(env: str, env_kwargs: Mapping[str, Any]) -> int:
     return int(steps)
 
 
+def run_episodes(envs: Any, controller: Controller, seed: int, steps: int) -> RolloutStats:
+    """Run an episode of every seed from `seed` on, natively."""
+    envs.reset(seed=seed)
+    rollout = Rollout(envs, controller)
+    rollout.run(steps)
+    return rollout.pop_stats()
+
+
 def evaluate(
     env: str, env_kwargs: Mapping[str, Any], controller: Controller, episodes: int, seed: int = SEED
 ) -> dict[str, float]:
@@ -43,10 +52,7 @@ def evaluate(
         `diverged` episodes.
     """
     envs = gymnasium.make_vec(env, num_envs=episodes, **env_kwargs)
-    envs.reset(seed=seed)
-    rollout = Rollout(envs, controller)
-    rollout.run(episode_steps(env, env_kwargs))
-    stats = rollout.pop_stats()
+    stats = run_episodes(envs, controller, seed, episode_steps(env, env_kwargs))
     pose = pose_rms(stats, envs.unwrapped.task)  # type: ignore[attr-defined]
     envs.close()
     return {

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from stable_baselines3 import PPO
@@ -16,6 +16,44 @@ from uvms_gym import MLP
 TOLERANCE = 1e-6
 #: Mark of model cards that may be overwritten.
 _MARK = "<!-- Written by `uvms train` from the notes in the policies' files. -->"
+_CARD = """\
+{mark}
+# {algorithms}: {task} on {scene}, every {control_period:g} s
+
+| File | Learned | Training seed | Steps | Wall-clock | Pose error | 95th percentile | Power | Diverged |
+| --- | --- | --: | --: | --: | --: | --: | --: | --: |
+{policies}
+
+Over {episodes} held-out episodes with seeds from {seed} on: interquartile mean and 95th percentile of the root mean \
+square pose error (sqrt(position² + (0.5 m · attitude)²)), mean of |T/T_max|^1.5, share of episodes that left all \
+bounds.
+{comparison}
+## Training
+
+{training}
+
+## Intended use
+
+To compare controllers of {task} in simulation, on the scene {scene} at a control period of {control_period:g} s; \
+`uvms_gym.MLP.load` refuses other tasks. Not for real vehicles: outside the states of the training only the clip to \
+[-1, 1] bounds the network's output.
+
+## Known failures
+
+- The error of the worst twentieth of episodes is at least {tail:.1f} times the typical one (`{worst}`).
+- Disturbances, parameters or delays beyond those of the training: see the off-design comparison.
+"""
+_COMPARISON = "`results.json` has the comparison with classical controllers on other seeds.\n"
+#: Keys of the notes on the training, by their titles.
+_TRAINING = {
+    "Environment": "environment",
+    "Its arguments": "env_kwargs",
+    "Algorithm": "algorithm",
+    "Hyperparameters": "hyperparameters",
+    "Commit": "commit",
+    "Versions": "versions",
+    "Processor": "processor",
+}
 _ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu", nn.ELU: "elu"}
 
 
@@ -86,85 +124,42 @@ def write_card(folder: Path) -> None:
 def card(folder: Path) -> str:
     """Model card in Markdown, from the notes of the policies in a folder."""
     files = {file.name: MLP.load(file, residual=True) for file in sorted(folder.glob("*.safetensors"))}
-    files = {name: policy for name, policy in files.items() if "environment" in policy.notes}
-    if not files:
+    notes = {file: policy.notes for file, policy in files.items() if "environment" in policy.notes}
+    if not notes:
         raise ValueError(f"{folder} has no policies of `uvms train`")
-    spec: Any = next(iter(files.values())).spec
-    lines = [
-        _MARK,
-        f"# {', '.join(dict.fromkeys(_name(policy) for policy in files.values()))}: {spec['task']} on "
-        f"{spec['scene']}, every {spec['control_period']:g} s",
-        "",
-        "| File | Learned | Training seed | Steps | Wall-clock | Pose error | 95th percentile | Power | Diverged |",
-        "| --- | --- | --: | --: | --: | --: | --: | --: | --: |",
-    ]
-    for file, policy in files.items():
-        notes = policy.notes
-        found = json.loads(notes["evaluation"])
-        lines.append(
-            f"| `{file}` | {_learned(policy)} | {notes['seed']} | {int(notes['steps']):,} | {notes['seconds']} s | "
-            f"{found['pose']:.3f} m | {found['pose_95']:.3f} m | {found['effort']:.3f} | {found['diverged']:.1%} |"
-        )
-    first = next(iter(files.values())).notes
-    evaluation = json.loads(first["evaluation"])
-    lines += [
-        "",
-        f"Over {evaluation['episodes']} held-out episodes with seeds from {evaluation['seed']} on: "
-        "interquartile mean and 95th percentile of the root mean square pose error "
-        "(sqrt(position² + (0.5 m · attitude)²)), mean of |T/T_max|^1.5, share of episodes that left all bounds.",
-    ]
-    if (folder / "results.json").exists():
-        lines.append("`results.json` has the comparison with classical controllers on other seeds.")
-    lines += ["", "## Training", ""]
-    for title, key in (
-        ("Environment", "environment"),
-        ("Its arguments", "env_kwargs"),
-        ("Algorithm", "algorithm"),
-        ("Hyperparameters", "hyperparameters"),
-        ("Commit", "commit"),
-        ("Versions", "versions"),
-        ("Processor", "processor"),
-    ):
-        for value in dict.fromkeys(policy.notes.get(key, "unknown") for policy in files.values()):
-            lines.append(f"- {title}: {_plain(value)}")
-    lines += [
-        "",
-        "## Intended use",
-        "",
-        f"To compare controllers of {spec['task']} in simulation, on the scene {spec['scene']} at a control "
-        f"period of {spec['control_period']:g} s; `uvms_gym.MLP.load` refuses other tasks. Not for real vehicles: "
-        "outside the states of the training only the clip to [-1, 1] bounds the network's output.",
-        "",
-        "## Known failures",
-        "",
-        *_failures(files),
-    ]
-    return "\n".join(lines) + "\n"
+    found = {file: json.loads(note["evaluation"]) for file, note in notes.items()}
+    tails = {file: numbers["pose_95"] / numbers["pose"] for file, numbers in found.items()}
+    worst = max(tails, key=tails.__getitem__)
+    first = next(iter(notes))
+    text = _CARD.format(
+        mark=_MARK,
+        algorithms=", ".join(
+            dict.fromkeys(f"PPO on {note['base']}" if "base" in note else "PPO" for note in notes.values())
+        ),
+        policies="\n".join(_row(file, notes[file], found[file]) for file in notes),
+        episodes=found[first]["episodes"],
+        seed=found[first]["seed"],
+        comparison=_COMPARISON if (folder / "results.json").exists() else "",
+        training="\n".join(
+            f"- {title}: {_plain(value)}"
+            for title, key in _TRAINING.items()
+            for value in dict.fromkeys(note.get(key, "unknown") for note in notes.values())
+        ),
+        tail=tails[worst],
+        worst=worst,
+        **cast(Any, files[first].spec),
+    )
+    diverged = {file: numbers["diverged"] for file, numbers in found.items() if numbers["diverged"]}
+    return text + "".join(f"- `{file}` diverges in {share:.1%} of the episodes.\n" for file, share in diverged.items())
 
 
-def _failures(files: Mapping[str, MLP]) -> list[str]:
-    """Failures in the evaluation, and those of all policies."""
-    found = {file: json.loads(policy.notes["evaluation"]) for file, policy in files.items()}
-    worst = max(found, key=lambda file: found[file]["pose_95"] / found[file]["pose"])
-    ratio = found[worst]["pose_95"] / found[worst]["pose"]
-    lines = [
-        f"- The error of the worst twentieth of episodes is at least {ratio:.1f} times the typical one (`{worst}`).",
-        "- Disturbances, parameters or delays beyond those of the training: see the off-design comparison.",
-    ]
-    for file, numbers in found.items():
-        if numbers["diverged"]:
-            lines.append(f"- `{file}` diverges in {numbers['diverged']:.1%} of the episodes.")
-    return lines
-
-
-def _name(policy: MLP) -> str:
-    base = policy.notes.get("base")
-    return f"PPO on {base}" if base else "PPO"
-
-
-def _learned(policy: MLP) -> str:
-    base = policy.notes.get("base")
-    return f"corrections to {base}, up to {policy.notes['limit']}" if base else "from scratch"
+def _row(file: str, notes: Mapping[str, str], found: Mapping[str, Any]) -> str:
+    """Row of the table of policies."""
+    learned = f"corrections to {notes['base']}, up to {notes['limit']}" if "base" in notes else "from scratch"
+    return (
+        f"| `{file}` | {learned} | {notes['seed']} | {int(notes['steps']):,} | {notes['seconds']} s | "
+        f"{found['pose']:.3f} m | {found['pose_95']:.3f} m | {found['effort']:.3f} | {found['diverged']:.1%} |"
+    )
 
 
 def _plain(value: str) -> str:

@@ -32,43 +32,30 @@ SETTINGS, CURVE, POLICY, BEST = "config.json", "evaluations.json", "policy.safet
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings, which determine a run bit for bit.
-
-    Attributes
-    ----------
-    env : str
-        Gymnasium's id of a UVMS environment.
-    hyperparameters : dict
-        In rl_zoo3's format: `n_timesteps`, `n_envs`, `policy` and arguments of `stable_baselines3.PPO`.
-    env_kwargs : dict
-        Arguments of the environment.
-    seed : int
-        Seed of the network and of batches; seeds of environments start at `SEED_STRIDE * (1 + seed)`.
-    base : str or None
-        Name of a corrected controller.
-    limit : float
-        Greatest correction.
-    eval_freq, eval_episodes : int
-        Steps between evaluations (not positive: only at the end), and episodes of each.
-    save_freq : int
-        Steps between checkpoints; not positive: only at the end.
-    num_threads : int
-        Threads of torch and of the environment; -1: their defaults.
-    device : str
-        Device of torch.
-    """
+    """Settings, which determine a run bit for bit."""
 
     env: str
+    """Gymnasium's id of a UVMS environment."""
     hyperparameters: dict[str, Any]
+    """In rl_zoo3's format: `n_timesteps`, `n_envs`, `policy` and arguments of `stable_baselines3.PPO`."""
     env_kwargs: dict[str, Any] = field(default_factory=dict)
+    """Arguments of the environment."""
     seed: int = 0
+    """Seed of the network and of batches; seeds of environments start at `SEED_STRIDE * (1 + seed)`."""
     base: str | None = None
+    """Name of a corrected controller."""
     limit: float = 0.3
+    """Greatest correction."""
     eval_freq: int = 0
+    """Steps between evaluations; not positive: only at the end."""
     eval_episodes: int = 512
+    """Episodes of each evaluation."""
     save_freq: int = 0
+    """Steps between checkpoints; not positive: only at the end."""
     num_threads: int = 1
+    """Threads of torch and of the environment; -1: their defaults."""
     device: str = "cpu"
+    """Device of torch."""
 
     @property
     def steps(self) -> int:
@@ -109,30 +96,20 @@ class Settings:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a run.
-
-    Attributes
-    ----------
-    steps : int
-        Steps of all instances together, including those before a checkpoint.
-    seconds : float
-        Wall-clock time, including evaluations and the time before a checkpoint.
-    finished : bool
-        True if all steps were taken.
-    checkpoint : Path
-        Checkpoint to resume from.
-    policy : Path
-        Exported policy.
-    evaluation : dict
-        See `uvms_gym.training.evaluation.evaluate`.
-    """
+    """Outcome of a run."""
 
     steps: int
+    """Steps of all instances together, including those before a checkpoint."""
     seconds: float
+    """Wall-clock time, including evaluations and the time before a checkpoint."""
     finished: bool
+    """True if all steps were taken."""
     checkpoint: Path
+    """Checkpoint to resume from."""
     policy: Path
+    """Exported policy."""
     evaluation: dict[str, Any]
+    """See `uvms_gym.training.evaluation.evaluate`."""
 
 
 def make_envs(settings: Settings) -> tuple[VecEnv, TaskVectorEnv, Controller | None]:
@@ -224,10 +201,11 @@ def train(
         schedules = {key: given[key] for key in ("learning_rate", "clip_range") if key in given}
         model, before = continuation.load(agent, venv, device=settings.device, **schedules, **log)
     settings.save(folder)
-    run = _Run(settings, folder, venv, envs, base, before, dict(origin or {}), tick, tell)
+    run = _Run(settings, folder, envs, base, time.perf_counter() - before, origin or {}, tick, tell)
     run.init_callback(model)
-    if agent is not None:
-        run.read_curve()
+    if agent is not None and (folder / CURVE).exists():
+        curve = json.loads((folder / CURVE).read_text())
+        run.curve = [entry for entry in curve if entry["steps"] <= model.num_timesteps]
     left = settings.steps - model.num_timesteps
     if left <= 0:
         raise ValueError(f"the run has taken its {model.num_timesteps} steps; n_timesteps can ask for more")
@@ -237,7 +215,7 @@ def train(
             model.learn(left, run, tb_log_name=settings.env, reset_num_timesteps=agent is None)
         except _Stop:
             finished = False
-        if not run.evaluated:
+        if not run.curve or run.curve[-1]["steps"] != model.num_timesteps:
             run.evaluate()
         name = f"{settings.env}.zip" if finished else _checkpoint(model.num_timesteps)
         run.save(folder / name)
@@ -251,38 +229,28 @@ class _Stop(Exception):
     """Stop of a run between two iterations."""
 
 
+@dataclass(eq=False)
 class _Run(BaseCallback):
     """Evaluations and checkpoints between iterations of PPO, where a run can be interrupted and resumed."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        folder: Path,
-        venv: VecEnv,
-        envs: TaskVectorEnv,
-        base: Controller | None,
-        before: float,
-        origin: dict[str, str],
-        tick: Callable[[int], object],
-        tell: Callable[[dict[str, Any]], object],
-    ) -> None:
+    settings: Settings
+    folder: Path
+    envs: TaskVectorEnv
+    base: Controller | None
+    begun: float
+    origin: Mapping[str, str]
+    tick: Callable[[int], object]
+    tell: Callable[[dict[str, Any]], object]
+    curve: list[dict[str, Any]] = field(default_factory=list)
+    interrupted: threading.Event = field(default_factory=threading.Event)
+
+    def __post_init__(self) -> None:
         super().__init__()
-        self.settings, self.folder, self.venv, self.envs, self.base = settings, folder, venv, envs, base
-        self.origin, self.tick, self.tell = origin, tick, tell
-        self.curve: list[dict[str, Any]] = []
-        self.interrupted: threading.Event = threading.Event()
-        self._begun = time.perf_counter() - before
-        self._last: int | None = None
 
     @property
     def seconds(self) -> float:
         """Time spent on the run so far."""
-        return time.perf_counter() - self._begun
-
-    @property
-    def evaluated(self) -> bool:
-        """True if the current model has been evaluated."""
-        return bool(self.curve) and bool(self.curve[-1]["steps"] == self.model.num_timesteps)
+        return time.perf_counter() - self.begun
 
     def _on_training_start(self) -> None:
         # A new run evaluates the untrained model; a resumed one did so before.
@@ -291,7 +259,6 @@ class _Run(BaseCallback):
         self._last = self.model.num_timesteps
 
     def _on_rollout_start(self) -> None:
-        assert self._last is not None
         now = self.model.num_timesteps
         if now > self._last:
             self.tick(now - self._last)
@@ -308,37 +275,28 @@ class _Run(BaseCallback):
 
     def controller(self, notes: Mapping[str, str] | None = None) -> tuple[MLP, Controller]:
         """Current network, and the controller with it."""
-        model: Any = self.model
-        settings = self.settings
-        policy = policy_of(model, self.envs, history=settings.history, residual=self.base is not None, notes=notes)
-        return policy, policy if self.base is None else Residual(self.base, policy, self.settings.limit)
+        settings, residual = self.settings, self.base is not None
+        policy = policy_of(self.model, self.envs, history=settings.history, residual=residual, notes=notes)  # type: ignore[arg-type]
+        return policy, policy if self.base is None else Residual(self.base, policy, settings.limit)
 
     def evaluate(self) -> None:
         """Evaluate the model, and save it if it is the best so far."""
-        episodes = self.settings.eval_episodes
-        found: dict[str, Any] = {"steps": self.model.num_timesteps, "seconds": round(self.seconds, 3)}
-        found |= evaluate(self.settings.env, self.settings.kwargs, self.controller()[1], episodes)
+        episodes, before = self.settings.eval_episodes, round(self.seconds, 3)
+        scores = evaluate(self.settings.env, self.settings.kwargs, self.controller()[1], episodes)
+        found = {"steps": self.model.num_timesteps, "seconds": before, **scores}
         best = min((entry["pose"] for entry in self.curve), default=float("inf"))
         self.curve.append(found | {"episodes": episodes, "seed": SEED})
         (self.folder / CURVE).write_text(json.dumps(self.curve, indent=1) + "\n")
-        for name in ("pose", "pose_95", "position", "attitude", "end_effector", "effort", "variation", "diverged"):
-            self.logger.record(f"eval/{name}", found[name])
+        for name, value in scores.items():
+            self.logger.record(f"eval/{name}", value)
         self.logger.dump(self.model.num_timesteps)
         if found["pose"] < best:
             self.save(self.folder / BEST)
         self.tell(found)
 
-    def read_curve(self) -> None:
-        """Read the evaluations before the checkpoint."""
-        try:
-            curve = json.loads((self.folder / CURVE).read_text())
-        except FileNotFoundError:
-            curve = []
-        self.curve = [entry for entry in curve if entry["steps"] <= self.model.num_timesteps]
-
     def save(self, path: Path) -> None:
         """Write a checkpoint."""
-        continuation.save(self.model, self.venv, self.seconds, path)  # type: ignore[arg-type]
+        continuation.save(self.model, self.training_env, self.seconds, path)  # type: ignore[arg-type]
 
     def export(self, path: Path) -> Path:
         """Write the policy with its notes."""

@@ -122,18 +122,7 @@ class ResidualVecEnv(VecEnvWrapper):
 
 
 class History(VecFrameStack):
-    """The last observations side by side, oldest first, zeros before an episode's start; with `get_state`.
-
-    Parameters
-    ----------
-    venv : VecEnv
-        With a flat observation.
-    observations : int
-        Number of observations.
-    """
-
-    def __init__(self, venv: VecEnv, observations: int) -> None:
-        super().__init__(venv, observations)
+    """The last observations (flat) side by side, oldest first, zeros before an episode's start; with `get_state`."""
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """State that resumes the run bit-identically."""
