@@ -73,10 +73,6 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
     }
 
 
-#: Controller with the effort that limits the others', by task.
-BASES = {"station-keep": "pd", "ee-track": "resolved"}
-
-
 def space_of(sought: Sequence[Parameter]) -> Space:
     """Search space of parameters."""
     return Space(*zip(*((label, p.low, p.high, p.floor) for p in sought for label in p.labels)))

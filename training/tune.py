@@ -34,7 +34,7 @@ import gymnasium
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from parameters import ALIKE, BASES, EACH, Parameter, parameters, space_of
+from parameters import ALIKE, EACH, Parameter, parameters, space_of
 from search import Space, rounded, search, store, write
 
 import uvms_gym
@@ -42,7 +42,7 @@ from uvms_gym import StepWarning
 from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.controllers import Controller
-from uvms_gym.controllers.registry import CLASSICAL, PRETRAINED, check_name, folder
+from uvms_gym.controllers.registry import BASELINE, CLASSICAL, PRETRAINED, check_name, folder
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 from uvms_gym.studies.records import circumstances
@@ -287,7 +287,7 @@ def main(
         if name not in known:
             raise fail(f"{name} has no gains to tune")
     prepare(policies / place, work / place / "any.json")
-    file, base = policies / place / "gains.json", BASES[task]
+    file, base = policies / place / "gains.json", BASELINE[task]
     where = circumstances("tune", {})
     for name in controller:
         ours = Tuner(arena, name, known[name])

@@ -53,10 +53,9 @@ def import_with_notes(
     vehicle: str | PathLike[str] | dict[str, Any],
     *,
     mount: Sequence[float],
-    base: str | None,
-    tip: str | None,
+    **chain: str | None,
 ) -> tuple[dict[str, Any], list[str]]:
-    """Scene, and notes on merged, estimated and missing parts."""
+    """Scene, and notes on merged, estimated and missing parts; `chain` is `base` and `tip`."""
     if len(mount) != 6:
         raise _core.SceneError(f"mount must be 6 numbers (x, y, z, roll, pitch, yaw), but has {len(mount)}")
-    return _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], base=base, tip=tip)
+    return _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], **chain)

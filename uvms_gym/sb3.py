@@ -87,6 +87,8 @@ class NativeVecEnv(VecEnv):
 
     infos: Mapping[str, Any]
     """Infos of the last `reset` or step of the vector environment."""
+    spec: gymnasium.envs.registration.EnvSpec | None
+    """Spec of the environment."""
 
     def __init__(self, envs: VectorEnv[Any, Any, Any], *, monitor: bool = True) -> None:
         if not isinstance(envs, VectorEnv):
@@ -94,7 +96,7 @@ class NativeVecEnv(VecEnv):
         mode = envs.metadata.get("autoreset_mode")
         if mode not in (AutoresetMode.SAME_STEP, AutoresetMode.DISABLED):
             raise ValueError(f"autoreset_mode of envs is {mode}, but must be 'SameStep' (or 'Disabled')")
-        self.envs = envs
+        self.envs, self.spec = envs, envs.spec
         self._resets = mode is AutoresetMode.SAME_STEP
         self.monitor = monitor
         self.infos = {}
@@ -106,11 +108,6 @@ class NativeVecEnv(VecEnv):
         self._started = False
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self.metadata = self._attribute("metadata", 0)
-
-    @property
-    def spec(self) -> gymnasium.envs.registration.EnvSpec | None:
-        """Spec of the environment."""
-        return self.envs.spec
 
     def reset(self) -> NDArray[Any]:
         """Start episodes of all instances with the seeds and options set before."""

@@ -55,13 +55,10 @@ def starts(options: Mapping[str, Any] | None, *extra: str) -> dict[str, Any]:
         if name not in known:
             raise ValueError(f"unknown reset option {name!r}; known: {', '.join(known)}")
     given = {name: value for name, value in (options or {}).items() if value is not None}
-    if "disturbance" in given:
-        given["disturbance"] = _disturbances(given["disturbance"])
+    if (one := given.get("disturbance")) is not None:
+        # A list has one per instance.
+        several = isinstance(one, list | tuple)
+        given["disturbance"] = (
+            [as_json("disturbance", each) for each in one] if several else as_json("disturbance", one)
+        )
     return given
-
-
-def _disturbances(given: Any) -> str | list[str]:
-    """JSON of one disturbance for all instances, or of a list with one per instance."""
-    if isinstance(given, list | tuple):
-        return [as_json("disturbance", one) for one in given]
-    return as_json("disturbance", given)

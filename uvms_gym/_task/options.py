@@ -152,32 +152,22 @@ class TaskOptions:
         if self.threads is not None:
             check_count("threads", self.threads)
 
-    @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Self:
-        """Options by name.
+    def with_changes(self, given: Mapping[str, Any]) -> Self:
+        """Copy with other values by name.
 
         Raises
         ------
         TypeError, ValueError
             Unknown option (the message lists the known ones), or a value of the wrong type.
         """
-        cls._check_names(given)
-        return cls(**given)
-
-    def with_changes(self, given: Mapping[str, Any]) -> Self:
-        """Copy with other values by name; errors as of `of`."""
-        self._check_names(given)
+        known = self.to_dict()
+        if unknown := given.keys() - known:
+            raise TypeError(f"unexpected keyword argument {min(unknown)!r}; known: {', '.join(known)}")
         return replace(self, **given)
 
     def to_dict(self) -> dict[str, Any]:
         """Options by name, without `task`; values are not copied."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
-
-    @classmethod
-    def _check_names(cls, given: Mapping[str, Any]) -> None:
-        known = [field.name for field in fields(cls)]
-        if unknown := given.keys() - known:
-            raise TypeError(f"unexpected keyword argument {min(unknown)!r}; known: {', '.join(known)}")
 
 
 def option_names() -> set[str]:
@@ -186,11 +176,11 @@ def option_names() -> set[str]:
 
 
 def options_by_task(given: Mapping[str, Any]) -> TaskOptions:
-    """Options of the task in `given["task"]`, station keeping by default; errors as of `TaskOptions.of`."""
+    """Options of the task in `given["task"]`, station keeping by default; errors as of `with_changes`."""
     task = given.get("task", "station-keep")
     if task not in TaskOptions.by_task:
         raise ValueError(f"task is {task!r}, but must be one of {', '.join(map(repr, TaskOptions.by_task))}")
-    return TaskOptions.by_task[task].of({name: value for name, value in given.items() if name != "task"})
+    return TaskOptions.by_task[task]().with_changes({name: value for name, value in given.items() if name != "task"})
 
 
 def native(

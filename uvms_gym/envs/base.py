@@ -269,10 +269,9 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         """Check as SyncVectorEnv does."""
         if mask is None:
             return
-        if not isinstance(mask, np.ndarray):
-            raise TypeError(f"options['reset_mask'] must be a numpy array, not {type(mask).__name__}")
-        if mask.dtype != np.bool_:
-            raise TypeError(f"options['reset_mask'] must have dtype bool, not {mask.dtype}")
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            kind = getattr(mask, "dtype", type(mask).__name__)
+            raise TypeError(f"options['reset_mask'] must be a numpy array of dtype bool, not {kind}")
         if mask.shape != (self.num_envs,):
             raise ValueError(f"options['reset_mask'] must have shape ({self.num_envs},), not {mask.shape}")
         if not mask.any():
