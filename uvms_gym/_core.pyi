@@ -414,15 +414,20 @@ _StepArrays: TypeAlias = tuple[NDArray[np.float32], _Floats, NDArray[np.bool_], 
 
 @final
 class Task:
-    """A batch of episodes of a task: physics, observations, rewards and resets in one call.
-
-    The environments in `uvms_gym.envs` wrap it and document its arguments.
-    """
+    """Batch of episodes of a task; the environments in `uvms_gym.envs` document its arguments and attributes."""
 
     INFO: ClassVar[list[str]]
     """Names of the metrics that all tasks share, in the order of the rows of `info`."""
     metric_names: Final[list[str]]
-    """Names of the metrics, in the order of the rows of `info`."""
+    num_envs: Final[int]
+    scene: Final[dict[str, Any]]
+    layout: Final[list[dict[str, Any]]]
+    action_layout: Final[list[dict[str, Any]]]
+    privileged_layout: Final[list[dict[str, Any]]]
+    control_period: Final[float]
+    """Control period, s."""
+    observation_bound: Final[NDArray[np.float32]]
+    """Greatest magnitude of each entry of an observation, (d,)."""
     def __new__(
         cls,
         scene: _Scene,
@@ -435,22 +440,8 @@ class Task:
         autoreset: str = "disabled",
         max_episode_steps: int | None = None,
     ) -> Task: ...
-    num_envs: Final[int]
-    """Number of instances N."""
-    control_period: Final[float]
-    """Control period, s."""
-    scene: Final[dict[str, Any]]
-    """The complete scene, as `load_scene` gives it."""
     def snapshot(self) -> Simulator:
         """Simulator with a copy of the current state."""
-    observation_bound: Final[NDArray[np.float32]]
-    """Greatest magnitude of each entry of an observation, (d,)."""
-    layout: Final[list[dict[str, Any]]]
-    """Blocks of an observation."""
-    action_layout: Final[list[dict[str, Any]]]
-    """Entries of an action, one block each."""
-    privileged_layout: Final[list[dict[str, Any]]]
-    """Parts of a row of `privileged`."""
     def privileged(self) -> _Floats:
         """Privileged information: true state, flow, parameters and target, (N, m)."""
     def reset(
@@ -506,7 +497,7 @@ class Controller:
 
 @final
 class Mlp(Controller):
-    """A multilayer perceptron in single precision."""
+    """A multilayer perceptron in single precision; `uvms_gym.MLP` documents its attributes."""
     def __new__(
         cls,
         weights: list[NDArray[np.float32]],
@@ -530,14 +521,9 @@ class Mlp(Controller):
     def correcting(self, base: Controller, limit: float) -> Controller:
         """Give this network's corrections to a controller, of at most `limit`."""
     residual: Final[bool]
-    """True for a residual policy."""
     history: Final[int]
-    """Number of stacked observations."""
     sizes: Final[list[int]]
-    """Entries of the input, and of all layers' results."""
+    spec: Final[dict[str, Any] | None]
+    notes: Final[dict[str, str]]
     activation: Final[str]
     """Function between layers."""
-    spec: Final[dict[str, Any] | None]
-    """Environment of the policy: task, scene, action, actions, control_period and observation."""
-    notes: Final[dict[str, str]]
-    """Notes: seeds, steps, scores."""
