@@ -7,15 +7,7 @@ from uvms_gym._core import disturbance_levels as _levels
 
 
 class Level(NamedTuple):
-    """Named level of disturbances.
-
-    Attributes
-    ----------
-    description : str
-        One sentence.
-    components : dict
-        Components by name, as an environment's option `disturbance` takes them.
-    """
+    """Level of disturbances: description, and components by name as the option `disturbance` takes them."""
 
     description: str
     components: dict[str, Any]

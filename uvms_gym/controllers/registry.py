@@ -213,7 +213,9 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
     given = options_of("controller", env, options)
     place, shipped = folder(**given), _shipped(given)
     task, scene, period = place.parts[-3:]
-    where = f"{task}, scene {scene}, control period {period.removesuffix('s')} s, actions {_action(given)}"
+    where = (
+        f"{task}, scene {scene}, control period {period.removesuffix('s')} s, actions {given.get('action', 'wrench')}"
+    )
     if name not in shipped:
         there = f"shipped for it: {', '.join(shipped)}" if shipped else f"shipped are {_places()}"
         raise Unavailable(f"no policy {name} is shipped for {where}; {there}")
@@ -243,14 +245,10 @@ def _shipped(given: dict[str, Any]) -> dict[str, tuple[int, ...]]:
     place = folder(**given)
     found: dict[str, list[int]] = {}
     # Policies are trained on wrenches.
-    for file in os.listdir(place) if place.is_dir() and _action(given) == "wrench" else ():
+    for file in os.listdir(place) if place.is_dir() and given.get("action", "wrench") == "wrench" else ():
         if (match := re.fullmatch(r"(.+)-(\d+)\.safetensors", file)) and match[1] in LEARNED:
             found.setdefault(match[1], []).append(int(match[2]))
     return {name: tuple(sorted(found[name])) for name in LEARNED if name in found}
-
-
-def _action(given: dict[str, Any]) -> str:
-    return str(given.get("action", "wrench"))
 
 
 def _places() -> str:

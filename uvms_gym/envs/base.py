@@ -40,12 +40,12 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
         An option is unknown or out of range; the message names it and what is allowed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": RENDER_MODES, "render_fps": 20.0}  # noqa: RUF012 (as gym.Env has it)
+    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20.0}  # noqa: RUF012
 
     def __init__(self, options: TaskOptions | None = None, *, render_mode: str | None = None, **kwargs: Any) -> None:
         self._set_render_mode(render_mode)
         self.observation_space, self.action_space = self._make(options, kwargs)
-        self.metadata = {"render_modes": RENDER_MODES, "render_fps": 1.0 / self._native.control_period}
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
         self._seeded = False
 
     def reset(
@@ -153,7 +153,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         self._masks = tuple(f"_{name}" for name in self._metrics)
         self._seeded = False
         self.metadata = {
-            "render_modes": RENDER_MODES,
+            "render_modes": list(RENDER_MODES),
             "render_fps": 1.0 / self._native.control_period,
             "autoreset_mode": mode,
         }

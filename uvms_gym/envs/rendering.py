@@ -12,7 +12,7 @@ from uvms_gym._core import Renderer, Simulator, Task
 Picture = NDArray[np.uint8]
 
 #: Modes of the environments themselves; others are wrappers of `gymnasium.make`.
-RENDER_MODES = ["rgb_array"]
+RENDER_MODES = ("rgb_array",)
 #: Points along a drawn path.
 _PLACES = 97
 

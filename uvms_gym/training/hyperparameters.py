@@ -14,16 +14,9 @@ _OWN = ("n_timesteps", "n_envs", "policy", "env_kwargs", "frame_stack")
 
 
 def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool = False) -> dict[str, Any]:
-    """Read an environment's hyperparameters, updated by those of `ENV/residual` for corrections of a controller.
+    """Read hyperparameters of an environment, by Gymnasium's id, from YAML (None: `SHIPPED`).
 
-    Parameters
-    ----------
-    env : str
-        Gymnasium's id.
-    file : path or None
-        YAML; None: `SHIPPED`.
-    residual : bool
-        True for corrections of a controller.
+    With `residual`, for corrections of a controller, they are updated by those of `ENV/residual`.
 
     Raises
     ------

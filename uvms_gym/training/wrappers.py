@@ -124,13 +124,13 @@ class ResidualVecEnv(VecEnvWrapper):
 class History(VecFrameStack):
     """The last observations (flat) side by side, oldest first, zeros before an episode's start; with `get_state`."""
 
+    stacked_obs: Any
+
     def get_state(self) -> dict[str, NDArray[Any]]:
         """State that resumes the run bit-identically."""
-        stacked: Any = self.stacked_obs
-        return {**self.venv.get_state(), "history": stacked.stacked_obs.copy()}  # type: ignore[attr-defined]
+        return {**self.venv.get_state(), "history": self.stacked_obs.stacked_obs.copy()}  # type: ignore[attr-defined]
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Continue from a state of `get_state`."""
         self.venv.set_state(state)  # type: ignore[attr-defined]
-        stacked: Any = self.stacked_obs
-        stacked.stacked_obs = np.array(state["history"])
+        self.stacked_obs.stacked_obs = np.array(state["history"])
