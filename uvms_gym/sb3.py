@@ -11,7 +11,7 @@ PPO("MlpPolicy", venv).learn(100_000)
 
 import time
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, cast
 
 import gymnasium
@@ -207,16 +207,14 @@ class NativeVecEnv(VecEnv):
         AttributeError
             Any other method.
         """
-        method = getattr(self, f"_{method_name}_of", None)
+        method: Callable[..., list[Any]] | None = getattr(self, f"_{method_name}_of", None)
         if method is None:
             raise AttributeError(
                 f"{method_name!r} cannot be called on single instances; possible: 'reset', 'render', 'snapshot', "
                 "'get_state' and 'set_state'. Call methods of all instances together on `envs`."
             )
-        return cast(
-            list[Any],
-            method([range(self.num_envs)[i] for i in self._get_indices(indices)], *method_args, **method_kwargs),
-        )
+        chosen = [range(self.num_envs)[i] for i in self._get_indices(indices)]
+        return method(chosen, *method_args, **method_kwargs)
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
         """True for `Monitor`, whose part this class plays, and for wrappers around the vector environment."""

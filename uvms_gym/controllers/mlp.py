@@ -144,7 +144,9 @@ class MLP(Controller):
                 policy.check(task, residual=residual)
         except ValueError as error:
             raise ValueError(f"{os.fspath(file)}: {error}") from None
-        return cls._of(policy)
+        self = cls.__new__(cls)
+        self.native = policy
+        return self
 
     def save(self, file: str | os.PathLike[str]) -> None:
         """Write the policy to a safetensors file. Equal policies make equal files.
@@ -181,18 +183,11 @@ class MLP(Controller):
         """Notes: seeds, steps, scores."""
         return self.native.notes
 
-    @classmethod
-    def _of(cls, policy: _core.Mlp) -> Self:
-        self = cls.__new__(cls)
-        self.native = policy
-        return self
+    def __getstate__(self) -> bytes:
+        return self.native.to_bytes()
 
-    @classmethod
-    def _unpacked(cls, data: bytes) -> Self:
-        return cls._of(_core.Mlp.from_bytes(data))
-
-    def __reduce__(self) -> Any:
-        return self._unpacked, (self.native.to_bytes(),)
+    def __setstate__(self, data: bytes) -> None:
+        self.native = _core.Mlp.from_bytes(data)
 
 
 class Residual(Controller):
