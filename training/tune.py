@@ -25,7 +25,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -94,14 +94,9 @@ class Arena:
     """Episodes of an environment, for scores of controllers."""
 
     def __init__(self, env: str, options: dict[str, Any], steps: int) -> None:
-        self.env, self.options, self.steps = env, options, steps
-        self._batches: dict[int, Any] = {}
-
-    def batch(self, episodes: int) -> Any:
-        """Vector environment of a number of episodes, made once."""
-        if episodes not in self._batches:
-            self._batches[episodes] = gymnasium.make_vec(self.env, num_envs=episodes, **self.options)
-        return self._batches[episodes]
+        self.options, self.steps = options, steps
+        #: Vector environment of a number of episodes, made once.
+        self.batch = cache(lambda episodes: gymnasium.make_vec(env, num_envs=episodes, **options))
 
     def score(self, controller: Controller, seed: int, episodes: int) -> Score:
         """Score a controller in the episodes with seeds from `seed` on."""
