@@ -8,20 +8,8 @@ pub enum DynamicsError {
     NotPositiveDefinite,
     /// Array of the wrong length.
     #[error("{what} has {got} entries, but must have {expected}")]
-    Length {
-        /// Name of the array.
-        what: &'static str,
-        /// Expected length.
-        expected: usize,
-        /// Length.
-        got: usize,
-    },
+    Length { what: &'static str, expected: usize, got: usize },
     /// More joints than a state holds.
     #[error("{joints} joints, but at most {max} are supported")]
-    Joints {
-        /// Joints of the scene.
-        joints: usize,
-        /// Greatest number of joints.
-        max: usize,
-    },
+    Joints { joints: usize, max: usize },
 }

@@ -13,148 +13,63 @@ pub enum SimulatorError {
     NoThreads,
     /// Invalid step size.
     #[error("dt is {dt}, but must be a positive number of seconds")]
-    Step {
-        /// Value.
-        dt: f64,
-    },
+    Step { dt: f64 },
     /// Invalid gain of `[HC eq. 14]`.
     #[error("gamma is {gamma}, but must be a number >= 0")]
-    Gamma {
-        /// Value.
-        gamma: f64,
-    },
+    Gamma { gamma: f64 },
     /// Invalid expected speed.
     #[error("speed is {value}, but must be a number >= 0 (m/s and rad/s)")]
-    Speed {
-        /// Value.
-        value: f64,
-    },
+    Speed { value: f64 },
     /// Invalid tolerance.
     #[error("tolerance is {tolerance}, but must be a positive number")]
-    Tolerance {
-        /// Value.
-        tolerance: f64,
-    },
+    Tolerance { tolerance: f64 },
     /// Unknown integrator.
     #[error("no integrator named '{name}': one of {}", known.join(", "))]
-    UnknownIntegrator {
-        /// Value.
-        name: String,
-        /// Known names.
-        known: Vec<&'static str>,
-    },
+    UnknownIntegrator { name: String, known: Vec<&'static str> },
     /// Input of the wrong length.
     #[error("{name} has {got} numbers, but must have {expected}")]
-    Length {
-        /// Name of the input.
-        name: &'static str,
-        /// Expected length.
-        expected: usize,
-        /// Length.
-        got: usize,
-    },
-    /// NaN or infinite input.
+    Length { name: &'static str, expected: usize, got: usize },
+    /// NaN or infinite entry of an instance's row of an input.
     #[error("{name} of instance {instance}, entry {entry}, is {value}: must be finite in the simulator's dtype")]
-    NotFinite {
-        /// Name of the input.
-        name: &'static str,
-        /// Instance.
-        instance: usize,
-        /// Entry within the instance's row.
-        entry: usize,
-        /// Value.
-        value: f64,
-    },
+    NotFinite { name: &'static str, instance: usize, entry: usize, value: f64 },
     /// Out of memory.
     #[error("num_envs is {instances}: not enough memory for that many instances")]
-    Memory {
-        /// Number of instances.
-        instances: usize,
-    },
-    /// Matrix that is not a rotation.
+    Memory { instances: usize },
+    /// Matrix that is not a rotation, by the greatest entry of `|R^T R - I|`.
     #[error(
         "{name} of instance {instance} is not a rotation: R^T R differs from the identity by {deviation:.3e}, det R is {determinant:.6}"
     )]
-    NotARotation {
-        /// Name of the input.
-        name: &'static str,
-        /// Instance.
-        instance: usize,
-        /// Greatest entry of `|R^T R - I|`.
-        deviation: f64,
-        /// Determinant.
-        determinant: f64,
-    },
+    NotARotation { name: &'static str, instance: usize, deviation: f64, determinant: f64 },
     /// Quaternion that cannot be normalised.
     #[error("quaternion of instance {instance} is zero, or too large or small to be normalised")]
-    NoAttitude {
-        /// Instance.
-        instance: usize,
-    },
+    NoAttitude { instance: usize },
     /// Attitude given twice.
     #[error("give the attitude as rotation or as quaternion, not both")]
     TwoAttitudes,
     /// Nonzero twist of a fixed vehicle.
     #[error("twist of instance {instance} is not zero, but the vehicle of scene '{scene}' is fixed (vehicle.fixed)")]
-    FixedVehicle {
-        /// Name of the scene.
-        scene: String,
-        /// Instance.
-        instance: usize,
-    },
+    FixedVehicle { scene: String, instance: usize },
     /// Acceleration of the water without gravity.
     #[error(
         "current_acceleration of instance {instance} is not zero, but scene '{scene}' has no gravity (water.gravity), so \
              neither weight nor buoyancy"
     )]
-    Weightless {
-        /// Name of the scene.
-        scene: String,
-        /// Instance.
-        instance: usize,
-    },
+    Weightless { scene: String, instance: usize },
     /// Thrust as a state of ideal thrusters.
     #[error("the thrusters of scene '{scene}' have no dynamics, so thrust is not a state: pass it to step()")]
-    NoThrusterState {
-        /// Name of the scene.
-        scene: String,
-    },
+    NoThrusterState { scene: String },
     /// Thrust out of the thruster's limits.
     #[error("thrust {thruster} of instance {instance} is {value} N, but must be within [{lower}, {upper}] N")]
-    Thrust {
-        /// Instance.
-        instance: usize,
-        /// Thruster.
-        thruster: usize,
-        /// Thrust, N.
-        value: f64,
-        /// Least thrust, N.
-        lower: f64,
-        /// Greatest thrust, N.
-        upper: f64,
-    },
+    Thrust { instance: usize, thruster: usize, value: f64, lower: f64, upper: f64 },
     /// Joint targets without a joint servo.
     #[error("scene '{scene}' has no joint with a servo, so joint_target would have no effect")]
-    NoJointServo {
-        /// Name of the scene.
-        scene: String,
-    },
+    NoJointServo { scene: String },
     /// Invalid factor on a parameter.
     #[error("factor on {name} of instance {instance} is {value}, but must be finite and >= 0 (mass: > 0)")]
-    Factor {
-        /// Name of the parameter.
-        name: &'static str,
-        /// Instance.
-        instance: usize,
-        /// Factor.
-        value: f64,
-    },
+    Factor { name: &'static str, instance: usize, value: f64 },
     /// Pose target for a vehicle without servo.
     #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot hold a pose")]
-    NoVehicleServo {
-        /// Name of the scene.
-        scene: String,
-    },
+    NoVehicleServo { scene: String },
     /// Unavailable instruction set.
     #[error(transparent)]
     Lanes(#[from] crate::lane::UnknownIsa),
