@@ -15,7 +15,6 @@ pub struct Arm {
     #[serde(default)]
     pub mount: Mount,
     /// The arm's base, if it has mass; its frame is the mount frame, moved by `mount.joint` if there is one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base: Option<Body>,
     /// Links from the base outward, 0 to 8.
     #[serde(default)]
@@ -33,7 +32,6 @@ pub struct Mount {
     #[serde(default)]
     pub frame: Frame,
     /// Joint q0 between vehicle and arm base, with its `frame` relative to the mount frame. Requires an arm base with mass.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub joint: Option<Joint>,
 }
 
@@ -75,19 +73,14 @@ pub struct Joint {
     #[serde(default)]
     pub friction: Friction,
     /// Compliant end stops.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<JointLimits>,
     /// Greatest actuator torque, N m or N. Unlimited when absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effort: Option<f64>,
     /// Linear actuator of a revolute joint; its greatest force replaces `effort`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub actuator: Option<LinearActuator>,
     /// Greatest speed of references, rad/s or m/s.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub speed: Option<f64>,
     /// Joint servo (the paper's PD on the joints).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub servo: Option<JointServo>,
     /// Joint coordinate at the start of a run, rad or m.
     #[serde(default)]

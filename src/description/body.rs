@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::numbers;
 
 /// A rigid body and its hydrodynamics, in the body frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
     /// Mass, kg.
@@ -22,13 +22,10 @@ pub struct Body {
     #[serde(default)]
     pub inertia_at: InertiaPoint,
     /// Weight in a vacuum, N: an optional cross-check of `mass`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub weight: Option<f64>,
     /// Displaced volume, m3; 0 without `volume` and `buoyancy`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume: Option<f64>,
     /// Buoyancy, N, instead of `volume`: divided by water density times gravity.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub buoyancy: Option<f64>,
     /// Centre of buoyancy, m.
     #[serde(default, with = "numbers::vector3")]
@@ -37,7 +34,7 @@ pub struct Body {
     #[serde(default)]
     pub hydrodynamic_frame: Frame,
     /// Added mass A_A, kg, kg m, kg m2: six diagonal numbers or six rows of six; symmetric. `[HC eq. 22]`
-    #[serde(default = "numbers::zero6", with = "numbers::matrix6")]
+    #[serde(default, with = "numbers::matrix6")]
     pub added_mass: Matrix6<f64>,
     /// Damping.
     #[serde(default)]
@@ -47,19 +44,7 @@ pub struct Body {
 impl Body {
     /// A point mass at the origin, without hydrodynamics.
     pub fn point(mass: f64) -> Self {
-        Self {
-            mass,
-            center_of_mass: Vector3::zeros(),
-            inertia: Matrix3::zeros(),
-            inertia_at: InertiaPoint::Com,
-            weight: None,
-            volume: None,
-            buoyancy: None,
-            center_of_buoyancy: Vector3::zeros(),
-            hydrodynamic_frame: Frame::default(),
-            added_mass: Matrix6::zeros(),
-            damping: Damping::default(),
-        }
+        Self { mass, ..Self::default() }
     }
 }
 
@@ -75,21 +60,15 @@ pub enum InertiaPoint {
 }
 
 /// Damping `F = -(D_L V_r + D_Q (V_r * |V_r|))` in the hydrodynamic frame. `[HC eq. 22]`, with the signs of eq. 26.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Damping {
     /// D_L: six diagonal numbers or six rows of six. N s/m, N s/rad, N m s/m, N m s/rad.
-    #[serde(default = "numbers::zero6", with = "numbers::matrix6")]
+    #[serde(default, with = "numbers::matrix6")]
     pub linear: Matrix6<f64>,
     /// D_Q: six diagonal numbers or six rows of six. N s2/m2, N s2/rad2, N m s2/m2, N m s2/rad2.
-    #[serde(default = "numbers::zero6", with = "numbers::matrix6")]
+    #[serde(default, with = "numbers::matrix6")]
     pub quadratic: Matrix6<f64>,
-}
-
-impl Default for Damping {
-    fn default() -> Self {
-        Self { linear: Matrix6::zeros(), quadratic: Matrix6::zeros() }
-    }
 }
 
 /// A constant pose relative to a parent frame.

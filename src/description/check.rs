@@ -5,8 +5,8 @@ use toml::Value;
 
 use super::fault::{Fault, range};
 use super::{
-    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, Tether, ThrustMap, Thruster, Water,
-    check_body, path,
+    Fin, Joint, JointKind, LinearActuator, MAX_LINKS, Scene, SceneWarning, Tether, ThrustMap, Thruster, check_body,
+    path,
 };
 use crate::error::{DescriptionError, Problem};
 
@@ -31,8 +31,9 @@ fn axis(axis: &Vector3<f64>, key: impl FnOnce() -> String) -> Result<(), Fault> 
     if axis.norm() > 1e-9 { Ok(()) } else { Err(Fault::new(key(), Problem::ZeroAxis { axis: (*axis).into() })) }
 }
 
-fn water(water: &Water) -> Result<(), Fault> {
-    range(water.density >= 0.0, water.density, ">= 0", || "water.density".to_owned())
+/// A fault for the first negative number; their keys are below `key`.
+fn not_negative<const K: usize>(key: &str, numbers: [(&str, f64); K]) -> Result<(), Fault> {
+    numbers.into_iter().try_for_each(|(name, x)| range(x >= 0.0, x, ">= 0", || format!("{key}.{name}")))
 }
 
 fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
@@ -42,12 +43,8 @@ fn thruster(thruster: &Thruster, key: &str) -> Result<(), Fault> {
         let rule = "enclose 0, the lower below the upper";
         return Err(Fault::new(format!("{key}.limits"), Problem::Limits { lower, upper, rule }));
     }
-    for (name, value) in
-        [("lag", thruster.lag), ("dead_band", thruster.dead_band), ("ambient_flow", thruster.ambient_flow)]
-    {
-        let value = value.unwrap_or(0.0);
-        range(value >= 0.0, value, ">= 0", || format!("{key}.{name}"))?;
-    }
+    let optional = [("lag", thruster.lag), ("dead_band", thruster.dead_band), ("ambient_flow", thruster.ambient_flow)];
+    not_negative(key, optional.map(|(name, value)| (name, value.unwrap_or(0.0))))?;
     let deduction = thruster.deduction.unwrap_or(0.0);
     range((0.0..1.0).contains(&deduction), deduction, "at least 0 and below 1", || format!("{key}.deduction"))?;
     match &thruster.map {
@@ -84,15 +81,8 @@ fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
     let cosine = fin.chord.normalize().dot(&fin.axis.normalize());
     let rule = "0: the cosine of the angle between chord and axis";
     range(cosine.abs() <= PERPENDICULAR, cosine, rule, || format!("{key}.chord"))?;
-    for (name, value) in [
-        ("area", fin.area),
-        ("lift_slope", fin.lift_slope),
-        ("drag", fin.drag),
-        ("induced_drag", fin.induced_drag),
-        ("plate", fin.plate),
-    ] {
-        range(value >= 0.0, value, ">= 0", || format!("{key}.{name}"))?;
-    }
+    not_negative(key, [("area", fin.area), ("lift_slope", fin.lift_slope), ("drag", fin.drag)])?;
+    not_negative(key, [("induced_drag", fin.induced_drag), ("plate", fin.plate)])?;
     if let Some(stall) = fin.stall {
         let ok = (LEAST_STALL..=std::f64::consts::FRAC_PI_2).contains(&stall);
         range(ok, stall, "from 0.01 to pi/2 rad", || format!("{key}.stall"))?;
@@ -112,18 +102,6 @@ fn fin(fin: &Fin, key: &str) -> Result<(), Fault> {
 /// Least stall angle, rad.
 const LEAST_STALL: f64 = 0.01;
 
-fn tether(tether: &Tether) -> Result<(), Fault> {
-    for (name, value) in [
-        ("length", tether.length),
-        ("diameter", tether.diameter),
-        ("mass_per_length", tether.mass_per_length),
-        ("drag", tether.drag),
-    ] {
-        range(value >= 0.0, value, ">= 0", || format!("vehicle.tether.{name}"))?;
-    }
-    Ok(())
-}
-
 fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), Fault> {
     if joint.kind != JointKind::Revolute || joint.effort.is_some() {
         let reason = "needs a revolute joint without effort: its force takes the place of effort";
@@ -132,7 +110,7 @@ fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), F
     for (name, value) in [("base", actuator.base), ("lever", actuator.lever)] {
         range(value > 0.0, value, "> 0", || format!("{key}.{name}"))?;
     }
-    range(actuator.force >= 0.0, actuator.force, ">= 0", || format!("{key}.force"))?;
+    not_negative(key, [("force", actuator.force)])?;
     // The lever arm is 0 where both points and the axis are collinear, and changes its sign there.
     let reach = joint.limits.as_ref().map_or([0.0; 2], |limits| [limits.lower, limits.upper]);
     for q in reach {
@@ -147,14 +125,10 @@ fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), F
 
 fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     axis(&joint.axis, || format!("{key}.axis"))?;
-    let at_least_zero = |name: &str, x: f64| range(x >= 0.0, x, ">= 0", || format!("{key}.{name}"));
     let above_zero = |name: &str, x: f64| range(x > 0.0, x, "> 0", || format!("{key}.{name}"));
-    at_least_zero("friction.viscous", joint.friction.viscous)?;
-    at_least_zero("friction.coulomb", joint.friction.coulomb)?;
+    not_negative(key, [("friction.viscous", joint.friction.viscous), ("friction.coulomb", joint.friction.coulomb)])?;
     above_zero("friction.coulomb_speed", joint.friction.coulomb_speed)?;
-    if let Some(effort) = joint.effort {
-        at_least_zero("effort", effort)?;
-    }
+    not_negative(key, [("effort", joint.effort.unwrap_or(0.0))])?;
     if let Some(linear) = &joint.actuator {
         actuator(linear, joint, &format!("{key}.actuator"))?;
     }
@@ -162,8 +136,7 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
         above_zero("speed", speed)?;
     }
     if let Some(servo) = &joint.servo {
-        at_least_zero("servo.kp", servo.kp)?;
-        at_least_zero("servo.kd", servo.kd)?;
+        not_negative(key, [("servo.kp", servo.kp), ("servo.kd", servo.kd)])?;
     }
     if let Some(limits) = &joint.limits {
         let (lower, upper, home) = (limits.lower, limits.upper, joint.home);
@@ -171,8 +144,7 @@ fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
             let problem = Problem::Limits { lower, upper, rule: "ascend" };
             return Err(Fault::new(format!("{key}.limits"), problem));
         }
-        at_least_zero("limits.stiffness", limits.stiffness)?;
-        at_least_zero("limits.damping", limits.damping)?;
+        not_negative(key, [("limits.stiffness", limits.stiffness), ("limits.damping", limits.damping)])?;
         if !(lower..=upper).contains(&home) {
             return Err(Fault::new(format!("{key}.home"), Problem::HomeOutside { home, lower, upper }));
         }
@@ -206,17 +178,13 @@ impl Scene {
     /// # Errors
     /// [`DescriptionError::Value`] with the scene's name as its source.
     pub fn check(&self) -> Result<Vec<SceneWarning>, DescriptionError> {
-        self.validate().map_err(|fault| DescriptionError::Value {
-            source_name: format!("scene '{}'", self.name),
-            key: path::with_names(&self.to_tree(), &fault.key),
-            problem: fault.problem,
-        })
+        self.validate().map_err(|fault| fault.in_source(format!("scene '{}'", self.name), &self.to_tree()))
     }
 
     pub(super) fn validate(&self) -> Result<Vec<SceneWarning>, Fault> {
         let tree = self.to_tree();
         magnitudes(&tree)?;
-        water(&self.water)?;
+        not_negative("water", [("density", self.water.density)])?;
         self.validate_vehicle()?;
         self.validate_arm()?;
         self.provenance.check(&tree)?;
@@ -234,9 +202,7 @@ impl Scene {
         for (i, t) in self.vehicle.thrusters.iter().enumerate() {
             thruster(t, &format!("vehicle.thrusters[{i}]"))?;
         }
-        if let Some(lag) = self.vehicle.thruster_lag {
-            range(lag >= 0.0, lag, ">= 0", || "vehicle.thruster_lag".to_owned())?;
-        }
+        not_negative("vehicle", [("thruster_lag", self.vehicle.thruster_lag.unwrap_or(0.0))])?;
         let fins = &self.vehicle.fins;
         if fins.len() > MAX_FINS {
             return Err(Fault::new("vehicle.fins", Problem::TooMany { found: fins.len(), max: MAX_FINS }));
@@ -245,8 +211,10 @@ impl Scene {
         for (i, f) in fins.iter().enumerate() {
             fin(f, &format!("vehicle.fins[{i}]"))?;
         }
-        if let Some(cable) = &self.vehicle.tether {
-            tether(cable)?;
+        if let Some(Tether { length, diameter, mass_per_length, drag, .. }) = self.vehicle.tether {
+            let numbers =
+                [("length", length), ("diameter", diameter), ("mass_per_length", mass_per_length), ("drag", drag)];
+            not_negative("vehicle.tether", numbers)?;
         }
         if let Some(servo) = &self.vehicle.servo {
             for (name, gains) in [("kp", servo.kp), ("kd", servo.kd)] {

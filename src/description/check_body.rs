@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, Matrix3, Matrix6, SMatrix, Vector6};
 
 use super::fault::{Fault, range};
-use super::{Body, SceneWarning, Water};
+use super::{Body, Frame, SceneWarning, Water};
 use crate::error::{Numbers, Problem};
 
 /// Greatest asymmetry that counts as rounding, relative to the largest entry.
@@ -95,13 +95,8 @@ fn total_inertia(body: &Body) -> Matrix6<f64> {
     let mut total = Matrix6::zeros();
     total.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(body.mass);
     total.fixed_view_mut::<3, 3>(3, 3).copy_from(&body.inertia_about_com());
-    // Twist at the hydrodynamic frame from the twist at the centre of mass: R^T [I, -[r]; 0, I].
-    let r_t = body.hydrodynamic_frame.rotation().transpose();
-    let arm = body.hydrodynamic_frame.position - body.center_of_mass;
-    let mut x = Matrix6::zeros();
-    x.fixed_view_mut::<3, 3>(0, 0).copy_from(&r_t);
-    x.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-r_t * arm.cross_matrix()));
-    x.fixed_view_mut::<3, 3>(3, 3).copy_from(&r_t);
+    let Frame { position, rpy } = body.hydrodynamic_frame;
+    let x = Frame { position: position - body.center_of_mass, rpy }.adjoint_inverse();
     total += x.transpose() * body.added_mass * x;
     (total + total.transpose()) / 2.0
 }

@@ -1,6 +1,9 @@
 //! A problem together with its key.
 
-use crate::error::Problem;
+use toml::Value;
+
+use super::path;
+use crate::error::{DescriptionError, Problem};
 
 /// A problem and the path of the key that has it.
 #[derive(Debug)]
@@ -12,6 +15,12 @@ pub struct Fault {
 impl Fault {
     pub fn new(key: impl Into<String>, problem: Problem) -> Self {
         Self { key: key.into(), problem }
+    }
+
+    /// The error of a tree of values from this source.
+    pub fn in_source(self, source_name: impl Into<String>, root: &Value) -> DescriptionError {
+        let key = path::with_names(root, &self.key);
+        DescriptionError::Value { source_name: source_name.into(), key, problem: self.problem }
     }
 }
 

@@ -32,7 +32,6 @@ pub struct Fin {
     #[serde(default)]
     pub induced_drag: f64,
     /// Angle of attack at which half of the fin has stalled, rad. Without it the fin never stalls.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stall: Option<f64>,
     /// Normal force coefficient C_90 of the stalled fin, a flat plate broadside to the flow.
     #[serde(default = "plate")]
@@ -41,7 +40,7 @@ pub struct Fin {
     #[serde(default)]
     pub deflection: f64,
     /// Least and greatest deflection, rad. Without limits the fin is fixed.
-    #[serde(default, skip_serializing_if = "Option::is_none", with = "numbers::optional_array")]
+    #[serde(default, deserialize_with = "numbers::optional_array")]
     pub limits: Option<[f64; 2]>,
 }
 

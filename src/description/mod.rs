@@ -31,7 +31,7 @@ pub use derived::{BASE, MAX_LINKS, VEHICLE};
 use fault::Fault;
 pub use fin::Fin;
 pub use provenance::{Origin, Provenance};
-pub use read::{parse_toml, read_value};
+pub use read::{parse_toml, read_file, read_value};
 pub use scene::{Payload, Scene, Water};
 pub use scene_numbers::Number;
 pub use shape::{Shape, ShapeKind};

@@ -1,13 +1,9 @@
 //! Serialisation of vectors and matrices in short forms.
 
-use nalgebra::{Matrix6, SMatrix};
+use nalgebra::SMatrix;
+use serde::de::value::SeqAccessDeserializer;
 use serde::de::{Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-
-/// All zeros.
-pub fn zero6() -> Matrix6<f64> {
-    Matrix6::zeros()
-}
 
 /// Entry of a list that is either a diagonal (numbers) or a matrix (rows).
 enum Entry {
@@ -33,16 +29,8 @@ impl<'de> Deserialize<'de> for Entry {
                 Ok(Entry::Number(x as f64))
             }
 
-            fn visit_u64<E: Error>(self, x: u64) -> Result<Entry, E> {
-                Ok(Entry::Number(x as f64))
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Entry, A::Error> {
-                let mut row = Vec::new();
-                while let Some(x) = seq.next_element()? {
-                    row.push(x);
-                }
-                Ok(Entry::Row(row))
+            fn visit_seq<A: SeqAccess<'de>>(self, seq: A) -> Result<Entry, A::Error> {
+                Deserialize::deserialize(SeqAccessDeserializer::new(seq)).map(Entry::Row)
             }
         }
         d.deserialize_any(EntryVisitor)
@@ -56,15 +44,12 @@ fn all_numbers(entries: &[Entry]) -> Option<Vec<f64>> {
 
 /// The matrix of a list of N rows of N numbers.
 fn all_rows<const N: usize>(entries: &[Entry]) -> Option<SMatrix<f64, N, N>> {
-    let mut m = SMatrix::zeros();
-    for (i, entry) in entries.iter().enumerate() {
-        let Entry::Row(row) = entry else { return None };
-        if row.len() != N || i >= N {
-            return None;
-        }
-        row.iter().enumerate().for_each(|(j, x)| m[(i, j)] = *x);
-    }
-    (entries.len() == N).then_some(m)
+    let row = |entry: &Entry| match entry {
+        Entry::Row(row) if row.len() == N => Some(row.clone()),
+        _ => None,
+    };
+    let rows: Vec<Vec<f64>> = entries.iter().map(row).collect::<Option<_>>()?;
+    (rows.len() == N).then(|| SMatrix::from_row_slice(&rows.concat()))
 }
 
 /// Description of a list of the wrong shape, for error messages.
@@ -81,7 +66,7 @@ fn shape(entries: &[Entry]) -> String {
 }
 
 /// Writes a diagonal matrix as its diagonal, any other by rows.
-fn write_square<S: Serializer, const N: usize>(m: &SMatrix<f64, N, N>, s: S) -> Result<S::Ok, S::Error> {
+pub fn write_square<S: Serializer, const N: usize>(m: &SMatrix<f64, N, N>, s: S) -> Result<S::Ok, S::Error> {
     let diagonal = SMatrix::<f64, N, N>::from_diagonal(&m.diagonal());
     if *m == diagonal {
         m.diagonal().as_slice().serialize(s)
@@ -90,32 +75,31 @@ fn write_square<S: Serializer, const N: usize>(m: &SMatrix<f64, N, N>, s: S) -> 
     }
 }
 
-/// Exactly N numbers, as an array.
-pub mod array {
-    use super::*;
+/// Exactly N numbers.
+pub fn array<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<[f64; N], D::Error> {
+    <Vec<f64>>::deserialize(d)?
+        .try_into()
+        .map_err(|list: Vec<f64>| D::Error::custom(format!("expected {N} numbers, found {}", list.len())))
+}
 
-    pub fn serialize<S: Serializer, const N: usize>(a: &[f64; N], s: S) -> Result<S::Ok, S::Error> {
-        a.as_slice().serialize(s)
-    }
+/// [`array()`] of a key that may be absent.
+pub fn optional_array<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<[f64; N]>, D::Error> {
+    array(d).map(Some)
+}
 
-    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<[f64; N], D::Error> {
-        <Vec<f64>>::deserialize(d)?
+/// One number per axis, or one for all.
+pub fn axes<'de, D: Deserializer<'de>>(d: D) -> Result<[f64; 3], D::Error> {
+    match Entry::deserialize(d)? {
+        Entry::Number(x) => Ok([x; 3]),
+        Entry::Row(row) => row
             .try_into()
-            .map_err(|list: Vec<f64>| D::Error::custom(format!("expected {N} numbers, found {}", list.len())))
+            .map_err(|row: Vec<f64>| D::Error::custom(format!("expected 1 or 3 numbers, found {}", row.len()))),
     }
 }
 
-/// Optional array of exactly N numbers.
-pub mod optional_array {
-    use super::*;
-
-    pub fn serialize<S: Serializer, const N: usize>(a: &Option<[f64; N]>, s: S) -> Result<S::Ok, S::Error> {
-        a.as_ref().map(|a| a.as_slice()).serialize(s)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>, const N: usize>(d: D) -> Result<Option<[f64; N]>, D::Error> {
-        array::deserialize(d).map(Some)
-    }
+/// [`axes`] of a key that may be absent.
+pub fn optional_axes<'de, D: Deserializer<'de>>(d: D) -> Result<Option<[f64; 3]>, D::Error> {
+    axes(d).map(Some)
 }
 
 /// Three numbers, as a vector.
@@ -129,19 +113,21 @@ pub mod vector3 {
     }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Vector3<f64>, D::Error> {
-        array::deserialize::<D, 3>(d).map(Vector3::from)
+        array::<D, 3>(d).map(Vector3::from)
     }
+}
+
+/// A vector of a key that may be absent.
+pub fn optional_vector3<'de, D: Deserializer<'de>>(d: D) -> Result<Option<nalgebra::Vector3<f64>>, D::Error> {
+    vector3::deserialize(d).map(Some)
 }
 
 /// Moments of inertia: `[xx, yy, zz]`, `[xx, xy, xz, yy, yz, zz]` or three rows of three.
 pub mod inertia {
     use nalgebra::Matrix3;
 
+    pub use super::write_square as serialize;
     use super::*;
-
-    pub fn serialize<S: Serializer>(m: &Matrix3<f64>, s: S) -> Result<S::Ok, S::Error> {
-        write_square(m, s)
-    }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Matrix3<f64>, D::Error> {
         let entries = <Vec<Entry>>::deserialize(d)?;
@@ -160,13 +146,10 @@ pub mod inertia {
 
 /// A 6x6 matrix: six diagonal numbers or six rows of six.
 pub mod matrix6 {
-    use nalgebra::Vector6;
+    use nalgebra::{Matrix6, Vector6};
 
+    pub use super::write_square as serialize;
     use super::*;
-
-    pub fn serialize<S: Serializer>(m: &Matrix6<f64>, s: S) -> Result<S::Ok, S::Error> {
-        write_square(m, s)
-    }
 
     pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Matrix6<f64>, D::Error> {
         let entries = <Vec<Entry>>::deserialize(d)?;
@@ -176,51 +159,5 @@ pub mod matrix6 {
                 D::Error::custom(format!("expected 6 diagonal numbers or 6 rows of 6, found {}", shape(&entries)))
             }),
         }
-    }
-}
-
-/// Optional vector of three numbers.
-pub mod optional_vector3 {
-    use nalgebra::Vector3;
-
-    use super::*;
-
-    pub fn serialize<S: Serializer>(v: &Option<Vector3<f64>>, s: S) -> Result<S::Ok, S::Error> {
-        v.as_ref().map(|v| v.as_slice()).serialize(s)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<Vector3<f64>>, D::Error> {
-        vector3::deserialize(d).map(Some)
-    }
-}
-
-/// One number per axis, or one for all.
-pub mod axes {
-    use super::*;
-
-    pub fn serialize<S: Serializer>(a: &[f64; 3], s: S) -> Result<S::Ok, S::Error> {
-        a.as_slice().serialize(s)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<[f64; 3], D::Error> {
-        match Entry::deserialize(d)? {
-            Entry::Number(x) => Ok([x; 3]),
-            Entry::Row(row) => row
-                .try_into()
-                .map_err(|row: Vec<f64>| D::Error::custom(format!("expected 1 or 3 numbers, found {}", row.len()))),
-        }
-    }
-}
-
-/// Optional numbers per axis, or one for all.
-pub mod optional_axes {
-    use super::*;
-
-    pub fn serialize<S: Serializer>(a: &Option<[f64; 3]>, s: S) -> Result<S::Ok, S::Error> {
-        a.as_ref().map(|a| a.as_slice()).serialize(s)
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Option<[f64; 3]>, D::Error> {
-        axes::deserialize(d).map(Some)
     }
 }

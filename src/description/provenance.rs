@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use serde::de::value::{Error, StrDeserializer};
 use serde::{Deserialize, Serialize};
 use toml::Value;
 
@@ -10,7 +11,7 @@ use super::path::{self, Step};
 use crate::error::Problem;
 
 /// Origin of a number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
     /// Measured on the robot.
@@ -34,13 +35,7 @@ pub struct Provenance(pub BTreeMap<String, String>);
 /// Splits `"cited: a book"`.
 fn split(text: &str) -> Option<(Origin, &str)> {
     let (origin, rest) = text.split_once(':')?;
-    let origin = match origin {
-        "measured" => Origin::Measured,
-        "cited" => Origin::Cited,
-        "derived" => Origin::Derived,
-        "assumed" => Origin::Assumed,
-        _ => return None,
-    };
+    let origin = Origin::deserialize(StrDeserializer::<Error>::new(origin)).ok()?;
     Some((origin, rest.trim())).filter(|(_, rest)| !rest.is_empty())
 }
 

@@ -52,12 +52,8 @@ impl Scene {
     /// # Errors
     /// A file that cannot be read, or as [`Scene::from_toml_str`].
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
-        let path = path.as_ref();
-        let source_name = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => Self::from_toml_str(&text, &source_name),
-            Err(error) => Err(DescriptionError::File { path: source_name, error }),
-        }
+        let (text, source_name) = read_file(path.as_ref())?;
+        Self::from_toml_str(&text, &source_name)
     }
 
     /// Reads and checks TOML text; `source_name` (a file's name) appears in errors.
@@ -76,11 +72,7 @@ impl Scene {
     /// # Errors
     /// [`DescriptionError::Value`] names source, key and value of the first problem.
     pub fn from_value(value: Value, source_name: &str) -> Result<Self, DescriptionError> {
-        Self::from_tree(&value).map_err(|fault| DescriptionError::Value {
-            source_name: source_name.to_owned(),
-            key: path::with_names(&value, &fault.key),
-            problem: fault.problem,
-        })
+        Self::from_tree(&value).map_err(|fault| fault.in_source(source_name, &value))
     }
 
     fn from_tree(value: &Value) -> Result<Self, Fault> {
@@ -97,6 +89,18 @@ impl Scene {
     /// TOML text of the scene; [`Scene::from_toml_str`] reads an equal scene from it.
     pub fn to_toml_string(&self) -> String {
         toml::to_string(self).expect("a scene is plain data")
+    }
+}
+
+/// Text of a file, and its path as errors name it.
+///
+/// # Errors
+/// [`DescriptionError::File`] if it cannot be read.
+pub fn read_file(path: &Path) -> Result<(String, String), DescriptionError> {
+    let source_name = path.display().to_string();
+    match std::fs::read_to_string(path) {
+        Ok(text) => Ok((text, source_name)),
+        Err(error) => Err(DescriptionError::File { path: source_name, error }),
     }
 }
 
@@ -122,11 +126,7 @@ pub fn parse_toml(text: &str, source_name: &str) -> Result<Value, DescriptionErr
 /// # Errors
 /// [`DescriptionError::Value`] names the source, the key and the value.
 pub fn read_value<T: DeserializeOwned>(value: Value, source_name: &str) -> Result<T, DescriptionError> {
-    deserialize(&value).map_err(|fault| DescriptionError::Value {
-        source_name: source_name.to_owned(),
-        key: path::with_names(&value, &fault.key),
-        problem: fault.problem,
-    })
+    deserialize(&value).map_err(|fault| fault.in_source(source_name, &value))
 }
 
 fn deserialize<T: DeserializeOwned>(value: &Value) -> Result<T, Fault> {

@@ -20,10 +20,8 @@ pub struct Scene {
     /// The vehicle.
     pub vehicle: Vehicle,
     /// The arm, if any.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arm: Option<Arm>,
     /// Payload fixed to the end effector (to the vehicle if there is no arm).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub payload: Option<Payload>,
     /// Provenance of the numbers.
     #[serde(default)]
@@ -60,10 +58,7 @@ impl Scene {
     /// bodies, and an additional point mass at the end effector, kg.
     pub fn varied(&self, [mass, added_mass, linear, quadratic, volume, payload]: [f64; 6]) -> Self {
         let mut scene = self.clone();
-        let arm =
-            scene.arm.iter_mut().flat_map(|arm| arm.base.iter_mut().chain(arm.links.iter_mut().map(|l| &mut l.body)));
-        let held = scene.payload.iter_mut().map(|payload| &mut payload.body);
-        for body in std::iter::once(&mut scene.vehicle.body).chain(arm).chain(held) {
+        for body in scene.bodies_mut() {
             body.mass *= mass;
             body.inertia *= mass;
             body.weight = None;

@@ -18,7 +18,7 @@ pub struct Shape {
     #[serde(default, with = "numbers::vector3")]
     pub position: Vector3<f64>,
     /// Red, green and blue, 0 to 1.
-    #[serde(default = "yellow", with = "numbers::array")]
+    #[serde(default = "yellow", deserialize_with = "numbers::array")]
     pub colour: [f64; 3],
 }
 

@@ -20,24 +20,20 @@ pub struct Vehicle {
     #[serde(default)]
     pub thrusters: Vec<Thruster>,
     /// Time constant of every thruster without its own, s.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thruster_lag: Option<f64>,
     /// Fins and other lifting surfaces, in the order of every fin array; at most 8.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fins: Vec<Fin>,
     /// Tether.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tether: Option<Tether>,
     /// Gains of the vehicle's station-keeping PD.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub servo: Option<VehicleServo>,
     /// Shape in pictures.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<Shape>,
 }
 
 /// A thruster: a force along an axis at a point. `[HC eq. 25]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Thruster {
     /// Name.
@@ -49,45 +45,29 @@ pub struct Thruster {
     #[serde(with = "numbers::vector3")]
     pub axis: Vector3<f64>,
     /// Least and greatest thrust, N, at which commands and thrusts saturate.
-    #[serde(with = "numbers::array")]
+    #[serde(deserialize_with = "numbers::array")]
     pub limits: [f64; 2],
     /// Time constant tau of its first-order lag, `tau T' = T(command) - T`, s. Without it and
     /// [`Vehicle::thruster_lag`] thrust follows at once.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lag: Option<f64>,
     /// Greatest magnitude of commands that give exactly 0 N, N.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_band: Option<f64>,
     /// Static map from command to thrust in still water. Without it thrust equals the command.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map: Option<ThrustMap>,
     /// Loss coefficient k of inflow along the thrust at the speed s: `|T| - k sqrt(|T|) s`, at least 0; N^(1/2) s/m. `[KC06]`
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ambient_flow: Option<f64>,
     /// Thrust deduction fraction t of the hull. `[F21 ch. 9]`
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deduction: Option<f64>,
     /// Additional wrench on the hull per newton of thrust, vehicle frame at its origin, 1 and m: propeller torque, jets on the
     /// hull.
-    #[serde(default, skip_serializing_if = "Option::is_none", with = "numbers::optional_array")]
+    #[serde(default, deserialize_with = "numbers::optional_array")]
     pub induced: Option<[f64; 6]>,
 }
 
 impl Thruster {
     /// An ideal thruster, whose thrust is the command within its limits.
     pub fn new(name: impl Into<String>, position: Vector3<f64>, axis: Vector3<f64>, limits: [f64; 2]) -> Self {
-        Self {
-            name: name.into(),
-            position,
-            axis,
-            limits,
-            lag: None,
-            dead_band: None,
-            map: None,
-            ambient_flow: None,
-            deduction: None,
-            induced: None,
-        }
+        Self { name: name.into(), position, axis, limits, ..Self::default() }
     }
 
     /// Column of T_TCM: wrench on the vehicle per newton of thrust. `[HC eq. 25]`
@@ -126,9 +106,9 @@ impl Vehicle {
 #[serde(deny_unknown_fields)]
 pub struct VehicleServo {
     /// Proportional gains, N/m and N m/rad.
-    #[serde(with = "numbers::array")]
+    #[serde(deserialize_with = "numbers::array")]
     pub kp: [f64; 6],
     /// Derivative gains, N s/m and N m s/rad.
-    #[serde(with = "numbers::array")]
+    #[serde(deserialize_with = "numbers::array")]
     pub kd: [f64; 6],
 }

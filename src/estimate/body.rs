@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::solid::{Solid, others};
 use super::{Ends, Outline, Shape, tables};
-use crate::description::{Body, Damping, Frame};
+use crate::description::{Body, Damping};
 
 /// A body estimated from shapes, with its formulas.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,16 +13,6 @@ pub struct Estimate {
     pub body: Body,
     /// Formula of each key of the body.
     pub formulas: Vec<(&'static str, String)>,
-}
-
-/// `Ad^-1`: transforms a twist from the body frame to another frame.
-fn twist_in(frame: &Frame) -> Matrix6<f64> {
-    let r_t = frame.rotation().transpose();
-    let mut x = Matrix6::zeros();
-    x.fixed_view_mut::<3, 3>(0, 0).copy_from(&r_t);
-    x.fixed_view_mut::<3, 3>(0, 3).copy_from(&(-r_t * frame.position.cross_matrix()));
-    x.fixed_view_mut::<3, 3>(3, 3).copy_from(&r_t);
-    x
 }
 
 /// Rounds to seven digits: more are never known, and sums of rounded entries stay semi-definite.
@@ -51,12 +41,10 @@ fn hydrodynamics(shape: &Shape, solid: &Solid, outline: &Outline) -> Hydrodynami
     let remaining = shape.perforation.map(tables::perforated);
     let closed = shape.solidities();
     // Rotation moves water across both other axes: the greater factor applies to added mass, the mean to damping.
-    let turning = |i: usize| others(i);
     let on_mass = |i: usize| {
-        if i < 3 { remaining[i] } else { turning(i - 3).map(|j| remaining[j]).into_iter().fold(0.0, f64::max) }
+        if i < 3 { remaining[i] } else { others(i - 3).map(|j| remaining[j]).into_iter().fold(0.0, f64::max) }
     };
-    let on_drag =
-        |i: usize| if i < 3 { closed[i] } else { turning(i - 3).map(|j| closed[j]).iter().sum::<f64>() / 2.0 };
+    let on_drag = |i: usize| if i < 3 { closed[i] } else { others(i - 3).map(|j| closed[j]).iter().sum::<f64>() / 2.0 };
     let (mass, drag) =
         (solid.added_mass(outline.density, shape.ends), solid.quadratic_damping(outline.density, shape.ends));
     let quadratic = Vector6::from_fn(|i, _| drag[i] * on_drag(i));
@@ -121,7 +109,7 @@ impl Outline {
         let (mut added_mass, mut linear, mut quadratic) = (Matrix6::zeros(), Matrix6::zeros(), Matrix6::zeros());
         for (shape, solid) in self.shapes.iter().zip(solids) {
             let part = hydrodynamics(shape, solid, self);
-            let x = twist_in(&shape.frame());
+            let x = shape.frame().adjoint_inverse();
             added_mass += x.transpose() * Matrix6::from_diagonal(&part.added_mass) * x;
             linear += x.transpose() * Matrix6::from_diagonal(&part.linear) * x;
             quadratic += x.transpose() * Matrix6::from_diagonal(&part.quadratic) * x.component_mul(&x.abs());

@@ -3,21 +3,21 @@
 use std::path::Path;
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::solid::{Ends, Solid};
-use crate::description::{Frame, numbers, read_value};
+use crate::description::{Frame, numbers, parse_toml, read_file, read_value};
 use crate::error::{DescriptionError, Problem};
 
 /// Shapes of a body, and the water.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Outline {
     /// Density of the water, kg/m3.
     #[serde(default = "fresh_water")]
     pub density: f64,
     /// Speed, m/s, and rate, rad/s, at which linear damping equals quadratic damping.
-    #[serde(default = "slow", with = "numbers::array")]
+    #[serde(default = "slow", deserialize_with = "numbers::array")]
     pub speed: [f64; 2],
     /// Shapes, without overlap; their volumes and coefficients are summed.
     pub shapes: Vec<Shape>,
@@ -32,23 +32,20 @@ fn slow() -> [f64; 2] {
 }
 
 /// A shape: exactly one of `box`, `cylinder`, `capsule`, `ellipsoid`.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shape {
     /// Name.
-    #[serde(skip_serializing_if = "String::is_empty")]
     pub name: String,
     /// Edges along x, y, z, m.
-    #[serde(rename = "box", with = "numbers::optional_vector3", skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "box", deserialize_with = "numbers::optional_vector3")]
     pub cuboid: Option<Vector3<f64>>,
     /// A cylinder with flat ends.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub cylinder: Option<Round>,
     /// A cylinder between hemispheres.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub capsule: Option<Round>,
     /// Semi-axes along x, y, z, m.
-    #[serde(with = "numbers::optional_vector3", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "numbers::optional_vector3")]
     pub ellipsoid: Option<Vector3<f64>>,
     /// Centre in the body frame, m.
     #[serde(with = "numbers::vector3")]
@@ -59,24 +56,21 @@ pub struct Shape {
     /// Ends of a box or cylinder: free, or joined to the next part.
     pub ends: Ends,
     /// Open fraction of the faces across x, y, z (or of all), 0 to 0.5, the range of the published reduction of added mass.
-    #[serde(with = "numbers::axes")]
+    #[serde(deserialize_with = "numbers::axes")]
     pub perforation: [f64; 3],
     /// Damping over that of the closed shape, per axis or for all; default: the closed fraction of the faces.
-    #[serde(with = "numbers::optional_axes", skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "numbers::optional_axes")]
     pub solidity: Option<[f64; 3]>,
     /// Displaced fraction of the envelope, 0 to 1; default 1.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub displaced: Option<f64>,
     /// Mass, kg, homogeneous in the envelope; default: from `relative_density`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<f64>,
     /// Mass over that of the displaced water; default 1, unless `mass` is given.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub relative_density: Option<f64>,
 }
 
 /// Dimensions of a round shape.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Round {
     /// Radius, m.
@@ -89,7 +83,7 @@ pub struct Round {
 }
 
 /// A coordinate axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// Forward.
@@ -185,7 +179,7 @@ impl Outline {
     /// # Errors
     /// Text that is not TOML, by line and column, or as [`Outline::from_value`].
     pub fn from_toml_str(text: &str, source_name: &str) -> Result<Self, DescriptionError> {
-        Self::from_value(crate::description::parse_toml(text, source_name)?, source_name)
+        Self::from_value(parse_toml(text, source_name)?, source_name)
     }
 
     /// Reads and checks a TOML file.
@@ -193,12 +187,8 @@ impl Outline {
     /// # Errors
     /// A file that cannot be read, or as [`Outline::from_toml_str`].
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, DescriptionError> {
-        let path = path.as_ref();
-        let source_name = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => Self::from_toml_str(&text, &source_name),
-            Err(error) => Err(DescriptionError::File { path: source_name, error }),
-        }
+        let (text, source_name) = read_file(path.as_ref())?;
+        Self::from_toml_str(&text, &source_name)
     }
 
     fn faults(&self) -> Option<(String, Problem)> {

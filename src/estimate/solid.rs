@@ -3,12 +3,12 @@
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::{lamb, tables};
 
 /// Ends of a box or cylinder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Ends {
     /// In the water: coefficients of finite bodies.

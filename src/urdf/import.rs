@@ -9,7 +9,8 @@ use super::chain::Chain;
 use super::file::{self, Kind, Robot, fault};
 use super::links::Part;
 use crate::description::{
-    Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS, Mount, Scene, VEHICLE,
+    Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS, Mount, Scene,
+    VEHICLE, read_file,
 };
 use crate::error::DescriptionError;
 use crate::estimate::{Estimate, Outline};
@@ -51,10 +52,7 @@ impl Import<'_> {
     /// # Errors
     /// A file that cannot be read, or as [`Import::from_text`].
     pub fn from_file(&self, path: impl AsRef<Path>) -> Result<Imported> {
-        let path = path.as_ref();
-        let source = path.display().to_string();
-        let text =
-            std::fs::read_to_string(path).map_err(|error| DescriptionError::File { path: source.clone(), error })?;
+        let (text, source) = read_file(path.as_ref())?;
         self.from_text(&text, &source)
     }
 
