@@ -1,7 +1,7 @@
 //! Array arguments in, fresh arrays out.
 
-use numpy::ndarray::{Array2, ArrayD, IxDyn};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::ndarray::{Array2, ArrayD, Dimension, IxDyn};
+use numpy::{Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -26,7 +26,7 @@ pub fn array<'py>(py: Python<'py>, shape: &[usize], numbers: Vec<f64>) -> PyResu
 }
 
 /// A fresh (count, .) array from its entries by rows.
-pub fn matrix<'py, T: numpy::Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
+pub fn matrix<'py, T: Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> PyResult<Rows<'py, T>> {
     let width = flat.len() / count.max(1);
     match Array2::from_shape_vec((count, width), flat) {
         Ok(array) => Ok(array.into_pyarray(py)),
@@ -63,6 +63,15 @@ fn numbers(array: &Array<'_>) -> PyResult<(Vec<usize>, Vec<f64>)> {
     Ok((array.shape().to_vec(), numbers))
 }
 
+/// Numbers by rows. A copy: the caller's array may change while other Python threads run.
+pub fn copied<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> PyResult<Vec<T>> {
+    if array.is_c_contiguous() && array.data().is_aligned() {
+        return Ok(array.to_vec()?);
+    }
+    let by_rows = array.call_method1(intern!(array.py(), "copy"), ("C",))?;
+    Ok(by_rows.cast::<PyArray<T, D>>()?.to_vec()?)
+}
+
 /// Rows of shape `row`, one per instance: as given, or one row for all instances.
 pub fn rows(name: &str, given: &Bound<'_, PyAny>, instances: usize, row: &[usize]) -> PyResult<Vec<f64>> {
     let (shape, numbers) = read(name, given)?;
@@ -71,9 +80,8 @@ pub fn rows(name: &str, given: &Bound<'_, PyAny>, instances: usize, row: &[usize
     } else if shape.split_first().is_some_and(|(first, rest)| *first == instances && rest == row) {
         Ok(numbers)
     } else {
-        let all: Vec<usize> = std::iter::once(instances).chain(row.iter().copied()).collect();
-        let (one, all, shape) = (shape_text(row), shape_text(&all), shape_text(&shape));
-        Err(PyValueError::new_err(format!("{name} has shape {shape}, but must have {one} or {all}")))
+        let all = [&[instances], row].concat();
+        Err(wrong_shape(name, &shape, &format!("{} or {}", shape_text(row), shape_text(&all))))
     }
 }
 
@@ -82,8 +90,13 @@ pub fn optional_rows(name: &str, given: Given, instances: usize, row: &[usize]) 
     given.map(|given| rows(name, given, instances, row)).transpose()
 }
 
+/// The error of an array of another shape.
+pub fn wrong_shape(name: &str, shape: &[usize], allowed: &str) -> PyErr {
+    PyValueError::new_err(format!("{name} has shape {}, but must have {allowed}", shape_text(shape)))
+}
+
 /// A shape as Python writes it.
-pub fn shape_text(shape: &[usize]) -> String {
+fn shape_text(shape: &[usize]) -> String {
     match shape {
         [only] => format!("({only},)"),
         _ => format!("({})", shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),

@@ -13,6 +13,6 @@ pub(super) fn one_of<T, const K: usize>(argument: &str, name: &str, choices: [(&
 }
 
 /// The name of `value`.
-pub(super) fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> Option<&'static str> {
-    choices.into_iter().find(|(_, choice)| *choice == value).map(|(name, _)| name)
+pub(super) fn name_of<T: PartialEq, const K: usize>(value: T, choices: [(&'static str, T); K]) -> &'static str {
+    choices.into_iter().find(|(_, choice)| *choice == value).expect("every value has a name").0
 }

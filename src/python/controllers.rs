@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use numpy::{Element, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use super::arrays::{Rows, matrix};
+use super::arrays::{Rows, copied, matrix};
 use super::choices::{name_of, one_of};
 use super::errors::OrRaise;
 use super::task::Task;
@@ -77,19 +77,10 @@ impl Controller {
                 return Err(PyValueError::new_err(format!("{name} have {rows} rows, expected {n}")));
             }
         }
-        // Copies: the caller's arrays may change while other Python threads run.
-        let (observations, mut memory) = (by_rows(&observations), by_rows(&memory));
+        let (observations, mut memory) = (copied(&observations)?, copied(&memory)?);
         let mut actions = vec![0.0; n * a];
         py.detach(|| self.inner.act(&observations, &mut memory, &mut actions)).or_raise()?;
         Ok((matrix(py, actions, n)?, matrix(py, memory, n)?))
-    }
-}
-
-/// Numbers of an array by rows.
-fn by_rows<T: Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> Vec<T> {
-    match array.as_slice() {
-        Ok(numbers) => numbers.to_vec(),
-        Err(_) => array.as_array().iter().copied().collect(),
     }
 }
 
@@ -192,7 +183,7 @@ impl Mlp {
 
     /// Function between layers.
     #[getter]
-    fn activation(&self) -> Option<&'static str> {
+    fn activation(&self) -> &'static str {
         name_of(self.mlp.network().activation, ACTIVATIONS)
     }
 

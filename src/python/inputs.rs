@@ -4,7 +4,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-use super::arrays::{Given, optional_rows, read, rows, shape_text};
+use super::arrays::{Given, optional_rows, read, rows, wrong_shape};
 use uvms_gym::batch::{Inputs, Simulator};
 
 /// Greatest number of coefficients of a servo target.
@@ -72,10 +72,11 @@ fn target(given: &Bound<'_, PyAny>, instances: usize, n: usize) -> PyResult<Vec<
         [joints] if joints == n => Ok(numbers.repeat(instances)),
         [all, joints] if (all, joints) == (instances, n) => Ok(numbers),
         [all, joints, terms] if (all, joints) == (instances, n) && (1..=TERMS).contains(&terms) => Ok(numbers),
-        _ => Err(PyValueError::new_err(format!(
-            "joint_target has shape {}, but must have ({n},), ({instances}, {n}) or ({instances}, {n}, k) with k from 1 to {TERMS}",
-            shape_text(&shape)
-        ))),
+        _ => {
+            let all = format!("{instances}, {n}");
+            let allowed = format!("({n},), ({all}) or ({all}, k) with k from 1 to {TERMS}");
+            Err(wrong_shape("joint_target", &shape, &allowed))
+        }
     }
 }
 

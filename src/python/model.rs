@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector6};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 
 use super::arrays::{Array, Given, array, rows};
 use super::errors::OrRaise;
@@ -37,10 +37,9 @@ impl Simulator {
                 Ok::<_, DynamicsError>(columns)
             })
             .or_raise()?;
-        let mut arrays = Vec::with_capacity(K);
-        for (row, column) in shapes.into_iter().zip(columns) {
-            arrays.push(array(py, &[&[instances], row].concat(), column)?);
-        }
+        let shapes = shapes.into_iter().map(|row| [&[instances], row].concat());
+        let arrays: Vec<_> =
+            shapes.zip(columns).map(|(shape, column)| array(py, &shape, column)).collect::<PyResult<_>>()?;
         Ok(arrays.try_into().expect("K shapes make K arrays"))
     }
 
@@ -78,12 +77,9 @@ impl Simulator {
     }
 }
 
+/// Arrays by name.
 pub(super) fn dict<'py, const K: usize>(py: Python<'py>, names: [&str; K], arrays: [Array<'py>; K]) -> Arrays<'py> {
-    let dict = PyDict::new(py);
-    for (name, array) in names.into_iter().zip(arrays) {
-        dict.set_item(name, array)?;
-    }
-    Ok(dict)
+    names.into_iter().zip(arrays).into_py_dict(py)
 }
 
 /// Entries row by row.
@@ -93,11 +89,9 @@ pub(super) fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
 
 /// A homogeneous matrix row by row.
 fn pose_rows(pose: &Pose) -> Vec<f64> {
-    by_rows(&DMatrix::from_fn(4, 4, |i, j| match (i, j) {
-        (3, _) => f64::from(u8::from(j == 3)),
-        (_, 3) => pose.position[i],
-        _ => pose.rotation[(i, j)],
-    }))
+    let mut matrix = pose.rotation.to_homogeneous();
+    matrix.fixed_view_mut::<3, 1>(0, 3).copy_from(&pose.position);
+    matrix.transpose().as_slice().to_vec()
 }
 
 fn stacked(wrenches: &[Vector6<f64>]) -> Vec<f64> {

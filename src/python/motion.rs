@@ -76,9 +76,7 @@ impl Simulator {
         let arrays = arguments.read(&self.inner)?;
         let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
         let servos = Servos { joints: joint_target.is_some(), vehicle: pose_target.is_some() };
-        if let Some(unstable) = self.inner.warn_of_step(servos) {
-            warn(py, &unstable.to_string())?;
-        }
+        warn(py, self.inner.warn_of_step(servos))?;
         let mut interrupt = Ok(());
         let mut go_on = || {
             interrupt = Python::attach(|py| py.check_signals());
@@ -86,10 +84,7 @@ impl Simulator {
         };
         py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on)).or_raise()?;
         interrupt?;
-        match self.inner.warn_of_motion() {
-            Some(stray) => warn(py, &stray.to_string()),
-            None => Ok(()),
-        }
+        warn(py, self.inner.warn_of_motion())
     }
 
     /// Forward dynamics by the articulated-body algorithm: accelerations [V'; q''] under the inputs of `step`. The state is

@@ -1,10 +1,9 @@
 //! `uvms_gym.Simulator`: parameters of single instances.
 
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{Given, array, read, shape_text};
+use super::arrays::{Given, array, read, wrong_shape};
 use super::errors::OrRaise;
 use super::simulator::Simulator;
 use uvms_gym::system::Factors;
@@ -76,10 +75,7 @@ impl Simulator {
             let Some(given) = given else { continue };
             let (shape, numbers) = read(name, given)?;
             if !shape.is_empty() && shape != [instances] {
-                let shape = shape_text(&shape);
-                return Err(PyValueError::new_err(format!(
-                    "{name} has shape {shape}, but must have () or ({instances},)"
-                )));
+                return Err(wrong_shape(name, &shape, &format!("() or ({instances},)")));
             }
             for (factors, number) in factors.iter_mut().zip(numbers.iter().cycle()) {
                 factors[k] = *number;

@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arrays::{Array, Given, array, count, read, rows, shape_text};
+use super::arrays::{Array, Given, array, count, read, rows, wrong_shape};
 use super::errors::OrRaise;
 use super::inputs::poses;
 use super::scene;
@@ -247,7 +247,7 @@ fn points(name: &str, given: Given) -> PyResult<Vec<Vector3<f64>>> {
     let Some(given) = given else { return Ok(Vec::new()) };
     let (shape, numbers) = read(name, given)?;
     if !matches!(shape[..], [_, 3]) {
-        return Err(PyValueError::new_err(format!("{name} has shape {}, but must have (k, 3)", shape_text(&shape))));
+        return Err(wrong_shape(name, &shape, "(k, 3)"));
     }
     Ok(numbers.chunks_exact(3).map(Vector3::from_column_slice).collect())
 }

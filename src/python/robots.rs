@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{IntoPyDict, PyDict, PyString};
 
 use super::arrays::{Given, read as numbers};
 use super::errors::{OrRaise, SceneError};
@@ -100,12 +100,8 @@ pub fn estimate<'py>(outline: &Bound<'py, PyAny>, table: &str) -> PyResult<Bound
     let body = toml::Value::try_from(&estimate.body).map_err(|e| SceneError::new_err(e.to_string()))?;
     let result = PyDict::new(py);
     result.set_item("body", object(&body, py)?)?;
-    let formulas = PyDict::new(py);
-    for (key, formula) in &estimate.formulas {
-        formulas.set_item(key, formula)?;
-    }
-    result.set_item("formulas", formulas)?;
     result.set_item("toml", estimate.to_toml(table))?;
+    result.set_item("formulas", estimate.formulas.into_py_dict(py)?)?;
     Ok(result)
 }
 

@@ -10,7 +10,6 @@ use pyo3::types::{PyDict, PyList};
 use super::arrays::matrix;
 use super::controllers::Controller;
 use super::errors::OrRaise;
-use super::stability::warn;
 use super::task::Task;
 use uvms_gym::batch::{self, RolloutStats};
 use uvms_gym::control;
@@ -80,14 +79,7 @@ impl Task {
     /// Runs `steps` control periods of all instances under the rollout's controller from their current states. Instances
     /// whose episode is over wait.
     fn run(&mut self, py: Python<'_>, mut rollout: PyRefMut<'_, Rollout>, steps: u32) -> PyResult<()> {
-        let (batch, Rollout { rollout, controller, .. }) = (&mut self.batch, &mut *rollout);
-        if let Some(unstable) = batch.warn_of_step() {
-            warn(py, &unstable.to_string())?;
-        }
-        py.detach(|| batch.run(&**controller, rollout, steps)).or_raise()?;
-        if let Some(stray) = batch.warn_of_motion() {
-            warn(py, &stray.to_string())?;
-        }
-        Ok(())
+        let Rollout { rollout, controller, .. } = &mut *rollout;
+        self.advance(py, |batch| batch.run(&**controller, rollout, steps))
     }
 }

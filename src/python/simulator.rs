@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
 use super::arrays::{Array, Given, array, count, read};
+use super::choices::{name_of, one_of};
 use super::errors::OrRaise;
 use super::scene;
 use uvms_gym::batch::{self, Precision, SimulatorOptions};
@@ -63,17 +64,16 @@ pub(super) fn number(name: &str, given: Given, default: f64) -> PyResult<f64> {
     })
 }
 
+/// Types of numbers by name.
+pub(super) const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
+
 fn precision(given: &Bound<'_, PyAny>) -> PyResult<Precision> {
     let name: String = if given.is_instance_of::<PyString>() || given.is_none() {
         given.str()?.to_string_lossy().into_owned()
     } else {
         given.py().import("numpy")?.call_method1("dtype", (given,))?.getattr("name")?.extract()?
     };
-    match name.as_str() {
-        "float64" => Ok(Precision::Double),
-        "float32" => Ok(Precision::Single),
-        _ => Err(PyValueError::new_err(format!("dtype must be 'float64' or 'float32', not '{name}'"))),
-    }
+    one_of("dtype", &name, DTYPES)
 }
 
 #[pymethods]
@@ -130,10 +130,7 @@ impl Simulator {
     /// str: number type that the kernel computes with, "float64" or "float32".
     #[getter]
     fn dtype(&self) -> &'static str {
-        match self.inner.options().precision {
-            Precision::Double => "float64",
-            Precision::Single => "float32",
-        }
+        name_of(self.inner.options().precision, DTYPES)
     }
 
     /// float: gain of the quaternion integrators, 1/s. [HC eq. 14]

@@ -1,26 +1,27 @@
 //! `uvms_gym.Simulator`: modes, stable steps, and step warnings.
 
 use std::ffi::CString;
+use std::fmt::Display;
 
 use nalgebra::Complex;
-use pyo3::exceptions::PyValueError;
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyComplex, PyDict};
+use pyo3::types::{IntoPyDict, PyComplex, PyDict};
 
-use super::arrays::{Given, read, shape_text};
+use super::arrays::{Given, read, wrong_shape};
 use super::errors::{OrRaise, StepWarning};
 use super::simulator::Simulator;
-use uvms_gym::batch::stabilities;
+use uvms_gym::batch::{ModalAnalysis, stabilities};
 use uvms_gym::dynamics::Servos;
 
 /// Packages whose frames a warning skips.
 const BETWEEN: [&str; 3] = ["uvms_gym", "gymnasium", "stable_baselines3"];
 
-/// Issues a `StepWarning` at the user's line.
-pub fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
+/// Issues a warning, if there is one, as a `StepWarning` at the user's line.
+pub fn warn(py: Python<'_>, warning: Option<impl Display>) -> PyResult<()> {
+    let Some(warning) = warning else { return Ok(()) };
     let category = py.get_type::<StepWarning>();
-    let message = CString::new(message.replace('\0', ""))?;
+    let message = CString::new(warning.to_string().replace('\0', ""))?;
     PyErr::warn(py, &category, &message, users_level(py)?)
 }
 
@@ -46,9 +47,20 @@ fn speeds(given: Given) -> PyResult<Option<[f64; 6]>> {
     match read("speed", given)? {
         (shape, numbers) if shape.is_empty() => Ok(Some([numbers[0]; 6])),
         (shape, numbers) if shape == [6] => Ok(numbers.try_into().ok()),
-        (shape, _) => {
-            Err(PyValueError::new_err(format!("speed has shape {}, but must have () or (6,)", shape_text(&shape))))
-        }
+        (shape, _) => Err(wrong_shape("speed", &shape, "() or (6,)")),
+    }
+}
+
+impl Simulator {
+    /// A result of the scene's modal analysis, computed without the GIL.
+    fn analyse<R: Send>(
+        &self,
+        py: Python<'_>,
+        speed: Given,
+        result: impl FnOnce(&ModalAnalysis) -> R + Send,
+    ) -> PyResult<R> {
+        let (simulator, speed) = (&self.inner, speeds(speed)?);
+        py.detach(|| simulator.modal_analysis(speed.as_ref()).map(|analysis| result(&analysis))).or_raise()
     }
 }
 
@@ -93,11 +105,9 @@ impl Simulator {
         joint_servos: bool,
         vehicle_servo: bool,
     ) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let (simulator, speed) = (&self.inner, speeds(speed)?);
         let servos = Servos { joints: joint_servos, vehicle: vehicle_servo };
-        let modes = py.detach(|| Ok::<_, PyErr>(simulator.modal_analysis(speed.as_ref()).or_raise()?.modes(servos)))?;
         let mut list = Vec::new();
-        for mode in modes {
+        for mode in self.analyse(py, speed, |analysis| analysis.modes(servos))? {
             let Complex { re, im } = mode.rate;
             let entry = PyDict::new(py);
             entry.set_item("rate", PyComplex::from_doubles(py, re, im))?;
@@ -147,17 +157,11 @@ impl Simulator {
         vehicle_servo: bool,
         end_stops: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let (simulator, speed) = (&self.inner, speeds(speed)?);
         let servos = Servos { joints: joint_servos, vehicle: vehicle_servo };
-        let steps: Vec<_> = py.detach(|| {
-            let survey = simulator.modal_analysis(speed.as_ref()).or_raise()?;
-            let step = |stability| survey.stable_step(stability, servos, end_stops).0;
-            Ok::<_, PyErr>(stabilities().map(|(name, stability)| (name, step(stability))).collect())
+        let steps: Vec<_> = self.analyse(py, speed, |analysis| {
+            let step = |stability| analysis.stable_step(stability, servos, end_stops).0;
+            stabilities().map(|(name, stability)| (name, step(stability))).collect()
         })?;
-        let dict = PyDict::new(py);
-        for (name, step) in steps {
-            dict.set_item(name, step)?;
-        }
-        Ok(dict)
+        steps.into_py_dict(py)
     }
 }

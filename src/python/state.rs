@@ -17,7 +17,7 @@ impl Simulator {
         numbers: impl Fn(&State, usize) -> I,
     ) -> PyResult<Array<'py>> {
         let instances = self.inner.instances();
-        let shape: Vec<usize> = std::iter::once(instances).chain(row.iter().copied()).collect();
+        let shape = [&[instances], row].concat();
         let mut out = Vec::with_capacity(shape.iter().product());
         for i in 0..instances {
             out.extend(numbers(&self.inner.state(i), i));
@@ -169,29 +169,20 @@ impl Simulator {
     ) -> PyResult<()> {
         let (instances, n) = (self.inner.instances(), self.inner.joints());
         let rows = |name: &str, given: Given, row: &[usize]| optional_rows(name, given, instances, row);
-        let position = rows("position", position, &[3])?;
-        let rotation = rows("rotation", rotation, &[3, 3])?;
-        let quaternion = rows("quaternion", quaternion, &[4])?;
-        let twist = rows("twist", twist, &[6])?;
-        let q = rows("q", q, &[n])?;
-        let qd = rows("qd", qd, &[n])?;
-        let thrust = rows("thrust", thrust, &[self.inner.allocation().count()])?;
-        let time = rows("time", time, &[])?;
-        let current = rows("current", current, &[3])?;
-        let current_acceleration = rows("current_acceleration", current_acceleration, &[3])?;
-        let states = States {
-            position: position.as_deref(),
-            rotation: rotation.as_deref(),
-            quaternion: quaternion.as_deref(),
-            twist: twist.as_deref(),
-            q: q.as_deref(),
-            qd: qd.as_deref(),
-            thrust: thrust.as_deref(),
-            time: time.as_deref(),
-            current: current.as_deref(),
-            current_acceleration: current_acceleration.as_deref(),
-        };
-        self.inner.set_states(&states).or_raise()
+        let thrusters = self.inner.allocation().count();
+        let result = self.inner.set_states(&States {
+            position: rows("position", position, &[3])?.as_deref(),
+            rotation: rows("rotation", rotation, &[3, 3])?.as_deref(),
+            quaternion: rows("quaternion", quaternion, &[4])?.as_deref(),
+            twist: rows("twist", twist, &[6])?.as_deref(),
+            q: rows("q", q, &[n])?.as_deref(),
+            qd: rows("qd", qd, &[n])?.as_deref(),
+            thrust: rows("thrust", thrust, &[thrusters])?.as_deref(),
+            time: rows("time", time, &[])?.as_deref(),
+            current: rows("current", current, &[3])?.as_deref(),
+            current_acceleration: rows("current_acceleration", current_acceleration, &[3])?.as_deref(),
+        });
+        result.or_raise()
     }
 
     /// Put all instances at the scene's home: level at the world origin, at rest at time 0, joints at home, in the

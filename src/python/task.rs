@@ -1,25 +1,23 @@
 //! `_core.Task`.
 
-use numpy::ndarray::{Array1, Array2, Dimension};
-use numpy::{IntoPyArray, PyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
+use numpy::ndarray::{Array1, Array2};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
-use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
-use super::arrays::{self, Row, Rows, matrix};
+use super::arrays::{self, Row, Rows, copied, matrix};
 use super::choices::{name_of, one_of};
 use super::errors::OrRaise;
 use super::outputs::StepArrays;
 use super::scene;
-use super::simulator::Simulator;
+use super::simulator::{DTYPES, Simulator};
 use super::stability::warn;
 use super::starts;
-use uvms_gym::batch::{Autoreset, Final, Outputs, Precision, Saved, SimulatorOptions, TaskBatch};
+use uvms_gym::batch::{Autoreset, Outputs, Saved, SimulatorOptions, TaskBatch};
 use uvms_gym::error::TaskError;
 use uvms_gym::task::{INFO, METRICS, Metrics, TASKS, TaskOptions};
 
-const DTYPES: [(&str, Precision); 2] = [("float64", Precision::Double), ("float32", Precision::Single)];
 const MODES: [(&str, Autoreset); 3] =
     [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
 
@@ -162,7 +160,9 @@ impl Task {
             return Err(PyValueError::new_err(message));
         }
         let actions = copied(actions)?;
-        let finals = self.step_into(py, &actions, out.lock()?.outputs()?)?;
+        let mut guards = out.lock()?;
+        let outputs = guards.outputs()?;
+        let finals = self.advance(py, |batch| batch.step_into(&actions, outputs))?;
         if finals.is_empty() {
             return Ok(None);
         }
@@ -183,7 +183,8 @@ impl Task {
         let mut observation = vec![0.0; self.batch.task().observation_len()];
         let (mut reward, mut flags, mut info) = ([0.0], [[false]; 2], [0.0; INFO]);
         let each = flags.each_mut().map(|flag| &mut flag[..]);
-        self.step_into(py, &action, Outputs::new(&mut observation, &mut reward, each, &mut info[..self.info.len()]))?;
+        let outputs = Outputs::new(&mut observation, &mut reward, each, &mut info[..self.info.len()]);
+        self.advance(py, |batch| batch.step_into(&action, outputs))?;
         let observation = PyArray1::from_slice(py, &observation);
         let [[terminated], [truncated]] = flags;
         Ok((observation, reward[0], terminated, truncated, self.info.fill(py, &info)?))
@@ -248,17 +249,17 @@ impl Task {
 }
 
 impl Task {
-    /// One step without the GIL, and its warnings.
-    fn step_into(&mut self, py: Python<'_>, actions: &[f32], out: Outputs<'_>) -> PyResult<Vec<Final>> {
+    /// Steps of the batch without the GIL, and their warnings.
+    pub(super) fn advance<R: Send>(
+        &mut self,
+        py: Python<'_>,
+        steps: impl FnOnce(&mut TaskBatch) -> Result<R, TaskError> + Send,
+    ) -> PyResult<R> {
         let batch = &mut self.batch;
-        if let Some(unstable) = batch.warn_of_step() {
-            warn(py, &unstable.to_string())?;
-        }
-        let finals = py.detach(|| batch.step_into(actions, out)).or_raise()?;
-        if let Some(stray) = batch.warn_of_motion() {
-            warn(py, &stray.to_string())?;
-        }
-        Ok(finals)
+        warn(py, batch.warn_of_step())?;
+        let result = py.detach(|| steps(batch)).or_raise()?;
+        warn(py, batch.warn_of_motion())?;
+        Ok(result)
     }
 
     fn observations<'py>(&self, py: Python<'py>, flat: Vec<f32>) -> PyResult<Rows<'py, f32>> {
@@ -266,15 +267,6 @@ impl Task {
         let count = flat.len() / width;
         matrix(py, flat, count)
     }
-}
-
-/// Entries by rows. A copy, because the caller's array may change while other Python threads run.
-fn copied<D: Dimension>(array: &Bound<'_, PyArray<f32, D>>) -> PyResult<Vec<f32>> {
-    if array.is_c_contiguous() && array.data().is_aligned() {
-        return Ok(array.to_vec()?);
-    }
-    let by_rows = array.call_method1(intern!(array.py(), "copy"), ("C",))?;
-    Ok(by_rows.cast::<PyArray<f32, D>>()?.to_vec()?)
 }
 
 /// Form of the `info` of one instance: its names and a dict that has them all.
