@@ -57,7 +57,7 @@ impl Simulator {
             ("twist", states.twist, 6),
             ("q", states.q, joints),
             ("qd", states.qd, joints),
-            ("thrust", states.thrust, self.allocation().count()),
+            ("thrust", states.thrust, thrusters),
             ("time", states.time, 1),
             ("current", states.current, 3),
             ("current_acceleration", states.current_acceleration, 3),
@@ -65,17 +65,17 @@ impl Simulator {
         for (name, values, width) in widths {
             check(name, values, width, self.options())?;
         }
-        if let Some(at) =
-            states.twist.filter(|_| self.scene().vehicle.fixed).and_then(|t| t.iter().position(|x| *x != 0.0))
+        let scene = self.scene();
+        if scene.vehicle.fixed
+            && let Some(at) = first_nonzero(states.twist)
         {
-            return Err(SimulatorError::FixedVehicle { scene: self.scene().name.clone(), instance: at / 6 });
+            return Err(SimulatorError::FixedVehicle { scene: scene.name.clone(), instance: at / 6 });
         }
         self.check_thrust(states.thrust)?;
-        let weightless = self.scene().water.gravity.norm() == 0.0;
-        if let Some(at) =
-            states.current_acceleration.filter(|_| weightless).and_then(|a| a.iter().position(|x| *x != 0.0))
+        if scene.water.gravity.norm() == 0.0
+            && let Some(at) = first_nonzero(states.current_acceleration)
         {
-            return Err(SimulatorError::Weightless { scene: self.scene().name.clone(), instance: at / 3 });
+            return Err(SimulatorError::Weightless { scene: scene.name.clone(), instance: at / 3 });
         }
         let rotations = self.rotations(states)?;
         let moved = widths.iter().any(|(name, values, _)| values.is_some() && !name.starts_with("current"));
@@ -137,16 +137,12 @@ impl Simulator {
                 rows.chunks_exact(9).enumerate().map(clean).collect::<Result<_, _>>().map(Some)
             }
             (None, Some(rows)) => {
-                let turn = |(instance, row): (usize, &[f64])| {
+                let turn = |(instance, row): (usize, &[f64; 4])| {
                     let length = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-                    let components = [row[0], row[1], row[2], row[3]];
-                    if length.is_normal() {
-                        Ok(rotation(&components.map(|c| c / length)))
-                    } else {
-                        Err(SimulatorError::NoAttitude { instance })
-                    }
+                    let unit = row.map(|c| c / length);
+                    if length.is_normal() { Ok(rotation(&unit)) } else { Err(SimulatorError::NoAttitude { instance }) }
                 };
-                rows.chunks_exact(4).enumerate().map(turn).collect::<Result<_, _>>().map(Some)
+                rows.as_chunks().0.iter().enumerate().map(turn).collect::<Result<_, _>>().map(Some)
             }
         }
     }
@@ -155,6 +151,11 @@ impl Simulator {
 /// One Newton step towards the nearest rotation.
 fn orthonormalised(r: &na::Matrix3<f64>) -> na::Matrix3<f64> {
     r * (na::Matrix3::identity() * 3.0 - r.tr_mul(r)) * 0.5
+}
+
+/// Index of the first number that is not zero.
+fn first_nonzero(numbers: Option<&[f64]>) -> Option<usize> {
+    numbers?.iter().position(|x| *x != 0.0)
 }
 
 /// Overwrites `to` with row `i`, if rows are given.

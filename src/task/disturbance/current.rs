@@ -159,9 +159,8 @@ impl Gust {
         draw: &Stream,
         context: &DisturbanceContext,
     ) {
-        let in_periods = |span: Span| [span.low / context.period, span.high / context.period];
-        let [least, longest] = in_periods(self.duration);
-        let [soon, late] = in_periods(self.pause);
+        let [least, longest] = self.duration.in_periods(context.period);
+        let [soon, late] = self.pause.in_periods(context.period);
         // At least a period; shorter times are steps.
         let rise = 1.0 / (self.rise / context.period).max(1.0);
         memory.set(row + 2, rise);

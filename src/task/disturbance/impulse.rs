@@ -64,9 +64,8 @@ impl Impulse {
         context: &DisturbanceContext,
     ) {
         let Span { low, high } = self.force.unwrap_or(self.share.times(context.thrust));
-        let in_periods = |span: Span| [span.low / context.period, span.high / context.period];
-        let [least, longest] = in_periods(self.duration);
-        let [soon, late] = in_periods(self.pause);
+        let [least, longest] = self.duration.in_periods(context.period);
+        let [soon, late] = self.pause.in_periods(context.period);
         memory.set(row + 8, 0.0);
         memory.set_all(row + 9, [low, high, least, longest, soon, late, self.reach * context.lever]);
         Self::draw(memory, row, 0.0, draw);

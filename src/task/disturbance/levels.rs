@@ -25,7 +25,11 @@ impl Level {
 /// Levels for training, mild to strong, then harder ones held out for evaluation: 1.3 times as strong, and with shapes
 /// that the others lack.
 pub const LEVELS: [Level; 13] = [
-    Level { name: "calm", description: "Still water; only the scene's own current, if it has one.", make: calm },
+    Level {
+        name: "calm",
+        description: "Still water; only the scene's own current, if it has one.",
+        make: Disturbance::default,
+    },
     Level { name: "current", description: "A steady current and one that wanders about it.", make: || current(1.0) },
     Level { name: "gusts", description: "Gusts of 0.1 to 0.35 m/s on a weak current.", make: || gusts(1.0) },
     Level { name: "waves", description: "A train of waves a few metres above.", make: || waves(1.0) },
@@ -71,10 +75,6 @@ pub const LEVELS: [Level; 13] = [
 
 /// Strength of the held-out levels over that of the others.
 const HARD: f64 = 1.3;
-
-fn calm() -> Disturbance {
-    Disturbance::default()
-}
 
 fn steady(low: f64, high: f64) -> Option<SteadyCurrent> {
     Some(SteadyCurrent { speed: Span::of(low, high), ..SteadyCurrent::default() })

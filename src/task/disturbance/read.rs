@@ -2,6 +2,7 @@
 
 use serde_json::{Map, Value};
 
+use super::span::refuse;
 use super::{Disturbance, LEVELS, Level};
 use crate::error::TaskError;
 
@@ -35,7 +36,7 @@ impl Disturbance {
             Some(level) => Ok(level.disturbance()),
             None => {
                 let known: Vec<_> = LEVELS.iter().map(|Level { name, .. }| *name).collect();
-                fault("disturbance", format!("there is no level '{name}'; known: {}", known.join(", ")))
+                refuse("disturbance", format!("there is no level '{name}'; known: {}", known.join(", ")))
             }
         }
     }
@@ -49,7 +50,7 @@ impl Disturbance {
     pub fn from_json(text: &str) -> Result<Self, TaskError> {
         match serde_json::from_str(text) {
             Ok(value) => Self::from_value(value),
-            Err(error) => fault("disturbance", error.to_string()),
+            Err(error) => refuse("disturbance", error.to_string()),
         }
     }
 
@@ -57,7 +58,7 @@ impl Disturbance {
         match value {
             Value::String(name) => Self::named(&name),
             Value::Object(given) => Self::from_object(given),
-            other => fault("disturbance", format!("must be the name of a level or a dict of components, not {other}")),
+            other => refuse("disturbance", format!("must be the name of a level or a dict of components, not {other}")),
         }
     }
 
@@ -65,15 +66,15 @@ impl Disturbance {
         let base = match given.remove(BASE) {
             None => Self::default(),
             Some(Value::String(name)) => Self::named(&name)?,
-            Some(other) => return fault(BASE, format!("must be the name of a level, not {other}")),
+            Some(other) => return refuse(BASE, format!("must be the name of a level, not {other}")),
         };
         let Ok(Value::Object(mut whole)) = serde_json::to_value(base) else {
-            return fault("disturbance", "not finite".into());
+            return refuse("disturbance", "not finite".into());
         };
         for (key, component) in given {
             if !Self::COMPONENTS.contains(&key.as_str()) {
                 let known = Self::COMPONENTS.join(", ");
-                return fault("disturbance", format!("unknown component '{key}'; known: {known}, and {BASE}"));
+                return refuse("disturbance", format!("unknown component '{key}'; known: {known}, and {BASE}"));
             }
             match component {
                 Value::Null | Value::Bool(false) => {
@@ -109,8 +110,4 @@ impl Disturbance {
         // Numbers that are not finite would become null.
         serde_json::to_string(self).unwrap_or_default()
     }
-}
-
-fn fault<T>(key: &str, reason: String) -> Result<T, TaskError> {
-    Err(TaskError::Disturbance { key: key.to_owned(), reason })
 }

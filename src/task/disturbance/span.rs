@@ -47,6 +47,11 @@ impl Span {
         Self::of(self.low * factor, self.high * factor)
     }
 
+    /// Both ends, s, in control periods.
+    pub(super) fn in_periods(self, period: f64) -> [f64; 2] {
+        [self.low / period, self.high / period]
+    }
+
     /// The number at a share in [0, 1) of the interval.
     pub(super) fn at(self, share: f64) -> f64 {
         self.low + (self.high - self.low) * share
