@@ -1,7 +1,6 @@
 //! The serial chain between two links of a tree.
 
-use super::file::{Joint, Kind, Robot, fault};
-use crate::error::DescriptionError;
+use super::file::{Joint, Kind, Result, Robot};
 
 /// Joints from a base link to a tip link, including fixed ones.
 pub struct Chain {
@@ -11,19 +10,14 @@ pub struct Chain {
     pub joints: Vec<usize>,
 }
 
-type Result<T> = std::result::Result<T, DescriptionError>;
-
 impl Robot {
-    fn link_called(&self, name: &str, role: &str, source: &str) -> Result<usize> {
-        self.links.iter().position(|link| link.name == name).ok_or_else(|| {
-            let known: Vec<_> = self.links.iter().map(|link| link.name.as_str()).collect();
-            fault(
-                source,
-                1,
-                "<robot>",
-                format!("has no link \"{name}\" for the {role}; its links are {}", known.join(", ")),
-            )
-        })
+    fn link_called(&self, name: &str, role: &str) -> Result<usize> {
+        if let Some(index) = self.links.iter().position(|link| link.name == name) {
+            return Ok(index);
+        }
+        let known: Vec<_> = self.links.iter().map(|link| link.name.as_str()).collect();
+        let problem = format!("has no link \"{name}\" for the {role}; its links are {}", known.join(", "));
+        self.fault(1, "<robot>", problem)
     }
 
     /// Joints with this link as parent.
@@ -37,7 +31,7 @@ impl Robot {
     }
 
     /// Refuses loops; all later steps assume a tree.
-    fn no_loops(&self, source: &str) -> Result<()> {
+    fn no_loops(&self) -> Result<()> {
         for (start, link) in self.links.iter().enumerate() {
             let mut at = start;
             for _ in 0..self.links.len() {
@@ -47,57 +41,53 @@ impl Robot {
                 }
             }
             if self.joints.iter().any(|joint| joint.child == at) {
-                return Err(fault(source, 1, &format!("link \"{}\"", link.name), "is part of a loop of joints"));
+                return self.fault(1, &format!("link \"{}\"", link.name), "is part of a loop of joints");
             }
         }
         Ok(())
     }
 
-    fn root(&self, source: &str) -> Result<usize> {
+    fn root(&self) -> Result<usize> {
         let roots: Vec<_> = (0..self.links.len()).filter(|i| self.joints.iter().all(|j| j.child != *i)).collect();
         match roots[..] {
             [root] => Ok(root),
             _ => {
                 let names: Vec<_> = roots.iter().map(|i| self.links[*i].name.as_str()).collect();
                 let problem = format!("has several links without parent ({}): choose the base", names.join(", "));
-                Err(fault(source, 1, "<robot>", problem))
+                self.fault(1, "<robot>", problem)
             }
         }
     }
 
     /// The chain from `base` (default: the root) to `tip` (default: the only end).
-    pub fn chain(&self, base: Option<&str>, tip: Option<&str>, source: &str) -> Result<Chain> {
-        self.no_loops(source)?;
+    pub fn chain(&self, base: Option<&str>, tip: Option<&str>) -> Result<Chain> {
+        self.no_loops()?;
         let base = match base {
-            Some(name) => self.link_called(name, "base", source)?,
-            None => self.root(source)?,
+            Some(name) => self.link_called(name, "base")?,
+            None => self.root()?,
         };
         let (joints, tip) = match tip {
             Some(name) => {
-                let tip = self.link_called(name, "tip", source)?;
-                (self.path(base, tip, source)?, tip)
+                let tip = self.link_called(name, "tip")?;
+                (self.path(base, tip)?, tip)
             }
-            None => self.only_path(base, source)?,
+            None => self.only_path(base)?,
         };
         if let Some(joint) = joints.iter().map(|i| &self.joints[*i]).find(|joint| joint.mimic) {
             let element = format!("joint \"{}\" <mimic>", joint.name);
-            return Err(fault(source, joint.line, &element, "mimic joints are not supported"));
+            return self.fault(joint.line, &element, "mimic joints are not supported");
         }
         Ok(Chain { base, tip, joints })
     }
 
-    fn path(&self, base: usize, tip: usize, source: &str) -> Result<Vec<usize>> {
+    fn path(&self, base: usize, tip: usize) -> Result<Vec<usize>> {
         let mut joints = Vec::new();
         let mut at = tip;
         while at != base {
             let Some(up) = self.joints.iter().position(|joint| joint.child == at) else {
                 let (base, tip) = (&self.links[base].name, &self.links[tip].name);
-                return Err(fault(
-                    source,
-                    1,
-                    &format!("link \"{tip}\""),
-                    format!("is not a descendant of the base link \"{base}\""),
-                ));
+                let problem = format!("is not a descendant of the base link \"{base}\"");
+                return self.fault(1, &format!("link \"{tip}\""), problem);
             };
             joints.push(up);
             at = self.joints[up].parent;
@@ -107,7 +97,7 @@ impl Robot {
     }
 
     /// Follows the only moving branch, else the only branch.
-    fn only_path(&self, base: usize, source: &str) -> Result<(Vec<usize>, usize)> {
+    fn only_path(&self, base: usize) -> Result<(Vec<usize>, usize)> {
         let mut joints = Vec::new();
         let mut at = base;
         loop {
@@ -121,18 +111,13 @@ impl Robot {
                     at = self.joints[one].child;
                 }
                 _ => {
-                    let ways: Vec<_> = choice
-                        .iter()
-                        .map(|i| {
-                            format!(
-                                "\"{}\" by joint \"{}\"",
-                                self.links[self.joints[*i].child].name, self.joints[*i].name
-                            )
-                        })
-                        .collect();
+                    let way = |Joint { name, child, .. }: &Joint| {
+                        format!("\"{}\" by joint \"{name}\"", self.links[*child].name)
+                    };
+                    let ways: Vec<_> = choice.iter().map(|i| way(&self.joints[*i])).collect();
                     let problem = format!("the chain branches here, to {}: choose the tip", ways.join(" and to "));
                     let line = self.joints[choice[1]].line;
-                    return Err(fault(source, line, &format!("link \"{}\"", self.links[at].name), problem));
+                    return self.fault(line, &format!("link \"{}\"", self.links[at].name), problem);
                 }
             }
         }

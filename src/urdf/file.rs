@@ -13,6 +13,8 @@ const MAX_MAGNITUDE: f64 = 1e12;
 /// All links and joints of a file.
 pub struct Robot {
     pub name: String,
+    /// The file, for errors.
+    pub source: String,
     pub links: Vec<Link>,
     pub joints: Vec<Joint>,
 }
@@ -69,16 +71,12 @@ struct Element<'a> {
     source: &'a str,
 }
 
-type Result<T> = std::result::Result<T, DescriptionError>;
+pub type Result<T> = std::result::Result<T, DescriptionError>;
 
 /// An error in an element.
-pub fn fault(source: &str, line: u32, element: &str, problem: impl Into<String>) -> DescriptionError {
-    DescriptionError::Urdf {
-        source_name: source.to_owned(),
-        line,
-        element: element.to_owned(),
-        problem: problem.into(),
-    }
+fn fault<T>(source: &str, line: u32, element: &str, problem: impl Into<String>) -> Result<T> {
+    let (source_name, element, problem) = (source.to_owned(), element.to_owned(), problem.into());
+    Err(DescriptionError::Urdf { source_name, line, element, problem })
 }
 
 impl<'a> Element<'a> {
@@ -87,7 +85,11 @@ impl<'a> Element<'a> {
     }
 
     fn fault<T>(&self, problem: impl Into<String>) -> Result<T> {
-        Err(fault(self.source, self.line(), &self.path, problem))
+        fault(self.source, self.line(), &self.path, problem)
+    }
+
+    fn missing<T>(&self, attribute: &str) -> Result<T> {
+        self.fault(format!("attribute {attribute} is missing"))
     }
 
     fn children(&self, tag: &'a str) -> impl Iterator<Item = Element<'a>> + use<'a> {
@@ -116,7 +118,7 @@ impl<'a> Element<'a> {
     fn text(&self, attribute: &str) -> Result<&'a str> {
         match self.node.attribute(attribute) {
             Some(text) => Ok(text),
-            None => self.fault(format!("attribute {attribute} is missing")),
+            None => self.missing(attribute),
         }
     }
 
@@ -137,13 +139,15 @@ impl<'a> Element<'a> {
         Ok(self.numbers::<1>(attribute)?.map(|[x]| x))
     }
 
-    fn needed_number(&self, attribute: &str) -> Result<f64> {
-        self.text(attribute)?;
-        Ok(self.number(attribute)?.unwrap_or_default())
+    fn needed_numbers<const N: usize>(&self, attribute: &str) -> Result<[f64; N]> {
+        match self.numbers(attribute)? {
+            Some(numbers) => Ok(numbers),
+            None => self.missing(attribute),
+        }
     }
 
     fn positive(&self, attribute: &str) -> Result<f64> {
-        let x = self.needed_number(attribute)?;
+        let [x] = self.needed_numbers(attribute)?;
         if x > 0.0 { Ok(x) } else { self.fault(format!("{attribute} is {x}, but must be > 0")) }
     }
 
@@ -166,6 +170,11 @@ impl<'a> Element<'a> {
 }
 
 impl Robot {
+    /// An error in an element.
+    pub fn fault<T>(&self, line: u32, element: &str, problem: impl Into<String>) -> Result<T> {
+        fault(&self.source, line, element, problem)
+    }
+
     /// Parses the text of a file.
     pub fn read(text: &str, source: &str) -> Result<Self> {
         let document = Document::parse(text).map_err(|error| DescriptionError::Syntax {
@@ -202,7 +211,8 @@ impl Robot {
             }
             joints.push(joint);
         }
-        Ok(Self { name: root.attribute("name").unwrap_or_default().to_owned(), links, joints })
+        let name = root.attribute("name").unwrap_or_default().to_owned();
+        Ok(Self { name, source: source.to_owned(), links, joints })
     }
 }
 
@@ -227,11 +237,11 @@ fn link(element: &Element) -> Result<Link> {
 
 fn inertial(element: &Element) -> Result<Inertial> {
     let mass = element.needed("mass")?;
-    let Some(kg) = mass.at_least_zero("value")? else { return mass.fault("attribute value is missing") };
+    let Some(kg) = mass.at_least_zero("value")? else { return mass.missing("value") };
     let inertia = element.needed("inertia")?;
-    let entry = |name| inertia.needed_number(name);
-    let (xx, xy, xz) = (entry("ixx")?, entry("ixy")?, entry("ixz")?);
-    let (yy, yz, zz) = (entry("iyy")?, entry("iyz")?, entry("izz")?);
+    let entry = |name| inertia.needed_numbers(name);
+    let ([xx], [xy], [xz]) = (entry("ixx")?, entry("ixy")?, entry("ixz")?);
+    let ([yy], [yz], [zz]) = (entry("iyy")?, entry("iyz")?, entry("izz")?);
     let matrix = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
     let mut moments: Vec<f64> = matrix.symmetric_eigenvalues().iter().copied().collect();
     moments.sort_by(f64::total_cmp);
@@ -258,8 +268,7 @@ fn geometry(element: &Element) -> Result<Option<Shape>> {
     let round = || Ok(Round { radius: solid.positive("radius")?, length: solid.positive("length")?, axis: Axis::Z });
     Ok(Some(match tag {
         "box" => {
-            solid.text("size")?;
-            let size = solid.numbers::<3>("size")?.unwrap_or_default();
+            let size = solid.needed_numbers::<3>("size")?;
             if let Some(edge) = size.iter().find(|edge| **edge <= 0.0) {
                 return solid.fault(format!("size has {edge}, but edges must be > 0"));
             }
@@ -297,8 +306,7 @@ fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
     let axis = match element.child("axis")? {
         None => Vector3::x(),
         Some(axis) => {
-            axis.text("xyz")?;
-            let vector = Vector3::from(axis.numbers::<3>("xyz")?.unwrap_or_default());
+            let vector = Vector3::from(axis.needed_numbers::<3>("xyz")?);
             if vector.norm() < 1e-9 {
                 return axis.fault("xyz must have a nonzero length");
             }

@@ -6,13 +6,12 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use toml::Value;
 
 use super::chain::Chain;
-use super::file::{self, Kind, Robot, fault};
+use super::file::{self, Kind, Result, Robot};
 use super::links::Part;
 use crate::description::{
     Arm, BASE, Body, Frame, Friction, Joint, JointKind, JointLimits, JointServo, Link, MAX_LINKS, Mount, Scene,
     VEHICLE, read_file,
 };
-use crate::error::DescriptionError;
 use crate::estimate::{Estimate, Outline};
 
 /// Natural frequency of the servos, rad/s.
@@ -44,8 +43,6 @@ pub struct Imported {
     pub notes: Vec<String>,
 }
 
-type Result<T> = std::result::Result<T, DescriptionError>;
-
 impl Import<'_> {
     /// Reads a URDF file.
     ///
@@ -59,13 +56,13 @@ impl Import<'_> {
     /// Reads URDF text; `source` (a file's name) appears in errors.
     ///
     /// # Errors
-    /// [`DescriptionError::Syntax`], [`DescriptionError::Urdf`] with line and element, or [`DescriptionError::Value`] with the
+    /// `DescriptionError::Syntax`, `DescriptionError::Urdf` with line and element, or `DescriptionError::Value` with the
     /// key of an invalid value of the scene.
     pub fn from_text(&self, text: &str, source: &str) -> Result<Imported> {
         let robot = Robot::read(text, source)?;
-        let chain = robot.chain(self.base, self.tip, source)?;
+        let chain = robot.chain(self.base, self.tip)?;
         let mut notes = Vec::new();
-        let mut scene = self.bare(&robot, source);
+        let mut scene = self.bare(&robot);
         let cited = format!("cited: {}", file_name(source));
         let say = |scene: &mut Scene, key: String, text: String| scene.provenance.0.insert(key, text);
         say(&mut scene, "arm".into(), cited);
@@ -99,7 +96,7 @@ impl Import<'_> {
             };
             if part.mass <= 0.0 {
                 let problem = "has no mass (<inertial>), which a link on a moving joint needs";
-                return Err(fault(source, joint.line, &format!("link \"{name}\""), problem));
+                return robot.fault(joint.line, &format!("link \"{name}\""), problem);
             }
             let (body, how) = body(&part, scene.water.density);
             formulas.push((format!("arm.links[{name}].body"), how));
@@ -108,7 +105,7 @@ impl Import<'_> {
         if arm.links.len() > MAX_LINKS {
             let problem =
                 format!("{} moving joints from base to tip, but at most {MAX_LINKS} are allowed", arm.links.len());
-            return Err(fault(source, 1, "<robot>", problem));
+            return robot.fault(1, "<robot>", problem);
         }
         arm.end_effector = tip.unwrap_or_default();
         tune(&mut arm.links);
@@ -133,9 +130,9 @@ impl Import<'_> {
     }
 
     /// The scene of the vehicle, without arm and payload.
-    fn bare(&self, robot: &Robot, source: &str) -> Scene {
+    fn bare(&self, robot: &Robot) -> Scene {
         let mut scene = Scene { arm: None, payload: None, ..self.vehicle.clone() };
-        let (vehicle, file) = (&self.vehicle.vehicle.name, file_name(source));
+        let (vehicle, file) = (&self.vehicle.vehicle.name, file_name(&robot.source));
         scene.name = if robot.name.is_empty() { "imported".to_owned() } else { robot.name.clone() };
         scene.summary = format!(
             "{vehicle} with the arm of {file}. What water does to the arm, its servos and its end stops are ESTIMATES."
