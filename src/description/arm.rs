@@ -99,26 +99,19 @@ impl Joint {
 
 /// Joint friction `-(viscous qd + coulomb qd / sqrt(qd^2 + coulomb_speed^2))`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct Friction {
     /// N m s/rad or N s/m.
-    #[serde(default)]
     pub viscous: f64,
     /// N m or N.
-    #[serde(default)]
     pub coulomb: f64,
     /// Speed over which Coulomb friction is smoothed, rad/s or m/s.
-    #[serde(default = "default_coulomb_speed")]
     pub coulomb_speed: f64,
-}
-
-fn default_coulomb_speed() -> f64 {
-    0.01
 }
 
 impl Default for Friction {
     fn default() -> Self {
-        Self { viscous: 0.0, coulomb: 0.0, coulomb_speed: default_coulomb_speed() }
+        Self { viscous: 0.0, coulomb: 0.0, coulomb_speed: 0.01 }
     }
 }
 

@@ -2,9 +2,9 @@
 
 use std::fmt;
 
-use nalgebra::{DMatrix, Matrix6xX, Vector3};
+use nalgebra::{DMatrix, Matrix6xX, Vector6};
 
-use super::{Body, Scene};
+use super::{Body, Scene, Thruster};
 
 /// Difference of mass and displaced mass over mass, beyond which a vehicle counts as out of trim.
 const OUT_OF_TRIM: f64 = 0.1;
@@ -129,14 +129,11 @@ impl Scene {
             return;
         }
         let at = self.vehicle.body.center_of_mass;
-        let columns: Vec<_> = thrusters
-            .iter()
-            .map(|thruster| {
-                let moment: Vector3<f64> = (thruster.position - at).cross(&thruster.axis);
-                let (f, m) = (thruster.axis, moment);
-                nalgebra::Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z)
-            })
-            .collect();
+        let wrench = |thruster: &Thruster| {
+            let moment = (thruster.position - at).cross(&thruster.axis);
+            Vector6::from_iterator(thruster.axis.iter().chain(&moment).copied())
+        };
+        let columns: Vec<_> = thrusters.iter().map(wrench).collect();
         let matrix = Matrix6xX::from_columns(&columns);
         let none: Vec<_> = (0..6).filter(|i| matrix.row(*i).amax() < 1e-9).map(|i| AXES[i]).collect();
         if !none.is_empty() {

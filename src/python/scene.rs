@@ -56,8 +56,7 @@ pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Scene> {
     if given.hasattr(intern!(given.py(), "__fspath__"))? {
         return Scene::from_file(given.extract::<PathBuf>()?).or_raise();
     }
-    let kind = given.get_type().name()?.to_string();
-    Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {kind}")))
+    Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {}", kind(given)?)))
 }
 
 /// A scene as a dict.

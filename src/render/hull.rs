@@ -123,13 +123,12 @@ fn torpedo(mesh: &mut Mesh, envelope: &Envelope, coat: Paint) {
     let rear = middle - Vector::x() * half.x;
     let paint = |i: usize| if i + 4 > count { NOSE } else { coat };
     mesh.lathe(rear, Vector::x(), &profile, 28, true, paint);
-    for k in 0..4 {
-        let out = [Vector::y(), Vector::z(), -Vector::y(), -Vector::z()][k];
+    for out in [Vector::y(), Vector::z(), -Vector::y(), -Vector::z()] {
         let span = out * (0.62 * radius);
         let chord = Vector::x() * (0.07 * length);
         let thickness = chord.cross(&out).normalize() * (0.03 * radius);
         let at = rear + Vector::x() * (0.09 * length) + out * (0.95 * radius);
-        mesh.slab(at, [span, thickness, chord].map(|v| v * 1.0), DARK);
+        mesh.slab(at, [span, thickness, chord], DARK);
     }
 }
 

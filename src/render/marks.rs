@@ -23,8 +23,7 @@ pub fn target(mesh: &mut Mesh, envelope: &Envelope) {
     for bits in 0..8 {
         let corner = Vector::from_fn(|k, _| if bits >> k & 1 == 1 { half[k] } else { -half[k] });
         for k in 0..3 {
-            let mut inward = Vector::zeros();
-            inward[k] = -corner[k].signum();
+            let inward = Vector::ith(k, -corner[k].signum());
             let at = envelope.middle + corner;
             mesh.beam(at - inward * thin, at + inward * (0.36 * half[k]), thin, TARGET);
         }
@@ -34,8 +33,7 @@ pub fn target(mesh: &mut Mesh, envelope: &Envelope) {
 /// Arrows along x (red), y (green), z (blue).
 pub fn axes(mesh: &mut Mesh, length: f32) {
     for (k, paint) in AXES.into_iter().enumerate() {
-        let mut axis = Vector::zeros();
-        axis[k] = 1.0;
+        let axis = Vector::ith(k, 1.0);
         let r = 0.045 * length;
         mesh.cylinder(Vector::zeros(), axis * (0.78 * length), r, 8, paint);
         let head = [(0.0, 0.0), (0.0, 2.4 * r), (0.26 * length, 0.0)];

@@ -27,9 +27,7 @@ pub struct Mesh {
 /// Unit vectors perpendicular to `axis` and to each other: `e1 x e2 = axis`.
 pub fn across(axis: &Vector) -> [Vector; 2] {
     let least = axis.iamin();
-    let mut e = Vector::zeros();
-    e[least] = 1.0;
-    let e1 = (e - axis * axis[least]).normalize();
+    let e1 = (Vector::ith(least, 1.0) - axis * axis[least]).normalize();
     [e1, axis.cross(&e1)]
 }
 
@@ -84,23 +82,16 @@ impl Mesh {
         for k in 0..3 {
             let (u, v) = ((k + 1) % 3, (k + 2) % 3);
             for s in signs {
-                let at = |a: f32, b: f32| {
+                // Corner on the face normal to an axis, on the sides `a` and `b` of the other two.
+                let at = |a: f32, b: f32, axis: usize| {
                     let mut signs = [s; 3];
                     (signs[u], signs[v]) = (a, b);
-                    signs
+                    corner(signs, axis)
                 };
-                let ring = [at(-s, -1.0), at(s, -1.0), at(s, 1.0), at(-s, 1.0)];
-                self.polygon(&ring.map(|signs| corner(signs, k)), paint);
+                self.polygon(&[at(-s, -1.0, k), at(s, -1.0, k), at(s, 1.0, k), at(-s, 1.0, k)], paint);
                 // Edge between this face and that of the next axis.
                 for t in signs {
-                    let edge = |b: f32| {
-                        let mut signs = [s; 3];
-                        (signs[u], signs[v]) = (t, b);
-                        signs
-                    };
-                    let quad =
-                        [corner(edge(-1.0), k), corner(edge(-1.0), u), corner(edge(1.0), u), corner(edge(1.0), k)];
-                    let mut quad = quad;
+                    let mut quad = [at(t, -1.0, k), at(t, -1.0, u), at(t, 1.0, u), at(t, 1.0, k)];
                     if s * t < 0.0 {
                         quad.reverse();
                     }
@@ -226,6 +217,13 @@ impl Mesh {
             vertex.position = middle + on_ball.component_mul(&half);
             vertex.normal = on_ball.component_div(&half).try_normalize(1e-20).unwrap_or_else(Vector::x);
         }
+    }
+
+    /// Appends what `draw` draws, transformed.
+    pub fn add(&mut self, place: impl Fn(&Vertex) -> Vertex, draw: impl FnOnce(&mut Self)) {
+        let mut mesh = Self::default();
+        draw(&mut mesh);
+        self.append(&mesh, place);
     }
 
     /// Appends the triangles of another mesh, transformed.

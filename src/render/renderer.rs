@@ -286,27 +286,23 @@ impl Renderer {
             if let Some(arm) = &self.arm {
                 let q = if state.q.len() == self.home.len() { state.q } else { &self.home };
                 if q.iter().all(|q| q.abs() < FAR) {
-                    let mut mesh = Mesh::default();
-                    arm.draw(&mut mesh, q, state.payload);
-                    solid.append(&mesh, &place);
+                    solid.add(&place, |mesh| arm.draw(mesh, q, state.payload));
                 }
             }
-            let mut jets = Mesh::default();
-            for (thruster, thrust) in self.thrusters.iter().zip(state.thrust) {
-                marks::jet(&mut jets, thruster, *thrust);
-            }
-            clear.append(&jets, &place);
+            clear.add(place, |jets| {
+                for (thruster, thrust) in self.thrusters.iter().zip(state.thrust) {
+                    marks::jet(jets, thruster, *thrust);
+                }
+            });
         }
         if let Some(place) = state.target.and_then(|(p, r)| placed(&p, &r, focus)) {
-            let mut mesh = Mesh::default();
-            marks::target(&mut mesh, &self.envelope);
-            solid.append(&mesh, &place);
+            solid.add(place, |mesh| marks::target(mesh, &self.envelope));
         }
         if let Some(place) = state.point.and_then(|(p, r)| placed(&p, &r, focus)) {
-            let mut mesh = Mesh::default();
-            marks::axes(&mut mesh, 0.22 * self.reach);
-            marks::point(&mut mesh, 3.0 * thin);
-            solid.append(&mesh, &place);
+            solid.add(place, |mesh| {
+                marks::axes(mesh, 0.22 * self.reach);
+                marks::point(mesh, 3.0 * thin);
+            });
         }
         for (points, trail) in [(state.path, false), (state.trail, true)] {
             let points: Vec<Vector> = points.iter().map(|p| single(&(p - focus))).collect();

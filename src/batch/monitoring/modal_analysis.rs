@@ -13,7 +13,7 @@ use crate::batch::simulator::Simulator;
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
 use crate::dynamics::aba::ArmLoads;
-use crate::dynamics::{Linearization, Modes, Servos, linearize};
+use crate::dynamics::{Linearization, Loads, Modes, Servos, linearize};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, PASSING, Stability};
 use crate::system::{Compiled, JOINTS, Joints, State};
@@ -294,8 +294,7 @@ impl Simulator {
             let drag = |speed: f64| {
                 let twist = nalgebra::Vector6::ith(axis, speed);
                 let state = State { q: self.scene().home(), twist, ..State::default() };
-                let power =
-                    self.closed_form_model().at(&state, Vector3::zeros()).power(&crate::dynamics::Loads::default());
+                let power = self.closed_form_model.at(&state, Vector3::zeros()).power(&Loads::default());
                 power.map_or(0.0, |power| -power.damping / speed)
             };
             // drag = linear v + quadratic v^2
@@ -333,13 +332,13 @@ impl Simulator {
 
     /// Warning before a step with these `servos` on, once: the step is unstable for a mode of the scene, end stops left out.
     pub fn warn_of_step(&mut self, servos: Servos) -> Option<UnstableStep> {
-        if !self.monitor_mut().needs_modal_analysis(servos) {
+        if !self.monitor.needs_modal_analysis(servos) {
             return None;
         }
         let analysis = self.modal_analysis(None).ok()?;
         let (stable, mode) = analysis.stable_step(self.integrator().stability(), servos, false);
         let mode = mode.filter(|_| self.options().dt > stable)?;
-        self.monitor_mut().set_unstable_step_warned();
+        self.monitor.set_unstable_step_warned();
         let SimulatorOptions { dt, integrator, .. } = self.options().clone();
         Some(UnstableStep { scene: self.scene().name.clone(), integrator, dt, mode, stable })
     }
@@ -347,10 +346,9 @@ impl Simulator {
     /// Warning after steps, once: the first instance whose state is not finite, whose motion excites rates beyond
     /// [`crate::integrate::Integrator::range`], or whose steps have a velocity error beyond [`super::step_quality::ERROR_LIMIT`].
     pub fn warn_of_motion(&mut self) -> Option<InaccurateStep> {
-        let range = self.range();
-        let violation = self.monitor_mut().take_violation()?;
+        let violation = self.monitor.take_violation()?;
         let SimulatorOptions { dt, integrator, .. } = self.options().clone();
-        Some(InaccurateStep { scene: self.scene().name.clone(), integrator, dt, range, violation })
+        Some(InaccurateStep { scene: self.scene().name.clone(), integrator, dt, range: self.range, violation })
     }
 }
 

@@ -77,7 +77,7 @@ impl Simulator {
         (!thrusters.is_empty()).then(|| {
             let mut propulsion = ThrusterDynamics::blank();
             propulsion.thrust = self.state(i).thrust;
-            let gains = self.losses(i).map(|loss| factors.thrust * (1.0 - loss));
+            let gains = self.storage.losses(i).map(|loss| factors.thrust * (1.0 - loss));
             propulsion.command(thrusters, command, &gains, (self.options().dt, factors.thruster_lag));
             propulsion
         })

@@ -24,7 +24,8 @@ const PORTION: usize = 1 << 16;
 /// threads.
 pub struct Simulator {
     scene: Scene,
-    closed_form_model: ClosedFormModel,
+    /// The closed form of the scene without factors.
+    pub(super) closed_form_model: ClosedFormModel,
     compiled: Compiled,
     allocation: Allocation,
     options: SimulatorOptions,
@@ -32,9 +33,9 @@ pub struct Simulator {
     threads: usize,
     isa: Isa,
     storage: Box<dyn Storage>,
-    /// Greatest `h |lambda|` at which the integrator is accurate.
-    range: f64,
-    monitor: StepMonitor,
+    /// Greatest `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
+    pub(super) range: f64,
+    pub(super) monitor: StepMonitor,
 }
 
 impl Clone for Simulator {
@@ -126,20 +127,6 @@ impl Simulator {
         self.integrator
     }
 
-    /// The closed form of the scene without factors.
-    pub(super) fn closed_form_model(&self) -> &ClosedFormModel {
-        &self.closed_form_model
-    }
-
-    pub(super) fn monitor_mut(&mut self) -> &mut StepMonitor {
-        &mut self.monitor
-    }
-
-    /// Greatest `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
-    pub fn range(&self) -> f64 {
-        self.range
-    }
-
     /// Number of instances.
     pub fn instances(&self) -> usize {
         self.options.instances
@@ -182,17 +169,7 @@ impl Simulator {
 
     /// Quaternion of instance `i` as a quaternion integrator keeps it, not necessarily of unit length.
     pub fn kept_quaternion(&self, i: usize) -> Option<[f64; 4]> {
-        self.kept_attitude(i).filter(|_| self.integrator.attitude() == Attitude::Quaternion)
-    }
-
-    /// Attitude coordinates of instance `i`, where the integrator keeps any besides the rotation matrix.
-    pub(super) fn kept_attitude(&self, i: usize) -> Option<[f64; 4]> {
-        self.storage.attitude(i)
-    }
-
-    /// Sets these coordinates.
-    pub(super) fn set_kept_attitude(&mut self, i: usize, attitude: &[f64; 4]) {
-        self.storage.set_attitude(i, attitude);
+        self.storage.attitude(i).filter(|_| self.integrator.attitude() == Attitude::Quaternion)
     }
 
     /// `h |lambda|` of the fastest rate that the motion of instance `i` excites: the step times 1/s. An explicit method

@@ -8,7 +8,7 @@ use crate::batch::storage::instance_loads::InstanceLoads;
 use crate::dynamics::aba::ArmLoads;
 use crate::dynamics::{ClosedForm, ClosedFormModel, Linearization, linearize};
 use crate::error::SimulatorError;
-use crate::hydro::{Thrusts, thrust_wrench};
+use crate::hydro::thrust_wrench;
 use crate::lie::Vector6;
 use crate::system::{Factors, compile};
 
@@ -16,11 +16,6 @@ impl Simulator {
     /// Factors on the parameters of instance `i`.
     pub fn factors(&self, i: usize) -> Factors<f64> {
         self.storage.factors(i)
-    }
-
-    /// Fraction of its thrust that each thruster with dynamics of instance `i` has lost.
-    pub(super) fn losses(&self, i: usize) -> Thrusts {
-        self.storage.losses(i)
     }
 
     /// Sets the factors on the parameters of all instances, for domain randomisation; they stay through `reset`.

@@ -88,7 +88,7 @@ impl Simulator {
                 continue;
             }
             let mut state = self.state(i);
-            let attitude = self.kept_attitude(i);
+            let attitude = self.storage.attitude(i);
             set(state.position.as_mut_slice(), states.position, i);
             set(state.twist.as_mut_slice(), states.twist, i);
             set(&mut state.q[..joints], states.q, i);
@@ -100,7 +100,7 @@ impl Simulator {
             }
             self.set_state(i, &state);
             if let (None, Some(attitude)) = (&rotations, attitude) {
-                self.set_kept_attitude(i, &attitude);
+                self.storage.set_attitude(i, &attitude);
             }
         }
         Ok(())
