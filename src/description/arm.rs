@@ -69,6 +69,10 @@ pub struct Joint {
     /// Axis in the link frame; normalised on reading.
     #[serde(with = "numbers::vector3")]
     pub axis: Vector3<f64>,
+    /// Inertia of the actuator's rotor reflected to the joint, rotor inertia times gear ratio squared, kg m2 or kg. It resists
+    /// q'' alone.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rotor_inertia: f64,
     /// Friction.
     #[serde(default)]
     pub friction: Friction,
@@ -85,6 +89,10 @@ pub struct Joint {
     /// Joint coordinate at the start of a run, rad or m.
     #[serde(default)]
     pub home: f64,
+}
+
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 impl Joint {

@@ -126,7 +126,9 @@ fn actuator(actuator: &LinearActuator, joint: &Joint, key: &str) -> Result<(), F
 fn joint(joint: &Joint, key: &str) -> Result<(), Fault> {
     axis(&joint.axis, || format!("{key}.axis"))?;
     let above_zero = |name: &str, x: f64| range(x > 0.0, x, "> 0", || format!("{key}.{name}"));
-    not_negative(key, [("friction.viscous", joint.friction.viscous), ("friction.coulomb", joint.friction.coulomb)])?;
+    let friction = &joint.friction;
+    not_negative(key, [("friction.viscous", friction.viscous), ("friction.coulomb", friction.coulomb)])?;
+    not_negative(key, [("rotor_inertia", joint.rotor_inertia)])?;
     above_zero("friction.coulomb_speed", joint.friction.coulomb_speed)?;
     not_negative(key, [("effort", joint.effort.unwrap_or(0.0))])?;
     if let Some(linear) = &joint.actuator {

@@ -7,13 +7,13 @@
 //!
 //! ```text
 //! outward   V_i = Ad^-1 V_p + E q',   p_i = B V_i - F_i,   c_i = ad_V_i E q'
-//! inward    U = I_A E,   D = E^T U,   I_a = I_A - U U^T / D,   I_A,p += Ad^-T I_a Ad^-1
+//! inward    U = I_A E,   D = E^T U + J,   I_a = I_A - U U^T / D,   I_A,p += Ad^-T I_a Ad^-1
 //!           u = tau - E^T p_A,   p_a = p_A + I_a c + U u / D,   p_A,p += Ad^-T p_a
 //! base      I_A,0 V_0' = -p_A,0
 //! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 //!
-//! I_a c has no component along the joint, so u does not depend on when it is added. Inertias and wrenches go inward in
+//! J is the inertia of the joint's rotor, reflected by its gear. Without it, I_a c has no component along the joint, so u does not depend on when it is added. Inertias and wrenches go inward in
 //! the same loop: the results of one joint are still in registers for the next, and both dependency chains overlap.
 
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
@@ -193,8 +193,10 @@ pub fn accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         // Both entries are bound anew: a reference to one of them would send both through memory.
         let (vz, wz, qdd_i) = if joint.is_prismatic() {
             cold_path();
+            let along = if joint.rotor_inertia.is_some() { link.J_over_D.mul_add(vz, along) } else { along };
             (along, wz, along - vz)
         } else {
+            let along = if joint.rotor_inertia.is_some() { link.J_over_D.mul_add(wz, along) } else { along };
             (vz, along, along - wz)
         };
         qdd[i] = qdd_i;
@@ -220,7 +222,12 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut p = link.p + p_children;
-        // Along its axis a joint transmits its torque only.
+        if joint.rotor_inertia.is_some() {
+            cold_path();
+            (I_children, p_children) = link.eliminate(joint, &I_A, p, tau, None);
+            continue;
+        }
+        // Along its axis a joint without a rotor transmits its torque only.
         let (I_a, p_a) = match joint.screw {
             JointScrew::Revolute { d } => {
                 let screw = screw_z(link.screw[0], link.screw[1], d);

@@ -21,7 +21,7 @@ use super::link::{add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
-use crate::system::{BodyTerms, JOINTS, JointScrew, System};
+use crate::system::{BodyTerms, JOINTS, System};
 
 /// Time ahead at which forces are evaluated.
 #[derive(Debug, Clone, Copy)]
@@ -88,21 +88,8 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
         let I_A = I.plus(&I_children);
         p = p + p_children;
-        let (U, p_along) = match joint.screw {
-            JointScrew::Revolute { .. } => (I_A.column::<5>(), p.angular.0[2]),
-            JointScrew::Prismatic { .. } => (I_A.column::<2>(), p.linear.0[2]),
-        };
-        let D = match joint.screw {
-            JointScrew::Revolute { .. } => U.angular.0[2],
-            JointScrew::Prismatic { .. } => U.linear.0[2],
-        };
         let (tau, damping) = implicit_joint_torque(joint, h, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        let one_over_D = L::c(1.0) / (D + damping);
-        (link.U_over_D, link.u_over_D) = (U.scale(one_over_D), (tau - p_along) * one_over_D);
-
-        let I_a = I_A.eliminated(U, one_over_D);
-        let p_a = I_a.apply(with_zeros(link.c)) + U.scale_add(link.u_over_D, p);
-        (I_children, p_children) = (link.inertia_to_parent(joint, &I_a), link.wrench_to_parent(joint, p_a));
+        (I_children, p_children) = link.eliminate(joint, &I_A, p, tau, Some(damping));
     }
 
     if system.fixed {

@@ -13,7 +13,7 @@ impl SerialChain {
         for i in (0..n).rev() {
             let axis = &self.joints[i].axis;
             let mut force = composite * axis;
-            mass[(6 + i, 6 + i)] = axis.dot(&force);
+            mass[(6 + i, 6 + i)] = axis.dot(&force) + self.joints[i].rotor_inertia();
             for j in (0..i).rev() {
                 force = wrench_to_parent(&poses[j + 1], &force);
                 let entry = self.joints[j].axis.dot(&force);

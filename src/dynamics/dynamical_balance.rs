@@ -13,10 +13,11 @@
 //! wrenches `F* = W F + L tau - M nu' - b` balance in the dual of the constraint `[HC eqs. 30, 33]`,
 //!
 //! ```text
-//! F_p* = -W_k Ad^-T F_c*    tau_0 = -E^T F_c*    tau_c* = 0,    hence    J_p^T F_p* + J_c^T F_c* + [0; tau_0; 0] = 0,
+//! F_p* = -W_k Ad^-T F_c*    tau_0 = -E^T F_c* + J_0 q0''    tau_c* = 0,    hence    J_p^T F_p* + J_c^T F_c* + [0; tau_0; 0] = 0,
 //! ```
 //!
-//! which has the same form, with `M = J_p^T M_p J_p + J_c^T M_c J_c`, `b = J_p^T b_p + J_c^T (b_c + M_c J_c' nu)`,
+//! with the inertia J_0 of the joint's rotor, reflected by its gear. This has the same form, with
+//! `M = J_p^T M_p J_p + J_c^T M_c J_c + e_0 J_0 e_0^T`, `b = J_p^T b_p + J_c^T (b_c + M_c J_c' nu)`,
 //! `W = [J_p^T W_p, J_c^T W_c]` and `L = [J_p^T L_p, e_0, J_c^T L_c]`. Composites can therefore be composed in any order.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX, Vector3, Vector6};
@@ -211,8 +212,11 @@ impl<'a> Equations<'a> {
         let mut drift_c = DVector::zeros(size_c);
         drift_c.rows_mut(0, 6).copy_from(&drift);
 
-        let mass_matrix =
+        let mut mass_matrix =
             jacobian_p.tr_mul(&parent.mass_matrix) * &jacobian_p + jacobian_c.tr_mul(&child.mass_matrix) * &jacobian_c;
+        if let Some((joint, ..)) = &loading.joint {
+            mass_matrix[(size_p, size_p)] += joint.rotor_inertia;
+        }
         let bias = jacobian_p.tr_mul(&parent.bias) + jacobian_c.tr_mul(&(&child.bias + &child.mass_matrix * &drift_c));
         let wrench_influence =
             side_by_side(&[jacobian_p.tr_mul(&parent.wrench_influence), jacobian_c.tr_mul(&child.wrench_influence)]);

@@ -13,7 +13,7 @@ use crate::system::State;
 /// Energies, J.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Energy {
-    /// Kinetic energy of the rigid bodies, by absolute twists.
+    /// Kinetic energy of the rigid bodies, by absolute twists, and of the joints' rotors, by joint rates.
     pub kinetic_rigid: f64,
     /// Kinetic energy of the water that they set in motion, by twists relative to it.
     pub kinetic_added: f64,
@@ -71,6 +71,8 @@ impl ClosedForm<'_> {
             energy.kinetic_added += 0.5 * relative.dot(&(motion.body.added * relative));
             energy.potential += motion.body.potential(&self.world_pose(k), &self.model.gravity);
         }
+        let rotors = self.equations.joints.iter().zip(&self.qd);
+        energy.kinetic_rigid += rotors.map(|(joint, rate)| 0.5 * joint.rotor_inertia * rate * rate).sum::<f64>();
         energy.elastic = self.end_stops().map(|stop| stop.energy).sum();
         energy
     }

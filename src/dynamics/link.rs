@@ -21,8 +21,10 @@ pub(crate) struct Link<L> {
     pub start: [L; 3],
     /// Gravity in link axes, m/s2; set by the implicit passes only.
     pub g: Vector3<L>,
-    /// `U / D`. Its component along the joint is 1 and not stored.
+    /// `U / D`. Its component along the joint, `1 - J / D`, is not stored.
     pub U_over_D: Vector6<L>,
+    /// `J / D` with the inertia J of the joint's rotor, if it has one.
+    pub J_over_D: L,
     /// Twist relative to the water; set by the implicit passes only.
     pub V: Vector6<L>,
     /// `c = ad_V E q'` without its vanishing entries: x and y of the linear and of the angular part.
@@ -48,6 +50,7 @@ impl<L: Lane> Scratch<L> {
             start: [zero; 3],
             g: Vector3::zero(),
             U_over_D: none,
+            J_over_D: zero,
             V: none,
             c: [zero; 4],
             p: none,
@@ -186,6 +189,40 @@ impl<L: Lane> Link<L> {
         inertia: &SpatialInertia<L>,
     ) -> SpatialInertia<L> {
         joint.placement.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
+    }
+
+    /// Articulated inertia I_a and bias wrench p_a in the parent's frame, from I_A and p_A of this link, the torque of its joint and
+    /// a damping that adds to D. Sets U, u and J over D.
+    #[inline(always)]
+    pub fn eliminate<P: Param<L>, B>(
+        &mut self,
+        joint: &JointTerms<P, B>,
+        I_A: &SpatialInertia<L>,
+        p_A: Vector6<L>,
+        tau: L,
+        damping: Option<L>,
+    ) -> (SpatialInertia<L>, Vector6<L>) {
+        let (U, along, p_along) = match joint.screw {
+            JointScrew::Revolute { .. } => {
+                let U = I_A.column::<5>();
+                (U, U.angular.0[2], p_A.angular.0[2])
+            }
+            JointScrew::Prismatic { .. } => {
+                let U = I_A.column::<2>();
+                (U, U.linear.0[2], p_A.linear.0[2])
+            }
+        };
+        let mut D = damping.map_or(along, |damping| along + damping);
+        let J = joint.rotor_inertia.map_or_else(L::zero, |inertia| inertia.get());
+        if joint.rotor_inertia.is_some() {
+            D = D + J;
+        }
+        let one_over_D = L::c(1.0) / D;
+        self.J_over_D = J * one_over_D;
+        (self.U_over_D, self.u_over_D) = (U.scale(one_over_D), (tau - p_along) * one_over_D);
+        let I_a = I_A.eliminated(U, one_over_D);
+        let p_a = I_a.apply(with_zeros(self.c)) + U.scale_add(self.u_over_D, p_A);
+        (self.inertia_to_parent(joint, &I_a), self.wrench_to_parent(joint, p_a))
     }
 
     /// Wrench at the parent's frame from that on this link.

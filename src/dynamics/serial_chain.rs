@@ -88,6 +88,11 @@ impl ChainJoint {
         };
         self.frame * motion
     }
+
+    /// Inertia of the rotor reflected to the joint, kg m2 or kg.
+    pub(super) fn rotor_inertia(&self) -> f64 {
+        self.joint.rotor_inertia
+    }
 }
 
 /// `M [V'; q''] + bias = [F; tau]` at a configuration and velocity.

@@ -92,6 +92,7 @@ pub fn compile(scene: &Scene) -> Compiled {
                     JointScrew::Revolute { d: nonzero(frame.d) }
                 },
                 body,
+                rotor_inertia: (joint.rotor_inertia != 0.0).then_some(joint.rotor_inertia),
                 friction: friction(joint),
                 limits: limits(joint),
                 servo: servo(joint),

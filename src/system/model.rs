@@ -61,6 +61,8 @@ pub struct JointTerms<P, B = P> {
     pub screw: JointScrew<P>,
     /// Terms of the link.
     pub body: BodyTerms<B>,
+    /// Inertia of the rotor reflected to the joint, kg m2 or kg.
+    pub rotor_inertia: Option<P>,
     /// Friction.
     pub friction: Option<Friction<P>>,
     /// End stops.
@@ -260,6 +262,7 @@ impl<P: Copy, B: Copy> JointTerms<P, B> {
             offset: c(self.offset),
             screw: self.screw.map(c),
             body: self.body.map(of_body),
+            rotor_inertia: self.rotor_inertia.map(c),
             friction: self.friction.map(|f| Friction { viscous: c(f.viscous), coulomb: f.coulomb.map(|k| k.map(c)) }),
             limits: self.limits.map(|l| Limits { range: l.range.map(c), stop: l.stop.map(c) }),
             servo: self.servo.map(|s| Servo { kp: c(s.kp), kd: c(s.kd) }),

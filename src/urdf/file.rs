@@ -50,6 +50,7 @@ pub struct Joint {
     pub speed: Option<f64>,
     pub damping: f64,
     pub friction: f64,
+    pub armature: f64,
     pub mimic: bool,
     /// Line of the element, for errors.
     pub line: u32,
@@ -332,7 +333,22 @@ fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
     let dynamics = element.child("dynamics")?;
     let dynamics = |name| Ok(dynamics.as_ref().map(|d| d.at_least_zero(name)).transpose()?.flatten().unwrap_or(0.0));
     let mimic = element.child("mimic")?.is_some();
-    let (damping, friction, line) = (dynamics("damping")?, dynamics("friction")?, element.line());
-    let frame = element.origin()?;
-    Ok(Joint { name, kind, parent, child, frame, axis, limits, effort, speed, damping, friction, mimic, line })
+    let (damping, friction, armature) = (dynamics("damping")?, dynamics("friction")?, dynamics("armature")?);
+    let (frame, line) = (element.origin()?, element.line());
+    Ok(Joint {
+        name,
+        kind,
+        parent,
+        child,
+        frame,
+        axis,
+        limits,
+        effort,
+        speed,
+        damping,
+        friction,
+        armature,
+        mimic,
+        line,
+    })
 }

@@ -155,6 +155,7 @@ fn taken_over(joint: &file::Joint, frame: Frame) -> Joint {
         kind: if joint.kind == Kind::Prismatic { JointKind::Prismatic } else { JointKind::Revolute },
         frame,
         axis: joint.axis,
+        rotor_inertia: joint.armature,
         friction: Friction { viscous: joint.damping, coulomb: joint.friction, ..Friction::default() },
         limits,
         effort: joint.effort,
@@ -192,7 +193,7 @@ fn tune(links: &mut [Link]) {
     }
 }
 
-/// Rigid and added inertia of all links about the first joint at home, kg m2 or kg.
+/// Rigid and added inertia of all links about the first joint at home, and the inertia of its rotor, kg m2 or kg.
 fn carried(links: &[Link]) -> f64 {
     let axis = links[0].joint.axis.normalize();
     let (mut v, mut w) = match links[0].joint.kind {
@@ -202,7 +203,7 @@ fn carried(links: &[Link]) -> f64 {
     let into = |(v, w): (Vector3<f64>, Vector3<f64>), r: Matrix3<f64>, p: Vector3<f64>| {
         (r.transpose() * (v + w.cross(&p)), r.transpose() * w)
     };
-    let mut sum = 0.0;
+    let mut sum = links[0].joint.rotor_inertia;
     for (i, link) in links.iter().enumerate() {
         if i > 0 {
             let joint = &link.joint;

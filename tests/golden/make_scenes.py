@@ -5,7 +5,7 @@ Rerun only on purpose: the golden files hold results for these very scenes. NumP
 
 The copies keep physics only (no servos, no thrusters, no provenance), so that tuning a shipped scene's gains does
 not disturb the golden data. Dry scenes lack all that water and joints add: only rigid bodies and gravity remain.
-Viscous scenes are dry ones whose joints keep their viscous friction.
+Viscous scenes are dry ones whose joints keep their viscous friction, geared ones have rotor inertia at most joints.
 """
 
 import copy
@@ -212,6 +212,7 @@ RANDOM = {
     "random-no-arm": (16, {"mass": 25.0, "kinds": None}),
 }
 VISCOUS = ("random-nine-joints", "random-fixed-base", "petasus-pum")
+GEARED = ("random-nine-joints", "random-fixed-base", "petasus-pum")
 FROZEN = ("petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov")
 
 
@@ -236,6 +237,15 @@ def write_viscous(scene, name):
         write(dry(scene, viscous=True), f"{name}-viscous", summary)
 
 
+def write_geared(scene, name):
+    if name in GEARED:
+        scene = dry(scene)
+        for i, joint in enumerate(joints(scene)):
+            if i % 3 != 1:
+                joint["rotor_inertia"] = round(0.3 / (1 + i), 3)
+        write(scene, f"{name}-geared", f"{name} without water and joint losses, with rotor inertia, made for tests.")
+
+
 def main():
     OUT.mkdir(exist_ok=True)
     for name, (seed, parts) in RANDOM.items():
@@ -243,12 +253,14 @@ def main():
         write(scene, name, "Random numbers, made for tests.")
         write(dry(scene), f"{name}-dry", "Random numbers, made for tests; without water and joint losses.")
         write_viscous(scene, name)
+        write_geared(scene, name)
     for name in FROZEN:
         scene = physics(tomllib.loads((SHIPPED / f"{name}.toml").read_text()))
         write(scene, f"{name}-frozen", f"Physics of {name}, frozen for tests.")
         if "arm" in scene:
             write(dry(scene), f"{name}-dry", f"{name} without water and joint losses, frozen for tests.")
         write_viscous(scene, name)
+        write_geared(scene, name)
         if name == "petasus-pum":
             summary = f"{name} with off-diagonal added mass on every body, made for tests."
             write(coupled(scene, 17), f"{name}-coupled", summary)

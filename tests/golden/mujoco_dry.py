@@ -36,6 +36,9 @@ SCENES = [
     "random-fixed-base-viscous",
     "random-no-links-dry",
     "random-no-arm-dry",
+    "petasus-pum-geared",
+    "random-nine-joints-geared",
+    "random-fixed-base-geared",
 ]
 STATES = 10
 MOTIONS = ["petasus-pum-viscous", "random-fixed-base-viscous"]
@@ -80,7 +83,8 @@ def build(model, state):
     for i, joint in enumerate(model.joints, 1):
         body = ET.SubElement(bodies[-1], "body", name=str(i), **frame(joint.placement))
         kind = "slide" if joint.prismatic else "hinge"
-        ET.SubElement(body, "joint", type=kind, axis=numbers(joint.axis), damping=numbers(joint.viscous))
+        losses = {"damping": numbers(joint.viscous), "armature": numbers(joint.rotor_inertia)}
+        ET.SubElement(body, "joint", type=kind, axis=numbers(joint.axis), **losses)
         bodies.append(body)
     for item in model.items:
         if model.fixed and item.owner == 0:

@@ -26,6 +26,9 @@ SCENES = [
     "random-fixed-base-dry",
     "random-no-links-dry",
     "random-no-arm-dry",
+    "petasus-pum-geared",
+    "random-nine-joints-geared",
+    "random-fixed-base-geared",
 ]
 STATES = 10
 DETAILED = 4
@@ -53,6 +56,10 @@ def build(model, base):
         if index[item.owner] > 0:
             inertia = pin.Inertia(item.mass, item.center_of_mass, item.inertia)
             result.appendBodyToJoint(index[item.owner], inertia, se3(item.placement))
+    if model.joints:
+        result.armature = np.concatenate(
+            [np.zeros(result.nv - len(model.joints)), [j.rotor_inertia for j in model.joints]]
+        )
     owner, placement = model.end_effector
     frame = result.addFrame(pin.Frame("end effector", index[owner], se3(placement), pin.FrameType.OP_FRAME))
     return result, frame

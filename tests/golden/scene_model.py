@@ -27,6 +27,7 @@ class Joint:
     placement: np.ndarray
     prismatic: bool
     axis: np.ndarray
+    rotor_inertia: object
     viscous: object
     coulomb: object
     coulomb_speed: object
@@ -104,6 +105,7 @@ class Reader:
             placement=before @ self.frame(table.get("frame")),
             prismatic={"revolute": False, "prismatic": True}[table["kind"]],
             axis=axis / self.lib.sqrt(axis @ axis),
+            rotor_inertia=self.number(table.get("rotor_inertia", 0.0)),
             viscous=self.number(friction.get("viscous", 0.0)),
             coulomb=self.number(friction.get("coulomb", 0.0)),
             coulomb_speed=self.number(friction.get("coulomb_speed", 0.01)),

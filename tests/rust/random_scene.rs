@@ -136,6 +136,7 @@ impl Random {
             kind: if self.bits().is_multiple_of(3) { JointKind::Prismatic } else { JointKind::Revolute },
             frame: self.frame(reach),
             axis: self.direction(),
+            rotor_inertia: 0.0,
             friction: Friction::default(),
             limits: None,
             effort: None,
@@ -145,6 +146,7 @@ impl Random {
             home,
         };
         if forces {
+            joint.rotor_inertia = 0.2 * home.max(0.0);
             joint.friction.viscous = self.between(0.1, 1.0);
             joint.friction.coulomb = self.between(0.0, 0.3);
             joint.friction.coulomb_speed = 0.1;

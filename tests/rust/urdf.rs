@@ -100,7 +100,7 @@ fn fixed_joints_merge_links_by_the_parallel_axis_rule() {
                 "prismatic",
                 "camera",
                 "hand",
-                &format!("<origin xyz='1 0 0'/><axis xyz='0 0 3'/>{limit}"),
+                &format!("<origin xyz='1 0 0'/><axis xyz='0 0 3'/>{limit}<dynamics armature='0.5'/>"),
             )),
     );
     let arm = accepted(&text).scene.arm.unwrap();
@@ -108,7 +108,7 @@ fn fixed_joints_merge_links_by_the_parallel_axis_rule() {
     assert_eq!((body.mass, body.center_of_mass), (2.0, Vector3::new(0.0, 1.0, 0.0)));
     assert!((body.inertia.diagonal() - Vector3::new(4.0, 2.0, 4.0)).norm() < 1e-12);
     let slide = &arm.links[1].joint;
-    assert_eq!((slide.kind, slide.axis), (JointKind::Prismatic, Vector3::z()));
+    assert_eq!((slide.kind, slide.axis, slide.rotor_inertia), (JointKind::Prismatic, Vector3::z(), 0.5));
     // The bracket's pose, then the slide's, which lies along the bracket's x: the arm's y.
     assert!((slide.frame.position - Vector3::new(0.0, 3.0, 0.0)).norm() < 1e-12);
     assert!((slide.frame.rpy.z - std::f64::consts::FRAC_PI_2).abs() < 1e-12);

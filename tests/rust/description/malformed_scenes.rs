@@ -156,6 +156,12 @@ fn joints_that_cannot_be() {
     );
     refused(scene, "upper = 1.4\n", "upper = -0.4\n", &["arm.links[1].joint.limits (upper-arm)", "[-0.35, -0.4]"]);
     refused(scene, "home = 0.3\n", "home = 1.5\n", &["arm.links[1].joint.home", "1.5", "[-0.35, 1.4]"]);
+    refused(
+        scene,
+        "kind = \"revolute\"\n",
+        "kind = \"revolute\"\nrotor_inertia = -0.1\n",
+        &["arm.links[0].joint.rotor_inertia", "-0.1", ">= 0"],
+    );
     refused(scene, "viscous = 3.0\n", "viscous = -3.0\n", &["arm.links[1].joint.friction.viscous", "-3"]);
     refused(
         scene,

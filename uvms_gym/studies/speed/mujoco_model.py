@@ -72,6 +72,7 @@ def build(
         else:
             kind, viscous = "slide" if link.prismatic else "hinge", link.joint["friction"]["viscous"]
             joint = {"name": f"joint {i}", "type": kind, "axis": _numbers(link.axis), "damping": repr(viscous)}
+            joint["armature"] = repr(link.joint.get("rotor_inertia", 0.0))
             ET.SubElement(parent, "joint", joint)
             if actuators and (servo := link.joint.get("servo")):
                 gains = {"kp": repr(servo["kp"]), "kv": repr(servo["kd"])}
