@@ -199,8 +199,8 @@ impl Simulator {
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N,)
-    ///     kinetic_rigid (bodies, by absolute twists), kinetic_added (water set in motion, by twists relative to it),
-    ///     potential (weight and buoyancy; 0 at the world origin), elastic (end stops), total.
+    ///     kinetic_rigid (bodies, by absolute twists, and rotors, by joint rates), kinetic_added (water set in motion, by
+    ///     twists relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops), total.
     fn energy<'py>(&self, py: Python<'py>) -> Arrays<'py> {
         let names = ["kinetic_rigid", "kinetic_added", "potential", "elastic", "total"];
         self.named(py, names, &[], |_, form| {
