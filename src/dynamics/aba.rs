@@ -218,43 +218,44 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
     for i in (0..joints.len().min(links.len())).rev() {
-        let (joint, link) = (&joints[i], &mut links[i]);
+        // Always there: said in a way that needs no check of bounds.
+        let (Some(joint), Some(link)) = (joints.get(i), links.get_mut(i)) else { break };
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);
         let mut p = link.p + p_children;
-        if joint.rotor_inertia.is_some() {
+        (I_children, p_children) = if joint.rotor_inertia.is_some() {
             cold_path();
-            (I_children, p_children) = link.eliminate(joint, &I_A, p, tau, None);
-            continue;
-        }
-        // Along its axis a joint without a rotor transmits its torque only.
-        let (I_a, p_a) = match joint.screw {
-            JointScrew::Revolute { d } => {
-                let screw = screw_z(link.screw[0], link.screw[1], d);
-                let (I_a, U_over_D, one_over_D) = I_A.eliminate_revolute();
-                link.U_over_D.linear = U_over_D.linear;
-                (link.U_over_D.angular.0[0], link.U_over_D.angular.0[1]) =
-                    (U_over_D.angular.0[0], U_over_D.angular.0[1]);
-                let u = tau - p.angular.0[2];
-                link.u_over_D = u * one_over_D;
-                I_a.apply_across(link.c, &mut p);
-                p = U_over_D.scale_add(u, p);
-                p.angular.0[2] = tau;
-                (screw.revolute_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
-            }
-            JointScrew::Prismatic { sin, cos } => {
-                cold_path();
-                let screw = screw_z(sin, cos, Some(link.screw[0]));
-                let (I_a, U_over_D, one_over_D) = I_A.eliminate_prismatic();
-                link.U_over_D = U_over_D;
-                let u = tau - p.linear.0[2];
-                link.u_over_D = u * one_over_D;
-                p = U_over_D.scale_add(u, I_a.apply(with_zeros(link.c)) + p);
-                p.linear.0[2] = tau;
-                (screw.inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
-            }
+            link.eliminate(joint, &I_A, p, tau, None)
+        } else {
+            // Along its axis a joint without a rotor transmits its torque only.
+            let (I_a, p_a) = match joint.screw {
+                JointScrew::Revolute { d } => {
+                    let screw = screw_z(link.screw[0], link.screw[1], d);
+                    let (I_a, U_over_D, one_over_D) = I_A.eliminate_revolute();
+                    link.U_over_D.linear = U_over_D.linear;
+                    (link.U_over_D.angular.0[0], link.U_over_D.angular.0[1]) =
+                        (U_over_D.angular.0[0], U_over_D.angular.0[1]);
+                    let u = tau - p.angular.0[2];
+                    link.u_over_D = u * one_over_D;
+                    I_a.apply_across(link.c, &mut p);
+                    p = U_over_D.scale_add(u, p);
+                    p.angular.0[2] = tau;
+                    (screw.revolute_inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
+                }
+                JointScrew::Prismatic { sin, cos } => {
+                    cold_path();
+                    let screw = screw_z(sin, cos, Some(link.screw[0]));
+                    let (I_a, U_over_D, one_over_D) = I_A.eliminate_prismatic();
+                    link.U_over_D = U_over_D;
+                    let u = tau - p.linear.0[2];
+                    link.u_over_D = u * one_over_D;
+                    p = U_over_D.scale_add(u, I_a.apply(with_zeros(link.c)) + p);
+                    p.linear.0[2] = tau;
+                    (screw.inertia_to_parent(&I_a), screw.co_adjoint_apply_inverse(p))
+                }
+            };
+            (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a))
         };
-        (I_children, p_children) = (joint.placement.inertia_to_parent(&I_a), joint.placement.wrench_to_parent(p_a));
     }
 
     *twist_rate = if system.fixed {

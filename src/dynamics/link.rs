@@ -215,7 +215,7 @@ impl<L: Lane> Link<L> {
         let mut D = damping.map_or(along, |damping| along + damping);
         let J = joint.rotor_inertia.map_or_else(L::zero, |inertia| inertia.get());
         if joint.rotor_inertia.is_some() {
-            D = D + J;
+            D += J;
         }
         let one_over_D = L::c(1.0) / D;
         self.J_over_D = J * one_over_D;
