@@ -35,7 +35,7 @@ def build(scene: dict[str, Any]) -> Any:
         index = model.addJoint(index, kind, _se3(np.linalg.inv(before) @ link.placement @ turn), f"joint {i}")
         model.appendBodyToJoint(index, _inertia(link), _se3(np.linalg.inv(turn)))
         before = turn
-    model.armature = np.array([0.0] * 6 + [link.joint.get("rotor_inertia", 0.0) for link in links])
+    model.armature = np.array([0.0] * 6 + [float((link.joint or {}).get("rotor_inertia", 0.0)) for link in links])
     return model
 
 
