@@ -13,8 +13,9 @@
 //! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 //!
-//! J is the inertia of the joint's rotor, reflected by its gear. Without it, I_a c has no component along the joint, so u does not depend on when it is added. Inertias and wrenches go inward in
-//! the same loop: the results of one joint are still in registers for the next, and both dependency chains overlap.
+//! J is the inertia of the joint's rotor, reflected by its gear. Without a rotor, I_a c has no component along the joint, so u does
+//! not depend on when it is added. Inertias and wrenches go inward in the same loop: the results of one joint are still in
+//! registers for the next, and both dependency chains overlap.
 
 #![allow(non_snake_case, reason = "inertias, twists and wrenches carry the symbols of the header")]
 
@@ -218,7 +219,7 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
     // Contribution of the outer links to this body's I_A and p_A.
     let (mut I_children, mut p_children) = (SpatialInertia::zero(), Vector6::zero());
     for i in (0..joints.len().min(links.len())).rev() {
-        // Always there: said in a way that needs no check of bounds.
+        // Both are there for every i; `get` leaves no call that reports an index out of bounds.
         let (Some(joint), Some(link)) = (joints.get(i), links.get_mut(i)) else { break };
         let tau = joint_torque(joint, q[i], qd[i], loads.torque[i], loads.target(i, time));
         let I_A = I_children.plus_own::<_, SPARSE>(&joint.body.inertia);

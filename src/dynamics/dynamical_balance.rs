@@ -13,7 +13,8 @@
 //! wrenches `F* = W F + L tau - M nu' - b` balance in the dual of the constraint `[HC eqs. 30, 33]`,
 //!
 //! ```text
-//! F_p* = -W_k Ad^-T F_c*    tau_0 = -E^T F_c* + J_0 q0''    tau_c* = 0,    hence    J_p^T F_p* + J_c^T F_c* + [0; tau_0; 0] = 0,
+//! F_p* = -W_k Ad^-T F_c*    tau_0 = -E^T F_c* + J_0 q0''    tau_c* = 0,    hence
+//! J_p^T F_p* + J_c^T F_c* + [0; tau_0 - J_0 q0''; 0] = 0,
 //! ```
 //!
 //! with the inertia J_0 of the joint's rotor, reflected by its gear. This has the same form, with

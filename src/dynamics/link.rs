@@ -21,7 +21,7 @@ pub(crate) struct Link<L> {
     pub start: [L; 3],
     /// Gravity in link axes, m/s2; set by the implicit passes only.
     pub g: Vector3<L>,
-    /// `U / D`. Its component along the joint, `1 - J / D`, is not stored.
+    /// `U / D`. The explicit form does not use its component along the joint, `1 - J / D`.
     pub U_over_D: Vector6<L>,
     /// `J / D` with the inertia J of the joint's rotor, if it has one.
     pub J_over_D: L,

@@ -1,7 +1,6 @@
 """Gymnasium's and Stable-Baselines3's own checkers on every id, scene, action and disturbance, warnings as errors."""
 
 import contextlib
-import importlib.util
 import warnings
 
 import gymnasium as gym
@@ -11,8 +10,6 @@ from gymnasium.utils.env_checker import check_env
 from helpers import choices, disturbances, scenes_with_thrusters, small, task_ids
 
 import uvms_gym
-
-HAS_SB3 = importlib.util.find_spec("stable_baselines3") is not None
 
 
 def cases():
@@ -46,7 +43,6 @@ def test_gymnasium_is_content(task, kwargs):
 
 
 @pytest.mark.learning
-@pytest.mark.skipif(not HAS_SB3, reason="needs stable-baselines3")
 @pytest.mark.parametrize(("task", "kwargs"), CASES)
 def test_stable_baselines3_is_content(task, kwargs):
     from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
