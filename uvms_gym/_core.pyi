@@ -1,5 +1,6 @@
 """The native part of `uvms_gym`."""
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any, ClassVar, Final, TypeAlias, TypedDict, final
 
@@ -135,6 +136,7 @@ class Simulator:
         threads: int | None = None,
         gamma: float = 1.0,
         tolerance: float = 1e-8,
+        prescribed_joints: bool | Sequence[str | int] = False,
     ) -> Simulator: ...
     num_envs: Final[int]
     """Number of instances N."""
@@ -285,7 +287,17 @@ class Simulator:
         fin: _Rows = None,
     ) -> dict[str, _Floats]:
         """(N, n + 1, 6) each: damping, restoring, flow, thrust, fins, tether, external, sum; N and N m."""
-    def joint_torques(self, *, joint_torque: _Rows = None, joint_target: _Rows = None) -> dict[str, _Floats]:
+    def joint_torques(
+        self,
+        *,
+        joint_torque: _Rows = None,
+        joint_target: _Rows = None,
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
+    ) -> dict[str, _Floats]:
         """(N, n) each: command, friction, end_stop, sum; N m or N."""
     def energy(self) -> dict[str, _Floats]:
         """(N,) each: kinetic_rigid, kinetic_added, potential, elastic, total; J."""

@@ -73,6 +73,10 @@ pub struct Joint {
     /// q'' alone.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rotor_inertia: f64,
+    /// True where the joint follows its target exactly, at whatever torque that takes: its motion is prescribed. Servo,
+    /// friction, end stops and effort then do not act on the motion.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub prescribed: bool,
     /// Friction.
     #[serde(default)]
     pub friction: Friction,
@@ -93,6 +97,10 @@ pub struct Joint {
 
 fn is_zero(x: &f64) -> bool {
     *x == 0.0
+}
+
+fn is_false(x: &bool) -> bool {
+    !x
 }
 
 impl Joint {

@@ -56,6 +56,12 @@ impl Scene {
         self.arm.iter().flat_map(|arm| arm.mount.joint.iter().chain(arm.links.iter().map(|link| &link.joint)))
     }
 
+    /// The joints, mutable, in the same order.
+    pub fn joints_mut(&mut self) -> impl Iterator<Item = &mut Joint> {
+        let arm = self.arm.iter_mut();
+        arm.flat_map(|arm| arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint)))
+    }
+
     /// Names of the joints, equal to those of the bodies that they carry: `base` for q0, else the link's.
     pub fn joint_names(&self) -> Vec<String> {
         self.arm

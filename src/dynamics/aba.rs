@@ -13,6 +13,9 @@
 //! outward   q'' = (u - U^T (Ad^-1 V_p' + c)) / D,   V_i' = Ad^-1 V_p' + c + E q''
 //! ```
 //!
+//! A prescribed joint is the limit of an infinite J with `u / D = q''`: nothing is eliminated, I_a = I_A and
+//! `p_a = p_A + I_A (c + E q'')` (hybrid dynamics, `[RF08 sec. 9.2]`).
+//!
 //! J is the inertia of the joint's rotor, reflected by its gear. Without a rotor, I_a c has no component along the joint, so u does
 //! not depend on when it is added. Inertias and wrenches go inward in the same loop: the results of one joint are still in
 //! registers for the next, and both dependency chains overlap.
@@ -57,9 +60,9 @@ impl<L: Lane> ArmLoads<L> {
         }
     }
 
-    /// Servo target of joint `i` and its rate at `time`.
+    /// Target of joint `i` and its rate at `time`.
     #[inline(always)]
-    pub(super) fn target(&self, i: usize, time: L) -> Option<(L, L)> {
+    pub fn target(&self, i: usize, time: L) -> Option<(L, L)> {
         if self.terms == 0 {
             return None;
         }
@@ -71,6 +74,16 @@ impl<L: Lane> ArmLoads<L> {
         let two = d.mul_add(time, c);
         let one = two.mul_add(time, b);
         Some((one.mul_add(time, a), d.mul_add(time, two).mul_add(time, one)))
+    }
+
+    /// Second derivative of the target of joint `i` at `time`; 0 without target.
+    #[inline(always)]
+    pub fn target_acceleration(&self, i: usize, time: L) -> L {
+        if self.terms <= 2 {
+            return L::zero();
+        }
+        let [_, _, c, d] = self.target[i];
+        (d * L::c(3.0)).mul_add(time, c) * L::c(2.0)
     }
 }
 
@@ -226,7 +239,11 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
         let mut p = link.p + p_children;
         (I_children, p_children) = if joint.rotor_inertia.is_some() {
             cold_path();
-            link.eliminate(joint, &I_A, p, tau, None)
+            if joint.prescribed {
+                link.prescribe(joint, &I_A, p, loads.target_acceleration(i, time))
+            } else {
+                link.eliminate(joint, &I_A, p, tau, None)
+            }
         } else {
             // Along its axis a joint without a rotor transmits its torque only.
             let (I_a, p_a) = match joint.screw {

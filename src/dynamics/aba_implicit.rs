@@ -88,8 +88,15 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         }
         let I_A = I.plus(&I_children);
         p = p + p_children;
-        let (tau, damping) = implicit_joint_torque(joint, h, q[i], qd[i], loads.torque[i], loads.target(i, time));
-        (I_children, p_children) = link.eliminate(joint, &I_A, p, tau, Some(damping));
+        let target = loads.target(i, time);
+        (I_children, p_children) = if joint.prescribed {
+            // The difference quotient that ends at the target's rate.
+            let acceleration = target.map_or_else(L::zero, |(_, rate)| (rate - qd[i]) / h);
+            link.prescribe(joint, &I_A, p, acceleration)
+        } else {
+            let (tau, damping) = implicit_joint_torque(joint, h, q[i], qd[i], loads.torque[i], target);
+            link.eliminate(joint, &I_A, p, tau, Some(damping))
+        };
     }
 
     if system.fixed {

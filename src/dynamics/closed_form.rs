@@ -116,8 +116,10 @@ pub struct Loads<'a> {
     pub thrust: &'a [f64],
     /// Wrench per moving body (vehicle first) at its frame origin, body axes, N and N m.
     pub external: &'a [Vector6<f64>],
-    /// Actuator torque per joint, N m or N, within its effort.
+    /// Actuator torque per joint, N m or N, within its effort; of a prescribed joint, [`ClosedForm::drive_torques`].
     pub joint_command: &'a [f64],
+    /// Acceleration of the prescribed joints, one entry per joint, rad/s2 or m/s2; those of other joints are not read.
+    pub joint_acceleration: &'a [f64],
     /// Deflection per fin, rad; an empty slice stands for the scene's deflections.
     pub fins: &'a [f64],
 }
@@ -294,20 +296,42 @@ impl ClosedForm<'_> {
         Ok(self.wrench_influence() * stacked + self.torque_influence() * self.joint_torques(loads)?.sum)
     }
 
-    /// Forward dynamics by Cholesky factorisation of M: `[V'; q'']`, (6+n), with V' = 0 for a fixed vehicle.
+    /// Forward dynamics by Cholesky factorisation of M: `[V'; q'']`, (6+n), with V' = 0 for a fixed vehicle and given q'' of
+    /// prescribed joints: hybrid dynamics `M_ff a_f = (W F + L tau - C [V; q'] - M a_p)_f` of the free rows f. `[RF08 sec. 9.2]`
     ///
     /// # Errors
     /// [`DynamicsError::NotPositiveDefinite`] for an M without Cholesky factorisation, [`DynamicsError::Length`] as in
-    /// [`Self::generalized_force`].
+    /// [`Self::generalized_force`], or for a nonempty `joint_acceleration` whose length does not match the scene.
     pub fn accelerations(&self, loads: &Loads) -> Result<DVector<f64>, DynamicsError> {
-        let first = self.first_free_row();
-        let free = self.bias().len() - first;
-        let net = self.generalized_force(loads)? - self.bias();
-        let mass = self.mass_matrix().view((first, first), (free, free)).into_owned();
+        let given = filled("joint acceleration", loads.joint_acceleration, self.joints(), 0.0)?;
+        let mut accelerations = DVector::zeros(self.bias().len());
+        let mut free: Vec<usize> = (self.first_free_row()..6).collect();
+        for (k, joint) in self.equations.joints.iter().enumerate() {
+            if joint.prescribed {
+                accelerations[6 + k] = given[k];
+            } else {
+                free.push(6 + k);
+            }
+        }
+        let net = self.generalized_force(loads)? - self.bias() - self.mass_matrix() * &accelerations;
+        let mass = self.mass_matrix().select_columns(&free).select_rows(&free);
         let factor = Cholesky::new(mass).ok_or(DynamicsError::NotPositiveDefinite)?;
-        let mut accelerations = DVector::zeros(net.len());
-        accelerations.rows_mut(first, free).copy_from(&factor.solve(&net.rows(first, free)));
+        for (&row, value) in free.iter().zip(&factor.solve(&net.select_rows(&free))) {
+            accelerations[row] = *value;
+        }
         Ok(accelerations)
+    }
+
+    /// Torques of the drives of prescribed joints, N m or N, (n): those that, with friction and end stops, give the joints
+    /// their accelerations. Of other joints, their entry of `joint_command`.
+    ///
+    /// # Errors
+    /// As [`Self::accelerations`].
+    pub fn drive_torques(&self, loads: &Loads) -> Result<DVector<f64>, DynamicsError> {
+        let missing = self.inverse_dynamics(&self.accelerations(loads)?, loads)?.joint_torques;
+        let command = filled("joint command", loads.joint_command, self.joints(), 0.0)?;
+        let prescribed = |k: usize| if self.equations.joints[k].prescribed { missing[k] } else { 0.0 };
+        Ok(DVector::from_fn(self.joints(), |k, _| command[k] + prescribed(k)))
     }
 
     /// Residual of the equations of motion at `accelerations`, (6+n); of the joints' rows only for a fixed vehicle.

@@ -111,8 +111,8 @@ fn accelerations_along(
     };
     let loads = ArmLoads {
         torque: std::array::from_fn(|k| number(loads.torque[k], Direction::Torque(k))),
-        terms: 0,
-        target: [[zero; 4]; JOINTS],
+        terms: loads.terms,
+        target: loads.target.map(|target| target.map(|x| Dual::new(x, 0.0))),
         on_links: loads.on_links,
         links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| Dual::new(x, 0.0)))),
     };

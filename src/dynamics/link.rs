@@ -225,6 +225,21 @@ impl<L: Lane> Link<L> {
         (self.inertia_to_parent(joint, &I_a), self.wrench_to_parent(joint, p_a))
     }
 
+    /// The same of a joint whose acceleration is prescribed: the limit of [`Self::eliminate`] for an infinite J.
+    #[inline(always)]
+    pub fn prescribe<P: Param<L>, B>(
+        &mut self,
+        joint: &JointTerms<P, B>,
+        I_A: &SpatialInertia<L>,
+        p_A: Vector6<L>,
+        acceleration: L,
+    ) -> (SpatialInertia<L>, Vector6<L>) {
+        (self.U_over_D, self.J_over_D, self.u_over_D) = (Vector6::zero(), L::c(1.0), acceleration);
+        let rate = add_joint_rate(joint, with_zeros(self.c), acceleration);
+        let p_a = I_A.apply(rate) + p_A;
+        (self.inertia_to_parent(joint, I_A), self.wrench_to_parent(joint, p_a))
+    }
+
     /// Wrench at the parent's frame from that on this link.
     #[inline(always)]
     pub fn wrench_to_parent<P: Param<L>, B>(&self, joint: &JointTerms<P, B>, wrench: Vector6<L>) -> Vector6<L> {

@@ -62,7 +62,7 @@ pub enum SimulatorError {
     #[error("thrust {thruster} of instance {instance} is {value} N, but must be within [{lower}, {upper}] N")]
     Thrust { instance: usize, thruster: usize, value: f64, lower: f64, upper: f64 },
     /// Joint targets without a joint servo.
-    #[error("scene '{scene}' has no joint with a servo, so joint_target would have no effect")]
+    #[error("scene '{scene}' has no joint with a servo and no prescribed one, so joint_target would have no effect")]
     NoJointServo { scene: String },
     /// Invalid factor on a parameter.
     #[error("factor on {name} of instance {instance} is {value}, but must be finite and >= 0 (mass: > 0)")]

@@ -73,7 +73,9 @@ impl Isa {
         }
     }
 
+    // Inlined, since it is asked before every step of a single instance.
     #[cfg(target_arch = "x86_64")]
+    #[inline(always)]
     pub(super) fn detected(self) -> bool {
         let fma = is_x86_feature_detected!("fma");
         match self {
@@ -86,6 +88,7 @@ impl Isa {
     }
 
     #[cfg(not(target_arch = "x86_64"))]
+    #[inline(always)]
     pub(super) fn detected(self) -> bool {
         // Apart from x86-64, multiply-add is part of the base instruction set, and so is NEON on aarch64.
         match self {

@@ -10,7 +10,7 @@ use super::inputs::InputArguments;
 use super::simulator::Simulator;
 use uvms_gym::batch::AppliedLoads;
 use uvms_gym::dynamics::dense::Pose;
-use uvms_gym::dynamics::{BodyWrenches, ClosedForm};
+use uvms_gym::dynamics::{BodyWrenches, ClosedForm, Loads};
 use uvms_gym::error::DynamicsError;
 
 /// Arrays by name.
@@ -179,15 +179,30 @@ impl Simulator {
 
     /// Torques at the joints along +q, N m or N.
     ///
-    /// Arguments as in `step`.
+    /// Arguments as in `step`; all but the first two matter to prescribed joints alone.
     ///
     /// Returns
     /// -------
     /// dict of numpy.ndarray (N, n)
-    ///     command (actuators with their servos, limited to the effort), friction, end_stop, and sum, the total tau.
-    #[pyo3(signature = (*, joint_torque=None, joint_target=None))]
-    fn joint_torques<'py>(&self, py: Python<'py>, joint_torque: Given, joint_target: Given) -> Arrays<'py> {
-        let loads = self.loads(&InputArguments { joint_torque, joint_target, ..Default::default() })?;
+    ///     command (actuators with their servos, limited to the effort; for a prescribed joint the torque that its motion
+    ///     takes), friction, end_stop, and sum, the total tau.
+    #[pyo3(signature = (
+        *, joint_torque=None, joint_target=None, thrust=None, wrench=None, external=None, pose_target=None, fin=None
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn joint_torques<'py>(
+        &self,
+        py: Python<'py>,
+        joint_torque: Given,
+        joint_target: Given,
+        thrust: Given,
+        wrench: Given,
+        external: Given,
+        pose_target: Given,
+        fin: Given,
+    ) -> Arrays<'py> {
+        let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
+        let loads = self.loads(&arguments)?;
         self.named(py, ["command", "friction", "end_stop", "sum"], &[self.inner.joints()], |i, form| {
             let torques = form.joint_torques(&loads[i].loads())?;
             Ok([torques.command, torques.friction, torques.end_stop, torques.sum].map(|t| t.as_slice().to_vec()))
@@ -343,7 +358,8 @@ impl Simulator {
         let accelerations = self.finite_rows("acceleration", acceleration, 6 + n)?;
         let [wrench, torque] = self.each(py, [&[6], &[n]], |i, form| {
             let acceleration = DVector::from_column_slice(&accelerations[i * (6 + n)..(i + 1) * (6 + n)]);
-            let effort = form.inverse_dynamics(&acceleration, &loads[i].loads())?;
+            // Without the drives of prescribed joints, whose torques are among those in question.
+            let effort = form.inverse_dynamics(&acceleration, &Loads { joint_command: &[], ..loads[i].loads() })?;
             Ok([effort.wrench.as_slice().to_vec(), effort.joint_torques.as_slice().to_vec()])
         })?;
         Ok((wrench, torque))

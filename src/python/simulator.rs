@@ -9,6 +9,7 @@ use super::choices::{name_of, one_of};
 use super::errors::OrRaise;
 use super::scene;
 use uvms_gym::batch::{self, Precision, SimulatorOptions};
+use uvms_gym::description::Scene;
 
 /// Batched simulator of one scene, without a task.
 ///
@@ -40,6 +41,9 @@ use uvms_gym::batch::{self, Precision, SimulatorOptions};
 /// tolerance : float
 ///     For adaptive integrators ("mk54"): bound on the estimated error of each sub-interval of a step, in m and rad
 ///     for the pose, absolute and relative for twist, q and qd. Least value about 1e-6 in float32; smaller ones count as that.
+/// prescribed_joints : bool or sequence of str or int
+///     Joints, by name or index, that follow `joint_target` of `step` exactly instead of by a servo (True: all of them), besides
+///     those that the scene prescribes (`joint.prescribed`).
 ///
 /// Raises
 /// ------
@@ -76,12 +80,38 @@ fn precision(given: &Bound<'_, PyAny>) -> PyResult<Precision> {
     one_of("dtype", &name, DTYPES)
 }
 
+/// Prescribes joints, given by names or indices, or all or none by a bool.
+fn prescribe(scene: &mut Scene, given: &Bound<'_, PyAny>) -> PyResult<()> {
+    let names = scene.joint_names();
+    let mut joints: Vec<_> = scene.joints_mut().collect();
+    if let Ok(all) = given.extract::<bool>() {
+        joints.iter_mut().for_each(|joint| joint.prescribed |= all);
+        return Ok(());
+    }
+    for entry in given.try_iter()? {
+        let entry = entry?;
+        let k = match entry.extract::<usize>() {
+            Ok(k) => Some(k).filter(|k| *k < names.len()),
+            Err(_) => entry.extract::<String>().ok().and_then(|name| names.iter().position(|known| *known == name)),
+        };
+        let Some(k) = k else {
+            let known = names.join(", ");
+            return Err(PyValueError::new_err(format!(
+                "prescribed_joints: no joint {}; joints: {known}",
+                entry.repr()?
+            )));
+        };
+        joints[k].prescribed = true;
+    }
+    Ok(())
+}
+
 #[pymethods]
 impl Simulator {
     #[new]
     #[pyo3(
-        signature = (scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None, tolerance=None),
-        text_signature = "(scene, num_envs=1, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0, tolerance=1e-08)"
+        signature = (scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None, tolerance=None, prescribed_joints=None),
+        text_signature = "(scene, num_envs=1, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0, tolerance=1e-08, prescribed_joints=False)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
@@ -94,8 +124,12 @@ impl Simulator {
         threads: Given,
         gamma: Given,
         tolerance: Given,
+        prescribed_joints: Given,
     ) -> PyResult<Self> {
-        let scene = scene::read(scene)?;
+        let mut scene = scene::read(scene)?;
+        if let Some(given) = prescribed_joints {
+            prescribe(&mut scene, given)?;
+        }
         let default = SimulatorOptions::default();
         let options = SimulatorOptions {
             instances: num_envs.map_or(Ok(default.instances), |n| count("num_envs", n))?,

@@ -92,7 +92,8 @@ pub fn compile(scene: &Scene) -> Compiled {
                     JointScrew::Revolute { d: nonzero(frame.d) }
                 },
                 body,
-                rotor_inertia: (joint.rotor_inertia != 0.0).then_some(joint.rotor_inertia),
+                rotor_inertia: (joint.prescribed || joint.rotor_inertia != 0.0).then_some(joint.rotor_inertia),
+                prescribed: joint.prescribed,
                 friction: friction(joint),
                 limits: limits(joint),
                 servo: servo(joint),
@@ -105,6 +106,7 @@ pub fn compile(scene: &Scene) -> Compiled {
         unscaled.iter().all(|of| [&of.rigid, &of.added].iter().all(|part| part.map(|Shared(x)| x).is_sparse()));
     let system = System {
         sparse,
+        prescribed: joints.iter().any(|joint| joint.prescribed),
         z_aligned: joints.iter().all(|joint| joint.body.is_z_aligned()),
         gravity: water.gravity.into(),
         fixed: scene.vehicle.fixed,

@@ -21,6 +21,8 @@ pub struct System<P, B = P> {
     pub vehicle: BodyTerms<B>,
     /// Joints and their links, from the base outward.
     pub joints: Vec<JointTerms<P, B>>,
+    /// True if a joint is prescribed.
+    pub prescribed: bool,
     /// True if all links are [`BodyTerms::is_z_aligned`].
     pub z_aligned: bool,
     /// True if the inertias of all bodies are [`SpatialInertia::is_sparse`].
@@ -61,8 +63,10 @@ pub struct JointTerms<P, B = P> {
     pub screw: JointScrew<P>,
     /// Terms of the link.
     pub body: BodyTerms<B>,
-    /// Inertia of the rotor reflected to the joint, kg m2 or kg.
+    /// Inertia of the rotor reflected to the joint, kg m2 or kg. Present, if only as 0, where the joint is prescribed.
     pub rotor_inertia: Option<P>,
+    /// True if the joint follows its target exactly.
+    pub prescribed: bool,
     /// Friction.
     pub friction: Option<Friction<P>>,
     /// End stops.
@@ -196,6 +200,7 @@ impl<P: Copy, B: Copy> System<P, B> {
             fixed: self.fixed,
             vehicle: self.vehicle.map(of_body),
             joints: self.joints.iter().map(|joint| joint.map(c, of_body)).collect(),
+            prescribed: self.prescribed,
             z_aligned: self.z_aligned,
             sparse: self.sparse,
             vehicle_servo: self.vehicle_servo.map(|s| VehicleServo { kp: s.kp.map(c), kd: s.kd.map(c) }),
@@ -263,6 +268,7 @@ impl<P: Copy, B: Copy> JointTerms<P, B> {
             screw: self.screw.map(c),
             body: self.body.map(of_body),
             rotor_inertia: self.rotor_inertia.map(c),
+            prescribed: self.prescribed,
             friction: self.friction.map(|f| Friction { viscous: c(f.viscous), coulomb: f.coulomb.map(|k| k.map(c)) }),
             limits: self.limits.map(|l| Limits { range: l.range.map(c), stop: l.stop.map(c) }),
             servo: self.servo.map(|s| Servo { kp: c(s.kp), kd: c(s.kd) }),

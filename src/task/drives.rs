@@ -39,9 +39,7 @@ impl JointDrives {
 /// from diverging between control instants.
 pub(super) fn with_drives(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
-    let arm = scene.arm.iter_mut();
-    let joints = arm.flat_map(|arm| arm.mount.joint.iter_mut().chain(arm.links.iter_mut().map(|link| &mut link.joint)));
-    for joint in joints {
+    for joint in scene.joints_mut() {
         if let Some(servo) = &mut joint.servo {
             joint.friction.viscous += servo.kd;
             *servo = JointServo { kp: 0.0, kd: 0.0 };

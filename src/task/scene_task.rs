@@ -254,8 +254,13 @@ fn model<K: TaskDefinition>(scene: Scene, options: &Options<K>) -> Result<TaskMo
         return refuse(format!("it has {} joints, at most {JOINTS} are supported", joints.len()));
     }
     let mut named = joints.iter().zip(scene.joint_names());
-    if let Some((_, name)) = named.find(|(joint, _)| !K::DRIVES_JOINTS && joint.servo.is_none()) {
-        return refuse(format!("joint \"{name}\" has no servo to follow its reference with"));
+    let follows = |joint: &Joint| joint.prescribed || joint.servo.is_some();
+    match named.find(|(joint, _)| if K::DRIVES_JOINTS { joint.prescribed } else { !follows(joint) }) {
+        Some((_, name)) if K::DRIVES_JOINTS => {
+            return refuse(format!("joint \"{name}\" is prescribed, so torques cannot drive it"));
+        }
+        Some((_, name)) => return refuse(format!("joint \"{name}\" has no servo to follow its reference with")),
+        None => {}
     }
 
     let up = (-scene.water.gravity).try_normalize(0.0).unwrap_or_else(Vector3::z);

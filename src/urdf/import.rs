@@ -156,6 +156,7 @@ fn taken_over(joint: &file::Joint, frame: Frame) -> Joint {
         frame,
         axis: joint.axis,
         rotor_inertia: joint.armature,
+        prescribed: false,
         friction: Friction { viscous: joint.damping, coulomb: joint.friction, ..Friction::default() },
         limits,
         effort: joint.effort,

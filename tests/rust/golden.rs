@@ -194,6 +194,51 @@ fn val_vehicle_alone_equals_fossen() {
     check_accelerations("fossen_vehicle.json");
 }
 
+/// Where the joints of every second case of a parity are prescribed to have their accelerations, drives take their torques.
+#[test]
+fn val_prescribed_joints_equal_the_lagrangian_form() {
+    let mut compared = 0;
+    for file in ["wet_reference.json", "pinocchio_dry.json", "mujoco_dry.json"] {
+        for (scene, SceneCases { scene: name, cases }) in golden(file) {
+            for (i, case) in cases.iter().enumerate() {
+                let (expected, n) = (&case.expected.acceleration, case.at.q.len());
+                let mut scene = scene.clone();
+                scene.water.current = case.current.into();
+                scene.joints_mut().enumerate().for_each(|(k, joint)| joint.prescribed = (k + i) % 2 == 0 || i % 5 == 0);
+                let mut torque = case.joint_torque.clone();
+                torque
+                    .iter_mut()
+                    .zip(scene.joints())
+                    .for_each(|(t, joint)| *t = if joint.prescribed { 0.0 } else { *t });
+                if torque == case.joint_torque {
+                    continue;
+                }
+                // Servos are off in these cases.
+                scene.joints_mut().for_each(|joint| joint.servo = None);
+                let target: Vec<f64> =
+                    (0..n).flat_map(|k| [case.at.q[k], case.at.qd[k], expected[6 + k] / 2.0, 0.0]).collect();
+                let external: Vec<f64> = case.external_with_wrench().iter().flatten().copied().collect();
+                let inputs = Inputs {
+                    joint_torque: Some(&torque),
+                    joint_target: Some(&target),
+                    external: Some(&external),
+                    ..Inputs::default()
+                };
+                let mut simulator = Simulator::new(scene, SimulatorOptions::default()).unwrap();
+                simulator.set_state(0, &case.at.state());
+                let what = |quantity: &str| format!("{name}, case {i}, {quantity}");
+                assert_close(&what("articulated bodies"), &simulator.forward_dynamics(&inputs).unwrap(), expected);
+                let loads = &simulator.applied_loads(&inputs).unwrap()[0];
+                let closed = simulator.closed_form(0, |form| form.accelerations(&loads.loads())).unwrap();
+                assert_close(&what("closed form"), &closed, expected);
+                assert_close(&what("drives"), &loads.joint_command, &case.joint_torque);
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 50, "{compared}");
+}
+
 #[test]
 fn val_dry_accelerations_equal_mujoco() {
     check_accelerations("mujoco_dry.json");

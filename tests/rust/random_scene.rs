@@ -137,6 +137,7 @@ impl Random {
             frame: self.frame(reach),
             axis: self.direction(),
             rotor_inertia: 0.0,
+            prescribed: false,
             friction: Friction::default(),
             limits: None,
             effort: None,

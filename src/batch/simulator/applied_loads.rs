@@ -24,14 +24,23 @@ pub struct AppliedLoads {
     pub external: Vec<Vector6<f64>>,
     /// Deflection per fin, rad.
     pub fins: Vec<f64>,
-    /// Torque of each joint's actuator, its servo included, within its effort, N m or N.
+    /// Torque of each joint's actuator, its servo included, within its effort, N m or N; that of the drive of a prescribed
+    /// joint.
     pub joint_command: Vec<f64>,
+    /// Acceleration of each prescribed joint, rad/s2 or m/s2; 0 for other joints.
+    pub joint_acceleration: Vec<f64>,
 }
 
 impl AppliedLoads {
     /// In the form of the closed form.
     pub fn loads(&self) -> Loads<'_> {
-        Loads { thrust: &self.thrust, external: &self.external, joint_command: &self.joint_command, fins: &self.fins }
+        Loads {
+            thrust: &self.thrust,
+            external: &self.external,
+            joint_command: &self.joint_command,
+            joint_acceleration: &self.joint_acceleration,
+            fins: &self.fins,
+        }
     }
 }
 
@@ -42,7 +51,16 @@ impl Simulator {
     /// As [`Self::step`].
     pub fn applied_loads(&self, inputs: &Inputs) -> Result<Vec<AppliedLoads>, SimulatorError> {
         let inputs = CheckedInputs::new(inputs, self.scene(), self.allocation(), self.options())?;
-        Ok((0..self.instances()).map(|i| self.loads_of(&inputs, i)).collect())
+        let prescribed = self.compiled().system.prescribed;
+        let loads = (0..self.instances()).map(|i| {
+            let mut loads = self.loads_of(&inputs, i);
+            if prescribed {
+                let torques = self.closed_form(i, |form| form.drive_torques(&loads.loads()))?;
+                loads.joint_command = torques.as_slice().to_vec();
+            }
+            Ok(loads)
+        });
+        loads.collect()
     }
 
     fn loads_of(&self, inputs: &CheckedInputs, i: usize) -> AppliedLoads {
@@ -56,9 +74,13 @@ impl Simulator {
         }
         let links = given.links[..self.joints()].iter().map(|&wrench| wrench.into());
         let torque = |(k, joint): (usize, &Joint)| {
+            if joint.prescribed {
+                return 0.0;
+            }
             let target = (active.target_terms > 0).then(|| (given.target[k][0], given.target[k][1]));
             actuator_torque(joint, state.q[k], state.qd[k], given.torque[k], target)
         };
+        let acceleration = |(joint, target): (&Joint, &[f64; 4])| if joint.prescribed { 2.0 * target[2] } else { 0.0 };
         let thrust = match self.propulsion(i, &given.command) {
             Some(propulsion) => propulsion.acting(&self.compiled().system.thrusters, self.twist_through_water(i)),
             None => inputs.thrust(i, thrust),
@@ -68,6 +90,7 @@ impl Simulator {
             external: std::iter::once(vehicle).chain(links).collect(),
             fins: given.fins[..self.scene().vehicle.fins.len()].to_vec(),
             joint_command: self.scene().joints().enumerate().map(torque).collect(),
+            joint_acceleration: self.scene().joints().zip(&given.target).map(acceleration).collect(),
         }
     }
 

@@ -62,6 +62,7 @@ impl Simulator {
     }
 
     /// Linearizes instance `i` about its state under `inputs`, servos off, thrusts of thrusters with dynamics settled.
+    /// Prescribed joints keep the accelerations of their targets, whatever the state and the torques.
     ///
     /// # Errors
     /// As [`Self::step`].
@@ -76,7 +77,11 @@ impl Simulator {
             loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
         }
         let (state, flow) = (self.state(i), self.flow(i));
-        let scene = self.scene.varied(self.factors(i).of_bodies());
+        let mut scene = self.scene.varied(self.factors(i).of_bodies());
+        if self.compiled.system.prescribed {
+            (loads.terms, loads.target) = (4, given.target);
+            scene.joints_mut().for_each(|joint| joint.servo = None);
+        }
         // Thrusts as settled: a motion that lasts.
         let mut wrench = given.wrench;
         if let Some(propulsion) = self.propulsion(i, &given.command) {

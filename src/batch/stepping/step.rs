@@ -1,6 +1,7 @@
 //! Kernels that step blocks of instances.
 
 use std::any::Any;
+use std::hint::cold_path;
 use std::slice::ChunksExactMut;
 
 use super::equations_of_motion::EquationsOfMotion;
@@ -99,6 +100,24 @@ impl<L: Lane> Memory<L> {
         unsafe {
             memory.write_bytes(0xFF, 1);
             (&raw mut (*memory).loads.on_links).write(false);
+        }
+    }
+}
+
+/// Sets coordinates and rates of the prescribed joints to their targets at `time`.
+#[inline(always)]
+fn prescribe_joints<L: Lane, P, B>(
+    system: &System<P, B>,
+    loads: &ArmLoads<L>,
+    time: L,
+    motion: &mut Motion<L, JOINTS>,
+) {
+    if system.prescribed {
+        cold_path();
+        for (i, joint) in system.chain().iter().enumerate() {
+            if let (true, Some((position, rate))) = (joint.prescribed, loads.target(i, time)) {
+                (motion.q[i], motion.qd[i]) = (position, rate);
+            }
         }
     }
 }
@@ -281,6 +300,7 @@ impl<'a, T: Real> Step<'a, T> {
         let mut estimates = columns.step_estimates(self.layout);
         for k in self.before..self.before + self.substeps {
             equations.time = L::splat(T::from_f64(k as f64) * self.h);
+            prescribe_joints(system, equations.loads, equations.time, motion);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if !thrusters.is_empty() {
                 equations.wrench = held + memory.propulsion.step(thrusters, motion.twist);
@@ -315,6 +335,8 @@ impl<'a, T: Real> Step<'a, T> {
                 motion.twist = Vector6::zero();
             }
         }
+        let end = L::splat(T::from_f64((self.before + self.substeps) as f64) * self.h);
+        prescribe_joints(system, equations.loads, end, motion);
         columns.set_motion::<_, BASELINES>(self.layout, motion);
         columns.set_all(self.layout.current, &current.0, 3);
         columns.set_step_estimates(self.layout, &estimates);

@@ -24,7 +24,7 @@ pub struct Inputs<'a> {
     /// Actuator torques, (N, n), N m or N; their sum with the servo's saturates at each joint's effort.
     pub joint_torque: Option<&'a [f64]>,
     /// Servo targets, (N, n, k) with k <= 4: polynomials in the time since the call, constant term first, rad or m.
-    /// Servos are on where targets are given.
+    /// Servos are on where targets are given; prescribed joints follow them exactly, and keep their rates without.
     pub joint_target: Option<&'a [f64]>,
     /// External wrenches, (N, n + 1, 6), vehicle first, each in its body's frame at its origin, N and N m.
     pub external: Option<&'a [f64]>,
@@ -93,7 +93,9 @@ impl<'a> CheckedInputs<'a> {
         if inputs.pose_target.is_some() && scene.vehicle.servo.is_none() {
             return Err(SimulatorError::NoVehicleServo { scene: scene.name.clone() });
         }
-        if inputs.joint_target.is_some_and(|t| !t.is_empty()) && scene.joints().all(|joint| joint.servo.is_none()) {
+        if inputs.joint_target.is_some_and(|t| !t.is_empty())
+            && scene.joints().all(|joint| joint.servo.is_none() && !joint.prescribed)
+        {
             return Err(SimulatorError::NoJointServo { scene: scene.name.clone() });
         }
         let joints = scene.joints().count();

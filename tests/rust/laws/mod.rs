@@ -9,6 +9,7 @@ mod joints;
 mod links;
 mod momentum;
 mod order;
+mod prescribed;
 mod rotors;
 mod stiffness;
 mod table1;

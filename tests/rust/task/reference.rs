@@ -11,6 +11,7 @@ fn joint(limits: Option<[f64; 2]>, home: f64, speed: Option<f64>) -> Joint {
         frame: Frame::default(),
         axis: Vector3::z(),
         rotor_inertia: 0.0,
+        prescribed: false,
         friction: Friction::default(),
         limits: limits.map(|[lower, upper]| JointLimits { lower, upper, stiffness: 100.0, damping: 0.0 }),
         effort: None,
