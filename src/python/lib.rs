@@ -8,6 +8,7 @@ mod equations;
 mod errors;
 mod inputs;
 mod integrators;
+mod inverse_dynamics;
 mod layout;
 mod linearize;
 mod model;
