@@ -140,8 +140,9 @@ impl<L: Lane, B: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_
     }
 }
 
-/// One step of the linearly implicit method.
+/// One step of a linearly implicit method.
 struct ImplicitStep<'a, 'b, L: Lane, B> {
+    order: usize,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
@@ -152,8 +153,8 @@ struct ImplicitStep<'a, 'b, L: Lane, B> {
 impl<L: Lane, B: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, B> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { h, motion, estimates, equations, stages } = self;
-        implicit_interval(*h, motion, estimates, *equations, stages);
+        let Self { order, h, motion, estimates, equations, stages } = self;
+        implicit_interval(*order, *h, motion, estimates, *equations, stages);
     }
 }
 
@@ -217,7 +218,7 @@ impl<'a, T: Real> Step<'a, T> {
                     if self.lagged.is_some() {
                         factors.added_mass = L::zero();
                     }
-                    let body_frame_terms = matches!(self.integrator, Integrator::LinearlyImplicit);
+                    let body_frame_terms = self.integrator.implicit();
                     scaled.apply_factors(self.system, unscaled, &factors, body_frame_terms);
                 }
                 let Some(system) = scaled.as_deref().or(shared) else { continue };
@@ -315,14 +316,21 @@ impl<'a, T: Real> Step<'a, T> {
                 Integrator::Explicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.stages;
-                    let mut step =
-                        ExplicitStep::<_, _, BASELINES> { method, h: self.h, motion, estimates, equations, stages };
-                    L::call(&mut step);
+                    // Scalar lanes have a step without baseline terms, too: it takes less time.
+                    if L::SCALAR && !self.integrator.needs_baseline_terms() {
+                        let h = self.h;
+                        L::call(&mut ExplicitStep::<_, _, false> { method, h, motion, estimates, equations, stages });
+                    } else {
+                        let h = self.h;
+                        let mut step =
+                            ExplicitStep::<_, _, BASELINES> { method, h, motion, estimates, equations, stages };
+                        L::call(&mut step);
+                    }
                 }
-                Integrator::LinearlyImplicit => {
+                Integrator::LinearlyImplicit { order } => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.implicit_stages;
-                    L::call(&mut ImplicitStep { h: self.h, motion, estimates, equations, stages });
+                    L::call(&mut ImplicitStep { order: *order, h: self.h, motion, estimates, equations, stages });
                 }
             }
             motion.travel(drift(current, gained, self.h));

@@ -101,9 +101,9 @@ fn energy_is_what_the_powers_put_in() {
 /// The drives of prescribed joints do the work that their torques say.
 #[test]
 fn energy_is_what_the_powers_and_the_drives_of_prescribed_joints_put_in() {
-    let residuals = [64.0, 128.0, 256.0].map(|steps: f64| ledger(1.0 / steps, false, true));
-    assert!(residuals[0] < 1e-6, "{residuals:?}");
-    assert!(residuals[1] < residuals[0] / 8.0 && residuals[2] < residuals[1] / 8.0, "it converges: {residuals:?}");
+    let residuals = [64.0, 128.0].map(|steps: f64| ledger(1.0 / steps, false, true));
+    assert!(residuals[0] < 1e-7, "{residuals:?}");
+    assert!(residuals[1] < residuals[0] / 8.0, "it converges: {residuals:?}");
 }
 
 /// End stops have a kink where they are met: the books close more slowly there.
