@@ -23,7 +23,7 @@ def cubic(simulator: Simulator, end: np.ndarray, period: float) -> np.ndarray:
 @pytest.mark.parametrize("integrator", ["mk4", "ros2"])
 def test_joints_end_where_their_targets_do(integrator: str, dtype: str) -> None:
     s = Simulator("petasus-pum", 3, dtype=dtype, integrator=integrator, prescribed_joints=True)
-    end = s.q + [[0.1], [0.2], [-0.3]]
+    end = s.q + np.array([[0.1], [0.2], [-0.3]])
     s.step(joint_target=cubic(s, end, 0.5), substeps=50)
     np.testing.assert_allclose(s.q, end, atol=1e-12 if dtype == "float64" else 1e-6)
     np.testing.assert_allclose(s.qd, 0, atol=1e-12 if dtype == "float64" else 1e-6)
@@ -60,7 +60,7 @@ def test_unknown_joints_are_named(given: list[object]) -> None:
 
 
 def test_drive_torques_do_the_work_that_servos_would() -> None:
-    """Inverse dynamics at the accelerations of the hybrid dynamics gives the drives' torques, and no wrench on the vehicle."""
+    """Inverse dynamics at the hybrid accelerations gives the drives' torques, and no wrench on the vehicle."""
     s = Simulator("bluerov2-heavy-alpha5", 4, prescribed_joints=[0, 2])
     rng = np.random.default_rng(0)
     s.set_state(qd=0.3 * rng.normal(size=(4, 4)), twist=0.2 * rng.normal(size=(4, 6)))

@@ -207,7 +207,7 @@ fn a_drive_that_moves_a_joint_as_it_would_move_freely_has_no_torque() {
     let accelerations = simulator.closed_form(0, |form| form.accelerations(&Loads::default())).unwrap();
     let free = self::simulator(&free, "mk4", 0.01, &state);
     let acceleration = free.closed_form(0, |form| form.accelerations(&Loads::default())).unwrap();
-    let mut target = vec![0.0; 20];
+    let mut target = [0.0; 20];
     target[4 + 2] = acceleration[7] / 2.0;
     // Targets of joints with servos would turn these on: their entries are met.
     let joint_acceleration: Vec<f64> = (0..5).map(|k| 2.0 * target[4 * k + 2]).collect();
