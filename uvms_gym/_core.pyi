@@ -1,6 +1,6 @@
 """The native part of `uvms_gym`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, ClassVar, Final, TypeAlias, TypedDict, final
 
@@ -115,7 +115,7 @@ def integrators() -> list[_Integrator]:
 
 @final
 class Simulator:
-    """Batched simulator of one scene, without any task.
+    """Batched simulator of one scene, or of scenes that differ in their numbers, without any task.
 
     N is `num_envs`, n the number of joints, m the number of thrusters. SI units; world z up; body x forward, y left,
     z up; quaternions [w, x, y, z]; 6-vectors [linear; angular]: absolute twists [v; omega] in body axes at the vehicle
@@ -124,11 +124,14 @@ class Simulator:
 
     Integrators: see `integrators`; `tolerance` is for adaptive ones, `gamma` for those on quaternions.
     dtypes: "float64", "float32".
+
+    `scene` may be a list of N scenes of the same structure. `parameters` has numbers of the scene that instances have
+    of their own, by their keys in the scene, one row for each instance.
     """
     def __new__(
         cls,
-        scene: _Scene,
-        num_envs: int = 1,
+        scene: _Scene | Sequence[_Scene],
+        num_envs: int | None = None,
         *,
         dt: float = 0.01,
         integrator: str = "mk4",
@@ -137,6 +140,7 @@ class Simulator:
         gamma: float = 1.0,
         tolerance: float = 1e-8,
         prescribed_joints: bool | Sequence[str | int] = False,
+        parameters: Mapping[str, ArrayLike] | None = None,
     ) -> Simulator: ...
     num_envs: Final[int]
     """Number of instances N."""
@@ -155,7 +159,9 @@ class Simulator:
     instruction_set: Final[str]
     """Instruction set of the kernel: "avx512", "avx2", "fma" or "plain" (see UVMS_INSTRUCTION_SET)."""
     scene: Final[dict[str, Any]]
-    """The complete scene, as `load_scene` gives it."""
+    """The complete scene, as `load_scene` gives it; that of the first instance where they differ."""
+    scenes: Final[list[dict[str, Any]]]
+    """The complete scene of each instance."""
     scene_name: Final[str]
     """Name of the scene."""
     num_joints: Final[int]
@@ -171,9 +177,9 @@ class Simulator:
     thruster_names: Final[list[str]]
     """Names of the thrusters."""
     thruster_limits: Final[_Floats]
-    """(m, 2) least and greatest thrust, N."""
+    """(m, 2) least and greatest thrust, N; of the first instance where they differ."""
     thruster_configuration: Final[_Floats]
-    """(6, m) wrench on the vehicle per thrust. [HC eq. 25]"""
+    """(6, m) wrench on the vehicle per thrust; of the first instance where they differ. [HC eq. 25]"""
     num_fins: Final[int]
     """Number of fins k."""
     fin_names: Final[list[str]]

@@ -96,6 +96,13 @@ impl Scene {
         home
     }
 
+    /// Keys of the joints: `arm.mount.joint` if there is one, `arm.links[0].joint`, ...
+    pub fn joint_keys(&self) -> Vec<String> {
+        let mount = self.arm.iter().filter(|arm| arm.mount.joint.is_some()).map(|_| "arm.mount.joint".to_owned());
+        let links = self.arm.iter().flat_map(|arm| (0..arm.links.len()).map(|i| format!("arm.links[{i}].joint")));
+        mount.chain(links).collect()
+    }
+
     /// All bodies of the scene with their paths.
     pub(super) fn bodies(&self) -> impl Iterator<Item = (String, &Body)> {
         let base = self.arm.iter().flat_map(|arm| &arm.base).map(|body| ("arm.base".to_owned(), body));

@@ -110,6 +110,49 @@ pub fn numbers(node: &Value) -> Vec<(String, f64)> {
     out
 }
 
+/// Every key below `node` that holds numbers: one, or a list of them.
+pub fn keys(node: &Value) -> Vec<String> {
+    fn walk(node: &Value, path: String, out: &mut Vec<String>) {
+        match node {
+            Value::Float(_) | Value::Integer(_) => out.push(path),
+            Value::Array(list) if !list.iter().any(Value::is_table) => out.push(path),
+            Value::Array(list) => list.iter().enumerate().for_each(|(i, e)| walk(e, format!("{path}[{i}]"), out)),
+            Value::Table(table) => table.iter().for_each(|(key, e)| walk(e, join(&path, key), out)),
+            _ => {}
+        }
+    }
+    let mut out = Vec::new();
+    walk(node, String::new(), &mut out);
+    out
+}
+
+/// Sets the value at a path, whose last key may be new to its table; false where there is no such table or list element.
+pub fn set(root: &mut Value, path: &str, value: Value) -> bool {
+    let steps = parse(path);
+    let Some((last, before)) = steps.split_last() else { return false };
+    let mut node = root;
+    for step in before {
+        let next = match (step, node) {
+            (Step::Key(key), Value::Table(table)) => table.get_mut(key),
+            (Step::Element(element), Value::Array(list)) => index_of(list, element).and_then(move |i| list.get_mut(i)),
+            _ => None,
+        };
+        let Some(next) = next else { return false };
+        node = next;
+    }
+    match (last, node) {
+        (Step::Key(key), Value::Table(table)) => {
+            table.insert(key.clone(), value);
+            true
+        }
+        (Step::Element(element), Value::Array(list)) => {
+            let place = index_of(list, element).and_then(|i| list.get_mut(i));
+            place.map(|place| *place = value).is_some()
+        }
+        _ => false,
+    }
+}
+
 /// `path.key`.
 pub fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }

@@ -31,6 +31,9 @@ pub enum Problem {
     /// Unknown key.
     #[error("unknown key with value {value}; expected {expected}")]
     UnknownKey { value: String, expected: String },
+    /// Key that the scene does not have.
+    #[error("the scene has no such key; the most similar one is {nearest}")]
+    NoSuchKey { nearest: String },
     /// Wrong type or wrong length.
     #[error("{reason}; the value is {value}")]
     Form { reason: String, value: String },

@@ -32,6 +32,12 @@ pub enum SimulatorError {
     /// NaN or infinite entry of an instance's row of an input.
     #[error("{name} of instance {instance}, entry {entry}, is {value}: must be finite in the simulator's dtype")]
     NotFinite { name: &'static str, instance: usize, entry: usize, value: f64 },
+    /// Scenes of one batch that differ in more than numbers.
+    #[error("scene {instance} ('{scene}') differs in structure from scene 0: {place}")]
+    Structure { instance: usize, scene: String, place: String },
+    /// Number of scenes other than the number of instances.
+    #[error("{scenes} scenes, but num_envs is {instances}: one scene, or one for each")]
+    Scenes { scenes: usize, instances: usize },
     /// Out of memory.
     #[error("num_envs is {instances}: not enough memory for that many instances")]
     Memory { instances: usize },

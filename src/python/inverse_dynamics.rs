@@ -58,11 +58,12 @@ impl Simulator {
     ///     part of the wrench that the thrusters cannot provide, N and N m. The mooring of a fixed vehicle provides the
     ///     wrench: its thrust and residual are 0.
     fn trim<'py>(&self, py: Python<'py>) -> Arrays<'py> {
-        let (simulator, allocation) = (&self.inner, self.inner.allocation());
-        let shapes: [&[usize]; 4] = [&[6], &[allocation.count()], &[simulator.joints()], &[6]];
+        let simulator = &self.inner;
+        let shapes: [&[usize]; 4] = [&[6], &[simulator.allocation().count()], &[simulator.joints()], &[6]];
         let arrays = self.each(py, shapes, |i, _| {
             let effort = simulator.closed_form_model_of(i).trim(&simulator.state(i), simulator.flow(i))?;
             let needed = if simulator.scene().vehicle.fixed { Vector6::zeros() } else { effort.wrench };
+            let allocation = simulator.allocation_of(i);
             let thrust = allocation.allocate(&needed);
             let residual = needed - allocation.wrench(&thrust);
             Ok([
@@ -88,10 +89,10 @@ impl Simulator {
     /// numpy.ndarray (N, m)
     ///     Thrust per thruster, N.
     fn allocate<'py>(&self, py: Python<'py>, wrench: &Bound<'py, PyAny>) -> PyResult<Array<'py>> {
-        let allocation = self.inner.allocation();
         let wrenches = self.finite_rows("wrench", wrench, 6)?;
-        let thrust = |row: &[f64]| allocation.allocate(&Vector6::from_column_slice(row));
-        let thrusts = wrenches.chunks_exact(6).flat_map(|row| thrust(row).into_iter().take(allocation.count()));
-        array(py, &[self.inner.instances(), allocation.count()], thrusts.collect())
+        let count = self.inner.allocation().count();
+        let thrust = |(i, row)| self.inner.allocation_of(i).allocate(&Vector6::from_column_slice(row));
+        let thrusts = wrenches.chunks_exact(6).enumerate().flat_map(|at| thrust(at).into_iter().take(count));
+        array(py, &[self.inner.instances(), count], thrusts.collect())
     }
 }

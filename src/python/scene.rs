@@ -9,7 +9,8 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 use toml::Value;
 
 use super::errors::{OrRaise, SceneError};
-use uvms_gym::description::Scene;
+use uvms_gym::description::{Scene, SceneEditor};
+use uvms_gym::error::DescriptionError;
 
 /// Source of a scene that comes as a dict, in errors.
 const DICT: &str = "<dict>";
@@ -57,6 +58,68 @@ pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Scene> {
         return Scene::from_file(given.extract::<PathBuf>()?).or_raise();
     }
     Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {}", kind(given)?)))
+}
+
+/// The scene that an argument means for all instances, or those that a list means for each, with `parameters` by keys.
+pub fn read_each(
+    given: &Bound<'_, PyAny>,
+    instances: Option<usize>,
+    parameters: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Vec<Scene>> {
+    let list = given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>();
+    let mut scenes =
+        if list { given.try_iter()?.map(|item| read(&item?)).collect::<PyResult<_>>()? } else { vec![read(given)?] };
+    let Some(parameters) = parameters.filter(|parameters| !parameters.is_empty()) else { return Ok(scenes) };
+    let mut columns = Vec::new();
+    let mut count = if list { Some(scenes.len()) } else { instances };
+    for (key, values) in parameters {
+        let Ok(key) = key.cast::<PyString>() else {
+            return Err(PyTypeError::new_err(format!("keys of parameters must be strings, not {}", kind(&key)?)));
+        };
+        let name = text(key, "parameters")?.to_owned();
+        let (shape, numbers) = super::arrays::read(&format!("parameters['{name}']"), &values)?;
+        let rows = shape.first().copied();
+        if let (Some(rows), None) = (rows, count) {
+            count = Some(rows);
+        }
+        if rows.is_some() && rows != count {
+            let allowed = format!("() or ({}, ...)", count.unwrap_or(1));
+            return Err(super::arrays::wrong_shape(&format!("parameters['{name}']"), &shape, &allowed));
+        }
+        columns.push((name, shape, numbers));
+    }
+    let keys: Vec<String> = columns.iter().map(|(name, ..)| name.clone()).collect();
+    let count = count.unwrap_or(1);
+    if !list {
+        let editor = SceneEditor::new(&scenes[0], keys).or_raise()?;
+        scenes = (0..count).map(|i| edited(&editor, &columns, i).or_raise()).collect::<PyResult<_>>()?;
+        return Ok(scenes);
+    }
+    let edit = |(i, scene): (usize, &Scene)| edited(&SceneEditor::new(scene, keys.clone())?, &columns, i);
+    scenes.iter().enumerate().map(|all| edit(all).or_raise()).collect()
+}
+
+/// Name, shape and numbers of a parameter.
+type Column = (String, Vec<usize>, Vec<f64>);
+
+/// The scene of instance `i`.
+fn edited(editor: &SceneEditor, columns: &[Column], i: usize) -> Result<Scene, DescriptionError> {
+    let value = |(_, shape, numbers): &Column| match shape.split_first() {
+        None => Value::Float(numbers[0]),
+        Some((rows, row)) => nested(row, &numbers[i * (numbers.len() / rows)..]),
+    };
+    editor.edited(columns.iter().map(value), &format!("scene '{}', instance {i}", editor.name()))
+}
+
+/// A list of this shape of the first numbers.
+fn nested(shape: &[usize], numbers: &[f64]) -> Value {
+    match shape.split_first() {
+        None => Value::Float(numbers[0]),
+        Some((rows, row)) => {
+            let size: usize = row.iter().product();
+            Value::Array((0..*rows).map(|k| nested(row, &numbers[k * size..])).collect())
+        }
+    }
 }
 
 /// A scene as a dict.

@@ -11,7 +11,7 @@ use super::scene;
 use uvms_gym::batch::{self, Precision, SimulatorOptions};
 use uvms_gym::description::Scene;
 
-/// Batched simulator of one scene, without a task.
+/// Batched simulator of one scene, or of scenes that differ in their numbers, without a task.
 ///
 /// Instances are independent: the result of each depends on its own state and inputs alone, bit for bit, and not on
 /// `num_envs`, the instance's place among the others or `threads`.
@@ -23,10 +23,12 @@ use uvms_gym::description::Scene;
 ///
 /// Parameters
 /// ----------
-/// scene : str, os.PathLike or dict
-///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form.
+/// scene : str, os.PathLike, dict, or list of these
+///     Name of a shipped scene (see `scenes`), path of a TOML file, or a dict of the same form; or a list of N scenes, one for
+///     each instance. They have the same structure: the same joints, thrusters, fins and terms, and a number that is 0 in one
+///     scene, where its term is left out, is 0 in all.
 /// num_envs : int
-///     Number of instances N.
+///     Number of instances N; 1, or that of the scenes or parameters, where None.
 /// dt : float
 ///     Step size, s.
 /// integrator : str
@@ -38,6 +40,10 @@ use uvms_gym::description::Scene;
 ///     Greatest number of threads; one per core where None. Few instances use fewer.
 /// gamma : float
 ///     Gain of the norm-restoring term of the quaternion integrators, 1/s. [HC eq. 14]
+/// parameters : dict of array_like (N, ...), optional
+///     Numbers of the scene that instances have of their own, by their keys in the scene, one row for each instance:
+///     `{"vehicle.body.mass": masses, "arm.links[0].joint.friction.viscous": frictions, "vehicle.body.added_mass": diagonals}`
+///     with shapes (N,), (N,) and (N, 6). A scalar holds for all. Each scene is checked as a whole.
 /// tolerance : float
 ///     For adaptive integrators ("mk54"): bound on the estimated error of each sub-interval of a step, in m and rad
 ///     for the pose, absolute and relative for twist, q and qd. Least value about 1e-6 in float32; smaller ones count as that.
@@ -48,7 +54,7 @@ use uvms_gym::description::Scene;
 /// Raises
 /// ------
 /// SceneError
-///     The scene cannot be read or is not physical.
+///     A scene cannot be read or is not physical: the message names instance, key and value. A key of `parameters` is unknown.
 /// ValueError, TypeError
 ///     Another argument is out of range or of the wrong type.
 #[pyclass(module = "uvms_gym", name = "Simulator")]
@@ -110,8 +116,11 @@ fn prescribe(scene: &mut Scene, given: &Bound<'_, PyAny>) -> PyResult<()> {
 impl Simulator {
     #[new]
     #[pyo3(
-        signature = (scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None, tolerance=None, prescribed_joints=None),
-        text_signature = "(scene, num_envs=1, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0, tolerance=1e-08, prescribed_joints=False)"
+        signature = (
+            scene, num_envs=None, *, dt=None, integrator=None, dtype=None, threads=None, gamma=None, tolerance=None,
+            prescribed_joints=None, parameters=None
+        ),
+        text_signature = "(scene, num_envs=None, *, dt=0.01, integrator='mk4', dtype='float64', threads=None, gamma=1.0, tolerance=1e-08, prescribed_joints=False, parameters=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn new(
@@ -125,14 +134,16 @@ impl Simulator {
         gamma: Given,
         tolerance: Given,
         prescribed_joints: Given,
+        parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let mut scene = scene::read(scene)?;
+        let num_envs = num_envs.filter(|n| !n.is_none()).map(|n| count("num_envs", n)).transpose()?;
+        let mut scenes = scene::read_each(scene, num_envs, parameters)?;
         if let Some(given) = prescribed_joints {
-            prescribe(&mut scene, given)?;
+            scenes.iter_mut().try_for_each(|scene| prescribe(scene, given))?;
         }
         let default = SimulatorOptions::default();
         let options = SimulatorOptions {
-            instances: num_envs.map_or(Ok(default.instances), |n| count("num_envs", n))?,
+            instances: num_envs.unwrap_or(scenes.len()),
             dt: number("dt", dt, default.dt)?,
             integrator: integrator.unwrap_or(default.integrator),
             gamma: number("gamma", gamma, default.gamma)?,
@@ -140,7 +151,11 @@ impl Simulator {
             precision: dtype.map_or(Ok(default.precision), precision)?,
             threads: threads.map(|n| count("threads", n)).transpose()?,
         };
-        Ok(Self { inner: py.detach(|| batch::Simulator::new(scene, options)).or_raise()? })
+        let make = |mut scenes: Vec<Scene>| match (scenes.pop(), scenes.is_empty()) {
+            (Some(scene), true) => batch::Simulator::new(scene, options),
+            (last, _) => batch::Simulator::with_scenes(scenes.into_iter().chain(last).collect(), options),
+        };
+        Ok(Self { inner: py.detach(|| make(scenes)).or_raise()? })
     }
 
     /// int: number of instances N.
@@ -193,10 +208,16 @@ impl Simulator {
         self.inner.isa().name()
     }
 
-    /// dict: the complete scene, in the form of `load_scene`.
+    /// dict: the complete scene, in the form of `load_scene`; that of the first instance where they differ.
     #[getter]
     fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         scene::to_python(self.inner.scene(), py)
+    }
+
+    /// list of dict: the complete scene of each instance.
+    #[getter]
+    fn scenes<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        (0..self.num_envs()).map(|i| scene::to_python(self.inner.scene_of(i), py)).collect()
     }
 
     /// str: name of the scene.
@@ -253,21 +274,22 @@ impl Simulator {
         self.inner.scene().fin_names()
     }
 
-    /// numpy.ndarray (k, 2): least and greatest deflection, rad.
+    /// numpy.ndarray (k, 2): least and greatest deflection, rad; of the first instance where they differ.
     #[getter]
     fn fin_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let fins = &self.inner.scene().vehicle.fins;
         array(py, &[fins.len(), 2], fins.iter().flat_map(|fin| fin.range()).collect())
     }
 
-    /// numpy.ndarray (m, 2): least and greatest thrust, N.
+    /// numpy.ndarray (m, 2): least and greatest thrust, N; of the first instance where they differ.
     #[getter]
     fn thruster_limits<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let allocation = self.inner.allocation();
         array(py, &[allocation.count(), 2], (0..allocation.count()).flat_map(|i| allocation.limits(i)).collect())
     }
 
-    /// numpy.ndarray (6, m): thruster configuration matrix, wrench on the vehicle per thrust. [HC eq. 25]
+    /// numpy.ndarray (6, m): thruster configuration matrix, wrench on the vehicle per thrust; of the first instance where they
+    /// differ. [HC eq. 25]
     #[getter]
     fn thruster_configuration<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let configuration = self.inner.allocation().configuration();
@@ -307,7 +329,11 @@ impl Simulator {
         options.set_item("threads", self.inner.options().threads)?;
         options.set_item("gamma", self.gamma())?;
         options.set_item("tolerance", self.tolerance())?;
-        Ok(((self.scene(py)?, self.num_envs()).into_pyobject(py)?, options))
+        let scene = match self.inner.scenes() {
+            Some(_) => self.scenes(py)?.into_pyobject(py)?.into_any(),
+            None => self.scene(py)?,
+        };
+        Ok(((scene, self.num_envs()).into_pyobject(py)?, options))
     }
 
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {

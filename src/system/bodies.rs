@@ -65,7 +65,15 @@ fn rigid_inertia(mass: f64, com: &na::Vector3<f64>, about_com: &na::Matrix3<f64>
 pub(super) fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, UnscaledBodyTerms<f64>) {
     let none = Restoring { net_mass: 0.0, moment: [0.0; 3] };
     let (rigid, added) = (SpatialInertia::zero(), SpatialInertia::zero());
-    let mut sum = UnscaledBodyTerms { rigid, added, central: None, weight: none, displaced: none };
+    let mut sum = UnscaledBodyTerms {
+        rigid,
+        added,
+        central: None,
+        weight: none,
+        displaced: none,
+        damping: Vec::new(),
+        central_damping: None,
+    };
     let mut damping = Vec::new();
     for part in parts {
         let at = link.times(&part.at);
@@ -88,9 +96,10 @@ pub(super) fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Unsca
         None => central(&sum, &undamped(parts, link, &sum.rigid)),
     };
     let central = central.map(|(central, parts)| {
-        sum.central = Some(parts);
+        (sum.central, sum.central_damping) = (Some(parts), central.damping);
         central
     });
+    sum.damping.clone_from(&damping);
     (BodyTerms { inertia: sum.rigid.plus(&sum.added), restoring, damping, central, payload: None }, sum)
 }
 

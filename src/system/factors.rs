@@ -1,7 +1,7 @@
 //! Parameters of single instances: factors on the scene's parameters, for domain randomisation.
 
 use super::model::{BodyTerms, System};
-use crate::hydro::{CoefficientMatrix, Restoring};
+use crate::hydro::{CoefficientMatrix, Damping, Restoring};
 use crate::lane::{Lane, Param, Real, Shared, unroll};
 use crate::lie::Vector3;
 use crate::spatial::{BodyPoint, PointMass, SpatialInertia};
@@ -101,6 +101,10 @@ pub struct UnscaledBodyTerms<P> {
     pub weight: Restoring<P>,
     /// Displaced mass and its moment.
     pub displaced: Restoring<P>,
+    /// Damping: [`BodyTerms::damping`].
+    pub damping: Vec<Damping<P>>,
+    /// Diagonals of D_L and D_Q in the central frame, if the body has any there.
+    pub central_damping: Option<[[P; 6]; 2]>,
 }
 
 impl<P: Copy> UnscaledBodyTerms<P> {
@@ -112,22 +116,21 @@ impl<P: Copy> UnscaledBodyTerms<P> {
             central: self.central.map(|parts| parts.map(|inertia| inertia.map(&change))),
             weight: self.weight.map(&change),
             displaced: self.displaced.map(&change),
+            damping: self.damping.iter().map(|damping| damping.map(&change)).collect(),
+            central_damping: self.central_damping.map(|two| two.map(|d| d.map(&change))),
         }
     }
 }
 
-/// A system whose bodies differ between the instances of a lane.
-pub type ScaledSystem<L> = System<Shared<<L as Lane>::Real>, L>;
-
 impl<T: Real> System<Shared<T>> {
-    /// Memory for a system with bodies per instance, with every term that [`System::apply_factors`] may need: `unscaled` terms
+    /// Memory for a system with numbers per instance, with every term that [`System::apply_factors`] may need: `unscaled` terms
     /// of the bodies (vehicle first), and the point at which payloads are held, in the last body's frame, if any.
     pub fn allocate_scaled<L: Lane<Real = T>>(
         &self,
         unscaled: &[UnscaledBodyTerms<Shared<T>>],
         payload_attachment: Option<[Shared<T>; 3]>,
-    ) -> ScaledSystem<L> {
-        let mut system = self.map_bodies(|Shared(x)| L::splat(x));
+    ) -> System<L> {
+        let mut system = self.map(|Shared(x)| L::splat(x));
         let zero = Shared(T::from_f64(0.0));
         let weightless = Restoring { net_mass: zero, moment: [zero; 3] };
         let none = Restoring { net_mass: L::zero(), moment: [L::zero(); 3] };
@@ -152,30 +155,29 @@ impl<T: Real> System<Shared<T>> {
 
     /// The system with the terms of its bodies scaled by `factors`, bit for bit as [`System::apply_factors`] does.
     pub fn with_factors(&self, unscaled: &[UnscaledBodyTerms<Shared<T>>], factors: &Factors<f64>) -> Self {
-        let mut system = self.map_bodies(|Shared(x)| x);
-        system.apply_factors(self, unscaled, &Factors::from_array(factors.to_array().map(T::from_f64)), true);
-        system.map_bodies(Shared)
+        let mut system = self.map(|Shared(x)| x);
+        system.apply_factors(unscaled, &Factors::from_array(factors.to_array().map(T::from_f64)), true);
+        system.map(Shared)
     }
 }
 
-impl<L: Lane> ScaledSystem<L> {
-    /// Scales the terms of the bodies by `factors`: those of the system `of`, made of these `unscaled` terms (vehicle first).
+impl<L: Lane> System<L> {
+    /// Sets the terms of the bodies to these `unscaled` ones (vehicle first), scaled by `factors`.
     ///
     /// Without `body_frame_terms`, restoring and damping of bodies that have [`BodyTerms::central`] are left out: explicit
     /// methods read only the central form.
     #[inline(always)]
-    pub fn apply_factors(
+    pub fn apply_factors<P: Param<L>>(
         &mut self,
-        of: &System<Shared<L::Real>>,
-        unscaled: &[UnscaledBodyTerms<Shared<L::Real>>],
+        unscaled: &[UnscaledBodyTerms<P>],
         factors: &Factors<L>,
         body_frame_terms: bool,
     ) {
         let Some((vehicle, links)) = unscaled.split_first() else { return };
-        scale_body(&mut self.vehicle, &of.vehicle, vehicle, factors, body_frame_terms);
-        let (joints, of) = (&mut self.joints[..], &of.joints[..]);
-        for i in 0..links.len().min(joints.len()).min(of.len()) {
-            scale_body(&mut joints[i].body, &of[i].body, &links[i], factors, body_frame_terms);
+        scale_body(&mut self.vehicle, vehicle, factors, body_frame_terms);
+        let joints = &mut self.joints[..];
+        for i in 0..links.len().min(joints.len()) {
+            scale_body(&mut joints[i].body, &links[i], factors, body_frame_terms);
         }
     }
 }
@@ -183,7 +185,6 @@ impl<L: Lane> ScaledSystem<L> {
 #[inline(always)]
 fn scale_body<L: Lane, P: Param<L>>(
     body: &mut BodyTerms<L>,
-    of: &BodyTerms<P>,
     parts: &UnscaledBodyTerms<P>,
     factors: &Factors<L>,
     body_frame_terms: bool,
@@ -196,10 +197,9 @@ fn scale_body<L: Lane, P: Param<L>>(
         body.inertia = body.inertia.plus(&payload.inertia());
     }
     if let (Some(restoring), false) = (&mut body.restoring, central_only) {
-        let net = |weight: P, displaced: P| displaced.get().neg_mul_add(factors.volume, weight.get() * factors.mass);
-        restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass);
+        restoring.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass, factors);
         unroll!(k in 0 1 2 => {
-            restoring.moment[k] = net(parts.weight.moment[k], parts.displaced.moment[k]);
+            restoring.moment[k] = net(parts.weight.moment[k], parts.displaced.moment[k], factors);
         });
         if let Some(payload) = &body.payload {
             restoring.net_mass += payload.mass;
@@ -207,15 +207,14 @@ fn scale_body<L: Lane, P: Param<L>>(
             restoring.moment = position.scale_add(payload.mass, Vector3(restoring.moment)).0;
         }
     }
-    if let (Some(central), Some(of), Some([rigid, added])) = (&mut body.central, &of.central, &parts.central) {
-        let displaced = parts.displaced.net_mass.get();
-        central.net_mass = displaced.neg_mul_add(factors.volume, parts.weight.net_mass.get() * factors.mass);
+    if let (Some(central), Some([rigid, added])) = (&mut body.central, &parts.central) {
+        central.net_mass = net(parts.weight.net_mass, parts.displaced.net_mass, factors);
         let mut inertia = [L::zero(); 6];
         unroll!(k in 0 1 2 3 4 5 => {
             let added = added.diagonal[k].get() * factors.added_mass;
             inertia[k] = rigid.diagonal[k].get().mul_add(factors.mass, added);
         });
-        if let (Some([linear, quadratic]), Some(of)) = (&mut central.damping, &of.damping) {
+        if let (Some([linear, quadratic]), Some(of)) = (&mut central.damping, &parts.central_damping) {
             unroll!(k in 0 1 2 3 4 5 => {
                 linear[k] = of[0][k].get() * factors.linear_damping;
                 quadratic[k] = of[1][k].get() * factors.quadratic_damping;
@@ -231,7 +230,7 @@ fn scale_body<L: Lane, P: Param<L>>(
             });
         }
     }
-    let (dampings, of) = (&mut body.damping[..], &of.damping[..]);
+    let (dampings, of) = (&mut body.damping[..], &parts.damping[..]);
     for k in usize::from(central_only)..dampings.len().min(of.len()) {
         let (damping, of) = (&mut dampings[k], &of[k]);
         scale(&mut damping.linear, &of.linear, factors.linear_damping);
@@ -240,6 +239,12 @@ fn scale_body<L: Lane, P: Param<L>>(
             *bound = of.get().scale(factors.linear_damping);
         }
     }
+}
+
+/// Mass less displaced mass, or their moments. (Not a closure: it would not inherit the caller's instruction set.)
+#[inline(always)]
+fn net<L: Lane, P: Param<L>>(weight: P, displaced: P, factors: &Factors<L>) -> L {
+    displaced.get().neg_mul_add(factors.volume, weight.get() * factors.mass)
 }
 
 #[inline(always)]

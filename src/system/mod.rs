@@ -7,17 +7,21 @@ mod damping;
 mod end_effector;
 mod factors;
 mod fins_and_tether;
+mod instance_system;
 mod joint_frames;
 mod model;
 pub mod propulsion;
 mod state;
+mod structure;
 
 pub use crate::hydro::{THRUSTERS, Thrusts};
 pub use attitude::{quaternion, roll_pitch_yaw, rotation, rotation_vector};
 pub use compile::{Compiled, compile};
 pub use end_effector::EndEffector;
-pub use factors::{FACTORS, Factors, ScaledSystem, UnscaledBodyTerms};
+pub use factors::{FACTORS, Factors, UnscaledBodyTerms};
+pub use instance_system::{InstanceSystem, RunVisitor};
 pub use model::{
     Actuator, BodyTerms, Friction, JointPlacement, JointScrew, JointTerms, Limits, Servo, System, VehicleServo,
 };
 pub use state::{Flow, JOINTS, Joints, State};
+pub use structure::structural_difference;

@@ -184,22 +184,12 @@ impl<P, B> System<P, B> {
 impl<P: Copy> System<P> {
     /// The system with `change` applied to each number.
     pub fn map<Q>(&self, change: impl Fn(P) -> Q) -> System<Q> {
-        self.map_both(&change, &change)
-    }
-}
-
-impl<P: Copy, B: Copy> System<P, B> {
-    /// The system with `change` applied to each number of its bodies.
-    pub fn map_bodies<C>(&self, change: impl Fn(B) -> C) -> System<P, C> {
-        self.map_both(&|x| x, &change)
-    }
-
-    fn map_both<Q, C>(&self, c: &impl Fn(P) -> Q, of_body: &impl Fn(B) -> C) -> System<Q, C> {
+        let c = &change;
         System {
             gravity: self.gravity.map(c),
             fixed: self.fixed,
-            vehicle: self.vehicle.map(of_body),
-            joints: self.joints.iter().map(|joint| joint.map(c, of_body)).collect(),
+            vehicle: self.vehicle.map(c),
+            joints: self.joints.iter().map(|joint| joint.map(c)).collect(),
             prescribed: self.prescribed,
             z_aligned: self.z_aligned,
             sparse: self.sparse,
@@ -260,13 +250,13 @@ impl<P, B> JointTerms<P, B> {
     }
 }
 
-impl<P: Copy, B: Copy> JointTerms<P, B> {
-    fn map<Q, C>(&self, c: &impl Fn(P) -> Q, of_body: &impl Fn(B) -> C) -> JointTerms<Q, C> {
+impl<P: Copy> JointTerms<P> {
+    fn map<Q>(&self, c: &impl Fn(P) -> Q) -> JointTerms<Q> {
         JointTerms {
             placement: self.placement.map(c),
             offset: c(self.offset),
             screw: self.screw.map(c),
-            body: self.body.map(of_body),
+            body: self.body.map(c),
             rotor_inertia: self.rotor_inertia.map(c),
             prescribed: self.prescribed,
             friction: self.friction.map(|f| Friction { viscous: c(f.viscous), coulomb: f.coulomb.map(|k| k.map(c)) }),

@@ -28,6 +28,7 @@ mod reference;
 mod registry;
 mod reward;
 mod scalar;
+mod scene_draws;
 mod scene_task;
 mod stage_state;
 mod start;
@@ -51,6 +52,7 @@ pub use reference::{JointReference, PRISMATIC_PER_RADIAN, ReferencePoint, hermit
 pub(crate) use registry::dispatch_task;
 pub use registry::{TASKS, TaskKind, TaskOptions};
 pub use reward::RewardWeights;
+pub use scene_draws::SceneDraws;
 pub use scene_task::{DEFAULT_HORIZON, Task};
 pub use stage_state::StageState;
 pub use station_keep::StationKeep;

@@ -6,12 +6,13 @@ use super::disturbance::{Disturbance, DisturbanceContext};
 use super::drives::JointDrives;
 use super::observation::Layout;
 use super::pose::Pose;
+use super::scene_draws::SceneDraws;
 use crate::control::ActionMap;
 use crate::description::{Joint, Scene};
 use crate::system::{EndEffector, Joints, State};
 
 /// A scene with its actuators, its disturbances and the layout of an observation.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct TaskModel {
     /// The scene, with the task's changes.
     pub scene: Scene,
@@ -29,6 +30,8 @@ pub struct TaskModel {
     pub level: [Vector3<f64>; 3],
     /// Disturbance of the episodes.
     pub disturbance: Disturbance,
+    /// Scenes of the episodes, where they differ.
+    pub scene_draws: Option<SceneDraws>,
     /// Constants of the scene for disturbances.
     pub context: DisturbanceContext,
     /// Entries of an observation.

@@ -54,6 +54,8 @@ pub enum Purpose {
     Parameters = 40,
     /// Noise of sensors, drawn anew each control period.
     Noise = 41,
+    /// Numbers of the scene.
+    Scene = 42,
 }
 
 /// A stream of draws, addressed by index. Each index is a block of 128 bits for one draw.

@@ -17,6 +17,7 @@ use super::options::Options;
 use super::pose::Pose;
 use super::registry::{TaskOptions, dispatch_task};
 use super::scalar::{Scalar, ScalarKernel};
+use super::scene_draws::SceneDraws;
 use super::stage_state::StageState;
 use crate::control::{ACTIONS, ActionKind, ActionMap, ActionRange, Allocation};
 use crate::description::{Joint, JointKind, Scene};
@@ -112,6 +113,11 @@ impl Task {
     /// The scene, with the task's changes.
     pub fn scene(&self) -> &Scene {
         &self.model.scene
+    }
+
+    /// Scenes of the episodes, where they differ.
+    pub fn scene_draws(&self) -> Option<&SceneDraws> {
+        self.model.scene_draws.as_ref()
     }
 
     /// Name of the scene.
@@ -277,7 +283,10 @@ fn model<K: TaskDefinition>(scene: Scene, options: &Options<K>) -> Result<TaskMo
         true => JointDrives::new(&scene, &up, allocation.wrench_limits())?,
         false => JointDrives::default(),
     };
+    let parameters = disturbance.parameters.as_ref();
+    let scene_draws = parameters.map_or(Ok(None), |parameters| SceneDraws::new(&scene, parameters))?;
     let mut model = TaskModel {
+        scene_draws,
         joints,
         home: scene.home(),
         end_effector: EndEffector::new(&scene),

@@ -65,6 +65,7 @@ AROUND_STEPS = {
     r"___rust_dealloc": "the same",
     r"^_Unwind_Resume$|panic_in_cleanup": "the same after a panic",
     r"3Isa8detected|9panic_fmt": "the instruction set of a routine in scalar lanes, and its absence",
+    ROUTINE + r".*16instance_numbers11LoadNumbers": "numbers of single instances, before their steps",
     STEP: "the step itself",
 }
 # What kernels that run once in a control period, or seldom, may call besides.

@@ -15,7 +15,7 @@ from uvms_gym._core import Task
 Scene = str | os.PathLike[str] | dict[str, Any]
 #: Name of a level, or components by name: see `uvms_gym.disturbance_levels`.
 Disturbance = str | Mapping[str, Any]
-#: Switch, share, or ranges by the name of the parameter.
+#: Switch, share, or ranges by the name of the parameter or the key of the scene.
 Randomize = bool | float | Mapping[str, Any]
 
 
@@ -88,7 +88,9 @@ class TaskOptions:
         on `mass`, `added_mass`, `linear_damping`, `quadratic_damping`, `thrust` and `thruster_lag`; a number for
         another share; or a dict of shares or ranges by name, with `volume` (on top of the factor on mass, which it
         follows, so that a floating body still floats) and `payload` (kg). `False` removes the randomization of the
-        disturbance.
+        disturbance. Any other number of the scene by its key, as `"arm.links[0].joint.friction.viscous"`: a share of
+        the scene's value either way, `[least, greatest]`, or two lists of these for a list; drawn uniformly.
+        References, observations and rewards are those of the scene as given.
     thruster_lag : float or None
         Time constant of all thrusters, s, in [0, 10], in place of the scene's.
     reward : dict or None

@@ -80,7 +80,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
             let block = &mut self.episodes[k / T::BLOCK * size..][..size];
             let mut memory = Column::of_block(block, k % T::BLOCK);
             disturbance.advance(&mut memory, slot.key, slot.step);
-            apply_payload_event(self.context.task, disturbance, &mut memory, slot.step, self.part, k);
+            apply_payload_event(self.context.task, disturbance, &mut memory, (slot.key, slot.step), self.part, k);
         }
     }
 
@@ -133,6 +133,9 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
         self.part.table.set_flow(self.part.rows, k, &Flow::from(episode.current()));
         if let Some(factors) = self.context.task.factors(episode.key(), &StartOverride::default()) {
             self.part.table.set_factors(self.part.rows, k, &factors);
+        }
+        if let Some(draws) = self.context.task.scene_draws() {
+            self.part.set_own(k, &draws.draw(episode.key()).1);
         }
         self.slots[k] = EpisodeSlot::of(episode.key());
         set_column(self.episodes, k, episode.numbers());

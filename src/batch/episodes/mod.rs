@@ -21,7 +21,7 @@ use crate::dynamics::Servos;
 use crate::error::{ControlError, TaskError};
 use crate::lane::Real;
 use crate::task::disturbance::Profile;
-use crate::task::{Episode, EpisodeKey, Pose, StartOverride, Task, TaskOptions, dispatch_task, privileged};
+use crate::task::{Episode, EpisodeKey, Pose, SceneDraws, StartOverride, Task, TaskOptions, dispatch_task, privileged};
 pub use autoreset::Autoreset;
 use chunk::Rules;
 use episode_slot::EpisodeSlot;
@@ -87,7 +87,9 @@ impl TaskBatch {
     ) -> Result<Self, TaskError> {
         let task = Task::new(&scene, options)?;
         let base = task.base()?;
-        let simulator = Simulator::new(task.scene().clone(), SimulatorOptions { dt: task.options().dt, ..simulator })?;
+        let samples = task.scene_draws().map(SceneDraws::samples).unwrap_or_default();
+        let options = SimulatorOptions { dt: task.options().dt, ..simulator };
+        let simulator = Simulator::with_samples(task.scene().clone(), &samples, options)?;
         let instances = simulator.instances();
         let storage = match simulator.options().precision {
             Precision::Double => storage::<f64>(&task, instances)?,
@@ -204,6 +206,7 @@ impl TaskBatch {
             if let Some(factors) = factors {
                 self.simulator.set_factors_of(i, &factors);
             }
+            self.set_own(i, key);
             self.slots[i] = EpisodeSlot::of(key);
             self.storage.set_column(i, episode.numbers());
         }
@@ -289,10 +292,20 @@ impl TaskBatch {
         let slots = slots.collect::<Result<Vec<_>, _>>()?;
         self.simulator.load(&saved.physics)?;
         for (i, (slot, episode)) in slots.into_iter().enumerate() {
+            if slot.begun {
+                self.set_own(i, slot.key);
+            }
             self.slots[i] = slot;
             self.storage.set_column(i, episode.numbers());
         }
         Ok(())
+    }
+
+    /// Sets the numbers that instance `i` has of its own in an episode.
+    fn set_own(&mut self, i: usize, key: EpisodeKey) {
+        if let Some(draws) = self.task.scene_draws() {
+            self.simulator.set_own(i, &draws.draw(key).1);
+        }
     }
 
     fn blank(&self) -> Transition {

@@ -4,14 +4,14 @@ use crate::batch::stepping::blocks::PhysicsChunk;
 use crate::dynamics::ClosedFormModel;
 use crate::lane::Real;
 use crate::task::disturbance::{Column, DisturbanceKernel, PayloadEvent};
-use crate::task::{Task, grasp_impulse};
+use crate::task::{EpisodeKey, Task, grasp_impulse};
 
-/// Applies the payload event of instance `k` of `part` before control period `step`, if there is one.
+/// Applies the payload event of instance `k` of `part` before control period `step` of the episode `key`, if there is one.
 pub(super) fn apply_payload_event<T: Real>(
     task: &Task,
     disturbance: &DisturbanceKernel<T>,
     memory: &mut Column<'_, T>,
-    step: u32,
+    (key, step): (EpisodeKey, u32),
     part: &mut PhysicsChunk<'_, T>,
     k: usize,
 ) {
@@ -20,8 +20,10 @@ pub(super) fn apply_payload_event<T: Real>(
     let mut factors = table.factors(rows, k);
     match event {
         PayloadEvent::Grasp(mass) => {
+            let own = task.scene_draws().map(|draws| draws.draw(key).0);
+            let scene = own.as_ref().unwrap_or(task.scene());
             // A scene that composes with its own masses does so with scaled ones.
-            if let Ok(model) = ClosedFormModel::new(&task.scene().varied(factors.of_bodies())) {
+            if let Ok(model) = ClosedFormModel::new(&scene.varied(factors.of_bodies())) {
                 let mut state = table.state(rows, k);
                 grasp_impulse(&model, &mut state, mass);
                 table.set_velocities(rows, k, &state);

@@ -13,7 +13,7 @@ use crate::dynamics::dense::actuator_torque;
 use crate::error::SimulatorError;
 use crate::hydro::{ThrusterDynamics, Thrusts};
 use crate::lie::{self, Matrix3, Pose, Vector3};
-use crate::system::State;
+use crate::system::{Compiled, State};
 
 /// Loads on one instance.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,7 +50,7 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn applied_loads(&self, inputs: &Inputs) -> Result<Vec<AppliedLoads>, SimulatorError> {
-        let inputs = CheckedInputs::new(inputs, self.scene(), self.allocation(), self.options())?;
+        let inputs = CheckedInputs::new(inputs, self.scene(), self.allocation(), self.own.as_ref(), self.options())?;
         let prescribed = self.compiled().system.prescribed;
         let loads = (0..self.instances()).map(|i| {
             let mut loads = self.loads_of(&inputs, i);
@@ -64,13 +64,13 @@ impl Simulator {
     }
 
     fn loads_of(&self, inputs: &CheckedInputs, i: usize) -> AppliedLoads {
-        let (state, active) = (self.state(i), inputs.active_loads());
+        let (state, active, compiled) = (self.state(i), inputs.active_loads(), self.compiled_of(i));
         let mut given = InstanceLoads::default();
         let thrust = self.factors(i).thrust;
         inputs.fill(i, thrust, &mut given);
         let mut vehicle = Vector6::from(inputs.wrench(i));
         if active.station {
-            vehicle += self.station_wrench(&state, &given);
+            vehicle += station_wrench(&compiled, &state, &given);
         }
         let links = given.links[..self.joints()].iter().map(|&wrench| wrench.into());
         let torque = |(k, joint): (usize, &Joint)| {
@@ -82,21 +82,22 @@ impl Simulator {
         };
         let acceleration = |(joint, target): (&Joint, &[f64; 4])| if joint.prescribed { 2.0 * target[2] } else { 0.0 };
         let thrust = match self.propulsion(i, &given.command) {
-            Some(propulsion) => propulsion.acting(&self.compiled().system.thrusters, self.twist_through_water(i)),
+            Some(propulsion) => propulsion.acting(&compiled.system.thrusters, self.twist_through_water(i)),
             None => inputs.thrust(i, thrust),
         };
         AppliedLoads {
             thrust: thrust[..self.allocation().count()].to_vec(),
             external: std::iter::once(vehicle).chain(links).collect(),
             fins: given.fins[..self.scene().vehicle.fins.len()].to_vec(),
-            joint_command: self.scene().joints().enumerate().map(torque).collect(),
-            joint_acceleration: self.scene().joints().zip(&given.target).map(acceleration).collect(),
+            joint_command: self.scene_of(i).joints().enumerate().map(torque).collect(),
+            joint_acceleration: self.scene_of(i).joints().zip(&given.target).map(acceleration).collect(),
         }
     }
 
     /// Thrusters of instance `i` under commands, where they have dynamics.
     pub(super) fn propulsion(&self, i: usize, command: &Thrusts) -> Option<ThrusterDynamics<f64>> {
-        let (thrusters, factors) = (&self.compiled().system.thrusters, self.factors(i));
+        let (compiled, factors) = (self.compiled_of(i), self.factors(i));
+        let thrusters = &compiled.system.thrusters;
         (!thrusters.is_empty()).then(|| {
             let mut propulsion = ThrusterDynamics::blank();
             propulsion.thrust = self.state(i).thrust;
@@ -112,18 +113,18 @@ impl Simulator {
         let water = state.rotation.tr_mul(&self.flow(i).velocity);
         lie::Vector6::from_array((state.twist - Vector6::new(water.x, water.y, water.z, 0.0, 0.0, 0.0)).into())
     }
+}
 
-    /// Wrench of the vehicle's servo.
-    fn station_wrench(&self, state: &State, given: &InstanceLoads) -> Vector6<f64> {
-        let Some(gains) = &self.compiled().system.vehicle_servo else { return Vector6::zeros() };
-        let pose = |rotation: &na::Matrix3<f64>, position: &na::Vector3<f64>| Pose {
-            rotation: Matrix3(rotation.transpose().into()),
-            position: Vector3((*position).into()),
-        };
-        let (rotation, position) = &given.station;
-        let station =
-            StationServo { target: pose(rotation, position), current: Vector3::zero(), acceleration: Vector3::zero() };
-        let here = pose(&state.rotation, &state.position);
-        station.wrench(gains, &here, 0.0, lie::Vector6::from_array(state.twist.into())).to_array().into()
-    }
+/// Wrench of the vehicle's servo.
+fn station_wrench(compiled: &Compiled, state: &State, given: &InstanceLoads) -> Vector6<f64> {
+    let Some(gains) = &compiled.system.vehicle_servo else { return Vector6::zeros() };
+    let pose = |rotation: &na::Matrix3<f64>, position: &na::Vector3<f64>| Pose {
+        rotation: Matrix3(rotation.transpose().into()),
+        position: Vector3((*position).into()),
+    };
+    let (rotation, position) = &given.station;
+    let station =
+        StationServo { target: pose(rotation, position), current: Vector3::zero(), acceleration: Vector3::zero() };
+    let here = pose(&state.rotation, &state.position);
+    station.wrench(gains, &here, 0.0, lie::Vector6::from_array(state.twist.into())).to_array().into()
 }

@@ -1,7 +1,8 @@
-//! The batched simulator of one scene, without a task.
+//! The batched simulator of one scene, or of scenes of one structure, without a task.
 
 pub mod applied_loads;
 mod parameters;
+mod scenes;
 pub mod states;
 
 use crate::batch::monitoring::step_monitor::StepMonitor;
@@ -9,6 +10,7 @@ use crate::batch::options::{Precision, SimulatorOptions};
 use crate::batch::stepping::blocks::{Blocks, PhysicsChunk, StepSettings, Storage};
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::inputs::{CheckedInputs, Inputs, check};
+use crate::batch::storage::own_scenes::OwnScenes;
 use crate::control::Allocation;
 use crate::description::Scene;
 use crate::dynamics::ClosedFormModel;
@@ -23,7 +25,10 @@ const PORTION: usize = 1 << 16;
 /// Instances of one scene, stepped together. The result of each is independent of the others, of their number and of the
 /// threads.
 pub struct Simulator {
+    /// The scene of all instances, or of the first.
     scene: Scene,
+    /// The scenes of all instances, where they differ.
+    own: Option<OwnScenes>,
     /// The closed form of the scene without factors.
     pub(super) closed_form_model: ClosedFormModel,
     compiled: Compiled,
@@ -42,6 +47,7 @@ impl Clone for Simulator {
     fn clone(&self) -> Self {
         Self {
             scene: self.scene.clone(),
+            own: self.own.clone(),
             closed_form_model: self.closed_form_model.clone(),
             compiled: self.compiled.clone(),
             allocation: self.allocation.clone(),
@@ -58,6 +64,39 @@ impl Simulator {
     /// # Errors
     /// [`SimulatorError`] where an option is out of range or the scene does not compose.
     pub fn new(scene: Scene, options: SimulatorOptions) -> Result<Self, SimulatorError> {
+        Self::of(scene, None, &[], options)
+    }
+
+    /// Each instance at its own scene's home. The scenes have the same structure: they differ in numbers alone, and no number is 0
+    /// in one where its term is left out.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; [`SimulatorError::Scenes`] where there is not one scene for each instance, and
+    /// [`SimulatorError::Structure`] where scenes differ in structure.
+    pub fn with_scenes(scenes: Vec<Scene>, options: SimulatorOptions) -> Result<Self, SimulatorError> {
+        match &scenes[..] {
+            [] => Err(SimulatorError::NoInstances),
+            [first, ..] if scenes.len() == options.instances => Self::of(first.clone(), Some(scenes), &[], options),
+            _ => Err(SimulatorError::Scenes { scenes: scenes.len(), instances: options.instances }),
+        }
+    }
+
+    /// Instances whose numbers [`Self::set_own`] sets: those that differ between these samples, scenes of one structure. Until
+    /// then they are those of the first sample, in a simulator of `scene` otherwise.
+    pub(in crate::batch) fn with_samples(
+        scene: Scene,
+        samples: &[Compiled],
+        options: SimulatorOptions,
+    ) -> Result<Self, SimulatorError> {
+        Self::of(scene, None, samples, options)
+    }
+
+    fn of(
+        scene: Scene,
+        scenes: Option<Vec<Scene>>,
+        samples: &[Compiled],
+        options: SimulatorOptions,
+    ) -> Result<Self, SimulatorError> {
         if options.instances == 0 {
             return Err(SimulatorError::NoInstances);
         }
@@ -83,20 +122,30 @@ impl Simulator {
         let compiled = compile(&scene);
         let state = State { q: scene.home(), ..State::default() };
         let flow = Flow::from(scene.water.current);
+        let scenes = scenes.filter(|scenes| scenes.iter().any(|other| *other != scene));
+        let own = scenes.map(|scenes| OwnScenes::new(scenes, &compiled)).transpose()?;
+        let compile_own = |i: usize| match &own {
+            Some(own) => compile(&own.scenes()[i]),
+            None => samples[i].clone(),
+        };
+        let count = own.as_ref().map_or(samples.len(), |own| own.scenes().len());
+        let of_each: Option<(usize, &dyn Fn(usize) -> Compiled)> = (count > 0).then_some((count, &compile_own));
+        let of_all = samples.first().unwrap_or(&compiled);
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
+                Box::new(Blocks::<f64>::new(of_all, of_each, options.instances, &integrator, isa, &state, &flow)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(&compiled, options.instances, &integrator, isa, &state, &flow)?)
+                Box::new(Blocks::<f32>::new(of_all, of_each, options.instances, &integrator, isa, &state, &flow)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-        Ok(Self {
+        let mut simulator = Self {
             closed_form_model: ClosedFormModel::new(&scene)?,
             allocation,
             threads: options.threads.unwrap_or_else(cores),
             scene,
+            own,
             compiled,
             options,
             integrator,
@@ -104,10 +153,14 @@ impl Simulator {
             storage,
             range: integrator.range(),
             monitor: StepMonitor::default(),
-        })
+        };
+        if simulator.own.is_some() {
+            simulator.reset();
+        }
+        Ok(simulator)
     }
 
-    /// The scene.
+    /// The scene of all instances, or of the first where they differ.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -117,7 +170,7 @@ impl Simulator {
         &self.options
     }
 
-    /// The compiled scene.
+    /// [`Self::scene`], compiled.
     pub fn compiled(&self) -> &Compiled {
         &self.compiled
     }
@@ -137,7 +190,7 @@ impl Simulator {
         self.compiled.links.len()
     }
 
-    /// Thruster allocation.
+    /// Thruster allocation of [`Self::scene`].
     pub fn allocation(&self) -> &Allocation {
         &self.allocation
     }
@@ -223,7 +276,7 @@ impl Simulator {
     ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let limits = self.monitor.limits(self.range);
-        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
         let active = inputs.active_loads();
         let portion = (PORTION / self.options.instances).max(1);
         let mut before = 0;
@@ -286,7 +339,7 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn forward_dynamics(&mut self, inputs: &Inputs) -> Result<Vec<f64>, SimulatorError> {
-        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
         Ok(self.storage.accelerations(&inputs))
     }
 

@@ -10,7 +10,7 @@ use crate::dynamics::{ClosedForm, ClosedFormModel, Linearization, linearize};
 use crate::error::SimulatorError;
 use crate::hydro::thrust_wrench;
 use crate::lie::Vector6;
-use crate::system::{Factors, compile};
+use crate::system::{Compiled, Factors, compile};
 
 impl Simulator {
     /// Factors on the parameters of instance `i`.
@@ -45,14 +45,19 @@ impl Simulator {
         self.storage.set_factors(i, factors);
     }
 
+    /// Sets the numbers that instance `i` has of its own, of a simulator with samples, to those of a scene of their structure.
+    pub(in crate::batch) fn set_own(&mut self, i: usize, compiled: &Compiled) {
+        self.storage.set_own(i, compiled);
+    }
+
     /// The closed form with the parameters of instance `i`.
     pub fn closed_form_model_of(&self, i: usize) -> Cow<'_, ClosedFormModel> {
         let factors = self.factors(i);
-        if factors == Factors::ONE {
+        if factors == Factors::ONE && self.own.is_none() {
             return Cow::Borrowed(&self.closed_form_model);
         }
         // Composition does not depend on the masses.
-        let varied = ClosedFormModel::new(&self.scene.varied(factors.of_bodies()));
+        let varied = ClosedFormModel::new(&self.scene_of(i).varied(factors.of_bodies()));
         varied.map_or(Cow::Borrowed(&self.closed_form_model), Cow::Owned)
     }
 
@@ -67,17 +72,18 @@ impl Simulator {
     /// # Errors
     /// As [`Self::step`].
     pub fn linearize(&self, inputs: &Inputs, i: usize) -> Result<Linearization, SimulatorError> {
-        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, &self.options)?;
+        let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
         let mut given = InstanceLoads::default();
         inputs.fill(i, self.factors(i).thrust, &mut given);
         let mut loads = ArmLoads::none();
         loads.torque = given.torque;
         loads.on_links = inputs.active_loads().link_wrenches;
-        for (k, link) in self.compiled.links.iter().enumerate() {
+        let compiled = self.compiled_of(i);
+        for (k, link) in compiled.links.iter().enumerate() {
             loads.links[k] = link.co_adjoint_apply_inverse(Vector6::from_array(given.links[k]));
         }
         let (state, flow) = (self.state(i), self.flow(i));
-        let mut scene = self.scene.varied(self.factors(i).of_bodies());
+        let mut scene = self.scene_of(i).varied(self.factors(i).of_bodies());
         if self.compiled.system.prescribed {
             (loads.terms, loads.target) = (4, given.target);
             scene.joints_mut().for_each(|joint| joint.servo = None);
@@ -85,7 +91,7 @@ impl Simulator {
         // Thrusts as settled: a motion that lasts.
         let mut wrench = given.wrench;
         if let Some(propulsion) = self.propulsion(i, &given.command) {
-            let thrusters = &self.compiled.system.thrusters;
+            let thrusters = &compiled.system.thrusters;
             let settled = propulsion.settled(thrusters, self.twist_through_water(i));
             let thrust: [f64; 6] = thrust_wrench(thrusters, &settled).to_array();
             wrench = std::array::from_fn(|k| wrench[k] + thrust[k]);

@@ -35,9 +35,9 @@ pub struct States<'a> {
 impl Simulator {
     /// Puts all instances at the scene's home, at rest at time 0, in the scene's current.
     pub fn reset(&mut self) {
-        let state = State { q: self.scene().home(), ..State::default() };
-        let flow = Flow::from(self.scene().water.current);
         for i in 0..self.instances() {
+            let scene = self.scene_of(i);
+            let (state, flow) = (State { q: scene.home(), ..State::default() }, Flow::from(scene.water.current));
             self.set_state(i, &state);
             self.set_flow(i, flow);
         }
@@ -72,10 +72,12 @@ impl Simulator {
             return Err(SimulatorError::FixedVehicle { scene: scene.name.clone(), instance: at / 6 });
         }
         self.check_thrust(states.thrust)?;
-        if scene.water.gravity.norm() == 0.0
-            && let Some(at) = first_nonzero(states.current_acceleration)
-        {
-            return Err(SimulatorError::Weightless { scene: scene.name.clone(), instance: at / 3 });
+        let weightless = |&i: &usize| self.scene_of(i).water.gravity.norm() == 0.0;
+        let accelerated = |i: &usize| {
+            states.current_acceleration.is_some_and(|rows| rows[3 * i..3 * i + 3].iter().any(|x| *x != 0.0))
+        };
+        if let Some(instance) = (0..self.instances()).filter(weightless).find(accelerated) {
+            return Err(SimulatorError::Weightless { scene: self.scene_of(instance).name.clone(), instance });
         }
         let rotations = self.rotations(states)?;
         let moved = widths.iter().any(|(name, values, _)| values.is_some() && !name.starts_with("current"));
@@ -114,7 +116,7 @@ impl Simulator {
         }
         let count = self.allocation().count().max(1);
         for (at, &value) in thrust.iter().enumerate() {
-            let [lower, upper] = self.allocation().limits(at % count);
+            let [lower, upper] = self.allocation_of(at / count).limits(at % count);
             if !(lower..=upper).contains(&value) {
                 return Err(SimulatorError::Thrust { instance: at / count, thruster: at % count, value, lower, upper });
             }

@@ -1,15 +1,17 @@
 //! Kernel of accelerations without stepping.
 
+use super::instance_numbers::LoadNumbers;
 use super::step::shift_twist;
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
+use crate::batch::storage::own_numbers::OwnColumns;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::hydro::{FinAxes, ThrusterDynamics, thrust_wrench};
 use crate::integrate::Motion;
 use crate::lane::{Kernel, Lane, Real, Shared, get_all};
 use crate::lie::{Vector3, Vector6};
-use crate::system::{JOINTS, ScaledSystem, System, UnscaledBodyTerms};
+use crate::system::{InstanceSystem, JOINTS, System, UnscaledBodyTerms};
 
 /// Kernel of the accelerations of blocks of instances.
 pub struct Accelerate<'a, T> {
@@ -17,6 +19,8 @@ pub struct Accelerate<'a, T> {
     pub system: &'a System<Shared<T>>,
     /// Unscaled terms of its bodies, where instances differ in their parameters.
     pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,
+    /// Numbers that instances have of their own.
+    pub own: Option<OwnColumns<'a, T>>,
     /// Attachment point of payloads, where instances carry any, m.
     pub payload_attachment: Option<[Shared<T>; 3]>,
     /// Rows of a block.
@@ -36,9 +40,9 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.layout;
         // One form of the system, with parameters per instance: speed does not matter here.
-        let mut system: ScaledSystem<L> =
-            self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment);
-        let system_gravity: Vector3<L> = Vector3(get_all(&system.gravity));
+        let parts = self.unscaled.unwrap_or_default();
+        let system = self.system.allocate_scaled(parts, self.payload_attachment);
+        let mut instances: InstanceSystem<L> = InstanceSystem::allocate(system, parts, self.payload_attachment);
         let mut scratch = Scratch::new();
         let mut loads = ArmLoads::none();
         let mut motion = Motion::blank();
@@ -54,9 +58,15 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                 let columns = Columns { rows: &mut *rows, first };
                 columns.motion::<_, false>(layout, &mut motion);
                 columns.loads(layout, self.active, &mut loads);
-                if let Some(unscaled) = self.unscaled {
-                    system.apply_factors(self.system, unscaled, &columns.factors(layout), true);
+                let factors = &columns.factors(layout);
+                if let Some(own) = &self.own {
+                    let (run_rows, block, instances) = (own.run_rows, own.block(k), &mut instances);
+                    L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms: true });
+                } else {
+                    instances.system.apply_factors(parts, factors, true);
                 }
+                let system = &instances.system;
+                let system_gravity: Vector3<L> = Vector3(get_all(&system.gravity));
                 let rotation = &motion.pose.rotation;
                 let current = columns.vector(layout.current);
                 let acceleration = columns.vector(layout.acceleration);
@@ -87,7 +97,7 @@ impl<T: Real> Kernel<T> for Accelerate<'_, T> {
                     held_rate: Vector3::zero() - pull,
                     time: L::zero(),
                 };
-                accelerations(&system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
+                accelerations(system, &instant, &loads, &mut scratch, &mut twist_rate, &mut qdd);
                 // V' = V_r' - [omega x R^T v_c; 0] + [R^T a_c; 0]
                 let turn = twist.angular.cross(rotation.apply_transposed(current));
                 twist_rate.linear = if system.fixed { Vector3::zero() } else { twist_rate.linear - turn + pull };

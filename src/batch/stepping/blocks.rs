@@ -4,7 +4,6 @@ use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
 use super::accelerate::Accelerate;
-use super::lagged_added_mass::LaggedAddedMass;
 use super::scratch_pool::ScratchPool;
 use super::step::{Step, StepScaled};
 use super::threads::for_each;
@@ -13,6 +12,7 @@ use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::aligned::Aligned;
 use crate::batch::storage::inputs::CheckedInputs;
 use crate::batch::storage::layout::Layout;
+use crate::batch::storage::own_numbers::{OwnLayout, OwnNumbers};
 use crate::batch::storage::table::Table;
 use crate::error::SimulatorError;
 use crate::hydro::Thrusts;
@@ -48,6 +48,8 @@ pub trait Storage: Send + Sync {
     fn losses(&self, i: usize) -> Thrusts;
     /// Sets these factors.
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>);
+    /// Sets the numbers that instance `i` has of its own: those of a scene of the same structure.
+    fn set_own(&mut self, i: usize, compiled: &Compiled);
     /// Every number of instance `i`, for saving.
     fn column(&self, i: usize) -> Vec<f64>;
     /// Sets every number of instance `i`.
@@ -93,6 +95,8 @@ pub struct Blocks<T> {
     isa: Isa,
     instances: usize,
     rows: Aligned<T>,
+    /// Numbers that instances have of their own.
+    own: Option<OwnNumbers<T>>,
 }
 
 /// Parameters of the scene, and pools of memory for its kernels.
@@ -100,7 +104,7 @@ pub struct Blocks<T> {
 struct Parameters<T> {
     system: System<Shared<T>>,
     /// The same in scalars.
-    scalar_system: System<Shared<T>, T>,
+    scalar_system: System<T>,
     unscaled: Vec<UnscaledBodyTerms<Shared<T>>>,
     /// Attachment point of payloads, m.
     payload_attachment: [Shared<T>; 3],
@@ -113,12 +117,14 @@ struct Parameters<T> {
 }
 
 impl<T: Real> Blocks<T> {
-    /// `instances` instances of a compiled scene, all in `state` and in the same `flow`.
+    /// `instances` instances of a compiled scene, all in `state` and in the same `flow`; or of scenes of its structure, of which
+    /// the number and the compiler are `own`: see [`OwnNumbers::new`].
     ///
     /// # Errors
     /// [`SimulatorError::Memory`] if they do not fit into memory.
     pub fn new(
         compiled: &Compiled,
+        own: Option<(usize, &dyn Fn(usize) -> Compiled)>,
         instances: usize,
         integrator: &Integrator,
         isa: Isa,
@@ -131,7 +137,7 @@ impl<T: Real> Blocks<T> {
         let system = compiled.system.map(number).with_factors(&unscaled, &Factors::ONE);
         let rigid = integrator.lag().map(|filter| (system.with_factors(&unscaled, &Factors::RIGID), filter));
         let payload_attachment = compiled.payload_attachment.map(|x| Shared(T::from_f64(x)));
-        let scalar_system = system.map_bodies(|Shared(x)| x);
+        let scalar_system = system.map(|Shared(x)| x);
         let scene = Parameters {
             system,
             scalar_system,
@@ -147,8 +153,15 @@ impl<T: Real> Blocks<T> {
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
         let rows = Aligned::filled(size, T::from_f64(0.0)).map_err(|_| memory())?;
-        let table = Table { layout, links: compiled.links.clone() };
-        let mut blocks = Self { scene, table, isa, instances, rows };
+        let mut links = vec![compiled.links.clone()];
+        if let Some((samples, own)) = own
+            && (1..samples).any(|i| own(i).links != compiled.links)
+        {
+            links = (0..samples).map(|i| own(i).links).collect();
+        }
+        let own = own.map_or(Ok(None), |(samples, own)| OwnNumbers::new(instances, samples, own))?;
+        let table = Table { layout, links };
+        let mut blocks = Self { scene, table, isa, instances, rows, own };
         // Columns past the last instance hold a valid state too: lanes that reach past it step them.
         for i in 0..columns {
             blocks.set_state(i, state);
@@ -170,11 +183,16 @@ impl<T: Real> Blocks<T> {
         let (scene, table, isa, instances) = (&self.scene, &self.table, self.isa, self.instances);
         let threads = settings.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
         let violations = FirstViolation::default();
-        let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows);
-        for_each(chunks.zip(items).enumerate(), threads, |(k, (rows, item))| {
+        let mut own = self.own.as_mut().map(|own| {
+            let (layout, rows) = own.parts();
+            (layout, rows.chunks_mut(CHUNK * layout.width))
+        });
+        let own = move |rows| (rows, own.as_mut().and_then(|(layout, chunks)| Some((*layout, chunks.next()?))));
+        let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows).map(own);
+        for_each(chunks.zip(items).enumerate(), threads, |(k, ((rows, own), item))| {
             let first = k * CHUNK;
             let count = CHUNK.min(instances - first);
-            let mut chunk = PhysicsChunk { scene, settings, count, first, table, isa, rows, violation: None };
+            let mut chunk = PhysicsChunk { scene, settings, count, first, table, isa, own, rows, violation: None };
             work(&mut chunk, item);
             violations.record(first, chunk.violation);
         });
@@ -199,6 +217,8 @@ pub struct PhysicsChunk<'a, T> {
     pub table: &'a Table,
     /// Instruction set of the kernels.
     pub isa: Isa,
+    /// Numbers that instances have of their own.
+    own: Option<(&'a OwnLayout, &'a mut [T])>,
     /// The blocks.
     pub rows: &'a mut [T],
     /// The first violation of the settings' limits.
@@ -226,18 +246,29 @@ impl FirstViolation {
 }
 
 impl<T: Real> PhysicsChunk<'_, T> {
+    /// Sets the numbers that instance `k` of the chunk has of its own: those of a scene of the same structure.
+    pub fn set_own(&mut self, k: usize, compiled: &Compiled) {
+        self.table.set_fins(self.rows, k, &compiled.system.deflections());
+        if let Some((layout, rows)) = &mut self.own {
+            layout.set(rows, k, compiled);
+        }
+    }
+
     /// Steps all instances.
     pub fn step(&mut self) {
         let (scene, settings) = (self.scene, self.settings);
         let [scaled, with_payload] = self.table.scaled(self.rows);
+        let scaled = scaled || self.own.is_some();
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
             scalar_system: scene.rigid.is_none().then_some(&scene.scalar_system),
-            unscaled: scaled.then_some(&scene.unscaled[..]),
+            unscaled: &scene.unscaled,
+            scaled,
+            own: self.own.as_ref().map(|(layout, rows)| layout.columns(rows)),
             payload_attachment: with_payload.then_some(scene.payload_attachment),
             scratch_pool: &scene.scratch_pool,
             system_pool: &scene.system_pool,
-            lagged: scene.rigid.as_ref().map(|&(_, filter)| LaggedAddedMass { unscaled: &scene.unscaled, filter }),
+            lag_filter: scene.rigid.as_ref().map(|&(_, filter)| filter),
             layout: &self.table.layout,
             integrator: settings.integrator,
             h: T::from_f64(settings.h),
@@ -299,6 +330,13 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.set_factors(&mut self.rows, i, factors);
     }
 
+    fn set_own(&mut self, i: usize, compiled: &Compiled) {
+        self.table.set_fins(&mut self.rows, i, &compiled.system.deflections());
+        if let Some(own) = &mut self.own {
+            own.set(i, compiled);
+        }
+    }
+
     fn column(&self, i: usize) -> Vec<f64> {
         self.table.column(&self.rows, i)
     }
@@ -329,7 +367,8 @@ impl<T: Real> Storage for Blocks<T> {
         let [scaled, with_payload] = self.table.scaled(&self.rows);
         let mut kernel = Accelerate {
             system: &self.scene.system,
-            unscaled: scaled.then_some(&self.scene.unscaled[..]),
+            unscaled: (scaled || self.own.is_some()).then_some(&self.scene.unscaled[..]),
+            own: self.own.as_ref().map(OwnNumbers::columns),
             payload_attachment: with_payload.then_some(self.scene.payload_attachment),
             layout: &self.table.layout,
             active: inputs.active_loads(),
@@ -343,7 +382,8 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn bytes_per_instance(&self) -> usize {
-        self.rows.len() * size_of::<T>() / self.instances
+        let own = self.own.as_ref().map_or(0, OwnNumbers::bytes);
+        (self.rows.len() * size_of::<T>() + own) / self.instances
     }
 
     fn boxed_clone(&self) -> Box<dyn Storage> {

@@ -6,7 +6,7 @@ use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
 use crate::hydro::FinAxes;
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
-use crate::lane::{Lane, Param, Real, Shared, unroll};
+use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
 use crate::system::{JOINTS, System, VehicleServo};
 
@@ -50,9 +50,9 @@ impl<L: Lane> StationServo<L> {
 }
 
 /// Equations of motion of a system under loads, in the frame that moves with the water.
-pub struct EquationsOfMotion<'a, L: Lane, B> {
+pub struct EquationsOfMotion<'a, L: Lane, P> {
     /// The system.
-    pub system: &'a System<Shared<L::Real>, B>,
+    pub system: &'a System<P>,
     /// Loads on joints and links.
     pub loads: &'a mut ArmLoads<L>,
     /// Gravity minus the acceleration of the water in world axes, m/s^2.
@@ -71,7 +71,7 @@ pub struct EquationsOfMotion<'a, L: Lane, B> {
     pub scratch: &'a mut Scratch<L>,
 }
 
-impl<'a, L: Lane, B: Param<L>> EquationsOfMotion<'a, L, B> {
+impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
     /// Sets the water's velocity at the start of the next step.
     #[inline(always)]
     pub fn set_current(&mut self, current: Vector3<L>) {
@@ -82,7 +82,7 @@ impl<'a, L: Lane, B: Param<L>> EquationsOfMotion<'a, L, B> {
 
     /// The system, loaded anew at each stage: otherwise the compiler broadcasts all of it onto the stack beforehand.
     #[inline(always)]
-    fn reload_system(&self) -> &'a System<Shared<L::Real>, B> {
+    fn reload_system(&self) -> &'a System<P> {
         std::hint::black_box(self.system)
     }
 
@@ -90,7 +90,7 @@ impl<'a, L: Lane, B: Param<L>> EquationsOfMotion<'a, L, B> {
     #[inline(always)]
     fn instant<'b>(
         &self,
-        system: &System<Shared<L::Real>, B>,
+        system: &System<P>,
         at: &impl StagePose<L>,
         elapsed: L,
         (twist, q, qd): (Vector6<L>, &'b [L; JOINTS], &'b [L; JOINTS]),
@@ -119,7 +119,7 @@ impl<T: Real> Columns<'_, T> {
     }
 }
 
-impl<L: Lane, B: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, B> {
+impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P> {
     #[inline(always)]
     fn joints(&self) -> usize {
         self.system.chain().len()
@@ -141,7 +141,7 @@ impl<L: Lane, B: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, B>
     }
 }
 
-impl<L: Lane, B: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_, L, B> {
+impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_, L, P> {
     #[inline(always)]
     fn implicit_rates(
         &mut self,

@@ -15,7 +15,7 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::link_twists;
 use crate::integrate::Motion;
-use crate::lane::{Lane, Param, Real, Shared, unroll};
+use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::Vector6;
 use crate::system::{JOINTS, UnscaledBodyTerms};
 
@@ -24,9 +24,9 @@ const BODIES: usize = JOINTS + 1;
 
 /// Parameters of the lagged force.
 #[derive(Clone, Copy)]
-pub struct LaggedAddedMass<'a, T> {
+pub struct LaggedAddedMass<'a, P> {
     /// The bodies, vehicle first.
-    pub unscaled: &'a [UnscaledBodyTerms<Shared<T>>],
+    pub unscaled: &'a [UnscaledBodyTerms<P>],
     /// alpha.
     pub filter: f64,
 }
@@ -45,16 +45,18 @@ pub struct LagState<L> {
     pub last: [[Vector6<L>; 2]; BODIES],
 }
 
-impl<T: Real> LaggedAddedMass<'_, T> {
+impl<P> LaggedAddedMass<'_, P> {
     /// Sets the loads of `equations` for a step of size `h` from `motion`: the lagged forces and the other loads.
     #[inline(always)]
-    pub fn apply<L: Lane<Real = T>, B: Param<L>>(
+    pub fn apply<L: Lane>(
         &self,
         h: L,
         motion: &Motion<L, JOINTS>,
         state: &mut LagState<L>,
-        equations: &mut EquationsOfMotion<L, B>,
-    ) {
+        equations: &mut EquationsOfMotion<L, P>,
+    ) where
+        P: Param<L>,
+    {
         let n = equations.system.chain().len();
         let mut twists = [motion.twist; BODIES];
         link_twists(equations.system, motion.twist, &motion.q, &motion.qd, equations.scratch, &mut twists[1..]);

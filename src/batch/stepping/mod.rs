@@ -3,6 +3,7 @@
 mod accelerate;
 pub mod blocks;
 pub mod equations_of_motion;
+mod instance_numbers;
 mod lagged_added_mass;
 mod scratch_pool;
 mod step;

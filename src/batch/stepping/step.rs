@@ -5,11 +5,13 @@ use std::hint::cold_path;
 use std::slice::ChunksExactMut;
 
 use super::equations_of_motion::EquationsOfMotion;
+use super::instance_numbers::LoadNumbers;
 use super::lagged_added_mass::{LagState, LaggedAddedMass};
 use super::scratch_pool::ScratchPool;
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
+use crate::batch::storage::own_numbers::OwnColumns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::hydro::{FinAxes, ThrusterDynamics};
 use crate::integrate::{
@@ -17,7 +19,7 @@ use crate::integrate::{
 };
 use crate::lane::{Kernel, Lane, Param, Real, Routine, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
-use crate::system::{JOINTS, ScaledSystem, System, UnscaledBodyTerms};
+use crate::system::{InstanceSystem, JOINTS, System, UnscaledBodyTerms};
 
 /// Twist relative to the water `V_r = V - [R^T v_c; 0]`, or back with `sign` +1. `[HC eq. 23]`
 #[inline(always)]
@@ -39,17 +41,21 @@ pub struct Step<'a, T> {
     /// The system.
     pub system: &'a System<Shared<T>>,
     /// The same in scalars, made beforehand: [`System::allocate_scaled`] takes long for a single instance.
-    pub scalar_system: Option<&'a System<Shared<T>, T>>,
-    /// Unscaled terms of its bodies, where instances differ in their parameters.
-    pub unscaled: Option<&'a [UnscaledBodyTerms<Shared<T>>]>,
+    pub scalar_system: Option<&'a System<T>>,
+    /// Unscaled terms of its bodies.
+    pub unscaled: &'a [UnscaledBodyTerms<Shared<T>>],
+    /// True where instances differ in their parameters.
+    pub scaled: bool,
+    /// Numbers that instances have of their own.
+    pub own: Option<OwnColumns<'a, T>>,
     /// Attachment point of payloads, where instances carry any, m.
     pub payload_attachment: Option<[Shared<T>; 3]>,
     /// Scratch memory of the steps.
     pub scratch_pool: &'a ScratchPool,
     /// Memory for systems with parameters per instance.
     pub system_pool: &'a ScratchPool,
-    /// Forces in place of added mass, where `system` has none.
-    pub lagged: Option<LaggedAddedMass<'a, T>>,
+    /// Filter of forces in place of added mass, where `system` has none.
+    pub lag_filter: Option<f64>,
     /// Rows of a block.
     pub layout: &'a Layout,
     /// Integrator.
@@ -123,16 +129,16 @@ fn prescribe_joints<L: Lane, P, B>(
 }
 
 /// One step of an explicit method.
-struct ExplicitStep<'a, 'b, L: Lane, B, const BASELINES: bool> {
+struct ExplicitStep<'a, 'b, L: Lane, P, const BASELINES: bool> {
     method: &'a Explicit,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
-    equations: &'a mut EquationsOfMotion<'b, L, B>,
+    equations: &'a mut EquationsOfMotion<'b, L, P>,
     stages: &'a mut Stages<L, JOINTS>,
 }
 
-impl<L: Lane, B: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_, '_, L, B, BASELINES> {
+impl<L: Lane, P: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_, '_, L, P, BASELINES> {
     #[inline(always)]
     fn run(&mut self) {
         let Self { method, h, motion, estimates, equations, stages } = self;
@@ -141,16 +147,16 @@ impl<L: Lane, B: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_
 }
 
 /// One step of a linearly implicit method.
-struct ImplicitStep<'a, 'b, L: Lane, B> {
+struct ImplicitStep<'a, 'b, L: Lane, P> {
     order: usize,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
-    equations: &'a mut EquationsOfMotion<'b, L, B>,
+    equations: &'a mut EquationsOfMotion<'b, L, P>,
     stages: &'a mut ImplicitStages<L, JOINTS>,
 }
 
-impl<L: Lane, B: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, B> {
+impl<L: Lane, P: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, P> {
     #[inline(always)]
     fn run(&mut self) {
         let Self { order, h, motion, estimates, equations, stages } = self;
@@ -171,7 +177,7 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;
                 }
-                self.step_group::<_, _, false>(self.system, &mut Columns { rows: &mut *rows, first }, &mut memory);
+                self.step_group::<_, _, false>(self.system, &[], &mut Columns { rows: &mut *rows, first }, &mut memory);
             }
         }
         self.return_memory(memory, None);
@@ -201,11 +207,11 @@ impl<'a, T: Real> Step<'a, T> {
     /// both are one number: no code for either alone.)
     #[inline(always)]
     fn step_scaled<L: Lane<Real = T>>(&mut self) {
-        let shared: Option<&ScaledSystem<L>> = match (self.unscaled, self.scalar_system) {
-            (None, Some(system)) => (system as &dyn Any).downcast_ref(),
+        let shared: Option<&System<L>> = match (self.scaled, self.scalar_system) {
+            (false, Some(system)) => (system as &dyn Any).downcast_ref(),
             _ => None,
         };
-        let (mut memory, mut scaled) = self.memory_and_system::<L>(shared.is_none());
+        let (mut memory, mut instances) = self.memory_and_system::<L>(shared.is_none());
         for (k, rows) in self.blocks().enumerate() {
             prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
             for first in (0..T::BLOCK).step_by(L::LANES) {
@@ -213,19 +219,28 @@ impl<'a, T: Real> Step<'a, T> {
                     break;
                 }
                 let mut columns = Columns { rows: &mut *rows, first };
-                if let (Some(unscaled), Some(scaled)) = (self.unscaled, &mut scaled) {
+                if let (true, Some(instances)) = (self.scaled, &mut instances) {
                     let mut factors = columns.factors(self.layout);
-                    if self.lagged.is_some() {
+                    if self.lag_filter.is_some() {
                         factors.added_mass = L::zero();
                     }
                     let body_frame_terms = self.integrator.implicit();
-                    scaled.apply_factors(self.system, unscaled, &factors, body_frame_terms);
+                    if let Some(own) = &self.own {
+                        let (run_rows, block, factors) = (own.run_rows, own.block(k), &factors);
+                        L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms });
+                    } else {
+                        instances.system.apply_factors(self.unscaled, &factors, body_frame_terms);
+                    }
                 }
-                let Some(system) = scaled.as_deref().or(shared) else { continue };
-                self.step_group::<_, _, true>(system, &mut columns, &mut memory);
+                let (system, unscaled) = match (&instances, shared) {
+                    (Some(instances), _) => (&instances.system, &instances.unscaled[..]),
+                    (None, Some(shared)) => (shared, &[][..]),
+                    (None, None) => continue,
+                };
+                self.step_group::<_, _, true>(system, unscaled, &mut columns, &mut memory);
             }
         }
-        self.return_memory(memory, scaled);
+        self.return_memory(memory, instances);
     }
 
     /// Scratch memory. (A call, as are the next two functions: the steps themselves contain none.)
@@ -241,30 +256,36 @@ impl<'a, T: Real> Step<'a, T> {
     /// Scratch memory, and a system with parameters per instance where it is needed. (One call for both: of two, the second
     /// would have to free the result of the first in a panic.)
     #[inline(never)]
-    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<ScaledSystem<L>>>) {
+    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<InstanceSystem<L>>>) {
         let has_payload =
-            |system: &ScaledSystem<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
-        let pooled = self.unscaled.and_then(|_| {
-            self.system_pool.take().filter(|pooled| has_payload(pooled) == self.payload_attachment.is_some())
-        });
-        let make = || Box::new(self.system.allocate_scaled(self.unscaled.unwrap_or_default(), self.payload_attachment));
+            |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
+        let fits = |pooled: &InstanceSystem<L>| has_payload(&pooled.system) == self.payload_attachment.is_some();
+        let pooled = if self.scaled { self.system_pool.take().filter(|pooled: &Box<_>| fits(pooled)) } else { None };
+        let make = || {
+            let scaled = if self.scaled { self.unscaled } else { &[] };
+            let system = self.system.allocate_scaled(scaled, self.payload_attachment);
+            let parts = if self.own.is_some() || self.lag_filter.is_some() { self.unscaled } else { &[] };
+            Box::new(InstanceSystem::allocate(system, parts, self.payload_attachment))
+        };
         (self.memory(), needed.then(|| pooled.unwrap_or_else(make)))
     }
 
     /// Returns both to their pools.
     #[inline(never)]
-    fn return_memory<L: Lane>(&self, memory: Box<Memory<L>>, system: Option<Box<ScaledSystem<L>>>) {
+    fn return_memory<L: Lane>(&self, memory: Box<Memory<L>>, instances: Option<Box<InstanceSystem<L>>>) {
         self.scratch_pool.put(memory);
-        if let (Some(system), Some(_)) = (system, self.unscaled) {
-            self.system_pool.put(system);
+        if let (Some(instances), true) = (instances, self.scaled) {
+            self.system_pool.put(instances);
         }
     }
 
-    /// Steps the instances of one column group. Terms of baseline methods are compiled where `BASELINES` holds.
+    /// Steps the instances of one column group. Terms of baseline methods, with the `unscaled` terms of the bodies, are compiled
+    /// where `BASELINES` holds.
     #[inline(always)]
-    fn step_group<L: Lane<Real = T>, B: Param<L>, const BASELINES: bool>(
+    fn step_group<L: Lane<Real = T>, P: Param<L>, const BASELINES: bool>(
         &self,
-        system: &System<Shared<T>, B>,
+        system: &System<P>,
+        unscaled: &[UnscaledBodyTerms<P>],
         columns: &mut Columns<T>,
         memory: &mut Memory<L>,
     ) {
@@ -275,7 +296,8 @@ impl<'a, T: Real> Step<'a, T> {
         let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
         let gained = acceleration.scale(L::splat(self.h));
         let station = if self.active.station { Some(columns.station(self.layout)) } else { None };
-        let lagged = if BASELINES { self.lagged.as_ref() } else { None };
+        let filter = if BASELINES { self.lag_filter } else { None };
+        let lagged = if let Some(filter) = filter { Some(LaggedAddedMass { unscaled, filter }) } else { None };
         if lagged.is_some() {
             columns.lag_state(self.layout, self.active, &mut memory.lag);
         }
@@ -309,7 +331,7 @@ impl<'a, T: Real> Step<'a, T> {
                     memory.lag.wrench = equations.wrench;
                 }
             }
-            if let Some(lagged) = lagged {
+            if let Some(lagged) = &lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut equations);
             }
             match &self.integrator {

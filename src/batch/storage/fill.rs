@@ -2,6 +2,7 @@
 
 use super::columns::Columns;
 use super::inputs::CheckedInputs;
+use super::instance_loads::InstanceLoads;
 use super::table::Table;
 use crate::control::THRUSTERS;
 use crate::lane::{Isa, Kernel, Lane, Real, transpose};
@@ -24,7 +25,14 @@ impl Table {
         T::dispatch(isa, &mut Fill { given: inputs, table: self, first, count, blocks: &mut *rows });
         if inputs.active_loads().link_wrenches {
             for i in 0..count {
-                self.set_links(rows, i, inputs.links(first + i));
+                self.set_links(rows, i, first + i, inputs.links(first + i));
+            }
+        }
+        if inputs.own_actuators() {
+            let mut loads = InstanceLoads::default();
+            for i in 0..count {
+                inputs.fill(first + i, self.factors(rows, i).thrust, &mut loads);
+                self.set_actuators(rows, i, &loads);
             }
         }
     }

@@ -4,6 +4,7 @@ use nalgebra as na;
 
 use super::active_loads::ActiveLoads;
 use super::instance_loads::InstanceLoads;
+use super::own_scenes::OwnScenes;
 use crate::batch::options::SimulatorOptions;
 use crate::control::{Allocation, THRUSTERS, Thrusts};
 use crate::description::{Fin, Scene};
@@ -77,6 +78,8 @@ pub struct CheckedInputs<'a> {
     commands: bool,
     /// The scene's fins.
     pub fins: &'a [Fin],
+    /// Scenes of the instances, where their thrusters or fins differ.
+    own: Option<&'a OwnScenes>,
 }
 
 impl<'a> CheckedInputs<'a> {
@@ -88,6 +91,7 @@ impl<'a> CheckedInputs<'a> {
         inputs: &Inputs<'a>,
         scene: &'a Scene,
         allocation: &'a Allocation,
+        own: Option<&'a OwnScenes>,
         options: &SimulatorOptions,
     ) -> Result<Self, SimulatorError> {
         if inputs.pose_target.is_some() && scene.vehicle.servo.is_none() {
@@ -122,6 +126,7 @@ impl<'a> CheckedInputs<'a> {
             terms,
             commands: scene.vehicle.has_thruster_dynamics(),
             fins: &scene.vehicle.fins,
+            own: own.filter(|own| own.own_actuators),
         })
     }
 
@@ -134,13 +139,24 @@ impl<'a> CheckedInputs<'a> {
         }
     }
 
+    /// True where thrusters or fins differ between instances.
+    pub fn own_actuators(&self) -> bool {
+        self.own.is_some()
+    }
+
+    /// Thruster allocation of instance `i`.
+    fn allocation_of(&self, i: usize) -> &'a Allocation {
+        self.own.map_or(self.allocation, |own| own.allocation(i))
+    }
+
     /// Thrust of instance `i` within limits, times a factor.
     pub fn thrust(&self, i: usize, factor: f64) -> Thrusts {
         let m = self.allocation.count();
+        let allocation = self.allocation_of(i);
         let mut thrusts = [0.0; THRUSTERS];
         if let Some(given) = self.inputs.thrust {
             for k in 0..m {
-                let [low, high] = self.allocation.limits(k);
+                let [low, high] = allocation.limits(k);
                 thrusts[k] = factor * given[i * m + k].clamp(low, high);
             }
         }
@@ -171,12 +187,13 @@ impl<'a> CheckedInputs<'a> {
         if self.commands {
             loads.command = self.thrust(i, 1.0);
         } else if inputs.thrust.is_some() {
-            loads.wrench = self.allocation.wrench(&self.thrust(i, thrust)).into();
+            loads.wrench = self.allocation_of(i).wrench(&self.thrust(i, thrust)).into();
         }
         for (sum, extra) in loads.wrench.iter_mut().zip(self.wrench(i)) {
             *sum += extra;
         }
-        for (k, fin) in self.fins.iter().enumerate() {
+        let fins = self.own.map_or(self.fins, |own| &own.scenes()[i].vehicle.fins);
+        for (k, fin) in fins.iter().enumerate() {
             let [lower, upper] = fin.range();
             let given = self.row(inputs.fin, self.fins.len(), i);
             loads.fins[k] = given.map_or(fin.deflection, |given| given[k].clamp(lower, upper));

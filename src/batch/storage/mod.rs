@@ -7,4 +7,6 @@ mod fill;
 pub mod inputs;
 pub mod instance_loads;
 pub mod layout;
+pub mod own_numbers;
+pub mod own_scenes;
 pub mod table;

@@ -2,6 +2,7 @@
 
 use nalgebra as na;
 
+use super::instance_loads::InstanceLoads;
 use super::layout::Layout;
 use crate::batch::monitoring::step_quality::StepQuality;
 use crate::hydro::{FINS, Thrusts};
@@ -15,8 +16,8 @@ use crate::system::{FACTORS, Factors, Flow, State, quaternion, roll_pitch_yaw};
 pub struct Table {
     /// Rows of a block.
     pub layout: Layout,
-    /// Each link's frame in its joint's frame.
-    pub links: Vec<Pose<f64>>,
+    /// Each link's frame in its joint's frame: of all instances, or of each.
+    pub links: Vec<Vec<Pose<f64>>>,
 }
 
 impl Table {
@@ -159,9 +160,23 @@ impl Table {
         self.set_all(rows, i, self.layout.fin, fins[..self.layout.fins].iter().copied());
     }
 
-    /// Sets the wrenches on the links, each given in its link frame.
-    pub fn set_links<T: Real>(&self, rows: &mut [T], i: usize, wrenches: impl Iterator<Item = [f64; 6]>) {
-        for (k, (link, wrench)) in self.links.iter().zip(wrenches).enumerate() {
+    /// Sets the loads by thrusters and fins.
+    pub fn set_actuators<T: Real>(&self, rows: &mut [T], i: usize, loads: &InstanceLoads) {
+        self.set_all(rows, i, self.layout.wrench, loads.wrench);
+        self.set_all(rows, i, self.layout.command, loads.command[..self.layout.thrusters].iter().copied());
+        self.set_fins(rows, i, &loads.fins);
+    }
+
+    /// Sets the wrenches on the links, each given in its link frame; the instance is number `instance` among all.
+    pub fn set_links<T: Real>(
+        &self,
+        rows: &mut [T],
+        i: usize,
+        instance: usize,
+        wrenches: impl Iterator<Item = [f64; 6]>,
+    ) {
+        let links = self.links.get(instance).or(self.links.first());
+        for (k, (link, wrench)) in links.into_iter().flatten().zip(wrenches).enumerate() {
             let wrench = link.co_adjoint_apply_inverse(Vector6::from_array(wrench));
             self.set_all(rows, i, self.layout.links + 6 * k, wrench.to_array());
         }

@@ -17,12 +17,15 @@ mod payload;
 mod profile;
 mod read;
 mod rows;
+mod scene_range;
 mod script;
 mod sensors;
 mod span;
 mod tether;
 mod thrusters;
 mod waves;
+
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +44,7 @@ pub use parameters::Parameters;
 pub use payload::{Payload, PayloadEvent};
 pub use profile::Profile;
 pub use rows::DisturbanceRows;
+pub use scene_range::SceneRange;
 pub use script::Script;
 pub use sensors::{Delay, MEASURED, Noise, SensorRows};
 pub use span::Span;
@@ -138,6 +142,7 @@ impl Disturbance {
             ("script", self.script.is_none() && other.script.is_some()),
             ("noise", self.noise.is_none() && other.noise.is_some()),
             ("parameters", !self.varies() && other.parameters.is_some()),
+            ("parameters of the scene", other.scene_ranges().is_some_and(|other| self.scene_ranges() != Some(other))),
         ];
         let absent = |key: &str| span::refuse(key, "the environment was made without it: make it with it".into());
         if let Some((key, _)) = lacking.into_iter().find(|(_, lacks)| *lacks) {
@@ -163,6 +168,11 @@ impl Disturbance {
             return span::refuse("delay", reason);
         }
         Ok(())
+    }
+
+    /// Ranges of numbers of the scene, if there are any.
+    fn scene_ranges(&self) -> Option<&BTreeMap<String, SceneRange>> {
+        self.parameters.as_ref().map(Parameters::scene).filter(|scene| !scene.is_empty())
     }
 
     /// True where instances differ in their parameters, now or later.

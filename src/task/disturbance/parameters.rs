@@ -1,9 +1,10 @@
-//! Factors on a scene's parameters.
+//! Factors on a scene's parameters, and ranges of its numbers.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::scene_range::SceneRange;
 use super::span::{Span, check};
 use crate::error::TaskError;
 use crate::system::{FACTORS, Factors};
@@ -13,10 +14,12 @@ use crate::task::random::Stream;
 ///
 /// Volume follows mass, so that a floating body still floats: the factor on the displaced volume is that on mass times `volume`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(try_from = "Given", into = "BTreeMap<String, Span>")]
+#[serde(try_from = "Given", into = "BTreeMap<String, SceneRange>")]
 pub struct Parameters {
     /// Ranges in the order of [`Factors::NAMES`]; the payload is a mass, kg.
     ranges: [Option<Span>; FACTORS],
+    /// Ranges of numbers by their keys in the scene, which have a dot.
+    scene: BTreeMap<String, SceneRange>,
 }
 
 /// Range for `true`: factors from 0.7 to 1.3.
@@ -32,14 +35,7 @@ const MASS: &str = "mass";
 enum Given {
     Whether(bool),
     Share(f64),
-    Each(BTreeMap<String, Range>),
-}
-
-#[derive(Deserialize)]
-#[serde(untagged, expecting = "must be a share either way, or a list of two, [least, greatest]")]
-enum Range {
-    Share(f64),
-    Range([f64; 2]),
+    Each(BTreeMap<String, SceneRange>),
 }
 
 impl TryFrom<Given> for Parameters {
@@ -48,12 +44,16 @@ impl TryFrom<Given> for Parameters {
     fn try_from(given: Given) -> Result<Self, String> {
         let around = |share: f64| Span::of(1.0 - share, 1.0 + share);
         let mut ranges = [None; FACTORS];
+        let mut scene = BTreeMap::new();
         let mut set = |name: &str, span| match place(name) {
             Some(k) => {
                 ranges[k] = Some(span);
                 Ok(())
             }
-            None => Err(format!("unknown parameter `{name}`, expected one of {}", Factors::<f64>::NAMES.join(", "))),
+            None => {
+                let known = Factors::<f64>::NAMES.join(", ");
+                Err(format!("unknown parameter `{name}`, expected one of {known}, or a key of the scene with a dot"))
+            }
         };
         match given {
             Given::Whether(false) => {}
@@ -61,21 +61,32 @@ impl TryFrom<Given> for Parameters {
             Given::Share(share) => SHARED.iter().try_for_each(|name| set(name, around(share)))?,
             Given::Each(each) => each.into_iter().try_for_each(|(name, range)| {
                 let span = match range {
-                    Range::Share(mass) if name == PAYLOAD => Span::of(0.0, mass),
-                    Range::Share(share) => around(share),
-                    Range::Range([low, high]) => Span::of(low, high),
+                    _ if name.contains('.') => {
+                        scene.insert(name, range);
+                        return Ok(());
+                    }
+                    SceneRange::Share(mass) if name == PAYLOAD => Span::of(0.0, mass),
+                    SceneRange::Share(share) => around(share),
+                    SceneRange::Number([low, high]) => Span::of(low, high),
+                    SceneRange::List(_) => {
+                        return Err(format!(
+                            "`{name}` must be a share either way, or a list of two, [least, greatest]"
+                        ));
+                    }
                 };
                 set(&name, span)
             })?,
         }
-        Ok(Self { ranges })
+        Ok(Self { ranges, scene })
     }
 }
 
-impl From<Parameters> for BTreeMap<String, Span> {
+impl From<Parameters> for BTreeMap<String, SceneRange> {
     fn from(parameters: Parameters) -> Self {
         let names = Factors::<f64>::NAMES.into_iter().map(str::to_owned);
-        names.zip(parameters.ranges).filter_map(|(name, range)| Some((name, range?))).collect()
+        let factors = names.zip(parameters.ranges);
+        let factors = factors.filter_map(|(name, range)| Some((name, SceneRange::Number(range?.into()))));
+        factors.chain(parameters.scene).collect()
     }
 }
 
@@ -86,7 +97,12 @@ fn place(name: &str) -> Option<usize> {
 impl Parameters {
     /// These ranges, or none if all are empty.
     pub fn any(&self) -> Option<Self> {
-        self.ranges.iter().any(Option::is_some).then(|| self.clone())
+        (self.ranges.iter().any(Option::is_some) || !self.scene.is_empty()).then(|| self.clone())
+    }
+
+    /// Ranges of numbers by their keys in the scene.
+    pub fn scene(&self) -> &BTreeMap<String, SceneRange> {
+        &self.scene
     }
 
     /// Ranges of this share either way, for all but volume and payload.

@@ -30,7 +30,7 @@ fn loads_are_those_of_single_instances<T: Real>(precision: Precision) {
     for (isa, instances) in Isa::available().flat_map(|isa| [1, 5, 8, 16, 17, 35].map(|count| (isa, count))) {
         let options = SimulatorOptions { instances, precision, ..SimulatorOptions::default() };
         let (state, flow) = (State::default(), Flow::from(scene.water.current));
-        let mut blocks = Blocks::<T>::new(&compiled, instances, &integrator, isa, &state, &flow).unwrap();
+        let mut blocks = Blocks::<T>::new(&compiled, None, instances, &integrator, isa, &state, &flow).unwrap();
         for i in 0..instances {
             blocks.set_factors(i, &Factors { thrust: 0.9 + 0.01 * i as f64, ..Factors::ONE });
         }
@@ -52,7 +52,7 @@ fn loads_are_those_of_single_instances<T: Real>(precision: Precision) {
                 pose_target: pick(5).then_some(&stations[..]),
                 fin: None,
             };
-            let applied = CheckedInputs::new(&inputs, &scene, &allocation, &options).unwrap();
+            let applied = CheckedInputs::new(&inputs, &scene, &allocation, None, &options).unwrap();
             let active = applied.active_loads();
             // Earlier numbers must not show where a load is active.
             let (layout, _, rows) = blocks.parts();
@@ -60,7 +60,7 @@ fn loads_are_those_of_single_instances<T: Real>(precision: Precision) {
             for rows in rows.chunks_exact_mut(width) {
                 rows[layout.wrench * T::BLOCK..layout.factors * T::BLOCK].fill(T::from_f64(7.0));
             }
-            let table = Table { layout: layout.clone(), links: compiled.links.clone() };
+            let table = Table { layout: layout.clone(), links: vec![compiled.links.clone()] };
             let (_, _, rows) = blocks.parts();
             table.apply(isa, rows, &applied, 0, instances);
             let rows = &*rows;
@@ -82,7 +82,7 @@ fn loads_are_those_of_single_instances<T: Real>(precision: Precision) {
                 }
                 if active.link_wrenches {
                     for k in 0..n {
-                        let wrench = table.links[k].co_adjoint_apply_inverse(Vector6::from_array(loads.links[k]));
+                        let wrench = table.links[0][k].co_adjoint_apply_inverse(Vector6::from_array(loads.links[k]));
                         same(layout.links + 6 * k, &wrench.to_array(), "link");
                     }
                 }

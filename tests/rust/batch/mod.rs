@@ -3,6 +3,8 @@
 mod aligned;
 mod fill;
 mod instances;
+mod own_scenes;
 mod precision;
 mod task;
+mod task_scenes;
 mod threads;

@@ -9,7 +9,7 @@ use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{ClosedFormModel, Loads};
 use uvms_gym::hydro::{CoefficientFrame, CoefficientMatrix};
 use uvms_gym::lane::Shared;
-use uvms_gym::system::{Compiled, Factors, Flow, ScaledSystem, State, compile};
+use uvms_gym::system::{Compiled, Factors, Flow, State, System, compile};
 
 /// Random loads of a scene, in the layout of both forms.
 struct RandomLoads {
@@ -258,7 +258,7 @@ fn payloads_are_held_at_any_end_effector() {
         let mut scene = Scene::shipped("petasus-pum").unwrap();
         scene.arm.as_mut().unwrap().end_effector.position = offset.into();
         let Compiled { system, unscaled, payload_attachment, .. } = compile(&scene);
-        let laden: ScaledSystem<f64> = system.allocate_scaled(&unscaled, Some(payload_attachment.map(Shared)));
+        let laden: System<f64> = system.allocate_scaled(&unscaled, Some(payload_attachment.map(Shared)));
         assert!(system.sparse && system.z_aligned);
         assert_eq!(laden.sparse, sparse, "{payload_attachment:?}");
         check_factors(seed, scene);

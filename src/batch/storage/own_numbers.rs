@@ -1,0 +1,175 @@
+//! Numbers of the system that differ between instances.
+
+use super::aligned::Aligned;
+use crate::error::SimulatorError;
+use crate::lane::{Lane, Real};
+use crate::system::{Compiled, InstanceSystem, RunVisitor};
+
+/// First row of each run of numbers ([`InstanceSystem::visit`]); none where all instances share the run.
+pub type RunRows = Vec<Option<u32>>;
+
+/// Numbers of the system that differ between instances: rows of blocks, as those of the states.
+#[derive(Debug, Clone)]
+pub struct OwnNumbers<T> {
+    layout: OwnLayout,
+    rows: Aligned<T>,
+}
+
+/// Layout of these rows.
+#[derive(Debug, Clone)]
+pub struct OwnLayout {
+    /// First row of each run.
+    run_rows: RunRows,
+    /// Rows of a block.
+    pub width: usize,
+    /// Numbers of all runs in the first instance.
+    runs: Vec<Vec<f64>>,
+}
+
+/// Numbers of several whole blocks.
+#[derive(Debug, Clone, Copy)]
+pub struct OwnColumns<'a, T> {
+    /// First row of each run.
+    pub run_rows: &'a RunRows,
+    /// Rows of a block.
+    width: usize,
+    /// The blocks.
+    rows: &'a [T],
+}
+
+impl OwnLayout {
+    /// The blocks of these rows.
+    pub fn columns<'a, T>(&'a self, rows: &'a [T]) -> OwnColumns<'a, T> {
+        OwnColumns { run_rows: &self.run_rows, width: self.width, rows }
+    }
+
+    /// Sets the numbers of instance `i` of these rows.
+    pub fn set<T: Real>(&self, rows: &mut [T], i: usize, compiled: &Compiled) {
+        for ((first, common), run) in self.run_rows.iter().zip(&self.runs).zip(runs_of(compiled)) {
+            let Some(first) = first else {
+                debug_assert_eq!(run, *common, "a number that all instances share");
+                continue;
+            };
+            for (k, number) in run.into_iter().enumerate() {
+                let row = i / T::BLOCK * self.width + *first as usize + k;
+                rows[row * T::BLOCK + i % T::BLOCK] = T::from_f64(number);
+            }
+        }
+    }
+}
+
+impl<T: Real> OwnNumbers<T> {
+    /// Numbers of `instances` instances. Those are their own that differ between the first `samples` of the scenes of the same
+    /// structure that `compiled` compiles; none where all are the same. Instances beyond these samples have those of the first.
+    ///
+    /// # Errors
+    /// [`SimulatorError::Memory`] if they do not fit into memory.
+    pub fn new(
+        instances: usize,
+        samples: usize,
+        compiled: &dyn Fn(usize) -> Compiled,
+    ) -> Result<Option<Self>, SimulatorError> {
+        let runs = runs_of(&compiled(0));
+        let mut differs = vec![false; runs.len()];
+        for i in 1..samples {
+            for ((differs, first), run) in differs.iter_mut().zip(&runs).zip(runs_of(&compiled(i))) {
+                *differs |= *first != run;
+            }
+        }
+        let mut width = 0;
+        let mut take = |(differs, run): (bool, &Vec<f64>)| {
+            let first = width as u32;
+            width += if differs { run.len() } else { 0 };
+            differs.then_some(first)
+        };
+        let run_rows: RunRows = differs.into_iter().zip(&runs).map(&mut take).collect();
+        if width == 0 {
+            return Ok(None);
+        }
+        let memory = || SimulatorError::Memory { instances };
+        let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
+        let size = columns.checked_mul(width).ok_or_else(memory)?;
+        let rows = Aligned::filled(size, T::from_f64(0.0)).map_err(|_| memory())?;
+        let mut numbers = Self { layout: OwnLayout { run_rows, width, runs }, rows };
+        let first = compiled(0);
+        for i in 0..columns {
+            // Columns past the last instance hold valid numbers too.
+            if i < samples.min(instances) { numbers.set(i, &compiled(i)) } else { numbers.set(i, &first) }
+        }
+        Ok(Some(numbers))
+    }
+
+    /// Sets the numbers of instance `i`.
+    pub fn set(&mut self, i: usize, compiled: &Compiled) {
+        self.layout.set(&mut self.rows, i, compiled);
+    }
+
+    /// All blocks.
+    pub fn columns(&self) -> OwnColumns<'_, T> {
+        self.layout.columns(&self.rows)
+    }
+
+    /// Layout of the rows, and the blocks.
+    pub fn parts(&mut self) -> (&OwnLayout, &mut [T]) {
+        (&self.layout, &mut self.rows)
+    }
+
+    /// Bytes of all blocks.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.rows[..])
+    }
+}
+
+impl<'a, T: Real> OwnColumns<'a, T> {
+    /// Block `k`.
+    #[inline(always)]
+    pub fn block(&self, k: usize) -> &'a [T] {
+        let size = self.width * T::BLOCK;
+        self.rows.get(k * size..(k + 1) * size).unwrap_or_default()
+    }
+}
+
+/// Loads the numbers of a column group into the system of its instances.
+pub struct RunLoader<'a, T> {
+    run_rows: std::slice::Iter<'a, Option<u32>>,
+    block: &'a [T],
+    first: usize,
+}
+
+impl<'a, T: Real> RunLoader<'a, T> {
+    /// Loader of the column group of a block that begins with column `first`.
+    #[inline(always)]
+    pub fn new(run_rows: &'a RunRows, block: &'a [T], first: usize) -> Self {
+        Self { run_rows: run_rows.iter(), block, first }
+    }
+}
+
+impl<L: Lane> RunVisitor<L> for RunLoader<'_, L::Real> {
+    #[inline(always)]
+    fn visit(&mut self, run: &mut [L]) {
+        let Some(Some(row)) = self.run_rows.next() else { return };
+        let mut at = *row as usize * L::Real::BLOCK + self.first;
+        for number in run {
+            if let Some(lanes) = self.block.get(at..at + L::LANES) {
+                *number = L::load(lanes);
+            }
+            at += L::Real::BLOCK;
+        }
+    }
+}
+
+/// Collects runs.
+struct Collector(Vec<Vec<f64>>);
+
+impl RunVisitor<f64> for Collector {
+    fn visit(&mut self, run: &mut [f64]) {
+        self.0.push(run.to_vec());
+    }
+}
+
+/// Numbers of a compiled scene, run by run.
+fn runs_of(compiled: &Compiled) -> Vec<Vec<f64>> {
+    let mut collector = Collector(Vec::new());
+    InstanceSystem::from(compiled).visit(&mut collector);
+    collector.0
+}

@@ -1,0 +1,181 @@
+"""Simulators of scenes that differ between instances: each instance is that of its own scene alone."""
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from helpers import assert_same, state_of
+
+from uvms_gym import SceneError, Simulator, load_scene
+from uvms_gym.envs import StationKeepEnv, StationKeepVectorEnv
+
+MASS, FRICTION, ADDED = "vehicle.body.mass", "arm.links[0].joint.friction.viscous", "vehicle.body.added_mass"
+ROTOR = "arm.links[0].joint.rotor_inertia"
+N = 11
+
+
+def parameters(n: int = N, scene: str = "petasus-pum") -> dict[str, np.ndarray]:
+    """Values around those of the scene."""
+    random, nominal = np.random.default_rng(1), load_scene(scene)
+    body, link = nominal["vehicle"]["body"], nominal["arm"]["links"][0]
+    factors = random.uniform(0.8, 1.2, (n, 8))
+    return {
+        MASS: body["mass"] * factors[:, 0],
+        FRICTION: link["joint"]["friction"]["viscous"] * factors[:, 1],
+        ADDED: np.array(body["added_mass"]) * factors[:, 2:],
+    }
+
+
+def scenes() -> list[dict[str, Any]]:
+    """The same by hand."""
+    values, all_scenes = parameters(), []
+    for i in range(N):
+        scene = load_scene("petasus-pum")
+        scene["vehicle"]["body"]["mass"] = values[MASS][i]
+        scene["vehicle"]["body"].pop("weight", None)
+        scene["vehicle"]["body"]["added_mass"] = values[ADDED][i].tolist()
+        scene["arm"]["links"][0]["joint"]["friction"]["viscous"] = values[FRICTION][i]
+        for link in scene["arm"]["links"]:
+            link["body"].pop("weight", None)
+        all_scenes.append(scene)
+    return all_scenes
+
+
+def drive(s: Simulator, thrust: np.ndarray) -> dict[str, np.ndarray]:
+    s.step(thrust=thrust, substeps=7)
+    return state_of(s)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("integrator", ["mk4", "ros2", "quaternion-rk4"])
+def test_each_instance_is_its_scene_alone(integrator: str, dtype: str) -> None:
+    thrust = np.random.default_rng(2).uniform(-20, 20, (N, Simulator("petasus-pum").num_thrusters))
+    batch = Simulator("petasus-pum", integrator=integrator, dtype=dtype, parameters=parameters())
+    assert batch.num_envs == N
+    accelerations = batch.forward_dynamics(thrust=thrust)
+    states = drive(batch, thrust)
+    assert_same(states, drive(Simulator(scenes(), integrator=integrator, dtype=dtype), thrust))
+    for i, scene in enumerate(scenes()):
+        alone = Simulator(scene, integrator=integrator, dtype=dtype)
+        assert np.array_equal(accelerations[i], alone.forward_dynamics(thrust=thrust[i])[0])
+        assert_same({name: value[i : i + 1] for name, value in states.items()}, drive(alone, thrust[i]))
+
+
+def test_the_model_is_that_of_each_scene() -> None:
+    batch = Simulator(scenes())
+    assert [scene["vehicle"]["body"]["mass"] for scene in batch.scenes] == parameters()[MASS].tolist()
+    for i, scene in enumerate(scenes()):
+        alone = Simulator(scene)
+        assert np.array_equal(batch.mass_matrix()[i], alone.mass_matrix()[0])
+        assert np.array_equal(batch.linearize()[0][i], alone.linearize()[0][0])
+        assert np.array_equal(batch.trim()["thrust"][i], alone.trim()["thrust"][0])
+
+
+def test_homes_and_currents_are_their_own() -> None:
+    keys = {"arm.links[1].joint.home": [0.1, 0.2], "water.current": [[0.1, 0, 0], [0, 0.2, 0]]}
+    s = Simulator("petasus-pum", parameters=keys)
+    for _ in range(2):
+        joint = s.joint_names.index(load_scene("petasus-pum")["arm"]["links"][1]["name"])
+        assert s.q[:, joint].tolist() == [0.1, 0.2]
+        assert s.current.tolist() == [[0.1, 0, 0], [0, 0.2, 0]]
+        s.step()
+        s.reset()
+
+
+def test_factors_apply_to_the_numbers_of_each_instance() -> None:
+    factors = np.linspace(0.8, 1.2, N)
+    batch = Simulator(scenes())
+    batch.scale_parameters(mass=factors, payload=0.3)
+    batch.step(substeps=5)
+    for i, scene in enumerate(scenes()):
+        alone = Simulator(scene)
+        alone.scale_parameters(mass=factors[i], payload=0.3)
+        alone.step(substeps=5)
+        assert np.array_equal(batch.twist[i], alone.twist[0])
+
+
+def test_copies_and_pickles_keep_their_scenes() -> None:
+    s = Simulator(scenes())
+    s.step(substeps=3)
+    for twin in (copy.copy(s), pickle.loads(pickle.dumps(s))):
+        assert twin.scenes == s.scenes
+        twin.step(substeps=3)
+        reference = copy.copy(s)
+        reference.step(substeps=3)
+        assert_same(state_of(twin), state_of(reference))
+
+
+def test_parameters_of_equal_values_are_those_of_one_scene() -> None:
+    scene = load_scene("petasus-pum")
+    same = Simulator("petasus-pum", parameters={MASS: np.full(3, scene["vehicle"]["body"]["mass"])})
+    plain = Simulator("petasus-pum", 3)
+    same.step(substeps=3)
+    plain.step(substeps=3)
+    assert_same(state_of(same), state_of(plain))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind", "words"),
+    [
+        ({"parameters": {"vehicle.body.mas": [1.0, 2.0]}}, SceneError, ["vehicle.body.mas", MASS]),
+        ({"parameters": {"arm.links[9].body.mass": [1.0]}}, SceneError, ["arm.links[9].body.mass", "arm.links["]),
+        ({"parameters": {MASS: [20.0, -1.0]}}, SceneError, ["instance 1", MASS, "-1.0"]),
+        ({"parameters": {MASS: [[20.0], [21.0]]}}, SceneError, ["instance 0", MASS]),
+        ({"parameters": {ADDED: np.ones((2, 5))}}, SceneError, ["instance 0", ADDED, "5"]),
+        ({"parameters": {MASS: [20.0, np.nan]}}, SceneError, ["instance 1", MASS]),
+        ({"parameters": {MASS: [20.0, 21.0]}, "num_envs": 3}, ValueError, [MASS, "(2,)", "(3, ...)"]),
+        ({"parameters": {MASS: ["a"]}}, TypeError, [MASS]),
+        ({"parameters": {3: [1.0]}}, TypeError, ["strings", "int"]),
+        ({"scene": ["petasus-pum"] * 2, "num_envs": 3}, ValueError, ["2 scenes", "num_envs is 3"]),
+        ({"scene": ["petasus-pum", "bluerov2-heavy"]}, ValueError, ["scene 1 ('bluerov2-heavy')", "structure"]),
+        ({"scene": []}, ValueError, ["num_envs"]),
+        ({"parameters": {ROTOR: [0.1, 0.0]}}, ValueError, ["scene 1", ROTOR]),
+    ],
+)
+def test_errors_name_instance_key_and_value(arguments: dict[str, Any], kind: type[Exception], words: list[str]) -> None:
+    with pytest.raises(kind) as caught:
+        Simulator(**({"scene": "petasus-pum"} | arguments))
+    assert all(word in str(caught.value) for word in words), caught.value
+
+
+RANGES = {MASS: 0.2, FRICTION: [0.5, 3.0], ADDED: [[50.0] * 3 + [1.5] * 3, [110.0] * 3 + [4.0] * 3], "thrust": 0.1}
+
+
+def rollout(env: Any, seed: int) -> np.ndarray:
+    observations = [env.reset(seed=seed)[0]]
+    for k in range(6):
+        action = np.full(env.action_space.shape, 0.3 * np.sin(k), np.float32)
+        observations.append(env.step(action)[0])
+    env.close()
+    return np.array(observations)
+
+
+def test_episodes_draw_numbers_of_the_scene_alike_in_one_and_in_many() -> None:
+    options: dict[str, Any] = {"randomize": RANGES, "max_current": 0.0}
+    many = rollout(StationKeepVectorEnv(9, **options), 3)
+    again = rollout(StationKeepVectorEnv(9, threads=1, **options), 3)
+    assert np.array_equal(many, again)
+    for i in (0, 4, 8):
+        assert np.array_equal(many[:, i], rollout(StationKeepEnv(**options), 3 + i))
+    del options["randomize"]
+    plain = rollout(StationKeepEnv(**options), 3)
+    assert np.array_equal(plain[0], many[0, 0])
+    assert not np.array_equal(plain[-1], many[-1, 0])
+
+
+@pytest.mark.parametrize(
+    ("ranges", "words"),
+    [
+        ({"vehicle.body.mas": [1.0, 2.0]}, ["vehicle.body.mas", MASS]),
+        ({MASS: [3.0, 1.0]}, [MASS, "[3, 1]"]),
+        ({ADDED: [1.0, 2.0]}, [ADDED, "list of 6"]),
+        ({"water.current": [[0.1] * 3, [0.2] * 3]}, ["water.current", "no effect"]),
+        ({"masss": 0.1}, ["masss", "key of the scene"]),
+    ],
+)
+def test_ranges_that_cannot_be_are_refused_by_key(ranges: dict[str, Any], words: list[str]) -> None:
+    with pytest.raises(ValueError) as caught:
+        StationKeepEnv(randomize=ranges)
+    assert all(word in str(caught.value) for word in words), caught.value
