@@ -2,6 +2,7 @@
 
 use std::any::Any;
 use std::hint::cold_path;
+use std::mem::ManuallyDrop;
 use std::slice::ChunksExactMut;
 
 use super::equations_of_motion::EquationsOfMotion;
@@ -211,7 +212,9 @@ impl<'a, T: Real> Step<'a, T> {
             (false, Some(system)) => (system as &dyn Any).downcast_ref(),
             _ => None,
         };
-        let (mut memory, mut instances) = self.memory_and_system::<L>(shared.is_none());
+        let (mut memory, instances) = self.memory_and_system::<L>(shared.is_none());
+        // Nothing here panics: no code that would free it then.
+        let mut instances = ManuallyDrop::new(instances);
         for (k, rows) in self.blocks().enumerate() {
             prefetch_after::<L, _>(rows.get(..self.layout.common * T::BLOCK).unwrap_or_default(), rows.len());
             for first in (0..T::BLOCK).step_by(L::LANES) {
@@ -219,7 +222,7 @@ impl<'a, T: Real> Step<'a, T> {
                     break;
                 }
                 let mut columns = Columns { rows: &mut *rows, first };
-                if let (true, Some(instances)) = (self.scaled, &mut instances) {
+                if let (true, Some(instances)) = (self.scaled, &mut *instances) {
                     let mut factors = columns.factors(self.layout);
                     if self.lag_filter.is_some() {
                         factors.added_mass = L::zero();
@@ -232,7 +235,7 @@ impl<'a, T: Real> Step<'a, T> {
                         instances.system.apply_factors(self.unscaled, &factors, body_frame_terms);
                     }
                 }
-                let (system, unscaled) = match (&instances, shared) {
+                let (system, unscaled) = match (&*instances, shared) {
                     (Some(instances), _) => (&instances.system, &instances.unscaled[..]),
                     (None, Some(shared)) => (shared, &[][..]),
                     (None, None) => continue,
@@ -240,7 +243,7 @@ impl<'a, T: Real> Step<'a, T> {
                 self.step_group::<_, _, true>(system, unscaled, &mut columns, &mut memory);
             }
         }
-        self.return_memory(memory, instances);
+        self.return_memory(memory, ManuallyDrop::into_inner(instances));
     }
 
     /// Scratch memory. (A call, as are the next two functions: the steps themselves contain none.)
