@@ -186,7 +186,8 @@ fn complete(mut scene: Scene) -> Scene {
             link.joint.limits = Some(JointLimits { lower, upper, stiffness: 50.0, damping: 1.0 });
             if link.joint.kind == JointKind::Revolute && i % 3 == 1 {
                 link.joint.effort = None;
-                link.joint.actuator = Some(LinearActuator { base: 0.2, lever: 0.05, angle: 1.0, force: 100.0 });
+                let angle = std::f64::consts::FRAC_PI_2 - link.joint.home;
+                link.joint.actuator = Some(LinearActuator { base: 0.2, lever: 0.05, angle, force: 100.0 });
             }
         }
     }
