@@ -64,7 +64,7 @@ AROUND_STEPS = {
     r"drop_in_place.*(6system|5hydro)|5alloc(3vec|7raw_vec).*4drop": "frees it where nobody will need it",
     r"___rust_dealloc": "the same",
     r"^_Unwind_Resume$|panic_in_cleanup": "the same after a panic",
-    r"3Isa8detected|9panic_fmt": "the instruction set of a routine in scalar lanes, and its absence",
+    r"3Isa8detected|10std_detect|9panic_fmt": "the instruction set of a routine in scalar lanes, and its absence",
     ROUTINE + r".*16instance_numbers11LoadNumbers": "numbers of single instances, before their steps",
     STEP: "the step itself",
 }
