@@ -72,7 +72,8 @@ AROUND_STEPS = {
 ELSEWHERE = {
     r"^mem(cpy|set|move)$|as_flattened|copy_from_slice|spec_fill": "fills and copies tables",
     r"4core(9panicking|5slice5index)": "checks bounds",
-    r"Scratch.*3new|15allocate_scaled|14InstanceSystem.*8allocate": "working memory of those that only work out accelerations",
+    r"Scratch.*3new|15allocate_scaled": "working memory of those that only work out accelerations",
+    r"14InstanceSystem.*8allocate": "the same",
     r"7control.*(allocate|wrench|normalise)|8nalgebra": "classical controllers: scalars, once in a control period",
     r"^r[a-z0-9]+$": "one of these through a register",
     ROUTINE: "routines that several kernels share",
