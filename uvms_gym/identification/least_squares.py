@@ -1,0 +1,214 @@
+"""Robust least squares with priors, bounds, and parameters of single trials: Levenberg-Marquardt."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from uvms_gym.identification.recordings import Floats
+
+#: Residual, in deviations of the noise, from which on its weight falls.
+ROBUST = 2.0
+#: Relative decrease of the cost at which the iteration ends.
+TOLERANCE = 1e-5
+#: Most iterations.
+ITERATIONS = 30
+#: Finite differences, in standard deviations of the prior.
+DIFFERENCE = 0.01
+
+
+class Problem(Protocol):
+    """Residuals of trials: N trials, p common parameters, m parameters of every trial."""
+
+    @property
+    def deviations(self) -> Floats:
+        """(p,) standard deviations of the priors of the common parameters."""
+        ...
+
+    @property
+    def own_deviations(self) -> Floats:
+        """(m,) standard deviations of the priors of a trial's parameters."""
+        ...
+
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Least and greatest common parameters, each (p,)."""
+        ...
+
+    @property
+    def share(self) -> float:
+        """Weight of a residual: the share of independent ones."""
+        ...
+
+    def residuals(self, common: Floats, own: Floats) -> Floats:
+        """(N, R) residuals in deviations of the noise at common (p,) and own (N, m) parameters; 0 where unknown."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Minimum of a problem, and its derivatives with the parameters of single trials eliminated.
+
+    Attributes
+    ----------
+    common, own : numpy.ndarray (p,), (N, m)
+        Parameters.
+    cost : float
+        Cost, priors included.
+    iterations : int
+        Number of steps.
+    converged : bool
+        False after an interruption, or too many iterations.
+    information : numpy.ndarray (N, p, p)
+        Information of each trial about the common parameters.
+    scores : numpy.ndarray (N, p)
+        Gradient of each trial's cost.
+    at_bound : numpy.ndarray (p,)
+        True where a bound holds a parameter.
+    """
+
+    common: Floats
+    own: Floats
+    cost: float
+    iterations: int
+    converged: bool
+    information: Floats
+    scores: Floats
+    at_bound: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Parameters with residuals and cost."""
+
+    common: Floats
+    own: Floats
+    residuals: Floats
+    cost: float
+
+
+def minimise(
+    problem: Problem, common: Floats, own: Floats, report: Callable[[int, float], None] | None = None
+) -> Solution:
+    """Minimise the robust cost from a start; the prior's mean is that start.
+
+    Parameters
+    ----------
+    problem : Problem
+        Residuals.
+    common, own : numpy.ndarray (p,), (N, m)
+        Start.
+    report : callable, optional
+        Called after every iteration with its number and the cost.
+
+    An interruption (KeyboardInterrupt) ends the iteration at the best parameters so far.
+    """
+    origin = common.copy()
+    low, high = problem.bounds
+    point = _evaluate(problem, common, own, origin)
+    damping, iterations, converged = 1e-3, 0, False
+    model = _linearise(problem, point)
+    try:
+        while iterations < ITERATIONS and not converged:
+            step, own_step, held = _step(problem, point, model, origin, damping)
+            candidate = _evaluate(problem, np.clip(point.common + step, low, high), point.own + own_step, origin)
+            iterations += 1
+            gain = (point.cost - candidate.cost) / point.cost
+            if gain > 0.0:
+                damping = max(damping / 5.0, 1e-9)
+                point = candidate
+                converged = gain < TOLERANCE
+                model = _linearise(problem, point)
+            else:
+                converged = damping > 1e6 or abs(gain) < 1e-3 * TOLERANCE
+                damping *= 10.0
+            if report is not None:
+                report(iterations, point.cost)
+    except KeyboardInterrupt:
+        converged = False
+    information, scores = _eliminated(problem, point, model)
+    held = _held(problem, point.common, scores.sum(axis=0) + (point.common - origin) / problem.deviations**2)
+    return Solution(point.common, point.own, point.cost, iterations, converged, information, scores, held)
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """Normal equations of every trial: A (N, p, p), B (N, p, m), C (N, m, m), gradients a (N, p) and c (N, m)."""
+
+    A: Floats
+    B: Floats
+    C: Floats
+    a: Floats
+    c: Floats
+
+
+def _evaluate(problem: Problem, common: Floats, own: Floats, origin: Floats) -> _Point:
+    """Residuals and cost."""
+    r = problem.residuals(common, own)
+    scaled = (r / ROBUST) ** 2
+    data = problem.share * ROBUST**2 * float(np.sum(np.sqrt(1.0 + scaled) - 1.0))
+    prior = 0.5 * float(np.sum(((common - origin) / problem.deviations) ** 2))
+    prior += 0.5 * float(np.sum((own / problem.own_deviations) ** 2))
+    return _Point(common, own, r, data + prior)
+
+
+def _linearise(problem: Problem, point: _Point) -> _Model:
+    """Normal equations by finite differences."""
+    p, m = len(point.common), point.own.shape[1]
+    low, high = problem.bounds
+    J = np.empty((*point.residuals.shape, p + m))
+    for k in range(p):
+        h = DIFFERENCE * problem.deviations[k]
+        h = -h if point.common[k] + h > high[k] else h
+        moved = point.common.copy()
+        moved[k] += h
+        J[..., k] = (problem.residuals(moved, point.own) - point.residuals) / h
+    for k in range(m):
+        h = 0.1 * problem.own_deviations[k]
+        own = point.own.copy()
+        own[:, k] += h
+        J[..., p + k] = (problem.residuals(point.common, own) - point.residuals) / h
+    # Iteratively reweighted: the derivative of the cost is w r.
+    w = problem.share / np.sqrt(1.0 + (point.residuals / ROBUST) ** 2)
+    weighted = J * w[..., None]
+    H = np.swapaxes(J, 1, 2) @ weighted
+    g = np.einsum("nrk,nr->nk", weighted, point.residuals)
+    own_prior = problem.own_deviations**-2.0
+    C = H[:, p:, p:] + np.diag(own_prior)
+    return _Model(H[:, :p, :p], H[:, :p, p:], C, g[:, :p], g[:, p:] + own_prior * point.own)
+
+
+def _eliminated(problem: Problem, point: _Point, model: _Model) -> tuple[Floats, Floats]:
+    """Information (N, p, p) and gradients (N, p) with the trials' own parameters eliminated."""
+    if model.c.shape[1] == 0:
+        return model.A, model.a
+    solved = np.linalg.solve(model.C, np.concatenate([np.swapaxes(model.B, 1, 2), model.c[..., None]], axis=2))
+    return model.A - model.B @ solved[..., :-1], model.a - (model.B @ solved[..., -1:])[..., 0]
+
+
+def _held(problem: Problem, common: Floats, gradient: Floats) -> Floats:
+    """True where a bound stops the descent."""
+    low, high = problem.bounds
+    width = 1e-9 * (high - low)
+    return np.asarray(((common <= low + width) & (gradient > 0.0)) | ((common >= high - width) & (gradient < 0.0)))
+
+
+def _step(
+    problem: Problem, point: _Point, model: _Model, origin: Floats, damping: float
+) -> tuple[Floats, Floats, Floats]:
+    """Damped step of common and own parameters; those at a bound that stops them stay."""
+    information, gradients = _eliminated(problem, point, model)
+    precision = problem.deviations**-2.0
+    S = information.sum(axis=0) + np.diag(precision)
+    g = gradients.sum(axis=0) + precision * (point.common - origin)
+    held = _held(problem, point.common, g)
+    S = S + damping * np.diag(np.diag(S))
+    free = np.flatnonzero(~held)
+    step = np.zeros(len(g))
+    step[free] = -np.linalg.solve(S[np.ix_(free, free)], g[free])
+    own = np.zeros_like(point.own)
+    if model.c.shape[1]:
+        right = model.c + np.einsum("npm,p->nm", model.B, step)
+        own = -np.linalg.solve(model.C, right[..., None])[..., 0]
+    return step, own, held

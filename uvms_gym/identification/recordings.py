@@ -1,0 +1,184 @@
+"""Recordings: the logs of trials on one grid of times, as replays need them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym.logs import Log, LogError, rotations
+
+Floats = NDArray[np.float64]
+
+#: Interval between compared samples, s.
+PERIOD = 0.05
+#: Smoothing of the joints' positions, s.
+SMOOTHING = 0.1
+#: Time over which the state at the start is estimated, s.
+WINDOW = 0.4
+#: Channels that are compared: name, unit, and factor from SI units to it.
+CHANNELS: dict[str, tuple[str, float]] = {
+    "roll": ("deg", 180.0 / np.pi),
+    "pitch": ("deg", 180.0 / np.pi),
+    "yaw": ("deg", 180.0 / np.pi),
+    "gyro x": ("deg/s", 180.0 / np.pi),
+    "gyro y": ("deg/s", 180.0 / np.pi),
+    "gyro z": ("deg/s", 180.0 / np.pi),
+    "x": ("mm", 1e3),
+    "y": ("mm", 1e3),
+    "z": ("mm", 1e3),
+    "velocity x": ("mm/s", 1e3),
+    "velocity y": ("mm/s", 1e3),
+    "velocity z": ("mm/s", 1e3),
+}
+NAMES = tuple(CHANNELS)
+ANGLES = [0, 1, 2]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """Trial on a grid of times.
+
+    Attributes
+    ----------
+    log : Log
+        The trial's log.
+    start, period : float
+        First time and interval, s.
+    measured : numpy.ndarray (n + 1, 12)
+        Measured `CHANNELS` in SI units at the grid's times; NaN where nothing is known. Heading is that of the position's axes.
+    initial : numpy.ndarray (12,)
+        The same at the start, by regression over the first samples; velocities in body axes.
+    """
+
+    log: Log
+    start: float
+    period: float
+    measured: Floats
+    initial: Floats
+
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+        return self.log.name
+
+    @property
+    def periods(self) -> int:
+        """Number of intervals n."""
+        return len(self.measured) - 1
+
+    @property
+    def time(self) -> Floats:
+        """(n + 1,) times since the start, s."""
+        return self.period * np.arange(self.periods + 1)
+
+    def cubics(self, lag: float = 0.0) -> Floats:
+        """(n, joints, 4) motion of the joints over each interval, whose stamps are late by a further `lag`, s."""
+        joints = self.log.joints
+        if joints is None:
+            return np.zeros((self.periods, 0, 4))
+        # Beyond the samples that a lag asks for, the joints rest.
+        first, last = joints.spans[0, 0], joints.spans[-1, 1]
+        begin = self.start + lag
+        before = max(int(np.ceil((first - begin) / self.period)), 0)
+        after = max(int(np.ceil((begin + self.periods * self.period - last) / self.period)), 0)
+        inside = self.periods - before - after
+        if inside < 1:
+            raise LogError(f"{joints.source}: no samples with a lag of {lag:.3g} s")
+        c = joints.cubics(begin + before * self.period, self.period, inside, smoothing=SMOOTHING)
+        still = np.zeros((1, *c.shape[1:]))
+        head, tail = still.copy(), still.copy()
+        head[0, :, 0] = c[0, :, 0]
+        tail[0, :, 0] = c[-1] @ self.period ** np.arange(4)
+        return np.concatenate([np.repeat(head, before, axis=0), c, np.repeat(tail, after, axis=0)])
+
+    def commands(self, lag: float = 0.0) -> Floats:
+        """(n, thrusters) mean commands over each interval, N, whose stamps are late by a further `lag`, s."""
+        thrusters = self.log.thrusters
+        if thrusters is None:
+            return np.zeros((self.periods, 0))
+        fine = 10
+        times = self.start + lag + self.period / fine * (np.arange(self.periods * fine) + 0.5)
+        values = thrusters.command_at(np.clip(times, thrusters.time[0], thrusters.time[-1]))
+        return np.asarray(np.nan_to_num(values).reshape(self.periods, fine, -1).mean(axis=1))
+
+
+def record(log: Log, period: float = PERIOD) -> Recording:
+    """Recording of a log.
+
+    Raises
+    ------
+    LogError
+        No attitude, or joints whose gaps leave less than a second.
+    """
+    kinds = [kind for kind in ("joints", "thrusters") if kind in log.channels]
+    spans = log.spans(*kinds) if kinds else np.array([[log.start, log.end]])
+    if len(spans) == 0:
+        raise LogError(f"{log.name}: no times without gaps of {' and '.join(kinds)}")
+    start, end = spans[np.argmax(spans[:, 1] - spans[:, 0])]
+    if end - start < 1.0:
+        raise LogError(f"{log.name}: the longest time without gaps is {end - start:.3g} s, but must be at least 1 s")
+    count = int((end - start) / period + 1e-9)
+    times = start + period * np.arange(count + 1)
+    measured = _measured(log, times)
+    return Recording(log=log, start=float(start), period=period, measured=measured, initial=_initial(measured, period))
+
+
+def _measured(log: Log, times: Floats) -> Floats:
+    """Measured channels at times."""
+    measured = np.full((len(times), len(NAMES)), np.nan)
+    attitude = log.imu.attitude if log.imu is not None else None
+    attitude = attitude or log.attitude or log.pose
+    if attitude is None:
+        raise LogError(f"{log.name}: no attitude, in none of imu, attitude, pose")
+    measured[:, ANGLES] = unwrapped(rotations.to_rpy(attitude.quaternion_at(times)))
+    if log.imu is not None:
+        measured[:, 3:6] = log.imu.angular_velocity_at(times)
+    elif log.twist is not None and log.twist.angular_velocity is not None:
+        measured[:, 3:6] = log.twist.angular_velocity_at(times)
+    if log.pose is not None:
+        measured[:, 6:9] = log.pose.position_at(times)
+        if attitude is not log.pose:
+            other = rotations.to_rpy(log.pose.quaternion_at(times))[:, 2]
+            turn = np.exp(1j * (other - measured[:, 2]))
+            measured[:, 2] += float(np.angle(np.nansum(turn))) if np.isfinite(turn).any() else 0.0
+    if log.twist is not None:
+        measured[:, 9:12] = log.twist.velocity_at(times)
+    return measured
+
+
+def unwrapped(rpy: Floats) -> Floats:
+    """Angles (n, 3) without jumps by full turns; NaN stays."""
+    angles = rpy.copy()
+    for column in angles.T:
+        known = np.isfinite(column)
+        column[known] = np.unwrap(column[known])
+    return angles
+
+
+def _initial(measured: Floats, period: float) -> Floats:
+    """State at the start: lines through the first known samples; velocity from the position where it is not measured."""
+    count = max(round(WINDOW / period) + 1, 3)
+
+    def line(column: Floats, samples: int) -> tuple[float, float]:
+        known = np.flatnonzero(np.isfinite(column))[:samples]
+        if len(known) < 3:
+            return 0.0, 0.0
+        slope, value = np.polyfit(period * known, column[known], 1)
+        # (A channel that begins later tells its first value.)
+        return (value if known[0] == 0 else column[known[0]]), slope
+
+    state = np.array([line(column, count)[0] for column in measured.T])
+    if not np.isfinite(measured[:, 9:12]).any():
+        velocity = [line(column, 3 * count)[1] for column in measured[:, 6:9].T]
+        state[9:12] = rotations.matrices(rotations.from_rpy(state[None, ANGLES]))[0].T @ velocity
+    if not np.isfinite(measured[:, 3:6]).any():
+        state[3:6] = [line(column, count)[1] for column in measured[:, ANGLES].T]
+    return state
+
+
+def padded(arrays: Sequence[Floats]) -> Floats:
+    """Arrays (n_i, ...) of different lengths side by side, (N, longest, ...): what is missing repeats the last row."""
+    longest = max(len(array) for array in arrays)
+    rows = [np.concatenate([a, np.repeat(a[-1:], longest - len(a), axis=0)]) for a in arrays]
+    return np.stack(rows)

@@ -1,0 +1,275 @@
+"""Replays: recordings of all trials as one batch, joints prescribed, and the attitude of static equilibrium."""
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym._core import Simulator
+from uvms_gym.identification.recordings import ANGLES, NAMES, Floats, Recording, padded, unwrapped
+from uvms_gym.logs import LogError, interpolation, rotations
+
+#: Steps of the integrator, s.
+STEP = 0.05
+#: Intervals of a recording for each computed equilibrium.
+STRIDE = 4
+#: x of the body points up.
+_UPENDED = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """Corrections of logs by parameters of a map.
+
+    Attributes
+    ----------
+    zeros : numpy.ndarray (joints,) or None
+        Further zeros of the joints, rad or m: q = logged - zero.
+    scales : numpy.ndarray (thrusters,) or None
+        Factors on commands.
+    lags : dict of str to float
+        Further lateness of the stamps of "joints", "thrusters" and "imu", s.
+    """
+
+    zeros: Floats | None = None
+    scales: Floats | None = None
+    lags: dict[str, float] = field(default_factory=dict)
+
+
+class Replay:
+    """Inputs of all trials, side by side.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Trials, of one period.
+    thrusters : bool
+        True: thrust as commanded in the logs; False: off.
+    """
+
+    def __init__(self, recordings: Sequence[Recording], *, thrusters: bool = True) -> None:
+        self.recordings = list(recordings)
+        self.period = self.recordings[0].period
+        self.thrusters = thrusters and all(r.log.thrusters is not None for r in self.recordings)
+        self.measured = padded([r.measured for r in self.recordings])
+        for row, r in zip(self.measured, self.recordings):
+            row[r.periods + 1 :] = np.nan
+        self.initial = np.stack([r.initial for r in self.recordings])
+        self._cubics: dict[float, Floats] = {}
+        self._commands: dict[float, Floats] = {}
+
+    def cubics(self, corrections: Corrections) -> Floats:
+        """(N, T, joints, 4) motion of the joints."""
+        lag = corrections.lags.get("joints", 0.0)
+        if lag not in self._cubics:
+            if len(self._cubics) > 3:  # (the uncorrected one, and those of a fit's last steps)
+                self._cubics.pop(next(iter(self._cubics)))
+            self._cubics[lag] = padded([_resting(r.cubics(lag)) for r in self.recordings])[:, :-1]
+        cubics = self._cubics[lag]
+        if corrections.zeros is not None:
+            cubics = cubics.copy()
+            cubics[..., 0] -= corrections.zeros
+        return cubics
+
+    def commands(self, corrections: Corrections) -> Floats:
+        """(N, T, thrusters) commands, N."""
+        lag = corrections.lags.get("thrusters", 0.0)
+        if lag not in self._commands:
+            if len(self._commands) > 3:
+                self._commands.pop(next(iter(self._commands)))
+            self._commands[lag] = padded([r.commands(lag) for r in self.recordings])
+        return self._commands[lag] if corrections.scales is None else self._commands[lag] * corrections.scales
+
+    def measured_with(self, corrections: Corrections) -> Floats:
+        """(N, T + 1, 12) measured channels, with a further lag of the IMU."""
+        lag = corrections.lags.get("imu", 0.0)
+        if lag == 0.0:
+            return self.measured
+        times = self.period * np.arange(self.measured.shape[1])
+        shifted = self.measured.copy()
+        for trial in shifted:
+            for k in range(6):
+                known = np.isfinite(trial[:, k])
+                if known.sum() > 1:
+                    inside = np.interp(times + lag, times[known], trial[known, k])
+                    trial[known, k] = inside[known]
+        return shifted
+
+    def run(
+        self,
+        scene: dict[str, Any],
+        corrections: Corrections | None = None,
+        initial: Floats | None = None,
+        current: Floats | None = None,
+    ) -> Floats:
+        """Predict the motion of the vehicle.
+
+        Parameters
+        ----------
+        scene : dict
+            Complete scene.
+        corrections : Corrections, optional
+            Corrections of the logs.
+        initial : numpy.ndarray (N, 12), optional
+            Channels at the start; default as measured.
+        current : numpy.ndarray (N, 3), optional
+            Velocity of the water in world axes, m/s, besides that of the scene.
+
+        Returns
+        -------
+        numpy.ndarray (N, T + 1, 12)
+            Predicted channels; yaw continuous.
+        """
+        corrections = corrections or Corrections()
+        start = self.initial if initial is None else initial
+        cubics = self.cubics(corrections)
+        count, periods, joints = cubics.shape[:3]
+        substeps = max(round(self.period / STEP), 1)
+        simulator = _simulator(scene, count, self.period / substeps, joints)
+        state: dict[str, Any] = {
+            "position": start[:, 6:9],
+            "quaternion": rotations.from_rpy(start[:, ANGLES]),
+            "twist": np.concatenate([start[:, 9:12], start[:, 3:6]], axis=1),
+        }
+        if joints:
+            state |= {"q": cubics[:, 0, :, 0], "qd": cubics[:, 0, :, 1]}
+        if current is not None:
+            state["current"] = current + np.array(scene["water"].get("current", [0.0, 0.0, 0.0]))
+        simulator.set_state(**state)
+        commands = self.commands(corrections) if self.thrusters else None
+        quaternion = np.empty((periods + 1, count, 4))
+        twist, position = np.empty((periods + 1, count, 6)), np.empty((periods + 1, count, 3))
+        inputs: dict[str, Any] = {}
+        for k in range(periods + 1):
+            quaternion[k], twist[k], position[k] = simulator.quaternion, simulator.twist, simulator.position
+            if k < periods:
+                if joints:
+                    inputs["joint_target"] = cubics[:, k]
+                if commands is not None:
+                    inputs["thrust"] = commands[:, k]
+                simulator.step(substeps=substeps * (1 if PRESCRIBED or not joints else 5), **inputs)
+                if False and joints and k + 1 < periods:
+                    simulator.set_state(q=cubics[:, k + 1, :, 0], qd=cubics[:, k + 1, :, 1])
+        return _channels(quaternion, twist, position)
+
+    def constant(self) -> Floats:
+        """(N, T + 1, 12) prediction of a vehicle that keeps its attitude and velocity of the start, turning no more."""
+        predicted = np.repeat(self.initial[:, None], self.measured.shape[1], axis=1)
+        predicted[:, :, 3:6] = 0.0
+        R = rotations.matrices(rotations.from_rpy(self.initial[:, ANGLES]))
+        velocity = np.einsum("nij,nj->ni", R, self.initial[:, 9:12])
+        time = self.period * np.arange(self.measured.shape[1])
+        predicted[:, :, 6:9] += velocity[:, None] * time[:, None]
+        return predicted
+
+    def balance(self, scene: dict[str, Any], corrections: Corrections | None = None) -> Floats:
+        """(N, T + 1, 12) attitude at which weight and buoyancy balance, and its rates; the rest as of `constant`."""
+        cubics = self.cubics(corrections or Corrections())
+        count, periods, joints = cubics.shape[:3]
+        last = cubics[:, -1:] @ self.period ** np.arange(4)
+        q = np.concatenate([cubics[..., 0], last], axis=1)
+        knots = np.unique(np.r_[0 : periods + 1 : STRIDE, periods])
+        known = equilibrium(scene, q[:, knots].reshape(-1, joints)).reshape(count, len(knots), 3)
+        up = between(knots, known, periods + 1)
+        predicted = self.constant()
+        predicted[..., 0] = np.arctan2(up[..., 1], up[..., 2])
+        predicted[..., 1] = -np.arcsin(np.clip(up[..., 0], -1.0, 1.0))
+        rates = np.gradient(predicted[..., :2], self.period, axis=1)
+        predicted[..., 3] = rates[..., 0]
+        predicted[..., 4] = rates[..., 1] * np.cos(predicted[..., 0])
+        predicted[..., 5] = -rates[..., 1] * np.sin(predicted[..., 0])
+        return predicted
+
+
+def between(knots: NDArray[np.int64], values: Floats, count: int) -> Floats:
+    """Values (N, k, 3) at increasing indices (k,), at all indices (N, count, 3), by monotone cubics."""
+    columns = np.moveaxis(values, 1, 0).reshape(len(knots), -1)
+    found = interpolation.pchip(knots.astype(np.float64), columns, np.arange(count, dtype=np.float64))[0]
+    return np.moveaxis(found.reshape(count, len(values), 3), 0, 1)
+
+
+def equilibrium(scene: dict[str, Any], q: Floats) -> Floats:
+    """(n, 3) direction against gravity, body axes, at which weight and buoyancy turn the vehicle no more, joints at q (n, joints).
+
+    A net force besides is taken to act at the vehicle frame's origin, as drag does in steady motion.
+    """
+    bodies = Simulator(scene, 2, threads=1)
+    bodies.set_state(rotation=np.stack([np.eye(3), _UPENDED]), q=np.zeros((2, q.shape[1])))
+    # Restoring wrenches give each body's net force n and first moments s: the moment is s x (direction against gravity).
+    poses, wrenches = bodies.body_poses(), bodies.body_wrenches()["restoring"]
+    up = poses[:, :, 2, :3]
+    net = np.sum(wrenches[0, :, :3] * up[0], axis=-1)
+    # s = sum over two directions of up x moment, and the part along both: least squares.
+    cross = -_skew(up)
+    rows = np.concatenate(list(cross), axis=1)
+    moments = np.concatenate([wrenches[0, :, 3:], wrenches[1, :, 3:]], axis=1)
+    s = np.einsum("bij,bj->bi", np.linalg.pinv(rows), moments)
+    simulator = Simulator(scene, len(q), threads=1)
+    simulator.set_state(q=q)
+    poses = simulator.body_poses()
+    total = np.einsum("nbij,bj->ni", poses[..., :3, :3], s) + np.einsum("nbi,b->ni", poses[..., :3, 3], net)
+    return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))
+
+
+def _skew(v: Floats) -> Floats:
+    """Matrices (..., 3, 3) of v (..., 3): skew(v) w = v x w."""
+    x, y, z = np.moveaxis(v, -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
+
+
+PRESCRIBED = "prescribed_joints" in (Simulator.__text_signature__ or "")
+
+
+def _simulator(scene: dict[str, Any], count: int, dt: float, joints: int) -> Simulator:
+    """Simulator whose joints follow their targets."""
+    if not joints:
+        return Simulator(scene, count, dt=dt, threads=1)
+    if PRESCRIBED:
+        return Simulator(scene, count, dt=dt, threads=1, prescribed_joints=True)
+    import copy
+
+    scene = copy.deepcopy(scene) | {"provenance": {}}
+    inertia = np.diagonal(Simulator(scene).mass_matrix()[0])[6:]
+    for link, moment in zip(scene["arm"]["links"], inertia):
+        w = 150.0
+        link["joint"] |= {"servo": {"kp": w * w * moment, "kd": 2.0 * w * moment}, "friction": {}}
+        for key in ("limits", "effort", "speed"):
+            link["joint"].pop(key, None)
+    return Simulator(scene, count, dt=dt / 5, threads=1, integrator="ros2")
+
+
+def check(scene: dict[str, Any], recordings: Sequence[Recording]) -> None:
+    """Refuse logs that lack the joints of a scene.
+
+    Raises
+    ------
+    LogError
+        The message names trial and joints.
+    """
+    names = tuple(Simulator(scene).joint_names)
+    for r in recordings:
+        found = r.log.joints.names if r.log.joints is not None else ()
+        if found != names:
+            raise LogError(
+                f"{r.name}: joints {', '.join(found) or 'none'}, but the scene has {', '.join(names) or 'none'}; "
+                "read the log with the scene"
+            )
+
+
+def _resting(cubics: Floats) -> Floats:
+    """Cubics (n, joints, 4) with one more at their end, that rests."""
+    last = np.zeros_like(cubics[-1:])
+    last[0, :, 0] = cubics[-1, :, 0]
+    return np.concatenate([cubics, last])
+
+
+def _channels(quaternion: Floats, twist: Floats, position: Floats) -> Floats:
+    """Channels (N, T, 12) of quaternions (T, N, 4), twists (T, N, 6) and positions (T, N, 3)."""
+    rpy = rotations.to_rpy(quaternion.reshape(-1, 4)).reshape(*quaternion.shape[:2], 3)
+    rpy[..., 2] = np.unwrap(rpy[..., 2], axis=0)
+    found = np.concatenate([rpy, twist[..., 3:], position, twist[..., :3]], axis=-1)
+    return np.ascontiguousarray(np.moveaxis(found, 0, 1))
