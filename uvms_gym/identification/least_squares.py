@@ -10,8 +10,8 @@ from uvms_gym.identification.recordings import Floats
 
 #: Residual, in deviations of the noise, from which on its weight falls.
 ROBUST = 2.0
-#: Relative decrease of the cost at which the iteration ends.
-TOLERANCE = 1e-5
+#: Decrease of the cost at which the iteration ends: that of the logarithm of a likelihood.
+TOLERANCE = 0.01
 #: Most iterations.
 ITERATIONS = 30
 #: Finite differences, in standard deviations of the prior.
@@ -114,14 +114,14 @@ def minimise(
             step, own_step, held = _step(problem, point, model, origin, damping)
             candidate = _evaluate(problem, np.clip(point.common + step, low, high), point.own + own_step, origin)
             iterations += 1
-            gain = (point.cost - candidate.cost) / point.cost
+            gain = point.cost - candidate.cost
             if gain > 0.0:
                 damping = max(damping / 5.0, 1e-9)
                 point = candidate
                 converged = gain < TOLERANCE
                 model = _linearise(problem, point)
             else:
-                converged = damping > 1e6 or abs(gain) < 1e-3 * TOLERANCE
+                converged = damping > 1e6 or abs(gain) < TOLERANCE
                 damping *= 10.0
             if report is not None:
                 report(iterations, point.cost)

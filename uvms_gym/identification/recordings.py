@@ -11,7 +11,7 @@ from uvms_gym.logs import Log, LogError, rotations
 Floats = NDArray[np.float64]
 
 #: Interval between compared samples, s.
-PERIOD = 0.05
+PERIOD = 0.1
 #: Smoothing of the joints' positions, s.
 SMOOTHING = 0.1
 #: Time over which the state at the start is estimated, s.

@@ -1,6 +1,5 @@
 """Replays: recordings of all trials as one batch, joints prescribed, and the attitude of static equilibrium."""
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +12,8 @@ from uvms_gym.identification.recordings import ANGLES, NAMES, Floats, Recording,
 from uvms_gym.logs import LogError, interpolation, rotations
 
 #: Steps of the integrator, s.
-STEP = 0.05
+STEP = 0.1
+SERVO_STEP = 0.005
 #: Intervals of a recording for each computed equilibrium.
 STRIDE = 4
 #: x of the body points up.
@@ -48,10 +48,15 @@ class Replay:
         Trials, of one period.
     thrusters : bool
         True: thrust as commanded in the logs; False: off.
+    prescribed : bool
+        True: the joints move as in the logs; False: the scene's servos follow the logs.
     """
 
-    def __init__(self, recordings: Sequence[Recording], *, thrusters: bool = True) -> None:
+    def __init__(
+        self, recordings: Sequence[Recording], *, thrusters: bool = True, prescribed: bool = True
+    ) -> None:
         self.recordings = list(recordings)
+        self.prescribed = prescribed
         self.period = self.recordings[0].period
         self.thrusters = thrusters and all(r.log.thrusters is not None for r in self.recordings)
         self.measured = padded([r.measured for r in self.recordings])
@@ -127,8 +132,9 @@ class Replay:
         start = self.initial if initial is None else initial
         cubics = self.cubics(corrections)
         count, periods, joints = cubics.shape[:3]
-        substeps = max(round(self.period / STEP), 1)
-        simulator = _simulator(scene, count, self.period / substeps, joints)
+        substeps = max(round(self.period / (STEP if self.prescribed else SERVO_STEP)), 1)
+        dt, prescribed = self.period / substeps, self.prescribed and joints > 0
+        simulator = Simulator(scene, count, dt=dt, threads=1, prescribed_joints=True if prescribed else None)
         state: dict[str, Any] = {
             "position": start[:, 6:9],
             "quaternion": rotations.from_rpy(start[:, ANGLES]),
@@ -150,9 +156,7 @@ class Replay:
                     inputs["joint_target"] = cubics[:, k]
                 if commands is not None:
                     inputs["thrust"] = commands[:, k]
-                simulator.step(substeps=substeps * (1 if PRESCRIBED or not joints else 5), **inputs)
-                if False and joints and k + 1 < periods:
-                    simulator.set_state(q=cubics[:, k + 1, :, 0], qd=cubics[:, k + 1, :, 1])
+                simulator.step(substeps=substeps, **inputs)
         return _channels(quaternion, twist, position)
 
     def constant(self) -> Floats:
@@ -219,27 +223,6 @@ def _skew(v: Floats) -> Floats:
     x, y, z = np.moveaxis(v, -1, 0)
     zero = np.zeros_like(x)
     return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
-
-
-PRESCRIBED = "prescribed_joints" in (Simulator.__text_signature__ or "")
-
-
-def _simulator(scene: dict[str, Any], count: int, dt: float, joints: int) -> Simulator:
-    """Simulator whose joints follow their targets."""
-    if not joints:
-        return Simulator(scene, count, dt=dt, threads=1)
-    if PRESCRIBED:
-        return Simulator(scene, count, dt=dt, threads=1, prescribed_joints=True)
-    import copy
-
-    scene = copy.deepcopy(scene) | {"provenance": {}}
-    inertia = np.diagonal(Simulator(scene).mass_matrix()[0])[6:]
-    for link, moment in zip(scene["arm"]["links"], inertia):
-        w = 150.0
-        link["joint"] |= {"servo": {"kp": w * w * moment, "kd": 2.0 * w * moment}, "friction": {}}
-        for key in ("limits", "effort", "speed"):
-            link["joint"].pop(key, None)
-    return Simulator(scene, count, dt=dt / 5, threads=1, integrator="ros2")
 
 
 def check(scene: dict[str, Any], recordings: Sequence[Recording]) -> None:
