@@ -10,8 +10,8 @@ from uvms_gym._core import load_scene
 from uvms_gym.identification.intervals import Uncertainty, uncertainty
 from uvms_gym.identification.least_squares import Solution, minimise
 from uvms_gym.identification.parameters import Parameter, make_parameters
-from uvms_gym.identification.problem import FLOATING, ReplayProblem, rms
-from uvms_gym.identification.recordings import NAMES, PERIOD, Floats, Recording, record
+from uvms_gym.identification.problem import FLOATING, ReplayProblem, counting, predict, rms
+from uvms_gym.identification.recordings import PERIOD, Floats, record
 from uvms_gym.identification.replay import Corrections, Replay, check
 from uvms_gym.identification.validation import Table, select
 from uvms_gym.logs import Log
@@ -159,8 +159,8 @@ def fit(
     if len(train) < 2:
         raise ValueError(f"{len(train)} trials to fit, but at least 2 are needed")
     parameters = make_parameters(loaded, free, map_data, priors)
-    counting = _channels(train, channels)
-    problem = ReplayProblem(loaded, Replay(train), parameters, counting)
+    chosen = counting(train, channels)
+    problem = ReplayProblem(loaded, Replay(train), parameters, chosen)
     solution = minimise(problem, problem.origin, problem.own_origin, _stage(report, "dynamics"))
     changed, corrections = problem.changed(solution.common)
     # (A free rotational inertia may have scaled the rigid one; `load_scene` checks the result as a whole.)
@@ -168,8 +168,8 @@ def fit(
     everything = Replay(recordings)
     measured = everything.measured_with(corrections)
     errors = {
-        "fitted": everything.run(changed, corrections) - measured,
-        "start": everything.run(loaded) - everything.measured,
+        "fitted": predict(changed, everything, chosen, corrections) - measured,
+        "start": predict(loaded, everything, chosen, Corrections()) - everything.measured,
         "balance": everything.balance(changed, corrections) - measured,
         "constant": everything.constant() - everything.measured,
     }
@@ -183,24 +183,11 @@ def fit(
         parameters=parameters,
         solution=solution,
         uncertainty=uncertainty(solution, problem.deviations, problem.share),
-        channels=counting,
+        channels=chosen,
         train=tuple(r.name for r in train),
         held_out=tuple(held),
         table=table,
     )
-
-
-def _channels(recordings: Sequence[Recording], given: Sequence[str] | None) -> tuple[str, ...]:
-    """Channels that count."""
-    known = np.any([np.isfinite(r.measured).any(axis=0) for r in recordings], axis=0)
-    measured = [name for name, present in zip(NAMES, known) if present]
-    if given is None:
-        driven = all(r.log.thrusters is not None for r in recordings)
-        return tuple(name for name in measured if driven or name in FLOATING)
-    for name in given:
-        if name not in measured:
-            raise ValueError(f"no samples of a channel {name!r}; channels: {', '.join(measured)}")
-    return tuple(given)
 
 
 def _stage(report: Report | None, stage: str) -> Callable[[int, float], None] | None:

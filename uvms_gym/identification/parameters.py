@@ -19,9 +19,9 @@ MAP = "map."
 _PRIORS: tuple[tuple[str, bool, float], ...] = (
     (r"\.mass", True, 0.1),
     (r"\.(volume|buoyancy)", True, 0.2),
-    (r"\.(rotational_inertia|inertia)(\[\d\])+", True, 1.0),
-    (r"\.added_mass(\[\d\])+", True, 1.0),
-    (r"\.damping\.(linear|quadratic)(\[\d\])+", True, 2.0),
+    (r"\.(rotational_inertia|inertia)(\[\d\])*", True, 1.0),
+    (r"\.added_mass(\[\d\])*", True, 1.0),
+    (r"\.damping(\.linear|\.quadratic)?(\[\d\])*", True, 2.0),
     (r"\.(center_of_mass|center_of_buoyancy|position)\[\d\]", False, 0.05),
     (r"\.rpy\[\d\]", False, 0.2),
     (r"\.water\.current\[\d\]", False, 0.1),
@@ -129,6 +129,7 @@ def _of_scene(scene: dict[str, Any], key: str, given: Mapping[str, float]) -> Pa
     """Parameter of a key of the scene."""
     numbers = tuple(scene_keys.read(scene, key))
     logarithmic, deviation = _prior(key, _PRIORS, (all(n > 0.0 for n in numbers), 0.0))
+    logarithmic = logarithmic or len(set(numbers)) > 1
     if deviation == 0.0 and key not in given:
         raise ValueError(f"{key!r} has no default prior; give one")
     start = numbers[0] if len(set(numbers)) == 1 else 1.0
@@ -181,8 +182,8 @@ def apply(
     for parameter, coordinate in zip(parameters, coordinates):
         value = parameter.value(float(coordinate))
         if not parameter.key.startswith(MAP):
-            factor = value / parameter.start
-            numbers = [factor * n for n in parameter.numbers] if parameter.logarithmic else [value]
+            scaled = parameter.logarithmic or parameter.factor
+            numbers = [value / parameter.start * n for n in parameter.numbers] if scaled else [value]
             scene_keys.write(changed, parameter.key, numbers)
             continue
         channel, _, *rest = parameter.key.removeprefix(MAP).split(".")

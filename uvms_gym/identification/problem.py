@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from uvms_gym.identification.least_squares import minimise
 from uvms_gym.identification.parameters import Parameter, apply
-from uvms_gym.identification.recordings import CHANNELS, NAMES, Floats
+from uvms_gym.identification.recordings import ANGLES, CHANNELS, NAMES, Floats, Recording
 from uvms_gym.identification.replay import Corrections, Replay
 
 _DEG = np.pi / 180.0
@@ -22,15 +23,18 @@ NOISE: dict[str, float] = {
 FLOATING = ("roll", "pitch", "gyro x", "gyro y")
 #: Time over which residuals are correlated, s.
 CORRELATION = 2.0
-#: Deviations of the state at the start from its estimate, by channel, in SI units.
+#: Deviations of the trials' own parameters, by channel, in SI units: of angles the offset of the sensor, which differs by
+#: trial, of other channels the state at the start from its estimate.
 _START = {
-    **dict.fromkeys(("roll", "pitch", "yaw"), 0.25 * _DEG),
-    **dict.fromkeys(("gyro x", "gyro y", "gyro z"), 0.2 * _DEG),
+    **dict.fromkeys(("roll", "pitch", "yaw"), 0.5 * _DEG),
+    **dict.fromkeys(("gyro x", "gyro y", "gyro z"), 0.1 * _DEG),
     **dict.fromkeys(("x", "y", "z"), 0.005),
     **dict.fromkeys(("velocity x", "velocity y", "velocity z"), 0.02),
 }
 #: Deviation of the current along each horizontal axis, m/s.
 _CURRENT = 0.1
+#: Time at the start of a trial by which its own parameters are estimated where the rest is to be predicted, s.
+WINDOW = 1.0
 _UNITS = np.array([factor for _, factor in CHANNELS.values()])
 
 
@@ -49,6 +53,8 @@ class ReplayProblem:
         Channels that count.
     static : bool
         True: balance alone.
+    corrections : Corrections, optional
+        Corrections of the logs where no parameter changes them.
     """
 
     def __init__(
@@ -58,7 +64,9 @@ class ReplayProblem:
         parameters: Sequence[Parameter],
         channels: Sequence[str],
         static: bool = False,
+        corrections: Corrections | None = None,
     ) -> None:
+        self.corrections = corrections
         self.scene, self.replay, self.parameters, self.static = scene, replay, list(parameters), static
         self.joints = list(replay.recordings[0].log.joints.names) if replay.recordings[0].log.joints else []
         self.thrusters = list(replay.recordings[0].log.thrusters.names) if replay.recordings[0].log.thrusters else []
@@ -84,8 +92,8 @@ class ReplayProblem:
     @property
     def bounds(self) -> tuple[Floats, Floats]:
         """Bounds of the parameters, each (p,)."""
-        low, high = zip(*(parameter.bounds for parameter in self.parameters))
-        return np.array(low), np.array(high)
+        low, high = np.array([parameter.bounds for parameter in self.parameters]).reshape(-1, 2).T
+        return low, high
 
     @property
     def origin(self) -> Floats:
@@ -99,24 +107,60 @@ class ReplayProblem:
 
     def changed(self, common: Floats) -> tuple[dict[str, Any], Corrections]:
         """Scene and corrections at coordinates (p,)."""
-        return apply(self.scene, self.parameters, common, self.joints, self.thrusters)
+        scene, corrections = apply(self.scene, self.parameters, common, self.joints, self.thrusters)
+        return scene, self.corrections or corrections
 
-    def errors(self, common: Floats, own: Floats) -> Floats:
-        """(N, T + 1, 12) predicted less measured channels in SI units; NaN where unknown."""
-        scene, corrections = self.changed(common)
-        measured = self.replay.measured_with(corrections)
-        if self.static:
-            return self.replay.balance(scene, corrections) - measured
+    def initial(self, own: Floats) -> tuple[Floats, Floats | None]:
+        """States at the start (N, 12) and currents (N, 3) at the trials' own parameters (N, m)."""
         initial, current = self.replay.initial.copy(), None
-        initial[:, self.start] += own[:, : len(self.start)]
+        signs = np.where(np.isin(self.start, ANGLES), -1.0, 1.0)
+        initial[:, self.start] += signs * own[:, : len(self.start)]
         if self.current:
             current = np.concatenate([own[:, -2:], np.zeros((len(own), 1))], axis=1)
-        return self.replay.run(scene, corrections, initial, current) - measured
+        return initial, current
 
     def residuals(self, common: Floats, own: Floats) -> Floats:
         """(N, R) residuals in deviations of the noise; 0 where unknown."""
-        r = self.errors(common, own)[:, :, self.columns] / self.noise
+        scene, corrections = self.changed(common)
+        measured = self.replay.measured_with(corrections)
+        if self.static:
+            errors = self.replay.balance(scene, corrections) - measured
+        else:
+            errors = self.replay.run(scene, corrections, *self.initial(own)) - measured
+        for column in ANGLES:
+            if column in self.start:
+                errors[:, :, column] += own[:, self.start.index(column), None]
+        r = errors[:, :, self.columns] / self.noise
         return np.nan_to_num(r.reshape(len(r), -1), nan=0.0)
+
+
+def predict(scene: dict[str, Any], replay: Replay, channels: Sequence[str], corrections: Corrections) -> Floats:
+    """(N, T + 1, 12) predicted channels; the states at the start are those that fit the first second."""
+    first = Replay(
+        [r.first(WINDOW) for r in replay.recordings], thrusters=replay.thrusters, prescribed=replay.prescribed
+    )
+    problem = ReplayProblem(scene, first, [], channels, corrections=corrections)
+    solution = minimise(problem, problem.origin, problem.own_origin)
+    return replay.run(scene, corrections, *problem.initial(solution.own))
+
+
+def counting(recordings: Sequence[Recording], given: Sequence[str] | None = None, thrusters: bool = True) -> tuple[str, ...]:
+    """Channels that count: those given, or all that are measured with thrusters, and `FLOATING` without.
+
+    Raises
+    ------
+    ValueError
+        A channel without samples.
+    """
+    known = np.any([np.isfinite(r.measured).any(axis=0) for r in recordings], axis=0)
+    measured = [name for name, present in zip(NAMES, known) if present]
+    if given is None:
+        driven = thrusters and all(r.log.thrusters is not None for r in recordings)
+        return tuple(name for name in measured if driven or name in FLOATING)
+    for name in given:
+        if name not in measured:
+            raise ValueError(f"no samples of a channel {name!r}; channels: {', '.join(measured)}")
+    return tuple(given)
 
 
 def rms(errors: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Recordings: the logs of trials on one grid of times, as replays need them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,10 @@ class Recording:
     def time(self) -> Floats:
         """(n + 1,) times since the start, s."""
         return self.period * np.arange(self.periods + 1)
+
+    def first(self, seconds: float) -> "Recording":
+        """Recording of the first seconds."""
+        return replace(self, measured=self.measured[: round(seconds / self.period) + 1])
 
     def cubics(self, lag: float = 0.0) -> Floats:
         """(n, joints, 4) motion of the joints over each interval, whose stamps are late by a further `lag`, s."""

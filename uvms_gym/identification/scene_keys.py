@@ -1,6 +1,7 @@
 """Dotted keys into scenes and log maps: `vehicle.body.mass`, `arm.links[wrist].body.volume`, `vehicle.thrusters.lag`.
 
-A key without an element of a list stands for all of its elements, and an index of a matrix for its diagonal.
+A key without an element of a list of tables stands for all of them, with all numbers below; an index of a matrix stands for
+its diagonal.
 `BODY.rotational_inertia[k]` is the sum of the rigid and the added moment of inertia about axis k of a body.
 """
 
@@ -34,7 +35,7 @@ def places(root: Any, key: str) -> list[Steps]:
     ValueError
         The key leads to nothing, or to no number.
     """
-    found = [place for place in _places(root, parse(key), ()) if _is_number(_get(root, place))]
+    found = [leaf for place in _places(root, parse(key), ()) for leaf in _leaves(_get(root, place), place)]
     if not found:
         raise ValueError(f"{key!r} leads to no number of the scene")
     return found
@@ -46,11 +47,9 @@ def expand(root: Any, key: str) -> list[str]:
         return [f"{match[1]}[{k}]" for k in range(int(match[2]), int(match[3]))]
     if key.endswith(f".{ROTATIONAL_INERTIA}"):
         return [f"{key}[{k}]" for k in range(3)]
-    for steps in _places(root, parse(key), ()):
-        value = _get(root, steps)
-        if isinstance(value, list) and value and (_is_number(value[0]) or isinstance(value[0], list)):
-            return [f"{key}[{k}]" for k in range(len(value))]
-    return [key]
+    found = _places(root, parse(key), ())
+    value = _get(root, found[0]) if len(found) == 1 else None
+    return [f"{key}[{k}]" for k in range(len(value))] if isinstance(value, list) else [key]
 
 
 def read(root: Any, key: str) -> list[float]:
@@ -139,12 +138,15 @@ def _places(node: Any, steps: Steps, done: Steps) -> list[Steps]:
     return [place for k, element in enumerate(node) for place in _places(element, steps, (*done, k))]
 
 
+def _leaves(node: Any, place: Steps) -> list[Steps]:
+    """Places of the numbers in nested lists."""
+    if isinstance(node, list):
+        return [leaf for k, element in enumerate(node) for leaf in _leaves(element, (*place, k))]
+    return [place] if isinstance(node, int | float) and not isinstance(node, bool) else []
+
+
 def _get(root: Any, place: Steps) -> Any:
     """Value at a place."""
     for step in place:
         root = root[step]
     return root
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

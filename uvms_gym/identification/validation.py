@@ -8,9 +8,9 @@ from typing import Any, Literal
 import numpy as np
 
 from uvms_gym._core import load_scene
-from uvms_gym.identification.problem import rms
+from uvms_gym.identification.problem import counting, predict, rms
 from uvms_gym.identification.recordings import CHANNELS, PERIOD, Floats, Recording, record
-from uvms_gym.identification.replay import Replay, check
+from uvms_gym.identification.replay import Corrections, Replay, check
 from uvms_gym.logs import Log
 from uvms_gym.logs.log import Scene
 
@@ -95,7 +95,7 @@ def validate(
 ) -> Validation:
     """Replay logs with a scene and compare.
 
-    Every trial starts from the state that its first samples show; nothing else of the vehicle's motion is used.
+    Every trial starts from the state that fits its first second; nothing else of the vehicle's motion is used.
 
     Parameters
     ----------
@@ -119,7 +119,9 @@ def validate(
     recordings = [record(log, period) for log in logs]
     check(loaded, recordings)
     replay = Replay(recordings, thrusters=thrusters == "log", prescribed=joints == "prescribed")
-    predicted = {"replay": replay.run(loaded), "balance": replay.balance(loaded), "constant": replay.constant()}
+    channels = counting(recordings, thrusters=thrusters == "log")
+    replayed = predict(loaded, replay, channels, Corrections())
+    predicted = {"replay": replayed, "balance": replay.balance(loaded), "constant": replay.constant()}
     errors = {name: rms(channels - replay.measured) for name, channels in predicted.items()}
     return Validation(recordings, predicted, replay.measured, Table(tuple(r.name for r in recordings), errors))
 

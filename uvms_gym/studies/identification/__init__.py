@@ -1,0 +1,1 @@
+"""Identification: synthetic logs, coverage of intervals, pictures."""
