@@ -15,10 +15,12 @@ from uvms_gym.cli.bench import bench
 from uvms_gym.cli.compare import compare, verify
 from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
+from uvms_gym.cli.fit import fit
 from uvms_gym.cli.hard_cases import hard_cases
 from uvms_gym.cli.play import play
 from uvms_gym.cli.reproduce import reproduce
 from uvms_gym.cli.train import train
+from uvms_gym.cli.validate import validate
 
 #: Exit status of a command that was interrupted.
 INTERRUPTED = 130
@@ -31,7 +33,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for command in (reproduce, compare, verify, disturbances, play, train, accuracy, hard_cases, bench):
+for command in (reproduce, compare, verify, disturbances, play, train, validate, fit, accuracy, hard_cases, bench):
     app.command()(command)
 scenes.app.command()(explain)
 scenes.app.command()(robots.template)

@@ -116,10 +116,10 @@ def minimise(
             iterations += 1
             gain = point.cost - candidate.cost
             if gain > 0.0:
-                damping = max(damping / 5.0, 1e-9)
-                point = candidate
+                damping = max(damping / 5.0, 1e-4)
                 converged = gain < TOLERANCE
-                model = _linearise(problem, point)
+                # (Both at once: an interruption must not part them.)
+                point, model = candidate, _linearise(problem, candidate)
             else:
                 converged = damping > 1e6 or abs(gain) < TOLERANCE
                 damping *= 10.0

@@ -16,7 +16,7 @@ _DEG = np.pi / 180.0
 NOISE: dict[str, float] = {
     **dict.fromkeys(("roll", "pitch", "yaw"), 0.25 * _DEG),
     **dict.fromkeys(("gyro x", "gyro y", "gyro z"), 0.15 * _DEG),
-    **dict.fromkeys(("x", "y", "z"), 0.005),
+    **dict.fromkeys(("x", "y", "z"), 0.05),
     **dict.fromkeys(("velocity x", "velocity y", "velocity z"), 0.005),
 }
 #: Channels that count in a fit where the thrusters are off: yaw and drift depend on an unknown current.
@@ -26,7 +26,7 @@ CORRELATION = 2.0
 #: Deviations of the trials' own parameters, by channel, in SI units: of angles the offset of the sensor, which differs by
 #: trial, of other channels the state at the start from its estimate.
 _START = {
-    **dict.fromkeys(("roll", "pitch", "yaw"), 0.5 * _DEG),
+    **dict.fromkeys(("roll", "pitch", "yaw"), 0.3 * _DEG),
     **dict.fromkeys(("gyro x", "gyro y", "gyro z"), 0.1 * _DEG),
     **dict.fromkeys(("x", "y", "z"), 0.005),
     **dict.fromkeys(("velocity x", "velocity y", "velocity z"), 0.02),
@@ -72,11 +72,11 @@ class ReplayProblem:
         self.thrusters = list(replay.recordings[0].log.thrusters.names) if replay.recordings[0].log.thrusters else []
         self.columns = [NAMES.index(name) for name in channels]
         self.noise = np.array([NOISE[name] for name in channels])
-        moving = any(column >= 6 for column in self.columns)
-        # The trials' own parameters: the start of every channel that counts (velocity where position does), the current.
-        start = [name for name in NAMES if name in channels or (moving and name.startswith("velocity"))]
+        # The trials' own parameters: the start of every channel that counts, velocity where position does, and the current
+        # where it can be seen.
+        start = [name for name in NAMES if name in channels or name.removeprefix("velocity ") in channels]
         self.start = [] if static else [NAMES.index(name) for name in start]
-        self.current = moving and not static
+        self.current = not static and {"velocity x", "velocity y"} <= set(start)
         self.share = replay.period / CORRELATION
 
     @property

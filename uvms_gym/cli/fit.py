@@ -1,0 +1,149 @@
+"""`uvms fit`: numbers of a scene from logs."""
+
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from typer import Option
+
+import uvms_gym
+from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, several, user_errors
+from uvms_gym.cli.output import say, table, write_json
+from uvms_gym.cli.validate import Logs, Map, Period, Scene, print_means, print_trials, read_logs
+from uvms_gym.identification import Fit, files, toml
+from uvms_gym.identification import fit as run
+from uvms_gym.identification.least_squares import ITERATIONS
+from uvms_gym.identification.recordings import CHANNELS, PERIOD
+from uvms_gym.studies.identification.plots import plot_intervals
+from uvms_gym.studies.records import circumstances
+
+#: Exit status of a fit that was interrupted; its results are written.
+INTERRUPTED = 130
+
+
+def fit(
+    scene: Scene,
+    logs: Logs,
+    map_file: Map,
+    free: Annotated[
+        list[str],
+        Option(
+            metavar="KEY",
+            help="Free number: of the scene, as vehicle.body.center_of_buoyancy or vehicle.body.damping.linear[3:6], or "
+            "of the map, as map.joints.axes.wrist.zero or map.joints.time.lag; may be repeated.",
+        ),
+    ],
+    out: Annotated[
+        Path, Option(metavar="FILE", help="Scene to write; beside it FILE-map.toml, FILE-randomize.toml, .json, .png.")
+    ],
+    hold_out: Annotated[
+        list[str] | None, several('Trial that the fit does not see, or pattern such as "004-*"', "none")
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        several("KEY=NUMBER, standard deviation of a prior, relative for positive quantities", "by quantity"),
+    ] = None,
+    channel: Annotated[
+        list[str] | None,
+        several(f"Channel that counts, of {', '.join(CHANNELS)}", "roll, pitch, gyro x, y; all with thrusters"),
+    ] = None,
+    period: Period = PERIOD,
+    balance: Annotated[bool, Option(help="Fit static balance as well, for comparison.")] = True,
+    name: Annotated[str | None, Option(help="Name of the fitted scene. [default: that of FILE]")] = None,
+    force: Annotated[bool, Option("--force", help="Overwrite existing files.")] = False,
+) -> int:
+    """Fit numbers of a scene to logs: all trials as one batch, joints as logged, robust, with priors from the scene.
+
+    Prints values with standard deviations clustered by trial, what the data leave open, and errors on trials fitted and
+    held out; writes the fitted scene, whose provenance holds the intervals. Ctrl-C ends at the best values so far.
+    """
+    check_range("--period", period, 0.01, 1.0)
+    free, hold_out = check_list("--free", free, []), check_list("--hold-out", hold_out, [])
+    channels = check_list("--channel", channel, []) or None
+    priors = dict(_prior(text) for text in check_list("--prior", prior, []))
+    written = [out, *(out.with_name(f"{out.stem}{end}") for end in ("-map.toml", "-randomize.toml", ".json", ".png"))]
+    for file in written:
+        if file.exists() and not force:
+            raise fail(f"{file} exists: give another --out, or --force to overwrite it")
+    prepare(out.absolute().parent, None, [file.name for file in written])
+    read = read_logs(scene, logs, map_file)
+    data = tomllib.loads(map_file.read_text(encoding="utf-8"))
+    with progress() as bar:
+        task = bar.add_task("fitting", total=ITERATIONS)
+
+        def report(stage: str, iteration: int, cost: float) -> None:
+            bar.update(task, description=f"{stage}: cost {cost:.6g}", completed=iteration)
+
+        with user_errors():
+            found = run(
+                scene,
+                read,
+                free,
+                hold_out=hold_out,
+                map_data=data,
+                priors=priors,
+                channels=channels,
+                balance=balance,
+                period=period,
+                report=report,
+            )
+    _print(found)
+    given: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "free": free, "hold_out": hold_out}
+    given |= {"prior": priors, "channel": channels, "period": period}
+    _write(written, found, data, name or out.stem, logs.resolve().name, circumstances("fit", given))
+    return 0 if found.solution.converged else INTERRUPTED
+
+
+def _prior(text: str) -> tuple[str, float]:
+    """Key and number of a prior."""
+    key, equals, number = text.rpartition("=")
+    try:
+        return key, float(number)
+    except ValueError:
+        raise fail(f'--prior "{text}" is not KEY=NUMBER') from None
+
+
+def _print(found: Fit) -> None:
+    """Print the tables of a fit."""
+    rows = []
+    for p, share in zip(found.parameters, found.uncertainty.shares):
+        low, high = found.intervals[p.key]
+        note = "at its bound" if p.key in found.at_bounds else "open" if share > 0.5 else ""
+        numbers = (p.start, found.values[p.key], found.deviations[p.key], low, high)
+        rows.append((p.key, note, *(f"{number:.4g}" for number in numbers), f"{100 * share:.0f}"))
+    header = ("parameter", "", "start", "value", "deviation", "low", "high", "% of prior")
+    table(f"Fit to {len(found.train)} trials: values, 95 % intervals clustered by trial", header, rows, text_columns=2)
+    pairs = [(a, b, f"{c:+.2f}") for a, b, c in found.strongest_correlations()[:10]]
+    if pairs:
+        table("Strongest correlations", ("parameter", "parameter", "correlation"), pairs, text_columns=2)
+    for share, direction in found.undetermined:
+        names = ", ".join(f"{entry:+.2f} {key}" for key, entry in direction.items())
+        say(f"not determined by the data, {100 * share:.0f} % of the prior's variance: {names}")
+    if found.at_bounds:
+        say(f"at a bound: {', '.join(found.at_bounds)}")
+    print_means("Trials fitted: RMS errors, mean over the trials", found.table.of(found.train))
+    if found.held_out:
+        held = found.table.of(found.held_out)
+        print_means("Trials held out: RMS errors, mean over the trials", held)
+        print_trials("Trials held out, by trial", held, "fitted")
+    if not found.solution.converged:
+        say("not converged: interrupted, or too many iterations; these are the best values so far")
+
+
+def _write(
+    written: Sequence[Path], found: Fit, data: dict[str, Any], name: str, source: str, about: dict[str, Any]
+) -> None:
+    """Write all files."""
+    heading = f"# Fitted by uvms fit to {len(found.train)} trials of {source}: {', '.join(found.train)}.\n"
+    texts = (
+        heading + uvms_gym.dump_scene(files.fitted_scene(found, source, name)),
+        heading + toml.dumps(files.fitted_map(found, data)),
+        heading + "# 95 % intervals, for randomize= of environments.\n" + toml.dumps(files.randomize(found)),
+    )
+    with user_errors(verb="write"):
+        for file, text in zip(written, texts):
+            file.write_text(text, encoding="utf-8")
+        plot_intervals(written[4], found)
+    write_json(written[3], {"circumstances": about, **files.as_data(found)})
+    line(f"{written[0].parent}: {', '.join(file.name for file in written)}")
