@@ -11,9 +11,8 @@ from uvms_gym._core import Simulator
 from uvms_gym.identification.recordings import ANGLES, NAMES, Floats, Recording, padded, unwrapped
 from uvms_gym.logs import LogError, interpolation, rotations
 
-#: Steps of the integrator, s.
-STEP = 0.1
-SERVO_STEP = 0.005
+#: Steps of the integrator for a floating vehicle, one with thrusters, and one with servos in its arm, s.
+STEP, DRIVEN_STEP, SERVO_STEP = 0.1, 0.025, 0.005
 #: Intervals of a recording for each computed equilibrium.
 STRIDE = 4
 #: x of the body points up.
@@ -132,8 +131,11 @@ class Replay:
         start = self.initial if initial is None else initial
         cubics = self.cubics(corrections)
         count, periods, joints = cubics.shape[:3]
-        substeps = max(round(self.period / (STEP if self.prescribed else SERVO_STEP)), 1)
+        step = SERVO_STEP if joints and not self.prescribed else DRIVEN_STEP if self.thrusters else STEP
+        substeps = max(round(self.period / step), 1)
         dt, prescribed = self.period / substeps, self.prescribed and joints > 0
+        # Thrusters that are off are left out: steps are judged by the speeds that they could give.
+        scene = scene if self.thrusters else _without_thrusters(scene)
         simulator = Simulator(scene, count, dt=dt, threads=1, prescribed_joints=True if prescribed else None)
         state: dict[str, Any] = {
             "position": start[:, 6:9],
@@ -241,6 +243,12 @@ def check(scene: dict[str, Any], recordings: Sequence[Recording]) -> None:
                 f"{r.name}: joints {', '.join(found) or 'none'}, but the scene has {', '.join(names) or 'none'}; "
                 "read the log with the scene"
             )
+
+
+def _without_thrusters(scene: dict[str, Any]) -> dict[str, Any]:
+    """Scene without thrusters."""
+    vehicle = {key: value for key, value in scene["vehicle"].items() if key not in ("thrusters", "thruster_lag")}
+    return scene | {"vehicle": vehicle, "provenance": {}}
 
 
 def _resting(cubics: Floats) -> Floats:
