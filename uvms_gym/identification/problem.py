@@ -35,6 +35,8 @@ _START = {
 _CURRENT = 0.1
 #: Time at the start of a trial by which its own parameters are estimated where the rest is to be predicted, s.
 WINDOW = 1.0
+#: Greatest residual, in deviations of the noise.
+_DIVERGED = 1e4
 _UNITS = np.array([factor for _, factor in CHANNELS.values()])
 
 
@@ -131,7 +133,9 @@ class ReplayProblem:
             if column in self.start:
                 errors[:, :, column] += own[:, self.start.index(column), None]
         r = errors[:, :, self.columns] / self.noise
-        return np.nan_to_num(r.reshape(len(r), -1), nan=0.0)
+        # (A replay that diverges is worse than any other.)
+        r = np.clip(np.where(np.isfinite(r), r, _DIVERGED), -_DIVERGED, _DIVERGED)
+        return np.where(np.isfinite(measured[:, :, self.columns]), r, 0.0).reshape(len(r), -1)
 
 
 def predict(scene: dict[str, Any], replay: Replay, channels: Sequence[str], corrections: Corrections) -> Floats:

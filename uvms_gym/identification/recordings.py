@@ -161,20 +161,20 @@ def unwrapped(rpy: Floats) -> Floats:
 
 
 def _initial(measured: Floats, period: float) -> Floats:
-    """State at the start: lines through the first known samples; velocity from the position where it is not measured."""
+    """State at the start: lines through the first known samples; velocity by parabolas of the position where it is not measured."""
     count = max(round(WINDOW / period) + 1, 3)
 
-    def line(column: Floats, samples: int) -> tuple[float, float]:
+    def line(column: Floats, samples: int, degree: int = 1) -> tuple[float, float]:
         known = np.flatnonzero(np.isfinite(column))[:samples]
-        if len(known) < 3:
+        if len(known) < degree + 2:
             return 0.0, 0.0
-        slope, value = np.polyfit(period * known, column[known], 1)
+        *_, slope, value = np.polyfit(period * known, column[known], degree)
         # (A channel that begins later tells its first value.)
         return (value if known[0] == 0 else column[known[0]]), slope
 
     state = np.array([line(column, count)[0] for column in measured.T])
     if not np.isfinite(measured[:, 9:12]).any():
-        velocity = [line(column, 3 * count)[1] for column in measured[:, 6:9].T]
+        velocity = [line(column, 3 * count, 2)[1] for column in measured[:, 6:9].T]
         state[9:12] = rotations.matrices(rotations.from_rpy(state[None, ANGLES]))[0].T @ velocity
     if not np.isfinite(measured[:, 3:6]).any():
         state[3:6] = [line(column, count)[1] for column in measured[:, ANGLES].T]
