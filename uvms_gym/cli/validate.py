@@ -88,9 +88,5 @@ def print_trials(title: str, errors: Table, predictor: str) -> None:
     shown = errors.channels
     columns = [list(CHANNELS).index(name) for name in shown]
     header = ("trial", *(f"{name} {CHANNELS[name][0]}" for name in shown))
-    rows = [
-        (trial, *(f"{row[k]:.3g}" for k in columns)) for trial, row in zip(errors.trials, errors.errors[predictor])
-    ]
+    rows = [(trial, *(f"{row[k]:.3g}" for k in columns)) for trial, row in zip(errors.trials, errors.errors[predictor])]
     table(title, header, rows)
-
-

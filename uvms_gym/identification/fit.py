@@ -219,5 +219,3 @@ def _fit_balance(
     solution = minimise(problem, problem.origin, problem.own_origin, _stage(report, "balance"))
     changed, corrections = problem.changed(solution.common)
     return everything.balance(changed, corrections) - everything.measured_with(corrections)
-
-

@@ -148,7 +148,9 @@ def predict(scene: dict[str, Any], replay: Replay, channels: Sequence[str], corr
     return replay.run(scene, corrections, *problem.initial(solution.own))
 
 
-def counting(recordings: Sequence[Recording], given: Sequence[str] | None = None, thrusters: bool = True) -> tuple[str, ...]:
+def counting(
+    recordings: Sequence[Recording], given: Sequence[str] | None = None, thrusters: bool = True
+) -> tuple[str, ...]:
     """Channels that count: those given, or all that are measured with thrusters, and `FLOATING` without.
 
     Raises

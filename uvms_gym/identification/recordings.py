@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym.logs import Log, LogError, rotations
+from uvms_gym.logs import Log, LogError, interpolation, rotations
 
 Floats = NDArray[np.float64]
 
@@ -101,10 +101,14 @@ class Recording:
         thrusters = self.log.thrusters
         if thrusters is None:
             return np.zeros((self.periods, 0))
-        fine = 10
-        times = self.start + lag + self.period / fine * (np.arange(self.periods * fine) + 0.5)
-        values = thrusters.command_at(np.clip(times, thrusters.time[0], thrusters.time[-1]))
-        return np.asarray(np.nan_to_num(values).reshape(self.periods, fine, -1).mean(axis=1))
+        # Commands hold until the next: their integral is piecewise linear.
+        stamps, held = thrusters.time, thrusters.command
+        stamps, held = np.append(stamps, stamps[-1] + 1e3), np.concatenate([held, held[-1:]])
+        integral = np.concatenate(
+            [np.zeros((1, held.shape[1])), np.cumsum(held[:-1] * np.diff(stamps)[:, None], axis=0)]
+        )
+        ends = interpolation.linear(stamps, integral, self.start + lag + self.time)
+        return np.asarray(np.diff(ends, axis=0) / self.period)
 
 
 def record(log: Log, period: float = PERIOD) -> Recording:

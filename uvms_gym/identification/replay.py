@@ -51,9 +51,7 @@ class Replay:
         True: the joints move as in the logs; False: the scene's servos follow the logs.
     """
 
-    def __init__(
-        self, recordings: Sequence[Recording], *, thrusters: bool = True, prescribed: bool = True
-    ) -> None:
+    def __init__(self, recordings: Sequence[Recording], *, thrusters: bool = True, prescribed: bool = True) -> None:
         self.recordings = list(recordings)
         self.prescribed = prescribed
         self.period = self.recordings[0].period
@@ -178,7 +176,7 @@ class Replay:
         last = cubics[:, -1:] @ self.period ** np.arange(4)
         q = np.concatenate([cubics[..., 0], last], axis=1)
         knots = np.unique(np.r_[0 : periods + 1 : STRIDE, periods])
-        known = equilibrium(scene, q[:, knots].reshape(-1, joints)).reshape(count, len(knots), 3)
+        known = equilibrium(scene, q[:, knots].reshape(count * len(knots), joints)).reshape(count, len(knots), 3)
         up = between(knots, known, periods + 1)
         predicted = self.constant()
         predicted[..., 0] = np.arctan2(up[..., 1], up[..., 2])
@@ -203,7 +201,7 @@ def equilibrium(scene: dict[str, Any], q: Floats) -> Floats:
     A net force besides is taken to act at the vehicle frame's origin, as drag does in steady motion.
     """
     bodies = Simulator(scene, 2, threads=1)
-    bodies.set_state(rotation=np.stack([np.eye(3), _UPENDED]), q=np.zeros((2, q.shape[1])))
+    bodies.set_state(rotation=np.stack([np.eye(3), _UPENDED]))
     # Restoring wrenches give each body's net force n and first moments s: the moment is s x (direction against gravity).
     poses, wrenches = bodies.body_poses(), bodies.body_wrenches()["restoring"]
     up = poses[:, :, 2, :3]
@@ -214,7 +212,8 @@ def equilibrium(scene: dict[str, Any], q: Floats) -> Floats:
     moments = np.concatenate([wrenches[0, :, 3:], wrenches[1, :, 3:]], axis=1)
     s = np.einsum("bij,bj->bi", np.linalg.pinv(rows), moments)
     simulator = Simulator(scene, len(q), threads=1)
-    simulator.set_state(q=q)
+    if q.shape[1]:
+        simulator.set_state(q=q)
     poses = simulator.body_poses()
     total = np.einsum("nbij,bj->ni", poses[..., :3, :3], s) + np.einsum("nbi,b->ni", poses[..., :3, 3], net)
     return np.asarray(total / np.linalg.norm(total, axis=1, keepdims=True))

@@ -74,7 +74,8 @@ def arm_motion(scene: dict[str, Any], periods: int, rng: np.random.Generator) ->
             at, now = to, now + length + float(rng.uniform(0.5, 2.0))
     d = np.diff(q, axis=0) / PERIOD
     return np.stack(
-        [q[:-1], qd[:-1], (3.0 * d - 2.0 * qd[:-1] - qd[1:]) / PERIOD, (qd[:-1] + qd[1:] - 2.0 * d) / PERIOD**2], axis=-1
+        [q[:-1], qd[:-1], (3.0 * d - 2.0 * qd[:-1] - qd[1:]) / PERIOD, (qd[:-1] + qd[1:] - 2.0 * d) / PERIOD**2],
+        axis=-1,
     )
 
 
@@ -111,9 +112,7 @@ def synthetic_log(
     periods = int(duration / PERIOD)
     cubics = arm_motion(scene, periods, rng)
     joints = cubics.shape[1]
-    simulator = Simulator(
-        scene, 1, dt=PERIOD / SUBSTEPS, threads=1, prescribed_joints=True if joints else None
-    )
+    simulator = Simulator(scene, 1, dt=PERIOD / SUBSTEPS, threads=1, prescribed_joints=True if joints else None)
     commands = _commands(simulator, periods, rng) if driven else None
     heading = rng.uniform(-np.pi, np.pi)
     up = equilibrium(scene, cubics[:1, :, 0])[0]
