@@ -30,8 +30,8 @@ def fit(
         list[str],
         Option(
             metavar="KEY",
-            help="Free number: of the scene, as vehicle.body.center_of_buoyancy or vehicle.body.damping.linear[3:6], or "
-            "of the map, as map.joints.axes.wrist.zero or map.joints.time.lag; may be repeated.",
+            help="Free number: of the scene, as vehicle.body.center_of_buoyancy or vehicle.body.damping.linear[3:6], "
+            "or of the map, as map.joints.axes.wrist.zero or map.joints.time.lag; may be repeated.",
         ),
     ],
     out: Annotated[
@@ -97,7 +97,7 @@ def fit(
 
 def _prior(text: str) -> tuple[str, float]:
     """Key and number of a prior."""
-    key, equals, number = text.rpartition("=")
+    key, _, number = text.rpartition("=")
     try:
         return key, float(number)
     except ValueError:

@@ -50,8 +50,8 @@ def validate(
     print_means("RMS errors, mean over the trials", found.table)
     print_trials("Replay: RMS errors by trial", found.table, "replay")
     say(
-        "constant: attitude and velocity of the start; balance: weight and buoyancy alone, at the logged arm; replay: the "
-        "scene's dynamics. Every trial starts from the state that fits its first second."
+        "constant: attitude and velocity of the start; balance: weight and buoyancy alone, at the logged arm; replay: "
+        "the scene's dynamics. Every trial starts from the state that fits its first second."
     )
     with user_errors(verb="write"):
         plot_replays(out / FILES[1], found)

@@ -87,7 +87,7 @@ class Fit:
 
     @property
     def undetermined(self) -> list[tuple[float, dict[str, float]]]:
-        """Directions that the data leave open: share of the prior's variance, and entries by key, of magnitude 0.3 up."""
+        """Directions that the data leave open: share of the prior's variance, and entries of 0.3 up by key."""
         return [
             (share, {p.key: float(d) for p, d in zip(self.parameters, direction) if abs(d) >= 0.3})
             for share, direction in self.uncertainty.undetermined
@@ -125,8 +125,8 @@ def fit(
     logs : sequence of Log
         Trials, read with that scene.
     free : sequence of str
-        Keys of free numbers: of the scene, as `vehicle.body.damping.linear[3]`, `vehicle.body.center_of_buoyancy` (three
-        numbers) or `vehicle.body.rotational_inertia[0]` (rigid and added), and of the map, as
+        Keys of free numbers: of the scene, as `vehicle.body.damping.linear[3]`, `vehicle.body.center_of_buoyancy`
+        (three numbers) or `vehicle.body.rotational_inertia[0]` (rigid and added), and of the map, as
         `map.joints.axes.wrist.zero` and `map.joints.time.lag`.
     hold_out : sequence of str
         Names or patterns ("004-*") of trials that the fit does not see.

@@ -53,7 +53,7 @@ class Uncertainty:
 
     @property
     def undetermined(self) -> list[tuple[float, Floats]]:
-        """Directions that the data do not determine: share of the prior's variance, and entries (p,) in its deviations."""
+        """Directions that the data leave open: share of the prior's variance, and entries (p,) in its deviations."""
         values, vectors = np.linalg.eigh(self.covariance / np.outer(self.prior, self.prior))
         found = [(float(min(v, 1.0)), vectors[:, k]) for k, v in enumerate(values) if v > UNDETERMINED]
         return [(v, d * np.sign(d[np.argmax(np.abs(d))])) for v, d in reversed(found)]
@@ -78,7 +78,7 @@ def uncertainty(solution: Solution, prior: Floats, share: float) -> Uncertainty:
     precision = np.diag(prior**-2.0)
     H = solution.information.sum(axis=0) + precision
     trials = len(solution.scores)
-    free = np.flatnonzero(~solution.at_bound)
+    free = np.flatnonzero(np.logical_not(solution.at_bound))
     block = np.ix_(free, free)
     scores = solution.scores[:, free] - solution.scores[:, free].mean(axis=0)
     without = H[block] - solution.information[:, free][:, :, free]

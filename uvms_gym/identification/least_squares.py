@@ -156,7 +156,7 @@ def _evaluate(problem: Problem, common: Floats, own: Floats, origin: Floats) -> 
 def _linearise(problem: Problem, point: _Point) -> _Model:
     """Normal equations by finite differences."""
     p, m = len(point.common), point.own.shape[1]
-    low, high = problem.bounds
+    high = problem.bounds[1]
     J = np.empty((*point.residuals.shape, p + m))
     for k in range(p):
         h = DIFFERENCE * problem.deviations[k]
@@ -204,7 +204,7 @@ def _step(
     g = gradients.sum(axis=0) + precision * (point.common - origin)
     held = _held(problem, point.common, g)
     S = S + damping * np.diag(np.diag(S))
-    free = np.flatnonzero(~held)
+    free = np.flatnonzero(np.logical_not(held))
     step = np.zeros(len(g))
     step[free] = -np.linalg.solve(S[np.ix_(free, free)], g[free])
     own = np.zeros_like(point.own)

@@ -11,8 +11,8 @@ from uvms_gym.identification.recordings import ANGLES, CHANNELS, NAMES, Floats, 
 from uvms_gym.identification.replay import Corrections, Replay
 
 _DEG = np.pi / 180.0
-#: Deviations of noise and of what no model explains, by channel, in SI units. In 32 pool trials attitudes at the same pose
-#: of the arm repeat to 0.25 degrees.
+#: Deviations of noise and of what no model explains, by channel, in SI units. In 32 pool trials attitudes at the same
+#: pose of the arm repeat to 0.25 degrees.
 NOISE: dict[str, float] = {
     **dict.fromkeys(("roll", "pitch", "yaw"), 0.25 * _DEG),
     **dict.fromkeys(("gyro x", "gyro y", "gyro z"), 0.15 * _DEG),
@@ -23,8 +23,8 @@ NOISE: dict[str, float] = {
 FLOATING = ("roll", "pitch", "gyro x", "gyro y")
 #: Time over which residuals are correlated, s.
 CORRELATION = 2.0
-#: Deviations of the trials' own parameters, by channel, in SI units: of angles the offset of the sensor, which differs by
-#: trial, of other channels the state at the start from its estimate.
+#: Deviations of the trials' own parameters, by channel, in SI units: of angles the offset of the sensor, which differs
+#: by trial, of other channels the state at the start from its estimate.
 _START = {
     **dict.fromkeys(("roll", "pitch", "yaw"), 0.3 * _DEG),
     **dict.fromkeys(("gyro x", "gyro y", "gyro z"), 0.1 * _DEG),
@@ -74,8 +74,8 @@ class ReplayProblem:
         self.thrusters = list(replay.recordings[0].log.thrusters.names) if replay.recordings[0].log.thrusters else []
         self.columns = [NAMES.index(name) for name in channels]
         self.noise = np.array([NOISE[name] for name in channels])
-        # The trials' own parameters: the start of every channel that counts, velocity where position does, and the current
-        # where it can be seen.
+        # The trials' own parameters: the start of every channel that counts, velocity where position does, and the
+        # current where it can be seen.
         start = [name for name in NAMES if name in channels or name.removeprefix("velocity ") in channels]
         self.start = [] if static else [NAMES.index(name) for name in start]
         self.current = not static and {"velocity x", "velocity y"} <= set(start)
@@ -175,4 +175,4 @@ def rms(errors: Floats) -> Floats:
     count = known.sum(axis=1)
     squares = np.where(known, errors, 0.0) ** 2
     with np.errstate(invalid="ignore"):
-        return np.sqrt(squares.sum(axis=1) / count) * _UNITS
+        return np.asarray(np.sqrt(squares.sum(axis=1) / count) * _UNITS)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ Floats = NDArray[np.float64]
 PERIOD = 0.1
 #: Smoothing of the joints' positions, s.
 SMOOTHING = 0.1
+#: Interval of their smoothed positions and velocities, s.
+SMOOTHED = 0.02
 #: Time over which the state at the start is estimated, s.
 WINDOW = 0.4
 #: Channels that are compared: name, unit, and factor from SI units to it.
@@ -46,7 +49,8 @@ class Recording:
     start, period : float
         First time and interval, s.
     measured : numpy.ndarray (n + 1, 12)
-        Measured `CHANNELS` in SI units at the grid's times; NaN where nothing is known. Heading is that of the position's axes.
+        Measured `CHANNELS` in SI units at the grid's times; NaN where nothing is known. Heading is that of the
+        position's axes.
     initial : numpy.ndarray (12,)
         The same at the start, by regression over the first samples; velocities in body axes.
     """
@@ -70,7 +74,7 @@ class Recording:
     @property
     def time(self) -> Floats:
         """(n + 1,) times since the start, s."""
-        return self.period * np.arange(self.periods + 1)
+        return np.asarray(self.period * np.arange(self.periods + 1))
 
     def first(self, seconds: float) -> "Recording":
         """Recording of the first seconds."""
@@ -81,34 +85,46 @@ class Recording:
         joints = self.log.joints
         if joints is None:
             return np.zeros((self.periods, 0, 4))
-        # Beyond the samples that a lag asks for, the joints rest.
-        first, last = joints.spans[0, 0], joints.spans[-1, 1]
-        begin = self.start + lag
-        before = max(int(np.ceil((first - begin) / self.period)), 0)
-        after = max(int(np.ceil((begin + self.periods * self.period - last) / self.period)), 0)
-        inside = self.periods - before - after
-        if inside < 1:
-            raise LogError(f"{joints.source}: no samples with a lag of {lag:.3g} s")
-        c = joints.cubics(begin + before * self.period, self.period, inside, smoothing=SMOOTHING)
-        still = np.zeros((1, *c.shape[1:]))
-        head, tail = still.copy(), still.copy()
-        head[0, :, 0] = c[0, :, 0]
-        tail[0, :, 0] = c[-1] @ self.period ** np.arange(4)
-        return np.concatenate([np.repeat(head, before, axis=0), c, np.repeat(tail, after, axis=0)])
+        # (Smoothed once: a fit asks for many lags.)
+        time, value, slope = self._smoothed
+        wanted = self.start + lag + self.time
+        # Beyond the samples the joints rest.
+        at = np.clip(wanted, time[0], time[-1])
+        moving = (wanted == at)[:, None]
+        value = interpolation.linear(time, value, at)
+        slope = np.where(moving, interpolation.linear(time, slope, at), 0.0)
+        pieces = interpolation.hermite(value[:-1], value[1:], slope[:-1], slope[1:], self.period)
+        return np.stack(pieces, axis=-1)
 
-    def commands(self, lag: float = 0.0) -> Floats:
-        """(n, thrusters) mean commands over each interval, N, whose stamps are late by a further `lag`, s."""
+    @cached_property
+    def _smoothed(self) -> tuple[Floats, Floats, Floats]:
+        """Times (k,), smoothed positions and velocities (k, joints) of the joints around the recording."""
+        joints = self.log.joints
+        assert joints is not None
+        spans = joints.spans
+        around = spans[(spans[:, 0] <= self.start + self.period) & (spans[:, 1] > self.start + self.period)]
+        first, last = float(around[0, 0]), float(around[0, 1])
+        count = max(int((last - first) / SMOOTHED), 1)
+        c = joints.cubics(first, (last - first) / count, count, smoothing=SMOOTHING)
+        end = c[-1] @ ((last - first) / count) ** np.arange(4)
+        time = np.linspace(first, last, count + 1)
+        return time, np.concatenate([c[..., 0], end[None]]), np.concatenate([c[..., 1], c[-1:, :, 1]])
+
+    def commands(self, lag: float = 0.0, parts: int = 1) -> Floats:
+        """(n, parts, thrusters) mean commands over parts of intervals, N; stamps are late by a further `lag`, s."""
         thrusters = self.log.thrusters
         if thrusters is None:
-            return np.zeros((self.periods, 0))
+            return np.zeros((self.periods, parts, 0))
         # Commands hold until the next: their integral is piecewise linear.
         stamps, held = thrusters.time, thrusters.command
         stamps, held = np.append(stamps, stamps[-1] + 1e3), np.concatenate([held, held[-1:]])
         integral = np.concatenate(
             [np.zeros((1, held.shape[1])), np.cumsum(held[:-1] * np.diff(stamps)[:, None], axis=0)]
         )
-        ends = interpolation.linear(stamps, integral, self.start + lag + self.time)
-        return np.asarray(np.diff(ends, axis=0) / self.period)
+        length = self.period / parts
+        ends = np.asarray(self.start + lag + length * np.arange(self.periods * parts + 1), dtype=np.float64)
+        means = np.diff(interpolation.linear(stamps, integral, ends), axis=0) / length
+        return means.reshape(self.periods, parts, -1)
 
 
 def record(log: Log, period: float = PERIOD) -> Recording:
@@ -165,7 +181,7 @@ def unwrapped(rpy: Floats) -> Floats:
 
 
 def _initial(measured: Floats, period: float) -> Floats:
-    """State at the start: lines through the first known samples; velocity by parabolas of the position where it is not measured."""
+    """State at the start by lines through the first known samples; unmeasured velocity by parabolas of the position."""
     count = max(round(WINDOW / period) + 1, 3)
 
     def line(column: Floats, samples: int, degree: int = 1) -> tuple[float, float]:

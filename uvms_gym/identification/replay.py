@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvms_gym._core import Simulator
-from uvms_gym.identification.recordings import ANGLES, NAMES, Floats, Recording, padded, unwrapped
+from uvms_gym.identification.recordings import ANGLES, Floats, Recording, padded
 from uvms_gym.logs import LogError, interpolation, rotations
 
 #: Steps of the integrator for a floating vehicle, one with thrusters, and one with servos in its arm, s.
-STEP, DRIVEN_STEP, SERVO_STEP = 0.1, 0.025, 0.005
+STEP, DRIVEN_STEP, SERVO_STEP = 0.1, 0.0125, 0.005
 #: Intervals of a recording for each computed equilibrium.
 STRIDE = 4
 #: x of the body points up.
@@ -56,6 +56,10 @@ class Replay:
         self.prescribed = prescribed
         self.period = self.recordings[0].period
         self.thrusters = thrusters and all(r.log.thrusters is not None for r in self.recordings)
+        # (Calls per interval, for a driven vehicle: thrust is no linear function of commands, of which means count.)
+        servos = not prescribed and self.recordings[0].log.joints is not None
+        step = SERVO_STEP if servos else DRIVEN_STEP if self.thrusters else STEP
+        self.substeps = max(round(self.period / step), 1)
         self.measured = padded([r.measured for r in self.recordings])
         for row, r in zip(self.measured, self.recordings):
             row[r.periods + 1 :] = np.nan
@@ -77,12 +81,12 @@ class Replay:
         return cubics
 
     def commands(self, corrections: Corrections) -> Floats:
-        """(N, T, thrusters) commands, N."""
+        """(N, T, steps, thrusters) commands, N."""
         lag = corrections.lags.get("thrusters", 0.0)
         if lag not in self._commands:
             if len(self._commands) > 3:
                 self._commands.pop(next(iter(self._commands)))
-            self._commands[lag] = padded([r.commands(lag) for r in self.recordings])
+            self._commands[lag] = padded([r.commands(lag, self.substeps) for r in self.recordings])
         return self._commands[lag] if corrections.scales is None else self._commands[lag] * corrections.scales
 
     def measured_with(self, corrections: Corrections) -> Floats:
@@ -129,12 +133,10 @@ class Replay:
         start = self.initial if initial is None else initial
         cubics = self.cubics(corrections)
         count, periods, joints = cubics.shape[:3]
-        step = SERVO_STEP if joints and not self.prescribed else DRIVEN_STEP if self.thrusters else STEP
-        substeps = max(round(self.period / step), 1)
-        dt, prescribed = self.period / substeps, self.prescribed and joints > 0
+        dt, prescribed = self.period / self.substeps, self.prescribed and joints > 0
         # Thrusters that are off are left out: steps are judged by the speeds that they could give.
         scene = scene if self.thrusters else _without_thrusters(scene)
-        simulator = Simulator(scene, count, dt=dt, threads=1, prescribed_joints=True if prescribed else None)
+        simulator = Simulator(scene, count, dt=dt, threads=1, prescribed_joints=prescribed)
         state: dict[str, Any] = {
             "position": start[:, 6:9],
             "quaternion": rotations.from_rpy(start[:, ANGLES]),
@@ -148,15 +150,18 @@ class Replay:
         commands = self.commands(corrections) if self.thrusters else None
         quaternion = np.empty((periods + 1, count, 4))
         twist, position = np.empty((periods + 1, count, 6)), np.empty((periods + 1, count, 3))
-        inputs: dict[str, Any] = {}
         for k in range(periods + 1):
             quaternion[k], twist[k], position[k] = simulator.quaternion, simulator.twist, simulator.position
-            if k < periods:
-                if joints:
-                    inputs["joint_target"] = cubics[:, k]
-                if commands is not None:
-                    inputs["thrust"] = commands[:, k]
-                simulator.step(substeps=substeps, **inputs)
+            if k == periods:
+                break
+            target: dict[str, Any] = {"joint_target": cubics[:, k]} if joints else {}
+            if commands is None:
+                simulator.step(substeps=self.substeps, **target)
+                continue
+            for j in range(self.substeps):
+                if joints and j:
+                    target = {"joint_target": shifted(cubics[:, k], j * dt)}
+                simulator.step(thrust=commands[:, k, j], **target)
         return _channels(quaternion, twist, position)
 
     def constant(self) -> Floats:
@@ -196,13 +201,13 @@ def between(knots: NDArray[np.int64], values: Floats, count: int) -> Floats:
 
 
 def equilibrium(scene: dict[str, Any], q: Floats) -> Floats:
-    """(n, 3) direction against gravity, body axes, at which weight and buoyancy turn the vehicle no more, joints at q (n, joints).
+    """(n, 3) direction against gravity, body axes, at which weight and buoyancy balance with joints at q (n, joints).
 
     A net force besides is taken to act at the vehicle frame's origin, as drag does in steady motion.
     """
     bodies = Simulator(scene, 2, threads=1)
     bodies.set_state(rotation=np.stack([np.eye(3), _UPENDED]))
-    # Restoring wrenches give each body's net force n and first moments s: the moment is s x (direction against gravity).
+    # Restoring wrenches give each body's net force n and first moments s: the moment is s x up.
     poses, wrenches = bodies.body_poses(), bodies.body_wrenches()["restoring"]
     up = poses[:, :, 2, :3]
     net = np.sum(wrenches[0, :, :3] * up[0], axis=-1)
@@ -248,6 +253,14 @@ def _without_thrusters(scene: dict[str, Any]) -> dict[str, Any]:
     """Scene without thrusters."""
     vehicle = {key: value for key, value in scene["vehicle"].items() if key not in ("thrusters", "thruster_lag")}
     return scene | {"vehicle": vehicle, "provenance": {}}
+
+
+def shifted(cubics: Floats, time: float) -> Floats:
+    """Cubics (..., 4) from a later start of time, s, on."""
+    c0, c1, c2, c3 = np.moveaxis(cubics, -1, 0)
+    t = time
+    shift = [c0 + t * (c1 + t * (c2 + t * c3)), c1 + t * (2.0 * c2 + t * 3.0 * c3), c2 + 3.0 * t * c3, c3]
+    return np.stack(shift, axis=-1)
 
 
 def _resting(cubics: Floats) -> Floats:

@@ -1,7 +1,7 @@
 """Dotted keys into scenes and log maps: `vehicle.body.mass`, `arm.links[wrist].body.volume`, `vehicle.thrusters.lag`.
 
-A key without an element of a list of tables stands for all of them, with all numbers below; an index of a matrix stands for
-its diagonal.
+A key without an element of a list of tables stands for all of them, with all numbers below; an index of a matrix stands
+for its diagonal.
 `BODY.rotational_inertia[k]` is the sum of the rigid and the added moment of inertia about axis k of a body.
 """
 
@@ -94,7 +94,7 @@ def _moments(root: Any, key: str) -> list[float]:
 def _set_moment(root: Any, key: str, axis: int, value: float) -> None:
     """Set a sum of moments by the added one.
 
-    Only the sum can be observed. The rigid tensor, which no body could have where it was changed alone in one moment, is
+    Only the sum can be observed. The rigid tensor, which no body could have were one moment changed alone, is
     scaled as a whole where it would exceed the sum.
     """
     body, moments = _table(root, key), _moments(root, key)

@@ -112,7 +112,7 @@ def synthetic_log(
     periods = int(duration / PERIOD)
     cubics = arm_motion(scene, periods, rng)
     joints = cubics.shape[1]
-    simulator = Simulator(scene, 1, dt=PERIOD / SUBSTEPS, threads=1, prescribed_joints=True if joints else None)
+    simulator = Simulator(scene, 1, dt=PERIOD / SUBSTEPS, threads=1, prescribed_joints=joints > 0)
     commands = _commands(simulator, periods, rng) if driven else None
     heading = rng.uniform(-np.pi, np.pi)
     up = equilibrium(scene, cubics[:1, :, 0])[0]
@@ -159,7 +159,7 @@ def _log(
     """Log of what sensors tell of a motion."""
     quaternion, velocity, position = motion
     count = len(position)
-    time = PERIOD * np.arange(count)
+    time = PERIOD * np.arange(count, dtype=np.float64)
     common: dict[str, Any] = {"source": name, "gap": 0.5, "rows": count, "dropped": {}}
     drift = np.empty((count, 3))
     drift[0], keep = rng.normal(size=3), np.exp(-PERIOD / sensors.drift_time)
@@ -183,8 +183,8 @@ def _log(
         # Beyond both ends the joints rest.
         more = 20
         q = np.concatenate([np.repeat(q[:1], more, axis=0), q, np.repeat(q[-1:], more, axis=0)])
-        stamps = PERIOD * (np.arange(len(q)) - more) + sensors.joint_lag
-        stamps = np.sort(stamps + sensors.joint_jitter * rng.normal(size=len(q)))
+        late = sensors.joint_lag + sensors.joint_jitter * rng.normal(size=len(q))
+        stamps: Floats = np.sort(PERIOD * (np.arange(len(q), dtype=np.float64) - more) + late)
         zeros = np.array(sensors.joint_zeros) if sensors.joint_zeros else 0.0
         names = tuple(simulator.joint_names)
         channels["joints"] = Joints(time=stamps, position=q + zeros, names=names, **(common | {"rows": len(q)}))
