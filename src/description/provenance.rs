@@ -16,6 +16,8 @@ use crate::error::Problem;
 pub enum Origin {
     /// Measured on the robot.
     Measured,
+    /// Fitted to logs of the robot.
+    Fitted,
     /// Taken from a cited source.
     Cited,
     /// Derived from other numbers (geometry, strip theory).

@@ -10,9 +10,10 @@ use super::{Fault, Scene, check, path};
 use crate::error::{DescriptionError, Problem};
 
 /// Scenes shipped with the package.
-const SHIPPED: [(&str, &str); 6] = [
+const SHIPPED: [(&str, &str); 7] = [
     ("petasus-pum", include_str!("../../uvms_gym/scenes/petasus-pum.toml")),
     ("bluerov2-heavy-alpha5", include_str!("../../uvms_gym/scenes/bluerov2-heavy-alpha5.toml")),
+    ("bluerov2-alpha5-pool", include_str!("../../uvms_gym/scenes/bluerov2-alpha5-pool.toml")),
     ("bluerov2-heavy", include_str!("../../uvms_gym/scenes/bluerov2-heavy.toml")),
     ("free-body", include_str!("../../uvms_gym/scenes/free-body.toml")),
     ("rexrov", include_str!("../../uvms_gym/scenes/rexrov.toml")),

@@ -99,7 +99,7 @@ pub enum Problem {
     #[error("'{text}' describes no key of this scene: remove this entry, or set provenance = {{}}")]
     ProvenanceOfNothing { text: String },
     /// Provenance of unknown origin.
-    #[error("'{text}' must be 'measured: ...', 'cited: ...', 'derived: ...' or 'assumed: ...'")]
+    #[error("'{text}' must be 'measured: ...', 'fitted: ...', 'cited: ...', 'derived: ...' or 'assumed: ...'")]
     Provenance { text: String },
 }
 

@@ -15,7 +15,7 @@ LAYERS = (
     ("uvms_gym.controllers", "uvms_gym.envs", "uvms_gym.disturbances", "uvms_gym.logs", "uvms_gym.robots"),
     ("uvms_gym.rollouts",),
     ("uvms_gym",),
-    ("uvms_gym.sb3",),
+    ("uvms_gym.sb3", "uvms_gym.identification"),
     ("uvms_gym.studies",),
     ("uvms_gym.training",),
     ("uvms_gym.cli",),

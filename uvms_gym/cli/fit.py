@@ -136,10 +136,11 @@ def _write(
 ) -> None:
     """Write all files."""
     heading = f"# Fitted by uvms fit to {len(found.train)} trials of {source}: {', '.join(found.train)}.\n"
+    fitted = files.fitted_scene(found, source, name)
     texts = (
-        heading + uvms_gym.dump_scene(files.fitted_scene(found, source, name)),
+        heading + uvms_gym.dump_scene(fitted),
         heading + toml.dumps(files.fitted_map(found, data)),
-        heading + "# 95 % intervals, for randomize= of environments.\n" + toml.dumps(files.randomize(found)),
+        heading + "# 95 % intervals, for randomize= of environments.\n" + toml.dumps(files.ranges(fitted)),
     )
     with user_errors(verb="write"):
         for file, text in zip(written, texts):

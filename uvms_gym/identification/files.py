@@ -8,7 +8,9 @@ from typing import Any
 from uvms_gym._core import load_scene
 from uvms_gym.identification import scene_keys
 from uvms_gym.identification.fit import Fit
+from uvms_gym.identification.intervals import UNDETERMINED
 from uvms_gym.identification.parameters import MAP, Parameter
+from uvms_gym.logs.log import Scene
 
 #: Significant digits of fitted numbers.
 DIGITS = 6
@@ -27,50 +29,55 @@ def fitted_scene(fit: Fit, source: str, name: str | None = None) -> dict[str, An
         Name of the scene; default that of the start.
     """
     scene = copy.deepcopy(fit.scene)
-    intervals, values = fit.intervals, fit.values
-    shares = dict(zip(fit.values, fit.uncertainty.shares.tolist()))
-    for p in fit.parameters:
+    provenance = scene.setdefault("provenance", {})
+    shares = fit.uncertainty.shares
+    for p, share in zip(fit.parameters, shares.tolist()):
         if p.key.startswith(MAP):
             continue
         scene_keys.write(scene, p.key, [_rounded(n) for n in scene_keys.read(scene, p.key)])
-        low, high = intervals[p.key]
-        what = "factor" if p.factor else "value"
-        text = f"measured: fitted to {len(fit.train)} trials of {source}; "
-        text += f"{what} {values[p.key]:.4g}, 95 % interval {low:.4g} to {high:.4g}"
-        if shares[p.key] > 0.5:
-            text += f"; the data hardly determine it: {100 * shares[p.key]:.0f} % of the prior's variance remain"
-        body, axis = _rotational(p)
-        if body:
-            scene.setdefault("provenance", {})[f"{body}.added_mass[{3 + axis}]"] = f"{text} of the sum with inertia"
-        else:
-            scene.setdefault("provenance", {})[p.key] = text
+        note = f"; {100 * share:.0f} % of the prior's variance remain" if share > UNDETERMINED else ""
+        note += "; observed: its sum with the rigid moment of inertia" if _rotational(p)[0] else ""
+        for key, (low, high) in _ranges(fit, p).items():
+            trials = f"to {len(fit.train)} trials of {source}"
+            provenance[key] = f"fitted: {trials}, 95 % interval {low:.6g} to {high:.6g}{note}"
     if name is not None:
-        scene["name"] = name
+        scene |= {"name": name, "summary": f"{fit.start['name']}, fitted to {len(fit.train)} trials of {source}."}
     loaded: dict[str, Any] = load_scene(scene)
     return loaded
 
 
-def randomize(fit: Fit) -> dict[str, list[float]]:
-    """Ranges of the scene's fitted numbers by key, [low, high]: what the data leave open, for `randomize=`."""
-    found: dict[str, list[float]] = {}
-    for p in fit.parameters:
-        if p.key.startswith(MAP):
-            continue
-        low, high = fit.intervals[p.key]
-        body, axis = _rotational(p)
-        if body:
-            # The added moment carries the interval of the sum.
-            total, key = fit.values[p.key], f"{body}.added_mass[{3 + axis}]"
-            added = scene_keys.read(fit.scene, key)[0]
-            found[key] = [_rounded(max(added + low - total, 0.0)), _rounded(added + high - total)]
-        elif p.factor:
-            value = fit.values[p.key]
-            for place, number in zip(scene_keys.places(fit.scene, p.key), scene_keys.read(fit.scene, p.key)):
-                if number:
-                    ends = sorted(number * end / value for end in (low, high))
-                    found[_text(place)] = [_rounded(end) for end in ends]
-        else:
-            found[p.key] = [_rounded(low), _rounded(high)]
+def ranges(scene: Scene) -> dict[str, list[float]]:
+    """Ranges of a scene's fitted numbers by key, [low, high], for `randomize=`: the 95 % intervals of its provenance.
+
+    Parameters
+    ----------
+    scene : str, os.PathLike or dict
+        Scene that `uvms fit` has written, or a shipped one that was fitted.
+    """
+    provenance: dict[str, str] = load_scene(scene).get("provenance", {})
+    found = {}
+    for key, text in provenance.items():
+        if match := re.search(r"fitted: .*, 95 % interval (\S+) to ([^\s;]+)", text):
+            found[key] = [float(match[1]), float(match[2])]
+    return found
+
+
+def _ranges(fit: Fit, p: Parameter) -> dict[str, tuple[float, float]]:
+    """Intervals of the numbers of a parameter by their own keys."""
+    low, high = fit.intervals[p.key]
+    body, axis = _rotational(p)
+    if body:
+        # The added moment carries the interval of the sum.
+        key = f"{body}.added_mass[{3 + axis}]"
+        rest = scene_keys.read(fit.scene, key)[0] - fit.values[p.key]
+        return {key: (max(low + rest, 0.0), high + rest)}
+    if not p.factor:
+        return {p.key: (low, high)}
+    value, found = fit.values[p.key], {}
+    for place, number in zip(scene_keys.places(fit.scene, p.key), scene_keys.read(fit.scene, p.key)):
+        if number:
+            ends = sorted((number * low / value, number * high / value))
+            found[_text(place)] = (ends[0], ends[1])
     return found
 
 

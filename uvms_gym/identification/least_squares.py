@@ -14,8 +14,6 @@ ROBUST = 2.0
 TOLERANCE = 0.01
 #: Most iterations.
 ITERATIONS = 30
-#: Finite differences, in standard deviations of the prior.
-DIFFERENCE = 0.01
 
 
 class Problem(Protocol):
@@ -34,6 +32,11 @@ class Problem(Protocol):
     @property
     def bounds(self) -> tuple[Floats, Floats]:
         """Least and greatest common parameters, each (p,)."""
+        ...
+
+    @property
+    def differences(self) -> Floats:
+        """(p,) steps of finite differences of the common parameters."""
         ...
 
     @property
@@ -159,7 +162,7 @@ def _linearise(problem: Problem, point: _Point) -> _Model:
     high = problem.bounds[1]
     J = np.empty((*point.residuals.shape, p + m))
     for k in range(p):
-        h = DIFFERENCE * problem.deviations[k]
+        h = problem.differences[k]
         h = -h if point.common[k] + h > high[k] else h
         moved = point.common.copy()
         moved[k] += h

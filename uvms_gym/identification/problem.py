@@ -87,6 +87,12 @@ class ReplayProblem:
         return np.array([parameter.deviation for parameter in self.parameters])
 
     @property
+    def differences(self) -> Floats:
+        """(p,) steps of finite differences: of lags as long as the parts of intervals that hold commands."""
+        lags = np.array([parameter.key.endswith(".time.lag") for parameter in self.parameters], dtype=np.bool_)
+        return np.asarray(self.deviations * np.where(lags, 0.1, 0.01))
+
+    @property
     def own_deviations(self) -> Floats:
         """(m,) standard deviations of the trials' own parameters."""
         return np.array([_START[NAMES[k]] for k in self.start] + [_CURRENT] * (2 * self.current))

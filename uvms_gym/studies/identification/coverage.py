@@ -10,6 +10,7 @@ from uvms_gym import load_scene
 from uvms_gym.identification import fit
 from uvms_gym.identification.intervals import UNDETERMINED
 from uvms_gym.identification.parameters import apply, make_parameters
+from uvms_gym.logs.log import Scene
 from uvms_gym.studies.identification.synthetic import Sensors, synthetic_log
 
 #: Free numbers, and standard deviations by which the truth differs from the scene: of the logarithm for positive ones.
@@ -72,9 +73,9 @@ class Coverage:
 def coverage(
     fits: int = 200,
     *,
-    scene: str = "bluerov2-heavy-alpha5",
+    scene: Scene = "bluerov2-alpha5-pool",
     truth: Mapping[str, float] = TRUTH,
-    trials: int = 12,
+    trials: int = 10,
     duration: float = 15.0,
     seed: int = 0,
     report: Callable[[int], None] | None = None,
@@ -85,7 +86,7 @@ def coverage(
     ----------
     fits : int
         Number of fits, each to logs of its own.
-    scene : str
+    scene : str, os.PathLike or dict
         Scene to start from.
     truth : mapping of str to float
         Free numbers with the spread of the truth around the scene's values.
