@@ -86,7 +86,7 @@ def test_equilibrium_leaves_no_moment() -> None:
     simulator = uvms_gym.Simulator(scene, 20)
     simulator.set_state(quaternion=rotations.from_rpy(rpy), q=q)
     np.testing.assert_allclose(simulator.equations()["g"][:, 3:6], 0.0, atol=1e-12)
-    simulator.set_state(quaternion=rotations.from_rpy(rpy + [0.01, 0.0, 0.0]), q=q)
+    simulator.set_state(quaternion=rotations.from_rpy(rpy + np.array([0.01, 0.0, 0.0])), q=q)
     assert (np.abs(simulator.equations()["g"][:, 3]) > 0.01).all()
 
 
