@@ -160,7 +160,7 @@ def test_fit_returns_true_values_within_its_intervals(synthetic: Any) -> None:
     assert held["fitted"]["roll"] < 0.4 and held["start"]["roll"] > 2 * held["fitted"]["roll"]
     # Errors of the attitude that drift by trial make residuals far from independent.
     naive = found.uncertainty.naive
-    assert np.median(found.uncertainty.deviations / naive) > 2.0
+    assert np.median(found.uncertainty.deviations / naive) > 1.5
     assert found.undetermined == [] and found.at_bounds == []
 
 

@@ -1,4 +1,4 @@
-"""What a fit leaves: scene, map of the logs, ranges for training, and all numbers."""
+"""Files of a fit: scene, map of the logs, ranges for training, and all numbers."""
 
 import copy
 import re
