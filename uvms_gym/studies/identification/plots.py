@@ -33,15 +33,15 @@ def plot_replays(path: Path, validation: Validation, most: int = MOST) -> None:
             column[0].set_title(recording.name)
             column[-1].set_xlabel("time s")
             for row, name in zip(column, names):
-                k, (unit, factor) = list(CHANNELS).index(name), CHANNELS[name]
+                k, (_, factor) = list(CHANNELS).index(name), CHANNELS[name]
                 shown = slice(0, recording.periods + 1)
                 predicted: Mapping[str, Floats] = validation.predicted
                 row.plot(recording.time, factor * validation.measured[trial, shown, k], color=BLACK, label="measured")
                 for predictor, values in predicted.items():
                     style = {"color": _COLOURS[predictor], "linewidth": 1.2 if predictor == "replay" else 0.8}
                     row.plot(recording.time, factor * values[trial, shown, k], label=predictor, **style)
-                if column is axes.T[0]:
-                    row.set_ylabel(f"{name} {unit}")
+        for row, name in zip(axes[:, 0], names):
+            row.set_ylabel(f"{name} {CHANNELS[name][0]}")
         axes[0, -1].legend(fontsize=7)
 
 
@@ -67,4 +67,5 @@ def plot_intervals(path: Path, fit: Fit) -> None:
         axis.set_yticks(list(rows), [f"{p.key} = {fit.values[p.key]:.4g}" for p in fit.parameters], fontsize=8)
         axis.set_ylim(count - 0.5, -0.5)
         axis.set_xlim(-5.0, 5.0)
-        axis.set_xlabel("95 % interval less start, in standard deviations of the prior (grey: its 95 %; orange: open)")
+        axis.set_xlabel("95 % interval less start, deviations of the prior")
+        axis.set_title("grey: the prior's 95 %; orange: left open by the data", fontsize=9)
