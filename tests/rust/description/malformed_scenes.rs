@@ -324,7 +324,7 @@ proptest! {
 
     #[test]
     fn a_mutated_scene_is_read_or_refused_by_key(
-        scene in 0..7usize,
+        scene in 0..8usize,
         node in any::<prop::sample::Index>(),
         new in replacement(),
     ) {

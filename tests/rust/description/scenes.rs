@@ -14,13 +14,15 @@ fn all_shipped() -> impl Iterator<Item = Scene> {
 
 #[test]
 fn shipped_scenes_load_under_their_names_without_warnings() {
-    for name in ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "free-body", "rexrov"] {
+    for name in
+        ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-alpha5-pool", "bluerov2-heavy", "free-body", "rexrov"]
+    {
         let scene = Scene::load(name).unwrap();
         assert_eq!(scene.name, name);
         assert_eq!(scene.check().unwrap(), []);
         assert!(!scene.summary.is_empty(), "{name}");
     }
-    assert_eq!(Scene::shipped_names().len(), 6);
+    assert_eq!(Scene::shipped_names().len(), 7);
 }
 
 #[test]
