@@ -92,7 +92,7 @@ def fit(
     given: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "free": free, "hold_out": hold_out}
     given |= {"prior": priors, "channel": channels, "period": period}
     _write(written, found, data, name or out.stem, logs.resolve().name, circumstances("fit", given))
-    return 0 if found.solution.converged else INTERRUPTED
+    return INTERRUPTED if found.solution.interrupted else int(not found.solution.converged)
 
 
 def _prior(text: str) -> tuple[str, float]:

@@ -63,6 +63,8 @@ class Solution:
         Number of steps.
     converged : bool
         False after an interruption, or too many iterations.
+    interrupted : bool
+        True after an interruption.
     information : numpy.ndarray (N, p, p)
         Information of each trial about the common parameters.
     scores : numpy.ndarray (N, p)
@@ -76,6 +78,7 @@ class Solution:
     cost: float
     iterations: int
     converged: bool
+    interrupted: bool
     information: Floats
     scores: Floats
     at_bound: Floats
@@ -110,7 +113,7 @@ def minimise(
     origin = common.copy()
     low, high = problem.bounds
     point = _evaluate(problem, common, own, origin)
-    damping, iterations, converged = 1e-3, 0, False
+    damping, iterations, converged, interrupted = 1e-3, 0, False, False
     model = _linearise(problem, point)
     try:
         while iterations < ITERATIONS and not converged:
@@ -129,10 +132,20 @@ def minimise(
             if report is not None:
                 report(iterations, point.cost)
     except KeyboardInterrupt:
-        converged = False
+        converged, interrupted = False, True
     information, scores = _eliminated(problem, point, model)
     held = _held(problem, point.common, scores.sum(axis=0) + (point.common - origin) / problem.deviations**2)
-    return Solution(point.common, point.own, point.cost, iterations, converged, information, scores, held)
+    return Solution(
+        common=point.common,
+        own=point.own,
+        cost=point.cost,
+        iterations=iterations,
+        converged=converged,
+        interrupted=interrupted,
+        information=information,
+        scores=scores,
+        at_bound=held,
+    )
 
 
 @dataclass(frozen=True, eq=False)
