@@ -1,16 +1,13 @@
-//! Linearly implicit methods of order 2 to 4: linearly implicit Euler, extrapolated. `[HW96 sec. IV.9]`
+//! A linearly implicit method of order 2: linearly implicit Euler, extrapolated. `[HW96 sec. IV.9]`
 //!
-//! One step of the linearly implicit Euler rule `(I - h J) k = f`, `y + h k`, over the whole step, in two halves, in three
-//! thirds and so on, in the coordinates `(Theta, q; V, q')` about the step's start. The end of a step in j parts differs from the exact
-//! one by a series in 1/j, whatever J is, so that the sum of the first K ends with weights `prod_(i != j) j / (j - i)` is of order
-//! K (Aitken and Neville). Each of the `K (K + 1) / 2` solves has its own J, of the point it starts from.
+//! One step of the linearly implicit Euler rule `(I - h J) k = f`, `y + h k`, once over the whole step and once in two
+//! halves, in the coordinates `(Theta, q; V, q')` about the step's start; twice the fine result less the coarse one is of
+//! order 2, for any J at all. Each of the three solves has its own J, of the point it starts from.
 //!
-//! (The method of `[VSBH99]`, ROS2, needs one solve less than the order 2 here, but overshoots within the step where forces saturate
-//! or grow.)
+//! (The method of `[VSBH99]`, ROS2, needs one solve less, but overshoots within the step where forces saturate or grow.)
 //!
-//! The stability functions `sum_j w_j (1 - z/j)^-j` vanish at infinity (L-stable). That of order 2 is A-stable; those of order 3 and 4
-//! amplify some undamped oscillations by up to 0.16 and 0.48 % a step. With a J that overestimates the true rate by a factor 1/p they
-//! become `sum_j w_j (1 - p)^j` there: stable for `0 < p <= 3/2` in order 2, up to 1.36 in order 3 and 1.32 in order 4.
+//! Its stability function `2 / (1 - z/2)^2 - 1 / (1 - z)` is A-stable and vanishes at infinity (L-stable). With a J that
+//! overestimates the true rate by a factor 1/p it becomes `(1 - p)(1 - 2 p)` there: stable for `0 < p <= 3/2`.
 
 use super::chart::Increment;
 use super::motion::Motion;
@@ -81,25 +78,16 @@ impl<L: Lane, const N: usize> Point<L, N> {
         }
     }
 
-    /// Sets it to `weight` times the other.
+    /// Twice this less the other.
     #[inline(always)]
-    fn scaled(&mut self, weight: L, of: &Self, n: usize) {
-        self.theta = of.theta.scale(weight);
-        self.twist = of.twist.scale(weight);
+    fn extrapolate(&mut self, coarse: &Self, n: usize) {
+        let two = L::c(2.0);
+        let minus = L::c(-1.0);
+        self.theta = self.theta.scale_add(two, coarse.theta.scale(minus));
+        self.twist = self.twist.scale_add(two, coarse.twist.scale(minus));
         for k in 0..n {
-            self.q[k] = of.q[k] * weight;
-            self.qd[k] = of.qd[k] * weight;
-        }
-    }
-
-    /// Adds `weight` times the other.
-    #[inline(always)]
-    fn add_scaled(&mut self, weight: L, other: &Self, n: usize) {
-        self.theta = other.theta.scale_add(weight, self.theta);
-        self.twist = other.twist.scale_add(weight, self.twist);
-        for k in 0..n {
-            self.q[k] = other.q[k].mul_add(weight, self.q[k]);
-            self.qd[k] = other.qd[k].mul_add(weight, self.qd[k]);
+            self.q[k] = self.q[k].mul_add(two, -coarse.q[k]);
+            self.qd[k] = self.qd[k].mul_add(two, -coarse.qd[k]);
         }
     }
 
@@ -121,40 +109,19 @@ impl<L: Lane, const N: usize> Point<L, N> {
     }
 }
 
-/// Memory of the linearly implicit methods.
+/// Memory of the linearly implicit method: end of a step by two halves and by one, and the rates.
 #[derive(Debug, Clone)]
 pub struct ImplicitStages<L, const N: usize> {
-    /// Point within the step.
-    point: Point<L, N>,
-    /// End of the step by one part.
+    fine: Point<L, N>,
     coarse: Point<L, N>,
-    /// Extrapolated end of the step, and that without the coarsest result, which is of one order less.
-    end: Point<L, N>,
-    lower: Point<L, N>,
     rates: Rates<L, N>,
 }
-
-/// Weights of the ends of a step in 1, 2, ... parts, by order; and those without the first.
-const WEIGHTS: [[[f64; GREATEST_ORDER]; 2]; GREATEST_ORDER - 1] = [
-    [[-1.0, 2.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
-    [[0.5, -4.0, 4.5, 0.0], [0.0, -2.0, 3.0, 0.0]],
-    [[-1.0 / 6.0, 4.0, -13.5, 32.0 / 3.0], [0.0, 2.0, -9.0, 8.0]],
-];
-
-/// Weights of the ends of a step in 1, 2, ... parts.
-pub(super) fn extrapolation_weights(order: usize) -> impl Iterator<Item = f64> {
-    WEIGHTS[order - 2][0].into_iter().take(order)
-}
-
-/// Greatest order.
-const GREATEST_ORDER: usize = 4;
 
 impl<L: Lane, const N: usize> ImplicitStages<L, N> {
     /// Zeroed memory.
     pub fn new() -> Self {
         let rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
-        let point = Point::new;
-        Self { point: point(), coarse: point(), end: point(), lower: point(), rates }
+        Self { fine: Point::new(), coarse: Point::new(), rates }
     }
 }
 
@@ -164,11 +131,10 @@ impl<L: Lane, const N: usize> Default for ImplicitStages<L, N> {
     }
 }
 
-/// One step of size `h`, which begins `elapsed` after the start of the interval; leaves its end in `stages.end`. Returns the
+/// One step of size `h`, which begins `elapsed` after the start of the interval; leaves its end in `stages.fine`. Returns the
 /// square of the greatest rotation within the step and the estimated error, m and rad.
 #[inline(always)]
 fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
-    order: usize,
     h: L,
     elapsed: L,
     from: &Motion<L, N>,
@@ -176,57 +142,36 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     derivative: &mut D,
 ) -> (L, L) {
     let n = derivative.joints();
-    let ImplicitStages { point, coarse, end, lower, rates } = stages;
-    let order = order.clamp(2, GREATEST_ORDER);
-    let [weights, lower_weights] = &WEIGHTS[order - 2];
-    let (mut greatest, mut apart) = (L::zero(), L::zero());
-    let (mut parts, mut part) = (1, 0);
-    point.start(from, n);
-    // One call of the right-hand side for all solves: it is by far the most code.
-    loop {
-        let size = h * L::c(1.0 / parts as f64);
+    let half = h * L::c(0.5);
+    let ImplicitStages { fine, coarse, rates } = stages;
+    fine.start(from, n);
+    coarse.start(from, n);
+    let mut greatest = L::zero();
+    // One call of the right-hand side for all three: it is by far the most code.
+    for solve in 0..3 {
+        let (begin, size) = match solve {
+            0 => (elapsed, h),
+            1 => (elapsed, half),
+            _ => (elapsed + half, half),
+        };
+        let point = if solve == 0 { &mut *coarse } else { &mut *fine };
         let at = Increment { start: &from.pose, theta: Some(point.theta) };
-        let begin = elapsed + size * L::c(part as f64);
         derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, rates);
         point.advance(size, rates, n);
         greatest = greatest.max(point.turn());
-        part += 1;
-        if part == parts {
-            let weight = L::c(weights[parts - 1]);
-            if parts == 1 {
-                coarse.scaled(L::c(1.0), point, n);
-                end.scaled(weight, point, n);
-            } else {
-                end.add_scaled(weight, point, n);
-                let weight = L::c(lower_weights[parts - 1]);
-                if parts == 2 {
-                    apart = point.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
-                    lower.scaled(weight, point, n);
-                } else {
-                    lower.add_scaled(weight, point, n);
-                }
-            }
-            if parts == order {
-                break;
-            }
-            (parts, part) = (parts + 1, 0);
-            point.start(from, n);
-        }
     }
-    // For a mode and order K: change z, distance of the first two results z^2 / 4, and of both extrapolated ones (K + 1) / K times the
-    // error over z.
-    let changed = end.velocity_distance(&from.twist, &from.qd, n) * h + L::c(1e-30);
-    let rate = (apart * L::c(4.0) / changed).min(L::c(1.0));
-    let distance = end.velocity_distance(&lower.twist, &lower.qd, n) * h;
-    let error = distance * L::c(order as f64 / (order as f64 + 1.0)) * rate;
-    (greatest.max(end.turn()), error)
+    let apart = fine.velocity_distance(&coarse.twist, &coarse.qd, n) * h;
+    fine.extrapolate(coarse, n);
+    // For a mode: distance z^2 / 4, change z, error z^3 / 6.
+    let changed = fine.velocity_distance(&from.twist, &from.qd, n) * h + L::c(1e-30);
+    let error = apart * L::c(2.0 / 3.0) * (apart * L::c(4.0) / changed).min(L::c(1.0));
+    (greatest.max(fine.turn()), error)
 }
 
 /// Integrates over an interval of length `h`. Lanes that turn by more than half a radian within a sub-interval divide it into
 /// halves, quarters, and so on; lanes that have reached the end of the interval keep their state meanwhile.
 #[inline(always)]
 pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
-    order: usize,
     h: L::Real,
     motion: &mut Motion<L, N>,
     estimates: &mut StepEstimates<L>,
@@ -240,12 +185,12 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let (mut share, mut left) = (one, one);
     let mut begun = false;
     loop {
-        let (turn, error) = extrapolated(order, h * share, h * (one - left), motion, stages, derivative);
-        let end = &stages.end;
+        let (turn, error) = extrapolated(h * share, h * (one - left), motion, stages, derivative);
+        let end = &stages.fine;
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
         let takes = half.lt(taken);
-        estimates.record_errors(takes, order, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
+        estimates.record_errors(takes, 2, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
         motion.move_by(takes, end.theta, end.twist, (&end.q, &end.qd), n);
         left = share.neg_mul_add(taken, left);
         if !L::any(zero.lt(left)) {

@@ -8,8 +8,8 @@ use super::tableau::{DORMAND_PRINCE, EULER, HEUN3, MIDPOINT, RK4, Tableau};
 pub enum Integrator {
     /// Explicit Runge-Kutta method.
     Explicit(Explicit),
-    /// Linearly implicit Euler, extrapolated to this order, 2 to 4.
-    LinearlyImplicit { order: usize },
+    /// Linearly implicit Euler, extrapolated to order 2.
+    LinearlyImplicit,
 }
 
 /// An explicit Runge-Kutta method in coordinates of the pose.
@@ -87,7 +87,7 @@ const LAGGED: Integrator = Integrator::Explicit(Explicit {
 
 impl Integrator {
     /// All integrators; the first is the default.
-    pub const NAMES: [Entry; 14] = [
+    pub const NAMES: [Entry; 12] = [
         production(
             "mk4",
             "Munthe-Kaas, order 4, closed-form inverse of dexp (the default)",
@@ -104,17 +104,7 @@ impl Integrator {
         production(
             "ros2",
             "linearly implicit, order 2, L-stable: for scenes too stiff for explicit methods at the wanted step",
-            Integrator::LinearlyImplicit { order: 2 },
-        ),
-        production(
-            "ros3",
-            "linearly implicit, order 3, L-stable: as 'ros2', more accurate at twice its cost",
-            Integrator::LinearlyImplicit { order: 3 },
-        ),
-        production(
-            "ros4",
-            "linearly implicit, order 4, L-stable: as 'ros2', more accurate at three times its cost",
-            Integrator::LinearlyImplicit { order: 4 },
+            Integrator::LinearlyImplicit,
         ),
         baseline(
             "semi-implicit-euler",
@@ -160,7 +150,7 @@ impl Integrator {
     pub fn order(&self) -> usize {
         match self {
             Integrator::Explicit(method) => method.tableau.order,
-            Integrator::LinearlyImplicit { order } => *order,
+            Integrator::LinearlyImplicit => 2,
         }
     }
 
@@ -168,20 +158,20 @@ impl Integrator {
     pub fn adaptive(&self) -> bool {
         match self {
             Integrator::Explicit(method) => method.tableau.error.is_some(),
-            Integrator::LinearlyImplicit { .. } => false,
+            Integrator::LinearlyImplicit => false,
         }
     }
 
     /// True where a step solves linear systems.
     pub fn implicit(&self) -> bool {
-        matches!(self, Integrator::LinearlyImplicit { .. })
+        matches!(self, Integrator::LinearlyImplicit)
     }
 
     /// Weight of the last acceleration in the filter, where added mass is a lagged force.
     pub fn lag(&self) -> Option<f64> {
         match self {
             Integrator::Explicit(method) => method.lag,
-            Integrator::LinearlyImplicit { .. } => None,
+            Integrator::LinearlyImplicit => None,
         }
     }
 
@@ -195,7 +185,7 @@ impl Integrator {
     pub fn attitude(&self) -> Attitude {
         match self {
             Integrator::Explicit(method) => method.chart.attitude(),
-            Integrator::LinearlyImplicit { .. } => Attitude::Matrix,
+            Integrator::LinearlyImplicit => Attitude::Matrix,
         }
     }
 }

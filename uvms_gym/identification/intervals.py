@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from uvms_gym.identification.least_squares import Solution
 from uvms_gym.identification.recordings import Floats
@@ -75,6 +74,8 @@ def uncertainty(solution: Solution, prior: Floats, share: float) -> Uncertainty:
     share : float
         Weight of a residual that the solution was found with.
     """
+    from scipy.stats import t as student
+
     precision = np.diag(prior**-2.0)
     H = solution.information.sum(axis=0) + precision
     trials = len(solution.scores)

@@ -147,9 +147,8 @@ impl<L: Lane, P: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_
     }
 }
 
-/// One step of a linearly implicit method.
+/// One step of the linearly implicit method.
 struct ImplicitStep<'a, 'b, L: Lane, P> {
-    order: usize,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
@@ -160,8 +159,8 @@ struct ImplicitStep<'a, 'b, L: Lane, P> {
 impl<L: Lane, P: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, P> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { order, h, motion, estimates, equations, stages } = self;
-        implicit_interval(*order, *h, motion, estimates, *equations, stages);
+        let Self { h, motion, estimates, equations, stages } = self;
+        implicit_interval(*h, motion, estimates, *equations, stages);
     }
 }
 
@@ -352,10 +351,10 @@ impl<'a, T: Real> Step<'a, T> {
                         L::call(&mut step);
                     }
                 }
-                Integrator::LinearlyImplicit { order } => {
+                Integrator::LinearlyImplicit => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.implicit_stages;
-                    L::call(&mut ImplicitStep { order: *order, h: self.h, motion, estimates, equations, stages });
+                    L::call(&mut ImplicitStep { h: self.h, motion, estimates, equations, stages });
                 }
             }
             motion.travel(drift(current, gained, self.h));
