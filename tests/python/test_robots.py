@@ -129,7 +129,7 @@ def test_check_warns_of_a_scene_too_stiff_for_the_default_step(
 ) -> None:
     path = tmp_path / "stiff.toml"
     scene = uvms_gym.load_scene("petasus-pum")
-    scene["arm"]["links"][4]["joint"]["friction"]["viscous"] = 50.0
+    scene["arm"]["links"][4]["joint"]["friction"]["viscous"] = 5000.0
     path.write_text(uvms_gym.dump_scene(scene))
     assert main(["scenes", "check", str(path), "--strict"]) == 1
     out = capsys.readouterr().out

@@ -21,7 +21,7 @@ from uvms_gym.envs.station_keep import StationKeepEnv, StationKeepVectorEnv
 
 ENV = "UVMS-StationKeep-v0"
 #: Step that is unstable for `stiff()` at some states, though not at those that these runs come to, s.
-UNSTABLE = 0.006
+UNSTABLE = 0.008
 
 
 def stiff(factor: float = 10.0, name: str = "bluerov2-heavy-alpha5") -> dict[str, Any]:
@@ -75,7 +75,7 @@ def test_stiffer_gains_and_faster_motion_are_faster_modes() -> None:
     assert 5.0 < rate[1] / rate[0] < 20.0 and 5.0 < rate[2] / rate[1] < 20.0
     s = Simulator(scene)
     slow, fast = s.modes(0.1), s.modes([3.0, 3.0, 3.0, 9.0, 9.0, 9.0])
-    assert fast[0]["where"].endswith("roll at 9.00 rad/s") and abs(fast[0]["rate"]) > 1.2 * abs(slow[0]["rate"])
+    assert fast[0]["where"].endswith("pitch at 9.00 rad/s") and abs(fast[0]["rate"]) > 1.2 * abs(slow[0]["rate"])
 
 
 def test_stable_steps_name_every_integrator_and_order_them() -> None:
@@ -133,7 +133,7 @@ def test_an_unstable_step_is_warned_of_once_and_by_its_numbers() -> None:
         copy.deepcopy(s).step(joint_target=s.q)
     assert len(record) == 1
     text = str(record[0].message)
-    for part in ("'stiff'", "'mk4'", "dt = 0.006 s", "joint 2 (elbow)", "1/s", f"{stable:.3g}"):
+    for part in ("'stiff'", "'mk4'", "dt = 0.008 s", "joint 3 (wrist)", "1/s", f"{stable:.3g}"):
         assert part in text, part
     assert "\n" not in text
     assert record[0].filename == __file__
@@ -271,11 +271,15 @@ def test_an_adaptive_integrator_has_nothing_to_warn_of() -> None:
 
 
 def test_a_diverging_episode_is_warned_of_before_it_is_replaced() -> None:
-    envs = StationKeepVectorEnv(3, scene=stiff(100.0), dt=0.01, autoreset_mode="SameStep")
+    scene = stiff(100.0)
+    for link in scene["arm"]["links"]:
+        # It would bound the servo's torque, and so the motion.
+        del link["joint"]["effort"]
+    envs = StationKeepVectorEnv(3, scene=scene, dt=0.01, autoreset_mode="SameStep")
     with caught() as record:
         envs.reset(seed=1)
         for _ in range(4):
             envs.step(np.zeros((3, 6)))
     before, during = (str(w.message) for w in record)
-    assert "unstable" in before and "instance 0" in during
+    assert "unstable" in before and "instance 2" in during
     assert all(w.filename == __file__ for w in record)

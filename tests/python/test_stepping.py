@@ -133,11 +133,11 @@ def test_a_target_is_a_polynomial_in_the_time_since_the_call() -> None:
     s = Simulator("petasus-pum", dt=0.001)
     s.set_state(time=100.0)
     target = np.zeros((1, 5, 4))
-    target[0, 2] = [0.1, 0.2, -0.3, 0.4]
+    target[0, 2] = [0.55, 0.2, -0.3, 0.4]
     q, qd = s.q[0, 2], s.qd[0, 2]
     servo = s.scene["arm"]["links"][2]["joint"]["servo"]
     command = s.joint_torques(joint_target=target)["command"][0, 2]
-    assert command == pytest.approx(servo["kp"] * (0.1 - q) + servo["kd"] * (0.2 - qd), rel=1e-12)
+    assert command == pytest.approx(servo["kp"] * (0.55 - q) + servo["kd"] * (0.2 - qd), rel=1e-12)
     position = Simulator("petasus-pum")
     assert np.array_equal(
         position.joint_torques(joint_target=target[:, :, 0])["command"],

@@ -60,11 +60,11 @@ class EETrackEnv(TaskEnv):
     | 3 | roll | -60 | 60 | N m |
     | 4 | pitch | -60 | 60 | N m |
     | 5 | yaw | -60 | 60 | N m |
-    | 6 | yaw | -13.93 | 13.93 | N m |
-    | 7 | upper-arm | -21.41 | 21.41 | N m |
-    | 8 | forearm | -4.103 | 4.103 | N m |
-    | 9 | wrist | -0.8609 | 0.8609 | N m |
-    | 10 | gripper | -0.0629 | 0.0629 | N m |
+    | 6 | yaw | -100 | 100 | N m |
+    | 7 | upper-arm | -150 | 150 | N m |
+    | 8 | forearm | -55.78 | 55.78 | N m |
+    | 9 | wrist | -21.2 | 21.2 | N m |
+    | 10 | gripper | -4.326 | 4.326 | N m |
 
     With `action="thrusters"` (a = m + n) each of the first entries is a thruster's thrust over its limit on that side,
     in the order of the scene. With `action="residual"` (a = 6 + n) it is a correction to the action of

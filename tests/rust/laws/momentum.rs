@@ -22,7 +22,7 @@ fn floating(water: bool) -> (Scene, State) {
         // Soft servos that overshoot; without its added mass the arm needs less gain for as much motion.
         if let Some(servo) = &mut link.joint.servo {
             let share = if water { 1.0 } else { 0.8 };
-            (servo.kp, servo.kd) = (0.006 * share * servo.kp, 0.025 * share * servo.kd);
+            (servo.kp, servo.kd) = (0.006 * share * servo.kp, 0.04 * share * servo.kd);
         }
     }
     let mut state = State {

@@ -134,6 +134,9 @@ def _payload_scene(held: bool) -> Scene:
         # Kinks of torque limits and end stops would hide the jumps of this case.
         for key in ("limits", "effort"):
             link["joint"].pop(key)
+        # Servos that are at work for the whole second.
+        servo = link["joint"]["servo"]
+        servo["kp"], servo["kd"] = 0.01 * servo["kp"], 0.1 * servo["kd"]
     if held:
         mass, inertia, added, added_inertia = PAYLOAD.values()
         body = {"mass": mass, "inertia": [inertia] * 3, "volume": 0.001}
