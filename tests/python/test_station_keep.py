@@ -411,3 +411,24 @@ ids = [name for name in gymnasium.registry if name.startswith("UVMS-StationKeep"
 assert ids == ["UVMS-StationKeep-v0", "UVMS-StationKeep-Storm-v0"], ids
 """
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+@pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy-alpha5"])
+def test_geared_joints_hold_their_references_in_a_storm(scene):
+    """Within a few mrad, by RMS over the episodes: what the water and the vehicle's motion do to servos."""
+    envs = gym.make_vec("UVMS-StationKeep-Storm-v0", num_envs=32, scene=scene)
+    observations, _ = envs.reset(seed=0)
+    pd, state, squares = uvms_gym.PD(envs), None, []
+    home = np.array([link["joint"]["home"] for link in uvms_gym.load_scene(scene)["arm"]["links"]])
+    for _ in range(100):
+        reference = home + _block(envs, observations, "joint_reference")  # at the end of the period
+        actions, state = pd.predict(observations, state)
+        observations, *_ = envs.step(actions)
+        squares.append((envs.unwrapped.snapshot().q - reference) ** 2)
+    assert np.sqrt(np.mean(squares, axis=(0, 1))).max() < 0.01
+
+
+def _block(envs, observations, name):
+    """Physical values of a block of observations."""
+    (block,) = (block for block in envs.unwrapped.layout if block.name == name)
+    return observations[:, block.offset : block.offset + block.length] * np.array(block.scale)
