@@ -65,7 +65,7 @@ class TaskOptions:
     action : {"wrench", "thrusters", "residual"}
         Meaning of an action's entries; see the environment's action space.
     dt : float
-        Physics step, s, in (0, 1]. At 0.01 s the end effector errs by 1e-9 to 3e-9 m (f64; 1e-6 to 7e-6 m in f32) after
+        Physics step, s, in (0, 1]. At 0.01 s the end effector errs by 1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32) after
         10 s of driven motion, in the median (`uvms accuracy`). A step too large for the scene raises a
         `uvms_gym.StepWarning`, once, at the first `step`.
     substeps : int
