@@ -180,6 +180,8 @@ fn complete(mut scene: Scene) -> Scene {
     if let Some(arm) = &mut scene.arm {
         for (i, link) in arm.links.iter_mut().enumerate() {
             link.joint.rotor_inertia = if i % 2 == 0 { 0.05 } else { 0.0 };
+            // Little friction: joints without a rotor stay slow against the step.
+            link.joint.friction.viscous = 0.05;
             link.joint.servo = Some(JointServo { kp: 20.0, kd: 2.0 });
             link.joint.effort = Some(8.0);
             let (lower, upper) = (link.joint.home - 0.3, link.joint.home + 0.4);
@@ -369,7 +371,7 @@ fn scenes_of_another_structure_are_refused_by_place() {
         ("vehicle.thrusters", |s| drop(s.vehicle.thrusters.pop())),
         ("vehicle.fixed", |s| s.vehicle.fixed = true),
         ("arm.links[1].joint.friction", |s| s.arm.as_mut().unwrap().links[1].joint.friction.coulomb = 0.0),
-        ("arm.links[1].joint.rotor_inertia", |s| s.arm.as_mut().unwrap().links[1].joint.rotor_inertia = 0.1),
+        ("arm.links[1].joint.rotor_inertia", |s| s.arm.as_mut().unwrap().links[1].joint.rotor_inertia = 0.0),
         ("vehicle.servo", |s| s.vehicle.servo = None),
     ];
     for (place, change) in cases {

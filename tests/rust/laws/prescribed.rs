@@ -64,7 +64,7 @@ fn integrators_keep_their_order_with_prescribed_joints() {
         let errors = [64, 128].map(|steps| distance(&exact, &after(&scene, integrator, steps, 1)));
         let observed = (errors[0] / errors[1]).log2();
         println!("{integrator}: {errors:?}, order {observed:.2}");
-        assert!((observed - order).abs() < 0.35, "{integrator}: {observed}");
+        assert!(observed > order - 0.2, "{integrator}: {observed}");
     }
 }
 
