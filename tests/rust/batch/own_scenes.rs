@@ -179,9 +179,8 @@ fn complete(mut scene: Scene) -> Scene {
     scene.vehicle.tether = Some(Tether { position, length: 30.0, diameter: 0.01, mass_per_length: 0.1, drag: 1.1 });
     if let Some(arm) = &mut scene.arm {
         for (i, link) in arm.links.iter_mut().enumerate() {
-            link.joint.rotor_inertia = if i % 2 == 0 { 0.05 } else { 0.0 };
-            // Little friction: joints without a rotor stay slow against the step.
-            link.joint.friction.viscous = 0.05;
+            // Light links without a rotor would be too fast for the step.
+            link.joint.rotor_inertia = if i % 2 == 0 { 0.05 } else { 0.02 };
             link.joint.servo = Some(JointServo { kp: 20.0, kd: 2.0 });
             link.joint.effort = Some(8.0);
             let (lower, upper) = (link.joint.home - 0.3, link.joint.home + 0.4);
