@@ -63,7 +63,8 @@ def test_json_has_circumstances_uncertainty_and_motion(run: dict[str, Any]) -> N
 def test_what_diverges_is_shown_as_such(run: dict[str, Any]) -> None:
     (result,) = run["results"].values()
     lost = [row for row in result["rows"] if (row["integrator"], row["step"]) == ("mk2", 0.1)]
-    assert [row["diverged"] for row in lost] == [4, 4]
+    # Of four episodes, in each precision; actuators that saturate keep the fourth finite.
+    assert [row["diverged"] for row in lost] == [3, 3]
     # Nothing wrong was silent.
     assert all(row["warned_early"] or row["warned_later"] for row in lost)
     row = lost[0] | {"end_effector": {"median": math.inf}, "warned_early": True}
