@@ -12,6 +12,12 @@ const OUT_OF_TRIM: f64 = 0.1;
 const DENSE: f64 = 30.0;
 /// Added mass over displaced mass, beyond which it is implausible.
 const FLAT: f64 = 50.0;
+/// Distance of a link's centre of mass behind its joint over the distance to the next joint, beyond which it is implausible.
+const BEHIND: f64 = 0.3;
+/// Ratio of a slender link's least moment of inertia to the next one.
+const SLENDER: f64 = 0.3;
+/// Angle between a slender link and the way to the next joint, beyond which it is implausible, rad.
+const OFF_AXIS: f64 = 0.8;
 /// Names of the axes of a body.
 const AXES: [&str; 6] = ["surge", "sway", "heave", "roll", "pitch", "yaw"];
 
@@ -68,8 +74,41 @@ impl Scene {
                 self.lint_body(&key, body, &mut warnings);
             }
         }
+        self.lint_arm(&mut warnings);
         self.lint_thrusters(&mut warnings);
         warnings
+    }
+
+    /// Links whose mass does not lie on the way to the next joint: mostly given in other axes than the joint's.
+    fn lint_arm(&self, warnings: &mut Vec<SceneWarning>) {
+        let Some(arm) = &self.arm else { return };
+        let next = arm.links.iter().skip(1).map(|link| &link.joint.frame).chain([&arm.end_effector]);
+        for (i, (link, next)) in arm.links.iter().zip(next).enumerate() {
+            let (body, length) = (&link.body, next.position.norm());
+            if length == 0.0 || body.mass == 0.0 {
+                continue;
+            }
+            let way = next.position / length;
+            let key = |field: &str| format!("arm.links[{i}].body.{field} ({})", link.name);
+            let along = body.center_of_mass.dot(&way);
+            if along < -BEHIND * length {
+                let text =
+                    format!("lies {:.4} m behind the joint, as seen from the next one: given in other axes?", -along);
+                warnings.push(implausible(key("center_of_mass"), text));
+            }
+            let eigen = body.inertia_about_com().symmetric_eigen();
+            let (least, smallest) = eigen.eigenvalues.argmin();
+            let middle = eigen.eigenvalues.sum() - smallest - eigen.eigenvalues.max();
+            // Length of a uniform rod with this moment of inertia.
+            let rod = (12.0 * middle / body.mass).sqrt();
+            let angle = eigen.eigenvectors.column(least).dot(&way).abs().min(1.0).acos();
+            if smallest < SLENDER * middle && length > 0.5 * rod && angle > OFF_AXIS {
+                let degrees = angle.to_degrees();
+                let text =
+                    format!("has its long axis {degrees:.0} degrees off the way to the next joint: in other axes?");
+                warnings.push(implausible(key("inertia"), text));
+            }
+        }
     }
 
     fn lint_trim(&self, warnings: &mut Vec<SceneWarning>) {

@@ -64,14 +64,14 @@ def held_out_error(scene: dict[str, Any], fitted: str, held_out: str) -> np.ndar
 
 
 def test_val_static_equilibria_follow_the_arm() -> None:
-    """Roll and pitch of a trial held out: off by over 2 deg with the tables, under 1 deg with two links turned.
+    """Roll and pitch of a trial held out within 1 deg; of the arm as its tables give it, off by over 2 deg.
 
     In the tables the upper arm has x along the link, and z of the wrist points towards the base: the axes of the joints
     are others.
     """
     scene = tomllib.loads(SCENE.read_text())
-    assert held_out_error(scene, "007-1", "026-1").max() > 2.0
-    for link, centre in ((1, [-0.0194, 0.0, -0.0704]), (3, [0.0, -0.003, 0.098])):
+    assert (held_out_error(scene, "007-1", "026-1") < 1.0).all()
+    for link, centre in ((1, [0.073, 0.0, 0.0]), (3, [0.0, -0.003, -0.098])):
         body = scene["arm"]["links"][link]["body"]
         body["center_of_mass"] = body["center_of_buoyancy"] = centre
-    assert (held_out_error(scene, "007-1", "026-1") < 1.0).all()
+    assert held_out_error(scene, "007-1", "026-1").max() > 2.0

@@ -58,7 +58,7 @@ fn an_imported_alpha_5_has_the_frames_and_inertias_of_the_shipped_scene() {
         assert_eq!(ours.name, theirs.name);
         let (a, b) = (&ours.joint, &theirs.joint);
         assert_eq!((a.kind, &a.frame, a.axis, a.effort, a.speed), (b.kind, &b.frame, b.axis, b.effort, b.speed));
-        assert_eq!(a.friction.viscous, b.friction.viscous);
+        assert_eq!((a.friction.viscous, a.rotor_inertia), (b.friction.viscous, b.rotor_inertia));
         let ends = |joint: &uvms_gym::description::Joint| joint.limits.as_ref().map(|l| (l.lower, l.upper));
         assert_eq!(ends(a), ends(b));
         assert!(a.servo.as_ref().unwrap().kp > 0.0);

@@ -84,7 +84,7 @@ fn a_number_that_is_none() {
         &format!("added_mass = {}", rows(1e13, 0.0, 0.0)),
         &["vehicle.body.added_mass[0][0]", "1000000"],
     );
-    refused("petasus-pum", "viscous = 0.4", "viscous = nan", &["arm.links[2].joint.friction.viscous (forearm)", "NaN"]);
+    refused("petasus-pum", "viscous = 5.0", "viscous = nan", &["arm.links[2].joint.friction.viscous (forearm)", "NaN"]);
 }
 
 #[test]
@@ -158,21 +158,21 @@ fn joints_that_cannot_be() {
     refused(scene, "home = 0.3\n", "home = 1.5\n", &["arm.links[1].joint.home", "1.5", "[-0.35, 1.4]"]);
     refused(
         scene,
-        "kind = \"revolute\"\n",
-        "kind = \"revolute\"\nrotor_inertia = -0.1\n",
+        "rotor_inertia = 2.56\n",
+        "rotor_inertia = -0.1\n",
         &["arm.links[0].joint.rotor_inertia", "-0.1", ">= 0"],
     );
-    refused(scene, "viscous = 3.0\n", "viscous = -3.0\n", &["arm.links[1].joint.friction.viscous", "-3"]);
+    refused(scene, "viscous = 12.0\n", "viscous = -12.0\n", &["arm.links[1].joint.friction.viscous", "-12"]);
     refused(
         scene,
         "coulomb_speed = 0.1\n",
         "coulomb_speed = 0.0\n",
         &["arm.links[0].joint.friction.coulomb_speed", "> 0"],
     );
-    refused(scene, "stiffness = 150.0\n", "stiffness = -150.0\n", &["arm.links[1].joint.limits.stiffness", "-150"]);
-    refused(scene, "effort = 60.0\n", "effort = -60.0\n", &["arm.links[1].joint.effort", "-60"]);
+    refused(scene, "stiffness = 1500.0\n", "stiffness = -1500.0\n", &["arm.links[1].joint.limits.stiffness", "-1500"]);
+    refused(scene, "effort = 150.0\n", "effort = -150.0\n", &["arm.links[1].joint.effort", "-150"]);
     refused(scene, "speed = 0.5\n", "speed = 0\n", &["arm.links[0].joint.speed", "is 0"]);
-    refused(scene, "kp = 25.0\n", "kp = -25.0\n", &["arm.links[1].joint.servo.kp", "-25"]);
+    refused(scene, "kp = 2400.0\n", "kp = -2400.0\n", &["arm.links[1].joint.servo.kp", "-2400"]);
 }
 
 #[test]

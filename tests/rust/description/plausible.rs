@@ -1,6 +1,6 @@
 //! Plausibility warnings about scenes, and the template.
 
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::{Matrix3, Matrix6, Vector3};
 use toml::Value;
 use uvms_gym::description::Scene;
 
@@ -54,6 +54,25 @@ fn slips_are_reported_by_key_and_number() {
     for (start, warnings) in cases {
         assert!(warnings.iter().any(|warning| warning.starts_with(start)), "{start}: {warnings:?}");
     }
+}
+
+#[test]
+fn links_given_in_other_axes_than_their_joints_are_reported() {
+    let published = |i: usize, centre: [f64; 3], inertia: [f64; 3]| {
+        let mut scene = shipped("bluerov2-heavy-alpha5");
+        let body = &mut scene.arm.as_mut().unwrap().links[i].body;
+        (body.center_of_mass, body.inertia) = (centre.into(), Matrix3::from_diagonal(&inertia.into()));
+        texts(&scene)
+    };
+    // As the tables of the arm have them: x along the upper arm, and z of the wrist towards the base.
+    let upper_arm = published(1, [0.073, 0.0, 0.0], [8.7e-5, 8.7e-4, 8.9e-4]);
+    assert_eq!(upper_arm.len(), 1, "{upper_arm:?}");
+    let start = "arm.links[1].body.inertia (upper-arm): has its long axis 75 degrees off the way";
+    assert!(upper_arm[0].starts_with(start), "{upper_arm:?}");
+    let wrist = published(3, [0.0, -0.003, -0.098], [5.1e-4, 5.4e-4, 7.6e-5]);
+    assert_eq!(wrist.len(), 1, "{wrist:?}");
+    let start = "arm.links[3].body.center_of_mass (wrist): lies 0.0980 m behind the joint";
+    assert!(wrist[0].starts_with(start), "{wrist:?}");
 }
 
 #[test]
