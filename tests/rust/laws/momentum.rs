@@ -19,8 +19,6 @@ fn floating(water: bool) -> (Scene, State) {
     }
     for link in &mut scene.arm.as_mut().unwrap().links {
         link.joint.friction = Friction::default();
-        // Reflected inertia takes part in no momentum but the joint's own.
-        link.joint.rotor_inertia = 0.02;
         // Gains are made for the arm with its added mass: without it, these close the joints as fast.
         if let (Some(servo), false) = (&mut link.joint.servo, water) {
             (servo.kp, servo.kd) = (0.6 * servo.kp, 0.6 * servo.kd);
