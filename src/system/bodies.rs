@@ -4,7 +4,7 @@ use nalgebra as na;
 
 use super::damping::{damping, damping_at};
 use super::factors::{CentralInertia, UnscaledBodyTerms};
-use super::joint_frames::{inverse, nonzero, pose};
+use super::joint_frames::{inverse, nonzero, pose, tidy};
 use super::model::BodyTerms;
 use crate::description::{Body, Water};
 use crate::hydro::{CentralFrameTerms, CoefficientFrame, CoefficientMatrix, Damping, FrameRotation, Restoring};
@@ -77,9 +77,10 @@ pub(super) fn merged(parts: &[Part], link: &Pose<f64>) -> (BodyTerms<f64>, Unsca
             sum.moment = (Vector3(sum.moment) + moment).0;
         }
         let at = |d: &Damping<f64>| at.times(&frame_pose(&d.frame));
-        damping.extend(part.damping.iter().map(|d| damping_at(d.linear.clone(), d.quadratic.clone(), &at(d))));
+        damping.extend(part.damping.iter().map(|d| damping_at(d.linear.clone(), d.quadratic.clone(), &tidy(&at(d)))));
     }
     (sum.rigid, sum.added) = (tidy_inertia(&sum.rigid), tidy_inertia(&sum.added));
+    (sum.weight.moment, sum.displaced.moment) = (tidy_moment(sum.weight.moment), tidy_moment(sum.displaced.moment));
     let moment = (Vector3(sum.weight.moment) - Vector3(sum.displaced.moment)).0;
     let restoring = Restoring { net_mass: sum.weight.net_mass - sum.displaced.net_mass, moment };
     let restoring = (restoring != none).then_some(restoring);
@@ -105,17 +106,28 @@ fn undamped(parts: &[Part], link: &Pose<f64>, rigid: &SpatialInertia<f64>) -> Da
     damping_at(CoefficientMatrix::None, CoefficientMatrix::None, &Pose { rotation, position })
 }
 
-/// Greatest off-diagonal entry of an inertia that counts as rounding, relative to the diagonal entries that it couples.
-const OFF_DIAGONAL: f64 = 1e-14;
+/// Greatest entry of an inertia or a moment that counts as rounding, relative to its size.
+const ROUNDING: f64 = 1e-14;
 
-/// The inertia with off-diagonal rounding replaced by zeros. (Products of such numbers with each other are subnormal in
-/// single precision, on which a processor spends a hundred times as long.)
+/// Size of an inertia's entries: geometric mean of the greatest masses or moments of inertia on the diagonal.
+fn size(inertia: &SpatialInertia<f64>, i: usize, k: usize) -> f64 {
+    let greatest = |k: usize| (k / 3 * 3..k / 3 * 3 + 3).map(|k| inertia.entry(k, k)).fold(0.0, f64::max);
+    (greatest(i) * greatest(k)).sqrt()
+}
+
+/// The inertia with rounding replaced by zeros. (Products of such numbers with each other are subnormal in single
+/// precision, on which a processor spends a hundred times as long.)
 fn tidy_inertia(inertia: &SpatialInertia<f64>) -> SpatialInertia<f64> {
     SpatialInertia::from_entries(|i, k| {
         let entry = inertia.entry(i, k);
-        let size = (inertia.entry(i, i) * inertia.entry(k, k)).sqrt();
-        if i != k && entry.abs() <= OFF_DIAGONAL * size { 0.0 } else { entry }
+        if entry.abs() <= ROUNDING * size(inertia, i, k) { 0.0 } else { entry }
     })
+}
+
+/// The moment with rounding replaced by zeros.
+fn tidy_moment(moment: [f64; 3]) -> [f64; 3] {
+    let size = moment.iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+    moment.map(|x| if x.abs() <= ROUNDING * size { 0.0 } else { x })
 }
 
 /// Terms in the frame of the damping coefficients (of [`undamped`] where there are none), with rigid and added inertia there.
@@ -129,10 +141,9 @@ fn central(
     let there = |inertia: &SpatialInertia<f64>| {
         // Remainders of large terms that cancel in the transform are judged by the size of these terms.
         let (here, there) = (inertia, inertia.to_parent(&back));
-        let size = |k: usize| here.entry(k, k).max(there.entry(k, k));
         let entry = |i: usize, k: usize| {
             let entry = there.entry(i, k);
-            if entry.abs() > OFF_DIAGONAL * (size(i) * size(k)).sqrt() { entry } else { 0.0 }
+            if entry.abs() > ROUNDING * size(here, i, k).max(size(&there, i, k)) { entry } else { 0.0 }
         };
         let clean = (0..6).all(|i| (0..i.min(3)).all(|k| entry(i, k) == 0.0));
         let diagonal = [0, 1, 2, 3, 4, 5].map(|k| entry(k, k));
@@ -143,7 +154,7 @@ fn central(
         let arm = at.position.scale(mass.net_mass);
         let size = arm.dot(arm).sqrt();
         let off = Vector3(mass.moment) - arm;
-        off.dot(off).sqrt() <= OFF_DIAGONAL * size
+        off.dot(off).sqrt() <= ROUNDING * size
     };
     if !(centred(&of.weight) && centred(&of.displaced)) {
         return None;

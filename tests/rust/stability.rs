@@ -94,6 +94,7 @@ fn dry(links: usize) -> Scene {
     }
     for link in &mut arm.links {
         (link.joint.friction, link.joint.limits, link.joint.servo) = (Friction::default(), None, None);
+        link.joint.rotor_inertia = 0.0;
     }
     scene
 }

@@ -95,7 +95,7 @@ fn the_longest_provenance_key_counts() {
     assert_eq!(origin("vehicle.body.volume"), Some(Origin::Assumed));
     assert_eq!(origin("arm.links[1].body.mass"), Some(Origin::Cited));
     assert_eq!(origin("arm.links[elbow].body.center_of_buoyancy[0]"), Some(Origin::Assumed));
-    assert_eq!(origin("arm.links[2].joint.friction.viscous"), Some(Origin::Assumed));
+    assert_eq!(origin("arm.links[2].joint.friction.viscous"), Some(Origin::Cited));
     assert_eq!(origin("arm.links[7].body.mass"), None);
     assert_eq!(origin("arm.nothing"), None);
 

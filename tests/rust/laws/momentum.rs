@@ -19,9 +19,10 @@ fn floating(water: bool) -> (Scene, State) {
     }
     for link in &mut scene.arm.as_mut().unwrap().links {
         link.joint.friction = Friction::default();
-        // Gains are made for the arm with its added mass: without it, these close the joints as fast.
-        if let (Some(servo), false) = (&mut link.joint.servo, water) {
-            (servo.kp, servo.kd) = (0.6 * servo.kp, 0.6 * servo.kd);
+        // Soft servos that overshoot; without its added mass the arm needs less gain for as much motion.
+        if let Some(servo) = &mut link.joint.servo {
+            let share = if water { 1.0 } else { 0.8 };
+            (servo.kp, servo.kd) = (0.006 * share * servo.kp, 0.025 * share * servo.kd);
         }
     }
     let mut state = State {
