@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -254,6 +255,15 @@ def test_shipped_scene_carries_its_intervals() -> None:
     assert len(ranges) == 12
     for key, (low, high) in ranges.items():
         assert low <= scene_keys.read(scene, key)[0] <= high, key
+    envs = gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=4, scene=SCENE, randomize=ranges)
+    given = gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=4, scene=SCENE)
+    ends = []
+    for batch in (envs, given):
+        batch.reset(seed=0)
+        for _ in range(20):
+            observations, *_ = batch.step(np.zeros(batch.action_space.shape, np.float32))
+        ends.append(observations)
+    assert np.isfinite(ends[0]).all() and (ends[0] != ends[1]).any(axis=1).all()
 
 
 def test_shipped_scene_predicts_pool_trials_better_than_balance() -> None:
