@@ -26,7 +26,7 @@ use std::hint::cold_path;
 
 use super::joint_torque::joint_torque;
 pub use super::link::Scratch;
-use super::link::{Link, add_joint_rate, joint_screws, with_zeros};
+use super::link::{Drive, Link, add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param};
 use crate::lie::{Vector3, Vector6};
 use crate::spatial::{SpatialInertia, screw_z};
@@ -239,11 +239,12 @@ fn inward<L: Lane, P: Param<L>, B: Param<L>, const SPARSE: bool>(
         let mut p = link.p + p_children;
         (I_children, p_children) = if joint.rotor_inertia.is_some() {
             cold_path();
-            if joint.prescribed {
-                link.prescribe(joint, &I_A, p, loads.target_acceleration(i, time))
+            let drive = if joint.prescribed {
+                Drive::Acceleration(loads.target_acceleration(i, time))
             } else {
-                link.eliminate(joint, &I_A, p, tau, None)
-            }
+                Drive::Torque { tau, damping: None }
+            };
+            link.eliminate(joint, &I_A, p, drive)
         } else {
             // Along its axis a joint without a rotor transmits its torque only.
             let (I_a, p_a) = match joint.screw {

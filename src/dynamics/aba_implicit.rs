@@ -17,7 +17,7 @@
 
 use super::aba::{ArmLoads, Instant, Scratch, body_bias};
 use super::joint_torque::implicit_joint_torque;
-use super::link::{add_joint_rate, joint_screws, with_zeros};
+use super::link::{Drive, add_joint_rate, joint_screws, with_zeros};
 use crate::lane::{Lane, Param, unroll};
 use crate::lie::{Matrix3, Vector3, Vector6};
 use crate::spatial::SpatialInertia;
@@ -89,14 +89,14 @@ pub fn implicit_accelerations<L: Lane, P: Param<L>, B: Param<L>>(
         let I_A = I.plus(&I_children);
         p = p + p_children;
         let target = loads.target(i, time);
-        (I_children, p_children) = if joint.prescribed {
+        let drive = if joint.prescribed {
             // The difference quotient that ends at the target's rate.
-            let acceleration = target.map_or_else(L::zero, |(_, rate)| (rate - qd[i]) / h);
-            link.prescribe(joint, &I_A, p, acceleration)
+            Drive::Acceleration(target.map_or_else(L::zero, |(_, rate)| (rate - qd[i]) / h))
         } else {
             let (tau, damping) = implicit_joint_torque(joint, h, q[i], qd[i], loads.torque[i], target);
-            link.eliminate(joint, &I_A, p, tau, Some(damping))
+            Drive::Torque { tau, damping: Some(damping) }
         };
+        (I_children, p_children) = link.eliminate(joint, &I_A, p, drive);
     }
 
     if system.fixed {

@@ -35,6 +35,15 @@ pub(crate) struct Link<L> {
     pub u_over_D: L,
 }
 
+/// Drive of a joint.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Drive<L> {
+    /// Torque, and a damping that adds to D.
+    Torque { tau: L, damping: Option<L> },
+    /// Prescribed acceleration.
+    Acceleration(L),
+}
+
 /// Working memory of the passes.
 #[derive(Debug, Clone)]
 pub struct Scratch<L> {
@@ -191,16 +200,15 @@ impl<L: Lane> Link<L> {
         joint.placement.inertia_to_parent(&with_screw!(self, joint, |screw| screw.inertia_to_parent(inertia)))
     }
 
-    /// Articulated inertia I_a and bias wrench p_a in the parent's frame, from I_A and p_A of this link, the torque of its joint and
-    /// a damping that adds to D. Sets U, u and J over D.
+    /// Articulated inertia I_a and bias wrench p_a in the parent's frame, from I_A and p_A of this link and the drive of its joint.
+    /// Sets U, u and J over D. A prescribed acceleration is the limit of an infinite J.
     #[inline(always)]
     pub fn eliminate<P: Param<L>, B>(
         &mut self,
         joint: &JointTerms<P, B>,
         I_A: &SpatialInertia<L>,
         p_A: Vector6<L>,
-        tau: L,
-        damping: Option<L>,
+        drive: Drive<L>,
     ) -> (SpatialInertia<L>, Vector6<L>) {
         let (U, along, p_along) = match joint.screw {
             JointScrew::Revolute { .. } => {
@@ -212,32 +220,23 @@ impl<L: Lane> Link<L> {
                 (U, U.linear.0[2], p_A.linear.0[2])
             }
         };
-        let mut D = damping.map_or(along, |damping| along + damping);
-        let J = joint.rotor_inertia.map_or_else(L::zero, |inertia| inertia.get());
-        if joint.rotor_inertia.is_some() {
-            D += J;
-        }
-        let one_over_D = L::c(1.0) / D;
-        self.J_over_D = J * one_over_D;
-        (self.U_over_D, self.u_over_D) = (U.scale(one_over_D), (tau - p_along) * one_over_D);
+        let one_over_D;
+        (one_over_D, self.J_over_D, self.u_over_D) = match drive {
+            Drive::Torque { tau, damping } => {
+                let mut D = damping.map_or(along, |damping| along + damping);
+                let J = joint.rotor_inertia.map_or_else(L::zero, |inertia| inertia.get());
+                if joint.rotor_inertia.is_some() {
+                    D += J;
+                }
+                let one_over_D = L::c(1.0) / D;
+                (one_over_D, J * one_over_D, (tau - p_along) * one_over_D)
+            }
+            Drive::Acceleration(acceleration) => (L::zero(), L::c(1.0), acceleration),
+        };
+        self.U_over_D = U.scale(one_over_D);
         let I_a = I_A.eliminated(U, one_over_D);
         let p_a = I_a.apply(with_zeros(self.c)) + U.scale_add(self.u_over_D, p_A);
         (self.inertia_to_parent(joint, &I_a), self.wrench_to_parent(joint, p_a))
-    }
-
-    /// The same of a joint whose acceleration is prescribed: the limit of [`Self::eliminate`] for an infinite J.
-    #[inline(always)]
-    pub fn prescribe<P: Param<L>, B>(
-        &mut self,
-        joint: &JointTerms<P, B>,
-        I_A: &SpatialInertia<L>,
-        p_A: Vector6<L>,
-        acceleration: L,
-    ) -> (SpatialInertia<L>, Vector6<L>) {
-        (self.U_over_D, self.J_over_D, self.u_over_D) = (Vector6::zero(), L::c(1.0), acceleration);
-        let rate = add_joint_rate(joint, with_zeros(self.c), acceleration);
-        let p_a = I_A.apply(rate) + p_A;
-        (self.inertia_to_parent(joint, I_A), self.wrench_to_parent(joint, p_a))
     }
 
     /// Wrench at the parent's frame from that on this link.

@@ -132,7 +132,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
         self.part.table.set_state(self.part.rows, k, &state);
         self.part.table.set_flow(self.part.rows, k, &Flow::from(episode.current()));
         if let Some(factors) = self.context.task.factors(episode.key(), &StartOverride::default()) {
-            self.part.table.set_factors(self.part.rows, k, &factors);
+            self.part.set_factors(k, &factors);
         }
         if let Some(draws) = self.context.task.scene_draws() {
             self.part.set_own(k, &draws.draw(episode.key()).1);

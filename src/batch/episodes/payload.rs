@@ -36,5 +36,5 @@ pub(super) fn apply_payload_event<T: Real>(
             disturbance.hold(memory, 0.0);
         }
     }
-    table.set_factors(rows, k, &factors);
+    part.set_factors(k, &factors);
 }

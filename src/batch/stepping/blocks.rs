@@ -97,6 +97,8 @@ pub struct Blocks<T> {
     rows: Aligned<T>,
     /// Numbers that instances have of their own.
     own: Option<OwnNumbers<T>>,
+    /// Per chunk, [`Table::scaled`]; none once factors have been set.
+    scaled: Vec<Option<[bool; 2]>>,
 }
 
 /// Parameters of the scene, and pools of memory for its kernels.
@@ -161,7 +163,8 @@ impl<T: Real> Blocks<T> {
         }
         let own = own.map_or(Ok(None), |(samples, own)| OwnNumbers::new(instances, samples, own))?;
         let table = Table { layout, links };
-        let mut blocks = Self { scene, table, isa, instances, rows, own };
+        let scaled = vec![None; instances.div_ceil(CHUNK)];
+        let mut blocks = Self { scene, table, isa, instances, rows, own, scaled };
         // Columns past the last instance hold a valid state too: lanes that reach past it step them.
         for i in 0..columns {
             blocks.set_state(i, state);
@@ -189,10 +192,12 @@ impl<T: Real> Blocks<T> {
         });
         let own = move |rows| (rows, own.as_mut().and_then(|(layout, chunks)| Some((*layout, chunks.next()?))));
         let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows).map(own);
-        for_each(chunks.zip(items).enumerate(), threads, |(k, ((rows, own), item))| {
+        let chunks = chunks.zip(&mut self.scaled).zip(items);
+        for_each(chunks.enumerate(), threads, |(k, (((rows, own), scaled), item))| {
             let first = k * CHUNK;
             let count = CHUNK.min(instances - first);
-            let mut chunk = PhysicsChunk { scene, settings, count, first, table, isa, own, rows, violation: None };
+            let violation = None;
+            let mut chunk = PhysicsChunk { scene, settings, count, first, table, isa, own, rows, scaled, violation };
             work(&mut chunk, item);
             violations.record(first, chunk.violation);
         });
@@ -221,6 +226,8 @@ pub struct PhysicsChunk<'a, T> {
     own: Option<(&'a OwnLayout, &'a mut [T])>,
     /// The blocks.
     pub rows: &'a mut [T],
+    /// [`Table::scaled`] of the chunk; none once factors have been set.
+    scaled: &'a mut Option<[bool; 2]>,
     /// The first violation of the settings' limits.
     violation: Option<StepViolation>,
 }
@@ -254,10 +261,16 @@ impl<T: Real> PhysicsChunk<'_, T> {
         }
     }
 
+    /// Sets the factors on the parameters of instance `k` of the chunk.
+    pub fn set_factors(&mut self, k: usize, factors: &Factors<f64>) {
+        self.table.set_factors(self.rows, k, factors);
+        *self.scaled = None;
+    }
+
     /// Steps all instances.
     pub fn step(&mut self) {
         let (scene, settings) = (self.scene, self.settings);
-        let [scaled, with_payload] = self.table.scaled(self.rows);
+        let [scaled, with_payload] = *self.scaled.get_or_insert_with(|| self.table.scaled(self.rows));
         let scaled = scaled || self.own.is_some();
         let mut step = Step {
             system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
@@ -328,6 +341,7 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>) {
         self.table.set_factors(&mut self.rows, i, factors);
+        self.scaled[i / CHUNK] = None;
     }
 
     fn set_own(&mut self, i: usize, compiled: &Compiled) {
@@ -343,6 +357,7 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn set_column(&mut self, i: usize, column: &[f64]) {
         self.table.set_column(&mut self.rows, i, column);
+        self.scaled[i / CHUNK] = None;
     }
 
     fn column_len(&self) -> usize {

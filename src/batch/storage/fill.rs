@@ -59,8 +59,8 @@ impl<T: Real> Kernel<T> for Fill<'_, T> {
         for (k, rows) in blocks.enumerate() {
             let first = self.first + k * T::BLOCK;
             let count = T::BLOCK.min((self.first + self.count).saturating_sub(first));
-            if count < T::BLOCK {
-                // Columns past the last instance have no loads.
+            if count < T::BLOCK && k > 0 {
+                // Columns past the last instance have no loads. (In the first block both are zero already.)
                 page = [[0.0; WIDEST]; PAGE];
                 targets = [[0.0; WIDEST]; 4 * JOINTS];
             }
