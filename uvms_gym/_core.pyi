@@ -141,7 +141,14 @@ class Simulator:
         tolerance: float = 1e-8,
         prescribed_joints: bool | Sequence[str | int] = False,
         parameters: Mapping[str, ArrayLike] | None = None,
+        error_estimate: bool = False,
     ) -> Simulator: ...
+    def error_estimate(self) -> dict[str, NDArray[Any]]:
+        """Estimated errors of integration since the states were set, with `error_estimate=True`.
+
+        position (N,), m; attitude (N,), rad; q (N, n), rad or m; end_effector_position (N,), m; end_effector_attitude (N,),
+        rad; relative (N,), to the scales of the motion; known (N,), bool.
+        """
     num_envs: Final[int]
     """Number of instances N."""
     dt: Final[float]
@@ -457,7 +464,10 @@ class Task:
         threads: int | None = None,
         autoreset: str = "disabled",
         max_episode_steps: int | None = None,
+        error_estimate: bool = False,
     ) -> Task: ...
+    def error_estimate(self) -> dict[str, NDArray[Any]]:
+        """Estimated errors of integration since the start of the episodes: `Simulator.error_estimate`."""
     def snapshot(self) -> Simulator:
         """Simulator with a copy of the current state."""
     def privileged(self) -> _Floats:

@@ -17,9 +17,10 @@ pub use episodes::{
 };
 pub use monitoring::modal_analysis::{ModalAnalysis, Mode, UnstableStep, stabilities};
 pub use monitoring::step_monitor::InaccurateStep;
-pub use monitoring::step_quality::{ERROR_LIMIT, StepQuality, StepViolation};
+pub use monitoring::step_quality::{ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, StepQuality, StepViolation};
 pub use options::{Precision, SimulatorOptions};
 pub use simulator::Simulator;
 pub use simulator::applied_loads::AppliedLoads;
+pub use simulator::error_estimate::ErrorEstimate;
 pub use simulator::states::States;
 pub use storage::inputs::Inputs;

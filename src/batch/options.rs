@@ -60,6 +60,8 @@ pub struct SimulatorOptions {
     pub precision: Precision,
     /// Greatest number of threads; number of cores where `None`. Few instances use fewer.
     pub threads: Option<usize>,
+    /// True where accumulated errors are estimated.
+    pub error_estimate: bool,
 }
 
 impl Default for SimulatorOptions {
@@ -72,6 +74,7 @@ impl Default for SimulatorOptions {
             tolerance: Gains::DEFAULT.tolerance,
             precision: Precision::Double,
             threads: None,
+            error_estimate: false,
         }
     }
 }

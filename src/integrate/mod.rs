@@ -16,7 +16,7 @@ mod tableau;
 pub use chart::{Attitude, Chart, Correction};
 pub use linearly_implicit::{ImplicitStages, LinearlyImplicit, implicit_interval};
 pub use motion::Motion;
-pub use registry::{Entry, Explicit, Gains, Integrator, Kind};
+pub use registry::{Entry, Explicit, Gains, Implicit, Integrator, Kind};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;
 pub use step_estimates::{StepEstimates, step_error, stiffness};

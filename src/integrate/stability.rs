@@ -2,6 +2,7 @@
 
 use nalgebra::Complex;
 
+use super::linearly_implicit::extrapolation_weights;
 use super::{Attitude, Chart, Integrator, STAGES, Tableau};
 
 /// Greatest accepted growth of a mode by integration alone, 1/s: 1 % per second. Some is inevitable: the methods of order 1
@@ -15,6 +16,8 @@ const GROWING: f64 = 0.01;
 const SLOW: f64 = 1e-4;
 /// Greatest error of an accurate step relative to a mode's size.
 const WRONG: f64 = 0.25;
+/// Greatest `h |rate|` at which an L-stable method amplifies an oscillation.
+const IMPLICIT_RANGE: f64 = 4.0;
 /// Resolution of the search along a ray, in `h |rate|`.
 const FINENESS: f64 = 1.0 / 16.0;
 
@@ -38,8 +41,8 @@ pub enum Stability {
     Explicit(&'static Tableau),
     /// `v += h a(x, v); x += h v`, on each pair of complex rates as a separate oscillator.
     SemiImplicitEuler,
-    /// The linearly implicit method of order 2, which is L-stable: decaying modes decay at any step.
-    LinearlyImplicit,
+    /// A linearly implicit method of this order, which is L-stable: decaying modes decay at any step.
+    LinearlyImplicit { order: usize },
     /// An explicit method with error control.
     Adaptive,
 }
@@ -50,7 +53,7 @@ impl Stability {
         match self {
             Stability::Explicit(tableau) => tableau.stability(z).norm(),
             Stability::SemiImplicitEuler => semi_implicit_euler(z),
-            Stability::LinearlyImplicit => linearly_implicit(z).norm(),
+            Stability::LinearlyImplicit { order } => linearly_implicit(*order, z).norm(),
             Stability::Adaptive => z.re.exp(),
         }
     }
@@ -62,10 +65,13 @@ impl Stability {
     /// Modes that grow fast physically do not count.
     pub fn greatest_step(&self, rate: Complex<f64>, lenience: f64, most: f64) -> f64 {
         let size = rate.norm();
-        if matches!(self, Stability::LinearlyImplicit | Stability::Adaptive) || size < SLOW || rate.re > GROWING * size
-        {
+        let stable_at_any = matches!(self, Stability::LinearlyImplicit { order: 2 } | Stability::Adaptive);
+        if stable_at_any || size < SLOW || rate.re > GROWING * size {
             return most;
         }
+        // L-stable methods are stable at longer steps again; those do not count.
+        let searched =
+            if matches!(self, Stability::LinearlyImplicit { .. }) { IMPLICIT_RANGE / size } else { f64::INFINITY };
         let stable = |h: f64| {
             let growth = rate.re.max(0.0) * h + GROWTH * h.min(1.0);
             let passing = if h * size < 1.0 { (rate.re + lenience * size) * h } else { growth };
@@ -78,7 +84,7 @@ impl Stability {
             if !stable(high) {
                 return crossing(stable, low, high);
             }
-            if high == most {
+            if high == most || high > searched {
                 return most;
             }
             low = high;
@@ -120,11 +126,10 @@ fn semi_implicit_euler(z: Complex<f64>) -> f64 {
     if discriminant < 0.0 { determinant.sqrt() } else { half_trace.abs() + discriminant.sqrt() }
 }
 
-/// `R(z) = 2 / (1 - z/2)^2 - 1 / (1 - z)`: implicit Euler, extrapolated.
-fn linearly_implicit(z: Complex<f64>) -> Complex<f64> {
-    let one = Complex::new(1.0, 0.0);
-    let half = one - z * 0.5;
-    one * 2.0 / (half * half) - one / (one - z)
+/// `R(z) = sum_j w_j (1 - z/j)^-j`: implicit Euler, extrapolated.
+fn linearly_implicit(order: usize, z: Complex<f64>) -> Complex<f64> {
+    let end = |j: usize| (Complex::new(1.0, 0.0) - z / j as f64).powu(j as u32).inv();
+    (1..).zip(extrapolation_weights(order)).map(|(j, weight)| end(j) * *weight).sum()
 }
 
 impl Integrator {
@@ -134,7 +139,7 @@ impl Integrator {
             Integrator::Explicit(method) if method.tableau.error.is_some() => Stability::Adaptive,
             Integrator::Explicit(method) if method.chart == Chart::VelocityFirst => Stability::SemiImplicitEuler,
             Integrator::Explicit(method) => Stability::Explicit(method.tableau),
-            Integrator::LinearlyImplicit => Stability::LinearlyImplicit,
+            Integrator::LinearlyImplicit(method) => Stability::LinearlyImplicit { order: method.order },
         }
     }
 

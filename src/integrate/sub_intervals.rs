@@ -3,14 +3,11 @@
 use super::Derivative;
 use super::explicit::{Report, explicit, move_to_end};
 use super::motion::Motion;
-use super::registry::Explicit;
+use super::registry::{Explicit, LEAST_TOLERANCE};
 use super::stages::Stages;
 use super::step_estimates::StepEstimates;
 use crate::lane::{Lane, Real};
 
-/// Rotation within a sub-interval beyond which a lane halves it. The maps are valid up to pi, but in body axes the velocity
-/// of a spinning body turns as fast, and grows where that is outside a tableau's stability region: 2.83 (RK4), 1.73 (Heun).
-const GREATEST_TURN: f64 = std::f64::consts::FRAC_PI_2;
 /// Smallest sub-interval as a fraction of the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
 /// Most attempts of an adaptive method within an interval; a lane that needs more becomes NaN.
@@ -19,7 +16,7 @@ const MOST_ATTEMPTS: u32 = 1 << 14;
 const GREATEST_PLAN: f64 = 4.0;
 
 /// Integrates over an interval of length `h`. Adaptive methods choose sub-intervals by their estimated error. With the other
-/// methods lanes that turn by more than a quarter revolution within a sub-interval divide it into halves, quarters, and so
+/// methods lanes that turn by more than the method allows within a sub-interval divide it into halves, quarters, and so
 /// on. Lanes that have reached the end of the interval keep their state meanwhile. Without `BASELINES` only for methods on the exponential map
 /// ([`super::Integrator::needs_baseline_terms`] tells): the others' coordinates are then not compiled.
 #[inline(always)]
@@ -34,10 +31,9 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize, const BASELINES: b
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
     let adaptive = method.tableau.error.is_some();
-    // No estimate is more accurate than rounding.
-    let tolerance = method.tolerance.max(8.0 * L::Real::EPSILON);
+    let tolerance = method.tolerance.max(LEAST_TOLERANCE * L::Real::EPSILON);
     let over_tolerance = L::c(1.0 / (tolerance * tolerance));
-    let limit = L::c(GREATEST_TURN * GREATEST_TURN);
+    let limit = L::c(method.greatest_turn * method.greatest_turn);
     let h = L::splat(h);
     // Planned sub-interval and rest of the interval, as fractions of it.
     let (mut plan, mut left) = (one, one);

@@ -5,6 +5,7 @@ mod choices;
 mod controllers;
 mod disturbance;
 mod equations;
+mod error_estimate;
 mod errors;
 mod inputs;
 mod integrators;

@@ -86,7 +86,10 @@ impl Simulator {
         };
         py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on)).or_raise()?;
         interrupt?;
-        warn(py, self.inner.warn_of_motion())
+        while let Some(warning) = self.inner.warn_of_motion() {
+            warn(py, Some(warning))?;
+        }
+        Ok(())
     }
 
     /// Forward dynamics by the articulated-body algorithm: accelerations [V'; q''] under the inputs of `step`. The state is

@@ -8,6 +8,7 @@ use pyo3::types::{PyDict, PyString, PyTuple};
 
 use super::arrays::{self, Row, Rows, copied, matrix};
 use super::choices::{name_of, one_of};
+use super::error_estimate::error_estimate;
 use super::errors::OrRaise;
 use super::outputs::StepArrays;
 use super::scene;
@@ -62,7 +63,7 @@ impl Task {
     #[new]
     #[pyo3(signature = (
         scene, options, *, num_envs=1, integrator="mk4", dtype="float64", threads=None, autoreset="disabled",
-        max_episode_steps=None
+        max_episode_steps=None, error_estimate=false
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn new(
@@ -75,6 +76,7 @@ impl Task {
         threads: Option<usize>,
         autoreset: &str,
         max_episode_steps: Option<u32>,
+        error_estimate: bool,
     ) -> PyResult<Self> {
         let (precision, autoreset) = (one_of("dtype", dtype, DTYPES)?, one_of("autoreset_mode", autoreset, MODES)?);
         let options = TaskOptions::from_value(scene::tree(options)?).or_raise()?;
@@ -83,6 +85,7 @@ impl Task {
             integrator: integrator.to_owned(),
             precision,
             threads,
+            error_estimate,
             ..SimulatorOptions::default()
         };
         let batch = TaskBatch::new(scene::read(scene)?, options, simulator, autoreset, max_episode_steps).or_raise()?;
@@ -128,6 +131,11 @@ impl Task {
     /// Privileged information: true state, flow, parameters and target, (N, m).
     fn privileged<'py>(&self, py: Python<'py>) -> PyResult<Rows<'py, f64>> {
         matrix(py, self.batch.privileged(), self.batch.instances())
+    }
+
+    /// Estimated errors of integration since the start of the episodes: see `Simulator.error_estimate`.
+    fn error_estimate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        error_estimate(self.batch.simulator(), py)
     }
 
     /// Starts episodes of all instances, or of those in `mask`. Keywords give parts of the start, (N, .), that are drawn
@@ -212,6 +220,7 @@ impl Task {
         options.set_item("threads", simulator.threads)?;
         options.set_item("autoreset", name_of(batch.autoreset(), MODES))?;
         options.set_item("max_episode_steps", batch.max_steps())?;
+        options.set_item("error_estimate", simulator.error_estimate)?;
         let task = scene::object(&batch.task().options().to_value().or_raise()?, py)?;
         Ok(((self.scene(py)?, task).into_pyobject(py)?, options))
     }
@@ -258,7 +267,9 @@ impl Task {
         let batch = &mut self.batch;
         warn(py, batch.warn_of_step())?;
         let result = py.detach(|| steps(batch)).or_raise()?;
-        warn(py, batch.warn_of_motion())?;
+        while let Some(warning) = batch.warn_of_motion() {
+            warn(py, Some(warning))?;
+        }
         Ok(result)
     }
 

@@ -112,6 +112,13 @@ class TaskBase:
         """
         return self._native.episodes()
 
+    def _errors(self) -> NDArray[np.float64]:
+        """Rows of `info["error_estimate"]`, (N, 6)."""
+        errors = self._native.error_estimate()
+        joints = errors["q"].max(axis=1, initial=0.0)
+        ends = (errors["end_effector_position"], errors["end_effector_attitude"])
+        return np.stack([errors["position"], errors["attitude"], joints, *ends, errors["relative"]], axis=1)
+
     def snapshot(self) -> Simulator:
         """Simulator with a copy of the current state of all instances: to read the true state, or to look ahead."""
         return self._native.snapshot()

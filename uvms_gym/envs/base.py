@@ -65,8 +65,7 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
         observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
         self._seeded = True
         named: dict[str, Any] = dict(zip(self.metric_names, info[:, 0].tolist(), strict=True))
-        if self.options.privileged:
-            self._add_privileged(named)
+        self._add_requested(named)
         return observations[0], named
 
     def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
@@ -85,12 +84,14 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
             result = None  # Not a float32 array. It is converted outside of this block, so that errors are not chained.
         if result is None:
             result = self._native.step_one(as_actions(action, self._action_shape))
-        if self.options.privileged:
-            self._add_privileged(result[4])
+        self._add_requested(result[4])
         return result
 
-    def _add_privileged(self, info: dict[str, Any]) -> None:
-        info["privileged"] = self._native.privileged()[0]
+    def _add_requested(self, info: dict[str, Any]) -> None:
+        if self.options.privileged:
+            info["privileged"] = self._native.privileged()[0]
+        if self.options.error_estimate:
+            info["error_estimate"] = self._errors()[0]
 
     def render(self) -> Picture | None:
         """Draw (480, 640, 3) uint8; without a render mode warn and return None."""
@@ -252,6 +253,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         self, info: NDArray[np.float64], mask: NDArray[np.bool_] | None = None, truth: NDArray[np.float64] | None = None
     ) -> dict[str, Any]:
         """Metrics (k, N) by name, each with its mask, and the privileged information (N, m); 0 outside of `mask`."""
+        ended = truth is not None
         masks = np.ones((len(self._metrics), self.num_envs), dtype=np.bool_)
         if mask is not None:
             masks[:] = mask
@@ -263,6 +265,10 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
             if mask is not None:
                 truth[~mask] = 0.0
             infos["privileged"], infos["_privileged"] = truth, masks[0].copy()
+        if self.options.error_estimate and not ended:
+            errors = self._errors()
+            errors[~masks[0]] = 0.0
+            infos["error_estimate"], infos["_error_estimate"] = errors, masks[0].copy()
         return infos
 
     def _check_mask(self, mask: Any) -> None:

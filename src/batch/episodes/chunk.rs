@@ -5,7 +5,7 @@ use super::episode_slot::EpisodeSlot;
 use super::kernels::{ActKernel, Blocks, EvaluateKernel, ObserveKernel};
 use super::outputs::{Final, Outputs, Transition};
 use super::payload::apply_payload_event;
-use crate::batch::stepping::blocks::{CHUNK, PhysicsChunk};
+use crate::batch::stepping::chunk::{CHUNK, PhysicsChunk};
 use crate::control::Controller;
 use crate::lane::Real;
 use crate::system::{Flow, State};

@@ -1,6 +1,6 @@
 //! Payload events of an instance at the start of a control period.
 
-use crate::batch::stepping::blocks::PhysicsChunk;
+use crate::batch::stepping::chunk::PhysicsChunk;
 use crate::dynamics::ClosedFormModel;
 use crate::lane::Real;
 use crate::task::disturbance::{Column, DisturbanceKernel, PayloadEvent};

@@ -8,7 +8,7 @@ use super::kernels;
 use super::outputs::{Final, Outputs};
 use super::rollout::{Rollout, RolloutChunk, take_before};
 use crate::batch::simulator::Simulator;
-use crate::batch::stepping::blocks::CHUNK;
+use crate::batch::stepping::chunk::CHUNK;
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::aligned::Aligned;
 use crate::control::Controller;

@@ -337,18 +337,21 @@ impl Simulator {
         }
         let analysis = self.modal_analysis(None).ok()?;
         let (stable, mode) = analysis.stable_step(self.integrator().stability(), servos, false);
+        self.companion_halves |= 2.0 * self.options().dt > stable;
         let mode = mode.filter(|_| self.options().dt > stable)?;
         self.monitor.set_unstable_step_warned();
         let SimulatorOptions { dt, integrator, .. } = self.options().clone();
         Some(UnstableStep { scene: self.scene().name.clone(), integrator, dt, mode, stable })
     }
 
-    /// Warning after steps, once: the first instance whose state is not finite, whose motion excites rates beyond
-    /// [`crate::integrate::Integrator::range`], or whose steps have a velocity error beyond [`super::step_quality::ERROR_LIMIT`].
+    /// Warning after steps, once for each cause: instances whose state is not finite, whose motion excites rates beyond
+    /// [`crate::integrate::Integrator::range`], whose steps have a velocity error beyond [`super::step_quality::ERROR_LIMIT`], or
+    /// whose accumulated error is beyond [`super::step_quality::ACCUMULATED_LIMIT`].
     pub fn warn_of_motion(&mut self) -> Option<InaccurateStep> {
-        let violation = self.monitor.take_violation()?;
-        let SimulatorOptions { dt, integrator, .. } = self.options().clone();
-        Some(InaccurateStep { scene: self.scene().name.clone(), integrator, dt, range: self.range, violation })
+        let (cause, violation) = self.monitor.take_violation()?;
+        let SimulatorOptions { dt, integrator, instances, .. } = self.options().clone();
+        let (scene, order, range) = (self.scene().name.clone(), self.integrator().order(), self.range);
+        Some(InaccurateStep { scene, integrator, order, dt, range, instances, cause, violation })
     }
 }
 

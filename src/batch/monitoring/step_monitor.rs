@@ -1,8 +1,10 @@
-//! Step monitor: finds instances that the steps do not integrate accurately, and warns of the first one.
+//! Step monitor: finds instances that the steps do not integrate accurately, and warns once of each cause.
 
 use std::fmt;
 
-use super::step_quality::{ERROR_LIMIT, QualityLimits, StepQuality, StepViolation};
+use super::step_quality::{
+    ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, QualityLimits, StepQuality, StepViolation, Violations,
+};
 use super::text::{StiffIntegrators, digits};
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
@@ -11,41 +13,44 @@ use crate::dynamics::Servos;
 use crate::integrate::{StepEstimates, step_error, stiffness};
 use crate::lane::{Isa, Kernel, Lane, Real};
 
+/// Relative error at which the leading order of a method says nothing.
+const SATURATED: f64 = 0.3;
+
 impl Table {
-    /// The first of `count` instances that is not finite or beyond the limits.
-    pub fn first_violation<T: Real>(
+    /// Violations of the limits by `count` instances.
+    pub fn violations<T: Real>(
         &self,
         isa: Isa,
         rows: &mut [T],
         count: usize,
         limits: QualityLimits,
         h: f64,
-    ) -> Option<StepViolation> {
-        let width = self.layout.rows * T::BLOCK;
-        let mut first = 0;
-        loop {
-            // Blocks in lanes; then the instances of the block in question one by one.
-            let blocks = &mut rows[first * self.layout.rows..];
-            let count = count.saturating_sub(first);
-            let mut search = FindViolation { layout: &self.layout, limits, h, count, blocks, block: None };
-            T::dispatch(isa, &mut search);
-            first += search.block? * T::BLOCK;
-            let block = &rows[first * self.layout.rows..][..width];
-            let found = (first..count.min(first + T::BLOCK)).find_map(|i| self.violation(block, i - first, limits, h));
-            if let Some(violation) = found {
-                return Some(StepViolation { instance: first + violation.instance, ..violation });
+    ) -> Violations {
+        let mut violations = Violations::default();
+        let mut search = FindViolation { layout: &self.layout, limits, h, count, blocks: &mut *rows, block: None };
+        T::dispatch(isa, &mut search);
+        // Blocks in lanes; from the block in question on the instances one by one.
+        for instance in search.block.map_or(count, |block| block * T::BLOCK)..count {
+            if let Some(cause) = self.violation(rows, instance, limits, h) {
+                let (time, quality) = (self.state(rows, instance).time, self.step_quality(rows, instance, h));
+                violations.add(cause, StepViolation { instance, count: 1, time, quality });
             }
-            first += T::BLOCK;
         }
+        violations
     }
 
-    /// Violation of the limits by instance `i`.
-    fn violation<T: Real>(&self, rows: &[T], i: usize, limits: QualityLimits, h: f64) -> Option<StepViolation> {
-        let quality = self.step_quality(rows, i, h);
-        let within = quality.stiffness <= limits.stiffness && quality.error <= limits.error;
+    /// Limit that instance `i` violates.
+    fn violation<T: Real>(&self, rows: &[T], i: usize, limits: QualityLimits, h: f64) -> Option<Cause> {
+        let StepQuality { stiffness, error, accumulated } = self.step_quality(rows, i, h);
         // The rows before the time are the state.
-        let finite = (0..self.layout.time).all(|row| self.get(rows, i, row).is_finite());
-        (!finite || !within).then(|| StepViolation { instance: i, time: self.state(rows, i).time, quality, finite })
+        if !(0..self.layout.time).all(|row| self.get(rows, i, row).is_finite()) {
+            return limits.finite.then_some(Cause::NotFinite);
+        }
+        let beyond = |x: f64, limit: f64| limit.is_finite() && !(x <= limit);
+        if beyond(stiffness, limits.stiffness) || beyond(error, limits.error) {
+            return Some(Cause::Inaccurate);
+        }
+        beyond(accumulated, limits.accumulated).then_some(Cause::Accumulated)
     }
 }
 
@@ -83,7 +88,10 @@ impl<T: Real> Kernel<T> for FindViolation<'_, T> {
                 let stiffness = stiffness(contrast, T::EPSILON);
                 let error = step_error([velocity_error[0], velocity_error[1], spin_error], self.h);
                 let within = L::and(stiffness.lt(L::c(self.limits.stiffness)), error.lt(L::c(self.limits.error)));
-                let good = L::and(sum.lt(L::c(1.0)), within);
+                let mut good = L::and(sum.lt(L::c(1.0)), within);
+                if let Some(companion) = &self.layout.companion {
+                    good = L::and(good, columns.get::<L>(companion.relative).lt(L::c(self.limits.accumulated)));
+                }
                 if L::bits(good).count_ones() as usize != L::LANES {
                     self.block = Some(k);
                     return;
@@ -99,8 +107,8 @@ pub struct StepMonitor {
     /// Modal analyses done, by the servos that were on.
     analysed: [bool; 4],
     unstable_step_warned: bool,
-    violation: Option<StepViolation>,
-    violation_warned: bool,
+    violations: Violations,
+    warned: [bool; Cause::ALL.len()],
 }
 
 impl StepMonitor {
@@ -114,72 +122,115 @@ impl StepMonitor {
         self.unstable_step_warned = true;
     }
 
-    /// Limits of the steps' quality for a method with this range of `h |lambda|`; none after the first violation.
+    /// Limits for a method with this range of `h |lambda|`; none after violations of all causes.
     pub fn limits(&self, range: f64) -> Option<QualityLimits> {
-        // After a warning of an unstable step only states that are not finite are news.
-        let limits = if self.unstable_step_warned {
-            QualityLimits { stiffness: f64::INFINITY, error: f64::INFINITY }
-        } else {
-            QualityLimits { stiffness: range, error: ERROR_LIMIT }
+        let watched = |cause: Cause| self.violations.of(cause).is_none();
+        let limit = |watched: bool, limit: f64| if watched { limit } else { f64::INFINITY };
+        // After a warning of an unstable step only states that are not finite are news; after those nothing is.
+        let finite = watched(Cause::NotFinite);
+        let steps = finite && watched(Cause::Inaccurate) && !self.unstable_step_warned;
+        let limits = QualityLimits {
+            stiffness: limit(steps, range),
+            error: limit(steps, ERROR_LIMIT),
+            accumulated: limit(steps && watched(Cause::Accumulated), ACCUMULATED_LIMIT),
+            finite,
         };
-        self.violation.is_none().then_some(limits)
+        finite.then_some(limits)
     }
 
-    /// Records a violation; the first one counts.
-    pub fn record(&mut self, violation: Option<StepViolation>) {
-        self.violation = self.violation.or(violation);
+    /// Records violations; the first of each cause count.
+    pub fn record(&mut self, violations: &Violations) {
+        for cause in Cause::ALL {
+            if let (None, Some(violation)) = (self.violations.of(cause), violations.of(cause)) {
+                self.violations.add(cause, violation);
+            }
+        }
     }
 
-    /// The violation to warn of, once.
-    pub fn take_violation(&mut self) -> Option<StepViolation> {
-        let violation = self.violation.filter(|_| !self.violation_warned)?;
-        self.violation_warned = true;
-        Some(violation)
+    /// A violation to warn of, each cause once.
+    pub fn take_violation(&mut self) -> Option<(Cause, StepViolation)> {
+        let news = |cause: &Cause| !self.warned[*cause as usize] && self.violations.of(*cause).is_some();
+        let cause = Cause::ALL.into_iter().find(news)?;
+        self.warned[cause as usize] = true;
+        Some((cause, self.violations.of(cause)?))
     }
 }
 
-/// Warning of a step that is too long for the motion of an instance; displays as one line.
+/// Warning of steps that are too long for the motion of instances; displays as one line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InaccurateStep {
     /// Name of the scene.
     pub scene: String,
     /// Name of the integrator.
     pub integrator: String,
+    /// Its order.
+    pub order: usize,
     /// Step, s.
     pub dt: f64,
     /// Greatest `h |lambda|` at which the integrator is accurate.
     pub range: f64,
-    /// The first violation.
+    /// Number of instances N.
+    pub instances: usize,
+    /// Cause of the warning.
+    pub cause: Cause,
+    /// The instances.
     pub violation: StepViolation,
 }
 
 impl fmt::Display for InaccurateStep {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scene, integrator, dt, range, violation } = self;
-        let StepViolation { instance, time, quality: StepQuality { stiffness, error }, finite } = *violation;
-        let symptom = if finite { "integration inaccurate" } else { "state not finite" };
-        write!(f, "scene '{scene}', instance {instance}: {symptom} at t = {time:.6} s ")?;
-        write!(f, "with integrator '{integrator}' at dt = {dt} s")?;
-        let excited = stiffness.is_finite() && stiffness > 0.0;
-        let mut figures = Vec::new();
-        if excited {
-            figures.push(format!("rate {} 1/s, h*lambda = {}", digits(stiffness / dt), digits(stiffness)));
+        let Self { scene, integrator, order, dt, range, instances, cause, violation } = self;
+        let StepViolation { instance, count, time, quality: StepQuality { stiffness, error, accumulated } } =
+            *violation;
+        write!(f, "scene '{scene}', instance {instance}")?;
+        if count > 1 {
+            write!(f, " and {} more of {instances}", count - 1)?;
         }
-        if range.is_finite() {
-            let of = if excited { "" } else { " of h*lambda" };
-            figures.push(format!("limit{of} {}", digits(*range)));
-        }
-        if error.is_finite() && error > ERROR_LIMIT {
-            figures.push(format!("velocity error {:.1} %, limit {:.0} %", 100.0 * error, 100.0 * ERROR_LIMIT));
-        }
-        if !figures.is_empty() {
-            write!(f, " ({})", figures.join(", "))?;
-        }
-        if finite && excited && stiffness > *range {
-            write!(f, "; a step of at most {} s", digits(dt * range / stiffness))?;
+        let symptom = match cause {
+            Cause::NotFinite => "state not finite",
+            Cause::Inaccurate => "integration inaccurate",
+            Cause::Accumulated => "errors have added up",
+        };
+        write!(f, ": {symptom} at t = {time:.6} s with integrator '{integrator}' at dt = {dt} s")?;
+        if *cause == Cause::Accumulated {
+            if accumulated.is_finite() && accumulated < SATURATED {
+                let step = dt * (0.25 * ACCUMULATED_LIMIT / accumulated).powf(1.0 / *order as f64);
+                let percent = 100.0 * accumulated;
+                let limit = 100.0 * ACCUMULATED_LIMIT;
+                write!(
+                    f,
+                    " (estimate {percent:.1} % of the motion, limit {limit:.0} %); a step of at most {} s would do",
+                    digits(step)
+                )
+            } else {
+                write!(
+                    f,
+                    " (beyond what the estimate can tell: the motion is chaotic, or the step far too long); a smaller step"
+                )?;
+                write!(f, "{StiffIntegrators} may do")
+            }
         } else {
-            write!(f, "; a smaller step")?;
+            let excited = stiffness.is_finite() && stiffness > 0.0;
+            let mut figures = Vec::new();
+            if excited {
+                figures.push(format!("rate {} 1/s, h*lambda = {}", digits(stiffness / dt), digits(stiffness)));
+            }
+            if range.is_finite() {
+                let of = if excited { "" } else { " of h*lambda" };
+                figures.push(format!("limit{of} {}", digits(*range)));
+            }
+            if error.is_finite() && error > ERROR_LIMIT {
+                figures.push(format!("velocity error {:.1} %, limit {:.0} %", 100.0 * error, 100.0 * ERROR_LIMIT));
+            }
+            if !figures.is_empty() {
+                write!(f, " ({})", figures.join(", "))?;
+            }
+            if *cause == Cause::Inaccurate && excited && stiffness > *range {
+                write!(f, "; a step of at most {} s", digits(dt * range / stiffness))?;
+            } else {
+                write!(f, "; a smaller step")?;
+            }
+            write!(f, "{StiffIntegrators} would do")
         }
-        write!(f, "{StiffIntegrators} would do")
     }
 }

@@ -1,35 +1,86 @@
-//! Quality of an instance's last steps, its limits, and violations of these.
+//! Quality of an instance's steps, its limits, and violations of these.
 
 /// Greatest relative velocity error of the last steps that passes without a warning.
 pub const ERROR_LIMIT: f64 = 0.05;
+/// Greatest estimate of the accumulated error, relative to the scales of the motion, that passes without a warning.
+pub const ACCUMULATED_LIMIT: f64 = 0.02;
 
-/// Quality of an instance's last steps, estimated from their stages.
+/// Quality of an instance's steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepQuality {
-    /// `h |lambda|` of the fastest rate that the motion excites.
+    /// `h |lambda|` of the fastest rate that the motion excites, over the last steps.
     pub stiffness: f64,
     /// Relative velocity error of the last steps.
     pub error: f64,
+    /// Accumulated error relative to the scales of the motion; 0 where it is not estimated.
+    pub accumulated: f64,
 }
 
-/// Limits of [`StepQuality`].
+/// Limits of [`StepQuality`], and of states.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QualityLimits {
     /// Greatest [`StepQuality::stiffness`].
     pub stiffness: f64,
     /// Greatest [`StepQuality::error`].
     pub error: f64,
+    /// Greatest [`StepQuality::accumulated`].
+    pub accumulated: f64,
+    /// True where states that are not finite are violations.
+    pub finite: bool,
 }
 
-/// An instance whose state is not finite or whose step quality is beyond its limits.
+/// Cause of a warning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// A state is not finite.
+    NotFinite,
+    /// The last steps are too long for the motion.
+    Inaccurate,
+    /// Errors have added up.
+    Accumulated,
+}
+
+/// Instances whose states or steps are beyond their limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepViolation {
-    /// Number of the instance.
+    /// Number of the first instance.
     pub instance: usize,
-    /// Its time, s.
+    /// Number of instances.
+    pub count: usize,
+    /// Time of the first one, s.
     pub time: f64,
-    /// Quality of its last steps.
+    /// Quality of its steps.
     pub quality: StepQuality,
-    /// False where its state is not finite.
-    pub finite: bool,
+}
+
+/// Violations by their causes.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Violations([Option<StepViolation>; Cause::ALL.len()]);
+
+impl Cause {
+    /// All causes.
+    pub const ALL: [Self; 3] = [Self::NotFinite, Self::Inaccurate, Self::Accumulated];
+}
+
+impl Violations {
+    /// Violations of one cause.
+    pub fn of(&self, cause: Cause) -> Option<StepViolation> {
+        self.0[cause as usize]
+    }
+
+    /// Adds those of a cause.
+    pub fn add(&mut self, cause: Cause, violation: StepViolation) {
+        let count = self.of(cause).map_or(0, |known| known.count) + violation.count;
+        let first = self.of(cause).filter(|known| known.instance < violation.instance).unwrap_or(violation);
+        self.0[cause as usize] = Some(StepViolation { count, ..first });
+    }
+
+    /// Adds all of others, whose instances count from `first`.
+    pub fn merge(&mut self, others: &Self, first: usize) {
+        for cause in Cause::ALL {
+            if let Some(violation) = others.of(cause) {
+                self.add(cause, StepViolation { instance: first + violation.instance, ..violation });
+            }
+        }
+    }
 }

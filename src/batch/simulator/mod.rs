@@ -1,13 +1,15 @@
 //! The batched simulator of one scene, or of scenes of one structure, without a task.
 
 pub mod applied_loads;
+pub mod error_estimate;
 mod parameters;
 mod scenes;
 pub mod states;
 
 use crate::batch::monitoring::step_monitor::StepMonitor;
 use crate::batch::options::{Precision, SimulatorOptions};
-use crate::batch::stepping::blocks::{Blocks, PhysicsChunk, StepSettings, Storage};
+use crate::batch::stepping::blocks::{Blocks, Storage};
+use crate::batch::stepping::chunk::{PhysicsChunk, StepSettings};
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::inputs::{CheckedInputs, Inputs, check};
 use crate::batch::storage::own_scenes::OwnScenes;
@@ -41,6 +43,8 @@ pub struct Simulator {
     /// Greatest `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
     pub(super) range: f64,
     pub(super) monitor: StepMonitor,
+    /// True where companions take half steps, since twice the step is unstable.
+    pub(super) companion_halves: bool,
 }
 
 impl Clone for Simulator {
@@ -131,12 +135,13 @@ impl Simulator {
         let count = own.as_ref().map_or(samples.len(), |own| own.scenes().len());
         let of_each: Option<(usize, &dyn Fn(usize) -> Compiled)> = (count > 0).then_some((count, &compile_own));
         let of_all = samples.first().unwrap_or(&compiled);
+        let (start, estimate) = ((&state, &flow), options.error_estimate);
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(of_all, of_each, options.instances, &integrator, isa, &state, &flow)?)
+                Box::new(Blocks::<f64>::new(of_all, of_each, options.instances, &integrator, isa, start, estimate)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(of_all, of_each, options.instances, &integrator, isa, &state, &flow)?)
+                Box::new(Blocks::<f32>::new(of_all, of_each, options.instances, &integrator, isa, start, estimate)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -153,6 +158,7 @@ impl Simulator {
             storage,
             range: integrator.range(),
             monitor: StepMonitor::default(),
+            companion_halves: false,
         };
         if simulator.own.is_some() {
             simulator.reset();
@@ -274,7 +280,7 @@ impl Simulator {
         substeps: usize,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, SimulatorError> {
-        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        let (integrator, h, threads, halves) = (self.integrator, self.options.dt, self.threads, self.companion_halves);
         let limits = self.monitor.limits(self.range);
         let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
         let active = inputs.active_loads();
@@ -282,12 +288,13 @@ impl Simulator {
         let mut before = 0;
         while before < substeps {
             if before > 0 && !go_on() {
+                self.storage.restart_companions();
                 return Ok(false);
             }
-            let substeps = portion.min(substeps - before);
-            let settings = StepSettings { integrator, h, substeps, before, active, threads, limits };
-            let violation = self.storage.step(&settings, (before == 0).then_some(&inputs));
-            self.monitor.record(violation);
+            let (total, substeps) = (substeps, portion.min(substeps - before));
+            let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
+            let violations = self.storage.step(&settings, (before == 0).then_some(&inputs));
+            self.monitor.record(&violations);
             before += substeps;
         }
         Ok(true)
@@ -324,9 +331,10 @@ impl Simulator {
     ) {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
         let limits = self.monitor.limits(self.range);
-        let settings = StepSettings { integrator, h, substeps, before: 0, active, threads, limits };
-        let violation = self.blocks().for_each_chunk(&settings, items, work);
-        self.monitor.record(violation);
+        let (before, total, halves) = (0, substeps, self.companion_halves);
+        let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
+        let violations = self.blocks().for_each_chunk(&settings, items, work);
+        self.monitor.record(&violations);
     }
 
     /// All instances in the precision of the options.

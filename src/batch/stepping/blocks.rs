@@ -4,25 +4,21 @@ use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
 use super::accelerate::Accelerate;
+use super::chunk::{CHUNK, Parameters, PhysicsChunk, StepSettings};
 use super::scratch_pool::ScratchPool;
-use super::step::{Step, StepScaled};
 use super::threads::for_each;
-use crate::batch::monitoring::step_quality::{QualityLimits, StepQuality, StepViolation};
-use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::monitoring::step_quality::{StepQuality, Violations};
 use crate::batch::storage::aligned::Aligned;
 use crate::batch::storage::inputs::CheckedInputs;
 use crate::batch::storage::layout::Layout;
-use crate::batch::storage::own_numbers::{OwnLayout, OwnNumbers};
+use crate::batch::storage::own_numbers::OwnNumbers;
 use crate::batch::storage::table::Table;
 use crate::error::SimulatorError;
 use crate::hydro::Thrusts;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
-use crate::system::{Compiled, Factors, Flow, State, System, UnscaledBodyTerms};
+use crate::system::{Compiled, Factors, Flow, State};
 
-/// Instances of a chunk, in whole blocks: the unit of work of a thread. Few enough that threads finish together, and so many
-/// that fetching each chunk does not show.
-pub const CHUNK: usize = 128;
 /// Instances per thread below which threads cost more than they save.
 const INSTANCES_PER_THREAD: usize = 256;
 
@@ -48,6 +44,10 @@ pub trait Storage: Send + Sync {
     fn losses(&self, i: usize) -> Thrusts;
     /// Sets these factors.
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>);
+    /// State of the companion of instance `i`, and the divisor of its difference, if it has one that follows it.
+    fn companion(&self, i: usize) -> Option<(State, f64)>;
+    /// Companions begin anew with the next step.
+    fn restart_companions(&mut self);
     /// Sets the numbers that instance `i` has of its own: those of a scene of the same structure.
     fn set_own(&mut self, i: usize, compiled: &Compiled);
     /// Every number of instance `i`, for saving.
@@ -56,8 +56,8 @@ pub trait Storage: Send + Sync {
     fn set_column(&mut self, i: usize, column: &[f64]);
     /// Numbers in a column.
     fn column_len(&self) -> usize;
-    /// Steps all instances under new inputs, or under the present loads; the first violation of the settings' limits.
-    fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Option<StepViolation>;
+    /// Steps all instances under new inputs, or under the present loads; violations of the settings' limits.
+    fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Violations;
     /// `[V'; q'']` of all instances under these inputs, instance by instance.
     fn accelerations(&mut self, inputs: &CheckedInputs) -> Vec<f64>;
     /// Bytes of memory per instance.
@@ -66,25 +66,6 @@ pub trait Storage: Send + Sync {
     fn boxed_clone(&self) -> Box<dyn Storage>;
     /// For a downcast to [`Blocks`] of a known precision.
     fn as_any(&mut self) -> &mut dyn Any;
-}
-
-/// Settings of a call that steps.
-#[derive(Debug, Clone, Copy)]
-pub struct StepSettings {
-    /// Integrator.
-    pub integrator: Integrator,
-    /// Step size, s.
-    pub h: f64,
-    /// Number of steps.
-    pub substeps: usize,
-    /// Number of steps before these on the clock of the servo targets.
-    pub before: usize,
-    /// Optional loads that are active.
-    pub active: ActiveLoads,
-    /// Greatest number of threads.
-    pub threads: usize,
-    /// Limits of the steps' quality; none where they are not monitored.
-    pub limits: Option<QualityLimits>,
 }
 
 /// Blocks of instances in one precision.
@@ -101,23 +82,6 @@ pub struct Blocks<T> {
     scaled: Vec<Option<[bool; 2]>>,
 }
 
-/// Parameters of the scene, and pools of memory for its kernels.
-#[derive(Clone)]
-struct Parameters<T> {
-    system: System<Shared<T>>,
-    /// The same in scalars.
-    scalar_system: System<T>,
-    unscaled: Vec<UnscaledBodyTerms<Shared<T>>>,
-    /// Attachment point of payloads, m.
-    payload_attachment: [Shared<T>; 3],
-    /// Scratch memory of the steps.
-    scratch_pool: ScratchPool,
-    /// Memory for systems with parameters per instance.
-    system_pool: ScratchPool,
-    /// The system without added mass, and the filter's weight, where added mass is a lagged force.
-    rigid: Option<(System<Shared<T>>, f64)>,
-}
-
 impl<T: Real> Blocks<T> {
     /// `instances` instances of a compiled scene, all in `state` and in the same `flow`; or of scenes of its structure, of which
     /// the number and the compiler are `own`: see [`OwnNumbers::new`].
@@ -130,8 +94,8 @@ impl<T: Real> Blocks<T> {
         instances: usize,
         integrator: &Integrator,
         isa: Isa,
-        state: &State,
-        flow: &Flow,
+        (state, flow): (&State, &Flow),
+        error_estimate: bool,
     ) -> Result<Self, SimulatorError> {
         let number = |Shared(x)| Shared(T::from_f64(x));
         let unscaled: Vec<_> = compiled.unscaled.iter().map(|parts| parts.map(number)).collect();
@@ -149,8 +113,11 @@ impl<T: Real> Blocks<T> {
             system_pool: ScratchPool::default(),
             rigid,
         };
-        let layout =
-            Layout::new(compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len(), integrator);
+        let counts = [compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len()];
+        let mut layout = Layout::new::<T>(counts, integrator);
+        if error_estimate {
+            layout = layout.with_companion();
+        }
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -175,17 +142,17 @@ impl<T: Real> Blocks<T> {
         Ok(blocks)
     }
 
-    /// Calls `work` on each chunk with its item, on as many threads as the settings allow; the first violation of the
-    /// settings' limits.
+    /// Calls `work` on each chunk with its item, on as many threads as the settings allow; violations of the settings'
+    /// limits.
     pub fn for_each_chunk<I: Send>(
         &mut self,
         settings: &StepSettings,
         items: impl ExactSizeIterator<Item = I> + Send,
         work: impl Fn(&mut PhysicsChunk<'_, T>, I) + Sync,
-    ) -> Option<StepViolation> {
+    ) -> Violations {
         let (scene, table, isa, instances) = (&self.scene, &self.table, self.isa, self.instances);
         let threads = settings.threads.min(instances.div_ceil(INSTANCES_PER_THREAD));
-        let violations = FirstViolation::default();
+        let violations = Mutex::new(Violations::default());
         let mut own = self.own.as_mut().map(|own| {
             let (layout, rows) = own.parts();
             (layout, rows.chunks_mut(CHUNK * layout.width))
@@ -196,109 +163,18 @@ impl<T: Real> Blocks<T> {
         for_each(chunks.enumerate(), threads, |(k, (((rows, own), scaled), item))| {
             let first = k * CHUNK;
             let count = CHUNK.min(instances - first);
-            let violation = None;
-            let mut chunk = PhysicsChunk { scene, settings, count, first, table, isa, own, rows, scaled, violation };
+            let found = Violations::default();
+            let mut chunk =
+                PhysicsChunk { scene, settings, count, first, table, isa, own, rows, scaled, violations: found };
             work(&mut chunk, item);
-            violations.record(first, chunk.violation);
+            violations.lock().unwrap_or_else(PoisonError::into_inner).merge(&chunk.violations, first);
         });
-        violations.take()
+        violations.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Rows of a block, instruction set, and the blocks.
     pub fn parts(&mut self) -> (&Layout, Isa, &mut [T]) {
         (&self.table.layout, self.isa, &mut self.rows)
-    }
-}
-
-/// A chunk of blocks, which one thread steps.
-pub struct PhysicsChunk<'a, T> {
-    scene: &'a Parameters<T>,
-    settings: &'a StepSettings,
-    /// Number of its instances; further columns fill the last block.
-    pub count: usize,
-    /// Number of its first instance among all.
-    pub first: usize,
-    /// Access to single instances, counted from 0 in the chunk.
-    pub table: &'a Table,
-    /// Instruction set of the kernels.
-    pub isa: Isa,
-    /// Numbers that instances have of their own.
-    own: Option<(&'a OwnLayout, &'a mut [T])>,
-    /// The blocks.
-    pub rows: &'a mut [T],
-    /// [`Table::scaled`] of the chunk; none once factors have been set.
-    scaled: &'a mut Option<[bool; 2]>,
-    /// The first violation of the settings' limits.
-    violation: Option<StepViolation>,
-}
-
-/// The first violation in several chunks.
-#[derive(Default)]
-struct FirstViolation(Mutex<Option<StepViolation>>);
-
-impl FirstViolation {
-    /// Records a violation in a chunk that begins with instance `first`.
-    fn record(&self, first: usize, violation: Option<StepViolation>) {
-        let Some(mut violation) = violation else { return };
-        violation.instance += first;
-        let mut least = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if least.is_none_or(|least| violation.instance < least.instance) {
-            *least = Some(violation);
-        }
-    }
-
-    fn take(self) -> Option<StepViolation> {
-        self.0.into_inner().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl<T: Real> PhysicsChunk<'_, T> {
-    /// Sets the numbers that instance `k` of the chunk has of its own: those of a scene of the same structure.
-    pub fn set_own(&mut self, k: usize, compiled: &Compiled) {
-        self.table.set_fins(self.rows, k, &compiled.system.deflections());
-        if let Some((layout, rows)) = &mut self.own {
-            layout.set(rows, k, compiled);
-        }
-    }
-
-    /// Sets the factors on the parameters of instance `k` of the chunk.
-    pub fn set_factors(&mut self, k: usize, factors: &Factors<f64>) {
-        self.table.set_factors(self.rows, k, factors);
-        *self.scaled = None;
-    }
-
-    /// Steps all instances.
-    pub fn step(&mut self) {
-        let (scene, settings) = (self.scene, self.settings);
-        let [scaled, with_payload] = *self.scaled.get_or_insert_with(|| self.table.scaled(self.rows));
-        let scaled = scaled || self.own.is_some();
-        let mut step = Step {
-            system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
-            scalar_system: scene.rigid.is_none().then_some(&scene.scalar_system),
-            unscaled: &scene.unscaled,
-            scaled,
-            own: self.own.as_ref().map(|(layout, rows)| layout.columns(rows)),
-            payload_attachment: with_payload.then_some(scene.payload_attachment),
-            scratch_pool: &scene.scratch_pool,
-            system_pool: &scene.system_pool,
-            lag_filter: scene.rigid.as_ref().map(|&(_, filter)| filter),
-            layout: &self.table.layout,
-            integrator: settings.integrator,
-            h: T::from_f64(settings.h),
-            substeps: settings.substeps,
-            before: settings.before,
-            active: settings.active,
-            count: self.count,
-            blocks: self.rows,
-        };
-        if (scaled || settings.integrator.needs_baseline_terms()) && self.isa.is_wide() {
-            T::dispatch(self.isa, &mut StepScaled(&mut step));
-        } else {
-            T::dispatch(self.isa, &mut step);
-        }
-        if let (Some(limits), None) = (settings.limits, &self.violation) {
-            self.violation = self.table.first_violation(self.isa, self.rows, self.count, limits, settings.h);
-        }
     }
 }
 
@@ -351,6 +227,14 @@ impl<T: Real> Storage for Blocks<T> {
         }
     }
 
+    fn companion(&self, i: usize) -> Option<(State, f64)> {
+        self.table.companion(&self.rows, i)
+    }
+
+    fn restart_companions(&mut self) {
+        (0..self.instances).for_each(|i| self.table.unfollow(&mut self.rows, i));
+    }
+
     fn column(&self, i: usize) -> Vec<f64> {
         self.table.column(&self.rows, i)
     }
@@ -364,7 +248,7 @@ impl<T: Real> Storage for Blocks<T> {
         self.table.layout.rows
     }
 
-    fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Option<StepViolation> {
+    fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Violations {
         let chunks = self.instances.div_ceil(CHUNK);
         self.for_each_chunk(settings, 0..chunks, |chunk, _| {
             if let Some(inputs) = inputs {

@@ -1,5 +1,6 @@
 //! Equations of motion of a stage: the right-hand side that the integrators call.
 
+use super::joint_coordinates::JointSums;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
@@ -65,6 +66,8 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
     pub station: Option<StationServo<L>>,
     /// Deflected fins.
     pub surfaces: &'a FinAxes<L>,
+    /// Sums of the joint coordinates.
+    pub joints: &'a mut JointSums<L>,
     /// Time of the step's start on the clock of the servo targets, s.
     pub time: L,
     /// Scratch memory.
@@ -136,6 +139,8 @@ impl<L: Lane, P: Param<L>> Derivative<L, JOINTS> for EquationsOfMotion<'_, L, P>
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.reload_system();
+        let mut whole = [L::zero(); JOINTS];
+        let q = self.joints.whole(q, system.chain().len(), &mut whole);
         let instant = self.instant(system, at, elapsed, (twist, q, qd));
         accelerations(system, &instant, self.loads, self.scratch, &mut rates.twist, &mut rates.qd);
     }
@@ -153,6 +158,8 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
         rates: &mut Rates<L, JOINTS>,
     ) {
         let system = self.reload_system();
+        let mut whole = [L::zero(); JOINTS];
+        let q = self.joints.whole(q, system.chain().len(), &mut whole);
         let instant = self.instant(system, at, elapsed + h, (twist, q, qd));
         let ahead = Ahead { h, vehicle_servo: self.station.is_some() };
         let Rates { twist, qd } = rates;

@@ -2,8 +2,11 @@
 
 mod accelerate;
 pub mod blocks;
+pub mod chunk;
+pub mod companion;
 pub mod equations_of_motion;
 mod instance_numbers;
+mod joint_coordinates;
 mod lagged_added_mass;
 mod scratch_pool;
 mod step;

@@ -1,12 +1,12 @@
 //! Kernels that step blocks of instances.
 
 use std::any::Any;
-use std::hint::cold_path;
 use std::mem::ManuallyDrop;
 use std::slice::ChunksExactMut;
 
 use super::equations_of_motion::EquationsOfMotion;
 use super::instance_numbers::LoadNumbers;
+use super::joint_coordinates::JointSums;
 use super::lagged_added_mass::{LagState, LaggedAddedMass};
 use super::scratch_pool::ScratchPool;
 use crate::batch::storage::active_loads::ActiveLoads;
@@ -16,7 +16,7 @@ use crate::batch::storage::own_numbers::OwnColumns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::hydro::{FinAxes, ThrusterDynamics};
 use crate::integrate::{
-    Explicit, ImplicitStages, Integrator, Motion, Stages, StepEstimates, implicit_interval, interval,
+    Explicit, Implicit, ImplicitStages, Integrator, Motion, Stages, StepEstimates, implicit_interval, interval,
 };
 use crate::lane::{Kernel, Lane, Param, Real, Routine, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -83,6 +83,7 @@ struct Memory<L: Lane> {
     implicit_stages: ImplicitStages<L, JOINTS>,
     loads: ArmLoads<L>,
     motion: Motion<L, JOINTS>,
+    joints: JointSums<L>,
     lag: LagState<L>,
     propulsion: ThrusterDynamics<L>,
     surfaces: FinAxes<L>,
@@ -111,24 +112,6 @@ impl<L: Lane> Memory<L> {
     }
 }
 
-/// Sets coordinates and rates of the prescribed joints to their targets at `time`.
-#[inline(always)]
-fn prescribe_joints<L: Lane, P, B>(
-    system: &System<P, B>,
-    loads: &ArmLoads<L>,
-    time: L,
-    motion: &mut Motion<L, JOINTS>,
-) {
-    if system.prescribed {
-        cold_path();
-        for (i, joint) in system.chain().iter().enumerate() {
-            if let (true, Some((position, rate))) = (joint.prescribed, loads.target(i, time)) {
-                (motion.q[i], motion.qd[i]) = (position, rate);
-            }
-        }
-    }
-}
-
 /// One step of an explicit method.
 struct ExplicitStep<'a, 'b, L: Lane, P, const BASELINES: bool> {
     method: &'a Explicit,
@@ -147,8 +130,9 @@ impl<L: Lane, P: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_
     }
 }
 
-/// One step of the linearly implicit method.
+/// One step of a linearly implicit method.
 struct ImplicitStep<'a, 'b, L: Lane, P> {
+    method: &'a Implicit,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
@@ -159,8 +143,8 @@ struct ImplicitStep<'a, 'b, L: Lane, P> {
 impl<L: Lane, P: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, P> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { h, motion, estimates, equations, stages } = self;
-        implicit_interval(*h, motion, estimates, *equations, stages);
+        let Self { method, h, motion, estimates, equations, stages } = self;
+        implicit_interval(method, *h, motion, estimates, *equations, stages);
     }
 }
 
@@ -293,6 +277,8 @@ impl<'a, T: Real> Step<'a, T> {
     ) {
         let motion = &mut memory.motion;
         columns.motion::<_, BASELINES>(self.layout, motion);
+        columns.joint_sums(self.layout, &mut memory.joints);
+        let joints = system.chain().len();
         columns.loads(self.layout, self.active, &mut memory.loads);
         let mut current = columns.vector(self.layout.current);
         let acceleration: Vector3<L> = columns.vector(self.layout.acceleration);
@@ -319,13 +305,14 @@ impl<'a, T: Real> Step<'a, T> {
             wrench: held,
             station,
             surfaces: &memory.surfaces,
+            joints: &mut memory.joints,
             time: L::zero(),
             scratch: &mut memory.scratch,
         };
         let mut estimates = columns.step_estimates(self.layout);
         for k in self.before..self.before + self.substeps {
             equations.time = L::splat(T::from_f64(k as f64) * self.h);
-            prescribe_joints(system, equations.loads, equations.time, motion);
+            equations.joints.prescribe(system, equations.loads, equations.time, motion);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if !thrusters.is_empty() {
                 equations.wrench = held + memory.propulsion.step(thrusters, motion.twist);
@@ -336,27 +323,28 @@ impl<'a, T: Real> Step<'a, T> {
             if let Some(lagged) = &lagged {
                 lagged.apply(L::splat(self.h), motion, &mut memory.lag, &mut equations);
             }
+            equations.joints.begin(motion, joints);
             match &self.integrator {
                 Integrator::Explicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.stages;
                     // Scalar lanes have a step without baseline terms, too: it takes less time.
+                    let h = self.h;
                     if L::SCALAR && !self.integrator.needs_baseline_terms() {
-                        let h = self.h;
                         L::call(&mut ExplicitStep::<_, _, false> { method, h, motion, estimates, equations, stages });
                     } else {
-                        let h = self.h;
                         let mut step =
                             ExplicitStep::<_, _, BASELINES> { method, h, motion, estimates, equations, stages };
                         L::call(&mut step);
                     }
                 }
-                Integrator::LinearlyImplicit => {
+                Integrator::LinearlyImplicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.implicit_stages;
-                    L::call(&mut ImplicitStep { h: self.h, motion, estimates, equations, stages });
+                    L::call(&mut ImplicitStep { method, h: self.h, motion, estimates, equations, stages });
                 }
             }
+            equations.joints.end(motion, joints);
             motion.travel(drift(current, gained, self.h));
             current = current + gained;
             equations.set_current(current);
@@ -368,7 +356,8 @@ impl<'a, T: Real> Step<'a, T> {
             }
         }
         let end = L::splat(T::from_f64((self.before + self.substeps) as f64) * self.h);
-        prescribe_joints(system, equations.loads, end, motion);
+        equations.joints.prescribe(system, equations.loads, end, motion);
+        columns.set_joint_sums(self.layout, equations.joints);
         columns.set_motion::<_, BASELINES>(self.layout, motion);
         columns.set_all(self.layout.current, &current.0, 3);
         columns.set_step_estimates(self.layout, &estimates);

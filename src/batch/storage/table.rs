@@ -42,7 +42,11 @@ impl Table {
 
     /// State.
     pub fn state<T: Real>(&self, rows: &[T], i: usize) -> State {
-        let layout = &self.layout;
+        self.state_in(&self.layout, rows, i)
+    }
+
+    /// State in the rows of a layout of the same blocks: that of an instance or of its companion.
+    pub fn state_in<T: Real>(&self, layout: &Layout, rows: &[T], i: usize) -> State {
         let place = |k| self.get(rows, i, layout.position + k);
         let mut state = State {
             position: [0, 1, 2].map(|k| place(k) + place(3 + k)).into(),
@@ -52,7 +56,8 @@ impl Table {
             ..State::default()
         };
         for k in 0..layout.joints {
-            state.q[k] = self.get(rows, i, layout.q + k);
+            let rest = if k < layout.rests { self.get(rows, i, layout.q_rest + k) } else { 0.0 };
+            state.q[k] = self.get(rows, i, layout.q + k) + rest;
             state.qd[k] = self.get(rows, i, layout.qd + k);
         }
         for k in 0..layout.thrusters {
@@ -70,6 +75,8 @@ impl Table {
         self.set_all(rows, i, layout.position + 3, (state.position - position).iter().copied());
         self.set_all(rows, i, layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, layout.q, state.q[..layout.joints].iter().copied());
+        let rest = |q: &f64| q - T::from_f64(*q).to_f64();
+        self.set_all(rows, i, layout.q_rest, state.q[..layout.rests].iter().map(rest));
         self.set_all(rows, i, layout.qd, state.qd[..layout.joints].iter().copied());
         self.set_all(rows, i, layout.thrust, state.thrust[..layout.thrusters].iter().copied());
         let time = T::from_f64(state.time).to_f64();
@@ -90,10 +97,33 @@ impl Table {
         if layout.lagged {
             self.set_all(rows, i, layout.lag, [0.0]);
         }
+        self.unfollow(rows, i);
     }
 
-    /// Sets the velocities alone to those of a state.
+    /// Its companion, if it has one, begins anew with the next step.
+    pub fn unfollow<T: Real>(&self, rows: &mut [T], i: usize) {
+        if let Some(companion) = &self.layout.companion {
+            self.set_all(rows, i, companion.follows, [0.0]);
+        }
+    }
+
+    /// State of the companion, and the divisor of its difference, if it follows the instance.
+    pub fn companion<T: Real>(&self, rows: &[T], i: usize) -> Option<(State, f64)> {
+        let companion = self.layout.companion.as_ref()?;
+        let follows = self.get(rows, i, companion.follows) == 1.0;
+        follows.then(|| (self.state_in(&companion.layout, rows, i), self.get(rows, i, companion.divisor)))
+    }
+
+    /// Sets the velocities alone to those of a state; a companion gains the same change.
     pub fn set_velocities<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
+        if let Some(companion) = &self.layout.companion {
+            let (old, mut own) = (self.state(rows, i), self.state_in(&companion.layout, rows, i));
+            own.twist += state.twist - old.twist;
+            self.set_all(rows, i, companion.layout.twist, own.twist.iter().copied());
+            for k in 0..self.layout.joints {
+                self.set_all(rows, i, companion.layout.qd + k, [own.qd[k] + state.qd[k] - old.qd[k]]);
+            }
+        }
         self.set_all(rows, i, self.layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, self.layout.qd, state.qd[..self.layout.joints].iter().copied());
     }
@@ -101,7 +131,11 @@ impl Table {
     /// Quality of the last steps of size `h` (s).
     pub fn step_quality<T: Real>(&self, rows: &[T], i: usize, h: f64) -> StepQuality {
         let [places, speeds, changes, errors @ ..]: [f64; 6] = self.get_all(rows, i, self.layout.estimates);
-        StepQuality { stiffness: stiffness([places, speeds, changes], T::EPSILON), error: step_error(errors, h) }
+        let accumulated = self.layout.companion.as_ref().map_or(0.0, |companion| {
+            if self.get(rows, i, companion.follows) == 1.0 { self.get(rows, i, companion.relative) } else { 0.0 }
+        });
+        let stiffness = stiffness([places, speeds, changes], T::EPSILON);
+        StepQuality { stiffness, error: step_error(errors, h), accumulated }
     }
 
     /// Attitude coordinates, where the integrator keeps any besides the rotation matrix.

@@ -259,7 +259,9 @@ fn simulator(scenes: Vec<Scene>, instances: &[&Instance], options: &SimulatorOpt
 }
 
 fn simulator_rounding(simulator: &Simulator, x: f64) -> f64 {
-    if simulator.options().precision == Precision::Single { f64::from(x as f32) } else { x }
+    // A sum of two numbers holds it.
+    let single = |x: f64| f64::from(x as f32);
+    if simulator.options().precision == Precision::Single { single(x) + single(x - single(x)) } else { x }
 }
 
 /// Steps instances with scenes of their own together, and each alone.

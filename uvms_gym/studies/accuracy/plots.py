@@ -41,7 +41,6 @@ STYLES = {
     "mk2": Style(PURPLE, "^", "MK2"),
     "semi-implicit-euler": Style(VERMILION, "v", "semi-implicit Euler"),
     "lagged-added-mass": Style(BLACK, "x", "added mass lagged"),
-    "mk4-momentum": Style(GREY, "P", "momentum-conserving MK4"),
 }
 
 

@@ -58,14 +58,34 @@ fn every_shipped_scene_is_stable_at_a_tenth_of_a_second() {
         let Some((_, median, greatest)) = BARS.iter().find(|bar| bar.0 == name) else { panic!("no bar for {name}") };
         // Fine enough for the bars: mk4's error is of order 4.
         let truth = driven(&scene, "mk4", 0.01, Precision::Double);
-        for precision in [Precision::Double, Precision::Single] {
-            let states = driven(&scene, "ros2", 0.1, precision);
+        for (integrator, precision) in
+            [("ros2", Precision::Double), ("ros2", Precision::Single), ("ros3", Precision::Double)]
+        {
+            let states = driven(&scene, integrator, 0.1, precision);
             let mut errors: Vec<f64> = states.iter().zip(&truth).map(|(a, b)| distance(a, b)).collect();
             errors.sort_by(f64::total_cmp);
-            println!("{name:24} {precision:?}: median {:.2e}, greatest {:.2e}", errors[50], errors[99]);
+            println!("{name:24} {integrator} {precision:?}: median {:.2e}, greatest {:.2e}", errors[50], errors[99]);
             let bar = |bar: f64| if precision == Precision::Single { bar + 1e-4 } else { bar };
             assert!(errors[50] <= bar(*median) && errors[99] <= bar(*greatest), "{name}");
         }
+    }
+}
+
+/// At 0.01 s, over driven motions with an arm.
+#[test]
+fn the_third_order_errs_far_less() {
+    for name in ["petasus-pum", "bluerov2-heavy-alpha5", "rexrov"] {
+        let scene = Scene::shipped(name).unwrap();
+        let truth = driven(&scene, "mk4", 0.0025, Precision::Double);
+        let median = |integrator: &str| {
+            let states = driven(&scene, integrator, 0.01, Precision::Double);
+            let mut errors: Vec<f64> = states.iter().zip(&truth).map(|(a, b)| distance(a, b)).collect();
+            errors.sort_by(f64::total_cmp);
+            errors[50]
+        };
+        let [second, third] = ["ros2", "ros3"].map(median);
+        println!("{name:24} ros2 {second:.1e}, ros3 {third:.1e}, {:.0} times less", second / third);
+        assert!(third < second / 30.0, "{name}");
     }
 }
 

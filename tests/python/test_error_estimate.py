@@ -1,0 +1,87 @@
+"""Estimates of accumulated errors: interface, environments, warnings."""
+
+import copy
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+
+import uvms_gym
+from uvms_gym import Simulator
+from uvms_gym.studies.hard_cases.case import single_body
+
+KEYS = ("position", "attitude", "q", "end_effector_position", "end_effector_attitude", "relative", "known")
+
+
+def driven(error_estimate: bool = True, **options: object) -> Simulator:
+    """Three instances of petasus-pum under random wrenches, 1 s."""
+    simulator = Simulator("petasus-pum", 3, error_estimate=error_estimate, **options)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        simulator.step(wrench=rng.uniform(-10, 10, (3, 6)), joint_target=simulator.q, substeps=round(0.1 / simulator.dt))
+    return simulator
+
+
+def test_estimates_are_near_the_errors():
+    simulator, exact = driven(dt=0.02), driven(dt=0.002)
+    found = simulator.error_estimate()
+    assert tuple(found) == KEYS and found["known"].all()
+    ends = [s.end_effector_pose()[:, :3, 3] for s in (simulator, exact)]
+    for name, error in (
+        ("position", np.linalg.norm(simulator.position - exact.position, axis=1)),
+        ("end_effector_position", np.linalg.norm(ends[0] - ends[1], axis=1)),
+    ):
+        assert found[name].shape == (3,) and (error > 1e-10).all()
+        # Single errors may pass through zero.
+        assert 1 / 3 < np.median(found[name] / error) < 3, (name, found[name] / error)
+    assert found["q"].shape == simulator.q.shape
+
+
+def test_estimates_are_only_made_on_request():
+    with pytest.raises(ValueError, match="error_estimate=True"):
+        driven(error_estimate=False).error_estimate()
+    with pytest.raises(TypeError):
+        Simulator("free-body", error_estimate="yes")
+
+
+@pytest.mark.parametrize("again", [copy.copy, lambda s: pickle.loads(pickle.dumps(s))])
+def test_copies_keep_estimates(again):
+    simulator = driven()
+    other = again(simulator)
+    for name in KEYS:
+        np.testing.assert_array_equal(other.error_estimate()[name], simulator.error_estimate()[name])
+
+
+def test_environments_show_them_on_request():
+    kind = "UVMS-StationKeep-v0"
+    vector = gymnasium.make_vec(kind, num_envs=2, error_estimate=True)
+    plain = gymnasium.make(kind)
+    singles = [gymnasium.make(kind, error_estimate=True) for _ in range(2)]
+    _, infos = vector.reset(seed=5)
+    assert np.all(infos["error_estimate"] == 0.0)
+    plain.reset(seed=5)
+    for i, single in enumerate(singles):
+        _, info = single.reset(seed=5 + i)
+        assert info["error_estimate"].shape == (6,)
+    actions = vector.action_space.sample()
+    for _ in range(3):
+        observations, _, _, _, infos = vector.step(actions)
+        observation, _, _, _, info = plain.step(actions[0])
+        assert "error_estimate" not in info
+        np.testing.assert_array_equal(observation, observations[0])
+        for i, single in enumerate(singles):
+            info = single.step(actions[i])[4]
+            np.testing.assert_array_equal(info["error_estimate"], infos["error_estimate"][i])
+    assert infos["_error_estimate"].all() and (infos["error_estimate"] > 0.0).any(axis=1).all()
+
+
+def test_errors_that_add_up_are_said_once():
+    scene = single_body("tumble", {"mass": 1.0, "inertia": [1.0, 2.0, 2.5]})
+    simulator = Simulator(scene, 30, dt=0.05, integrator="mk2", error_estimate=True)
+    simulator.set_state(twist=[0, 0, 0, 0.5, 2.0, 0.1])
+    match = "and 29 more of 30: errors have added up .* a step of at most"
+    with pytest.warns(uvms_gym.StepWarning, match=match) as said:
+        for _ in range(80):
+            simulator.step(substeps=20)
+    assert len(said) == 1 and said[0].filename == __file__

@@ -1,0 +1,154 @@
+//! Estimates of accumulated errors, against converged motions.
+
+use uvms_gym::batch::{ErrorEstimate, Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::description::Scene;
+use uvms_gym::system::State;
+
+use crate::random_scene::{Random, random_state};
+
+/// Instances of a test.
+const N: usize = 12;
+const PERIOD: f64 = 0.1;
+
+fn simulator(scene: &Scene, integrator: &str, dt: f64, options: &SimulatorOptions) -> Simulator {
+    let options = SimulatorOptions { integrator: integrator.into(), dt, ..options.clone() };
+    let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+    for i in 0..simulator.instances() {
+        let mut state = random_state(i as u64, scene);
+        state.twist *= 0.3;
+        simulator.set_state(i, &state);
+    }
+    simulator
+}
+
+/// Two seconds of random wrenches and servo targets that are held for a period each.
+fn drive(simulator: &mut Simulator) {
+    let steps = (PERIOD / simulator.options().dt).round() as usize;
+    let (n, joints, mut random) = (simulator.instances(), simulator.joints(), Random::new(3));
+    for _ in 0..20 {
+        let row: Vec<f64> = (0..6).map(|_| random.between(-20.0, 20.0)).collect();
+        let wrench: Vec<f64> = (0..n).flat_map(|_| row.clone()).collect();
+        let target: Vec<f64> = (0..joints).map(|_| random.between(-0.3, 0.3)).collect();
+        let target: Vec<f64> = (0..n).flat_map(|_| target.clone()).collect();
+        let joint_target = (joints > 0).then_some(&target[..]);
+        simulator.step(&Inputs { wrench: Some(&wrench), joint_target, ..Inputs::default() }, steps).unwrap();
+    }
+}
+
+fn estimates(simulator: &Simulator) -> Vec<ErrorEstimate> {
+    simulator.error_estimates().unwrap()
+}
+
+#[test]
+fn the_estimate_is_the_error() {
+    let options = SimulatorOptions { instances: N, error_estimate: true, ..SimulatorOptions::default() };
+    let mut found: Vec<(&str, Vec<f64>)> = Vec::new();
+    for name in ["petasus-pum", "bluerov2-heavy", "rexrov"] {
+        let scene = Scene::shipped(name).unwrap();
+        let mut exact = simulator(&scene, "mk4", 0.0005, &SimulatorOptions { instances: N, ..Default::default() });
+        drive(&mut exact);
+        for integrator in ["mk4", "mk3", "mk2", "ros2", "ros3"] {
+            // 10 and 5 steps a call: steps of the companion 5/3 times as long.
+            for dt in [0.01, 0.02] {
+                let mut s = simulator(&scene, integrator, dt, &options);
+                drive(&mut s);
+                let mut quotients = Vec::new();
+                for (i, estimate) in estimates(&s).iter().enumerate() {
+                    let (a, b) = (s.state(i), exact.state(i));
+                    for (estimate, error) in [
+                        (estimate.position, (a.position - b.position).norm()),
+                        (estimate.attitude, (a.rotation - b.rotation).norm() / 2f64.sqrt()),
+                    ] {
+                        if (1e-8..0.1).contains(&error) {
+                            quotients.push(estimate / error);
+                        }
+                    }
+                }
+                found.push((integrator, quotients));
+            }
+        }
+    }
+    // Of single quantities, which pass through zero.
+    let all: Vec<f64> = found.iter().flat_map(|(_, quotients)| quotients.clone()).collect();
+    let within = all.iter().filter(|quotient| (1.0 / 3.0..3.0).contains(*quotient)).count();
+    println!("{within} of {} within a factor 3", all.len());
+    for (integrator, quotients) in &mut found {
+        quotients.sort_by(f64::total_cmp);
+        if let Some(median) = quotients.get(quotients.len() / 2) {
+            println!("{integrator}: median {median:.2}, {:.2?}", [quotients[0], quotients[quotients.len() - 1]]);
+            assert!((1.0 / 3.0..3.0).contains(median), "{integrator}");
+        }
+    }
+    assert!(all.len() > 300 && within as f64 > 0.9 * all.len() as f64, "{within} of {}", all.len());
+}
+
+#[test]
+fn states_do_not_depend_on_the_estimate_nor_the_estimate_on_other_instances() {
+    let scene = Scene::shipped("petasus-pum").unwrap();
+    for precision in [Precision::Double, Precision::Single] {
+        for integrator in ["mk4", "ros3", "mk54", "quaternion-rk4", "lagged-added-mass"] {
+            let run = |instances: usize, error_estimate: bool| {
+                let options = SimulatorOptions { instances, precision, error_estimate, ..Default::default() };
+                let mut s = simulator(&scene, integrator, 0.01, &options);
+                drive(&mut s);
+                s
+            };
+            let [plain, one, many] = [run(1, false), run(1, true), run(N, true)];
+            assert_eq!(plain.state(0), one.state(0), "{integrator}");
+            assert_eq!(plain.state(0), many.state(0), "{integrator}");
+            assert_eq!(estimates(&one)[0], estimates(&many)[0], "{integrator}");
+            assert_eq!(plain.error_estimates(), None);
+        }
+    }
+}
+
+#[test]
+fn a_set_state_has_no_error_and_a_saved_one_keeps_it() {
+    let scene = Scene::shipped("bluerov2-heavy").unwrap();
+    let options = SimulatorOptions { instances: 3, error_estimate: true, ..Default::default() };
+    let mut s = simulator(&scene, "mk2", 0.05, &options);
+    drive(&mut s);
+    let before = estimates(&s);
+    assert!(before.iter().all(|e| e.position > 1e-6 && e.relative > 0.0), "{before:?}");
+    let saved = s.save();
+    s.set_state(1, &State::default());
+    let after = estimates(&s);
+    assert_eq!((after[0], after[1].position, after[1].relative), (before[0], 0.0, 0.0));
+    s.load(&saved).unwrap();
+    assert_eq!(estimates(&s), before);
+    drive(&mut s);
+    let longer = estimates(&s);
+    s.load(&saved).unwrap();
+    drive(&mut s);
+    assert_eq!(estimates(&s), longer);
+}
+
+/// Without forces a body that turns is exact in every step; one whose spin the step cannot resolve warns, once for all instances.
+#[test]
+fn accumulated_errors_are_said_once_with_their_number() {
+    let mut scene = Scene::shipped("free-body").unwrap();
+    scene.vehicle.body.inertia = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 2.0, 3.0));
+    for (dt, said) in [(0.001, false), (0.05, true)] {
+        let options = SimulatorOptions {
+            instances: 20,
+            error_estimate: true,
+            dt,
+            integrator: "mk2".into(),
+            ..Default::default()
+        };
+        let mut s = Simulator::new(scene.clone(), options).unwrap();
+        for i in [4, 9, 17] {
+            let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.5, 2.0, 0.1);
+            s.set_state(i, &State { twist, ..State::default() });
+        }
+        let mut text = Vec::new();
+        for _ in 0..40 {
+            s.step(&Inputs::default(), (0.5 / dt).round() as usize).unwrap();
+            text.extend(std::iter::from_fn(|| s.warn_of_motion()).map(|warning| warning.to_string()));
+        }
+        assert_eq!(text.len(), usize::from(said), "{text:?}");
+        for part in ["instance 4", "of 20", "errors have added up", "a step of at most"] {
+            assert!(text.iter().all(|text| text.contains(part)), "{part}: {text:?}");
+        }
+    }
+}
