@@ -12,7 +12,7 @@ import pytest
 
 import uvms_gym
 from uvms_gym.cli import main
-from uvms_gym.studies.hard_cases import CASES, arms, contact, spinning, water
+from uvms_gym.studies.hard_cases import CASES, arms, contact, oscillations, secular, spinning, water
 from uvms_gym.studies.hard_cases import case as hard_case
 from uvms_gym.studies.hard_cases.case import (
     DTYPES,
@@ -198,6 +198,10 @@ def test_time_that_runs_too_fast_would_show(name: str, monkeypatch: pytest.Monke
         (arms.STIFF_DAMPING, "linear_damping"),
         (contact.END_STOP, "mass"),
         (contact.CHATTER, "volume"),
+        (secular.FASTER, "quadratic_damping"),
+        (secular.WEAK_DAMPING, "linear_damping"),
+        (secular.SLOW_RISE, "added_mass"),
+        (oscillations.RESONANCE_CASE, "mass"),
     ],
     ids=lambda x: x.name if isinstance(x, Case) else x,
 )

@@ -1,13 +1,20 @@
 """Hard cases: motions in which simulators of this kind fail first, each with an exact or converged reference.
 
 Every run either meets its error bound or emits a `uvms_gym.StepWarning` before or as it fails. `case` defines cases,
-runs and errors; `spinning`, `water`, `arms` and `contact` hold the cases; `reference_solutions` has closed forms;
-`study` runs all, and `plots` draws them.
+runs and errors; `spinning`, `water`, `arms`, `contact`, `secular` and `oscillations` hold the cases;
+`reference_solutions` has closed forms; `study` runs all, and `plots` draws them.
 """
 
-from uvms_gym.studies.hard_cases import arms, contact, spinning, water
+from uvms_gym.studies.hard_cases import arms, contact, oscillations, secular, spinning, water
 from uvms_gym.studies.hard_cases.case import Case
 
-CASES: tuple[Case, ...] = (*spinning.CASES, *water.CASES, *arms.CASES, *contact.CASES)
+CASES: tuple[Case, ...] = (
+    *spinning.CASES,
+    *water.CASES,
+    *arms.CASES,
+    *contact.CASES,
+    *secular.CASES,
+    *oscillations.CASES,
+)
 
 __all__ = ["CASES", "Case"]

@@ -129,7 +129,7 @@ class Case:
     smoothness: int = 4
     #: Reason for unusual bounds or steps.
     reason: str = ""
-    #: Given bounds by dtype, for conservation laws.
+    #: Given bounds by dtype: for conservation laws, and in float32 where the rounding of many steps adds up.
     bounds: Mapping[str, float] = field(default_factory=dict)
     #: False where coarser steps mean nothing.
     coarser: bool = True

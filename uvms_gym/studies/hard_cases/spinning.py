@@ -44,13 +44,15 @@ TUMBLE = Top(np.array([1.0, 2.0, 2.6]), 20.0 * np.array([0.7, 0.5, -0.6]) / math
 TUMBLE_TIMES = instants(0.5, 10)
 
 
-def _run_top(runner: CaseRunner, name: str, top: Top, times: Floats) -> Quantities:
+def run_top(runner: CaseRunner, name: str, top: Top, times: Floats) -> Quantities:
+    """Rotate a free body."""
     s = runner.simulator(_free(name, top.inertia))
     s.set_state(twist=np.concatenate([np.zeros(3), top.spin]))
     return runner.sampled(s, times, ["attitude", "rate"])
 
 
-def _top_reference(top: Top, times: Floats) -> Reference:
+def top_reference(top: Top, times: Floats) -> Reference:
+    """Closed form of `run_top`."""
     values = {"attitude": top.attitudes(times), "rate": top.rates(times)}
     return Reference(values, "Jacobi elliptic functions, and quadrature of the precession")
 
@@ -58,8 +60,8 @@ def _top_reference(top: Top, times: Floats) -> Reference:
 DZHANIBEKOV = Case(
     name="Dzhanibekov flip",
     description="15 s about the middle axis at 2 rad/s, disturbed: several flips, attitude and rate every 0.5 s",
-    run=lambda runner: _run_top(runner, "flip", FLIP, FLIP_TIMES),
-    reference=cache(lambda: _top_reference(FLIP, FLIP_TIMES)),
+    run=lambda runner: run_top(runner, "flip", FLIP, FLIP_TIMES),
+    reference=cache(lambda: top_reference(FLIP, FLIP_TIMES)),
     steps={4: 0.025, 3: 0.0125, 2: 0.01, 1: 0.0002},
     interval=0.5,
     reason="errors grow about a hundredfold near the separatrix, so low orders need small steps",
@@ -68,8 +70,8 @@ DZHANIBEKOV = Case(
 FAST_TUMBLE = Case(
     name="tumble at 20 rad/s",
     description="5 s of tumbling about all three axes, 100 rad: attitude and rate every 0.5 s",
-    run=lambda runner: _run_top(runner, "tumble", TUMBLE, TUMBLE_TIMES),
-    reference=cache(lambda: _top_reference(TUMBLE, TUMBLE_TIMES)),
+    run=lambda runner: run_top(runner, "tumble", TUMBLE, TUMBLE_TIMES),
+    reference=cache(lambda: top_reference(TUMBLE, TUMBLE_TIMES)),
     steps={4: 0.002, 3: 0.0005, 2: 0.001, 1: 5e-6},
     interval=0.5,
     reason="the phase error h^p rate^(p+1) time needs small steps of low orders",
