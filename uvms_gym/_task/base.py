@@ -1,5 +1,7 @@
 """Construction and read access that single and vector environments of all tasks share."""
 
+import logging
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -8,7 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from uvms_gym._core import Simulator, Task
+from uvms_gym._core import Simulator, Task, scene_names, tasks
 from uvms_gym._task.options import TaskOptions, check_count, native
 
 #: Episode length of the registered environments, control periods.
@@ -58,6 +60,7 @@ class TaskBase:
 
     #: Class of the environment's options.
     options_class: ClassVar[type[TaskOptions]]
+    _certificate_mentioned: ClassVar[bool] = False
 
     options: TaskOptions
     _native: Task
@@ -73,10 +76,24 @@ class TaskBase:
             raise TypeError(f"options must be {self.options_class.__name__}, not {type(options).__name__}")
         self.options = options.with_changes(changes)
         self._native = native(self.options, **batch)
+        self._mention_certificate()
         bound = self._native.observation_bound
         action = np.ones(len(self._native.action_layout), dtype=np.float32)
         self._action_shape = action.shape
         return spaces.Box(-bound, bound, dtype=np.float32), spaces.Box(-action, action, dtype=np.float32)
+
+    def _mention_certificate(self) -> None:
+        """Log, once per process, the command that certifies the accuracy for a user's own scene.
+
+        A log record, not a warning: nothing is wrong, and programs that turn warnings into errors must run.
+        """
+        scene = self.options.scene
+        if TaskBase._certificate_mentioned or (isinstance(scene, str) and scene in scene_names()):
+            return
+        TaskBase._certificate_mentioned = True
+        file = "FILE" if isinstance(scene, dict) else os.fspath(scene)
+        command = f"uvms accuracy --env {dict(tasks())[self.task]}-v0 --scene {file}"
+        logging.getLogger("uvms_gym").info("accuracy of the step for a scene of your own: %s", command)
 
     @property
     def task(self) -> str:

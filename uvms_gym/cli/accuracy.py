@@ -1,4 +1,4 @@
-"""`uvms accuracy`: error against cost of every integrator, step and precision, and recommended steps."""
+"""`uvms accuracy`: error against cost of every integrator, step and precision; with --env certificates."""
 
 import math
 import time
@@ -11,6 +11,7 @@ import numpy as np
 from typer import Option
 
 import uvms_gym
+from uvms_gym.cli import certificate
 from uvms_gym.cli.common import check_list, check_range, fail, prepare, progress, read_scene, several, user_errors
 from uvms_gym.cli.output import Json, Out, say, table, write_results
 from uvms_gym.studies.accuracy import conservation, plots, study, work_precision
@@ -29,7 +30,17 @@ QUICK_STEPS, QUICK_TOLERANCES = (0.005, 0.01, 0.02, 0.05), (1e-4, 1e-6, 1e-8)
 
 
 def accuracy(
-    scene: Annotated[list[str] | None, several("Scene: name or TOML file", "all shipped scenes")] = None,
+    env: Annotated[
+        list[str] | None,
+        Option(help="Environment, by Gymnasium's id: certify its accuracy over its own episodes; may be repeated."),
+    ] = None,
+    scene: Annotated[
+        list[str] | None, several("Scene: name or TOML file", "all shipped scenes; with --env the environment's")
+    ] = None,
+    dt: Annotated[
+        list[float] | None, several("With --env: step, s, that divides the control period", "0.001 to 0.05")
+    ] = None,
+    dtype: Annotated[list[str] | None, several("With --env: float64 or float32", "both")] = None,
     integrator: Annotated[list[str] | None, several("Integrator")] = None,
     step: Annotated[list[float] | None, several(f"Step, s, that divides {PERIOD:g} s", "0.001 to 0.1")] = None,
     tolerance: Annotated[list[float] | None, several("Tolerance of the adaptive method", "1e-3 to 1e-10")] = None,
@@ -48,7 +59,21 @@ def accuracy(
     """Measure error against cost of every integrator, step and precision over a driven motion.
 
     Prints tables and the recommended step of each scene, and writes two pictures and accuracy.json to --out.
+
+    With --env: errors of an environment's own episodes against a converged reference under the same actions, with a
+    verdict and the recommended step; writes certificate.json and certificate.png. --dt, --dtype and --integrator select
+    configurations.
     """
+    if env:
+        for option, given in (("step", step), ("tolerance", tolerance), ("time", seconds), ("quick", quick)):
+            if given:
+                raise fail(f"--{option} is not for --env, which takes --dt, --dtype, --integrator and --episodes")
+        chosen: dict[str, Any] = {"integrator": integrator or [], "dtype": dtype or [], "step": dt or []}
+        certificate.certify(env, scene or [], chosen, episodes, seed, out, json_file)
+        return
+    for option, value in (("dt", dt), ("dtype", dtype)):
+        if value:
+            raise fail(f"--{option} needs --env; scenes take --step")
     known = work_precision.integrators()
     for name in integrator or ():
         if name not in known:

@@ -197,3 +197,43 @@ def _draw_drift(axes: "Axes", rows: Sequence[Mapping[str, Any]], quantity: str) 
             medians = np.array([row[quantity]["median"] for row in mine])
             medians[~np.isfinite(medians)] = np.nan
             axes.loglog([row["step"] for row in mine], medians, markersize=4.0, label=line.label, **line.settings)
+
+
+def plot_certificates(path: Path, results: Mapping[str, Any], limits: Mapping[str, float]) -> None:
+    """Errors at 95 % of the episodes over the step, in shares of their limits, one row per certificate."""
+    panels = {
+        "state (mm or mrad)": ("position", "attitude", "joints", "end_effector"),
+        "observation (0.1 noise)": ("observation",),
+        "reward (0.001 spread)": ("reward",),
+    }
+    colours = (BLUE, ORANGE, GREEN)
+    with picture(path, 9.6, 2.5 * len(results) + 0.5) as figure:
+        for axes_row, (name, result) in zip(
+            figure.subplots(len(results), 3, squeeze=False), results.items(), strict=True
+        ):
+            methods: dict[tuple[str, str], list[Any]] = {}
+            for row in result["rows"]:
+                methods.setdefault((row["integrator"], row["dtype"]), []).append(row)
+            integrators = list(dict.fromkeys(integrator for integrator, _ in methods))
+            for axes, (title, quantities) in zip(axes_row, panels.items(), strict=True):
+                for (integrator, dtype), rows in methods.items():
+                    shares = [
+                        max(row["judged"][quantity] / limits[quantity] for quantity in quantities) for row in rows
+                    ]
+                    colour = colours[integrators.index(integrator) % len(colours)]
+                    line = "o-" if dtype == "float64" else "s:"
+                    shown = [share if np.isfinite(share) and share > 0.0 else np.nan for share in shares]
+                    axes.plot(
+                        [r["step"] for r in rows],
+                        shown,
+                        line,
+                        color=colour,
+                        markersize=3.5,
+                        label=f"{integrator} {dtype}",
+                    )
+                axes.axhline(1.0, color=BLACK, linewidth=1.0)
+                axes.axvline(result["default"].step, color=GREY, linewidth=1.0, linestyle="--")
+                axes.set(xscale="log", yscale="log", xlabel="step (s)")
+                axes.set_title(title, fontsize=9.5)
+            axes_row[0].set_ylabel(f"{name.replace(', ', chr(10))}\nerror over limit", fontsize=8.5)
+        axes_row[0].legend(fontsize=7.5)

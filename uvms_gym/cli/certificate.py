@@ -1,0 +1,159 @@
+"""`uvms accuracy --env`: certificate of integration accuracy of environments."""
+
+import math
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.output import say, table, write_results
+from uvms_gym.studies.accuracy import certificate, episodes, plots
+from uvms_gym.studies.accuracy.certificate import LIMITS, SHARE, UNITS
+from uvms_gym.studies.accuracy.episodes import Case, Configuration, Frame
+from uvms_gym.studies.accuracy.work_precision import PRECISIONS, STABILITY_MARGIN, integrators
+from uvms_gym.studies.records import circumstances
+
+FILES = ("certificate.json", "certificate.png")
+EPISODES, MOST_EPISODES = 64, 10_000
+#: Least step, s: the reference is finer.
+LEAST_STEP = 5e-4
+#: Short names of the limited quantities.
+HEADER = ("position", "attitude", "joints", "end eff.", "obs.", "reward")
+
+
+def certify(
+    envs: Sequence[str],
+    scenes: Sequence[str],
+    chosen: dict[str, Sequence[Any]],
+    count: int | None,
+    seed: int,
+    out: Path,
+    json_file: Path | None,
+) -> None:
+    """Certify environments, each in its own scene or in all of `scenes`, and print and store the results.
+
+    Parameters
+    ----------
+    chosen : dict
+        Given lists of `integrator`, `dtype` and `step`; all empty: the candidates of the study.
+    count : int or None
+        Number of episodes.
+
+    Raises
+    ------
+    TyperException
+        An argument is wrong.
+    """
+    for option, known in (("integrator", list(integrators())), ("dtype", list(PRECISIONS.values()))):
+        for name in chosen[option]:
+            if name not in known:
+                raise fail(f"unknown {option} {name!r}; known: {', '.join(known)}")
+    for step in chosen["step"]:
+        check_range("--dt", step, LEAST_STEP, 1.0)
+    count = EPISODES if count is None else count
+    check_range("--episodes", count, 2, MOST_EPISODES)
+    check_range("--seed", seed, 0, math.inf)
+    cases: dict[str, tuple[Case, Frame, list[Configuration]]] = {}
+    loaded = {name: read_scene(name) for name in check_list("scene", scenes, [])}
+    for env in check_list("env", envs, []):
+        for scene in loaded or (None,):
+            case = Case(env, {} if scene is None else {"scene": loaded[scene]}, count, seed)
+            title = env if scene is None else f"{env}, {scene}"
+            with user_errors("" if scene is None else f"{title}: "):
+                about = episodes.frame(case)
+            cases[title] = case, about, _configurations(title, about, chosen)
+    prepare(out, json_file, FILES)
+    begun = time.perf_counter()
+    results: dict[str, Any] = {}
+    with progress() as bar:
+        for title, (case, about, configurations) in cases.items():
+            task = bar.add_task(title, total=certificate.ticks(about, configurations))
+            with user_errors(f"{title}: "):
+                results[title] = certificate.certify(case, configurations, tick=partial(bar.advance, task))
+        with user_errors(verb="write"):
+            plots.plot_certificates(out / "certificate.png", results, LIMITS)
+    for title, result in results.items():
+        _print(title, result, all_steps=not any(chosen.values()))
+    _print_notes(results)
+    arguments = {"env": list(envs), "scene": list(scenes), **chosen, "episodes": count, "seed": seed}
+    spent = time.perf_counter() - begun
+    data = {"circumstances": circumstances("accuracy", arguments) | {"seconds": spent}, "results": results}
+    write_results(out, FILES, json_file, data, f" ({spent:.0f} s)")
+
+
+def _configurations(title: str, about: Frame, chosen: dict[str, Sequence[Any]]) -> list[Configuration]:
+    """All combinations of what is given, each with the environment's own values in place of what is not."""
+    if not any(chosen.values()):
+        return certificate.candidates(about)
+    own = about.default
+    for step in chosen["step"]:
+        if not episodes.divides(step, about.period):
+            raise fail(f"{title}: --dt is {step:g}, but must divide the control period of {about.period:g} s")
+    return [
+        Configuration(integrator, dtype, step)
+        for integrator in chosen["integrator"] or [own.integrator]
+        for dtype in chosen["dtype"] or [own.dtype]
+        for step in chosen["step"] or [own.step]
+    ]
+
+
+def _print(title: str, result: dict[str, Any], all_steps: bool) -> None:
+    own = result["default"]
+    rows = {Configuration(row["integrator"], row["dtype"], row["step"]): row for row in result["rows"]}
+    lines = []
+    for configuration, row in rows.items():
+        step = f"{configuration.step:g}{'*' if configuration == own else ''}"
+        numbers = (f"{_number(row['judged'][x])}{'!' if x in row['exceeded'] else ''}" for x in LIMITS)
+        lines.append((*configuration[:2], step, *numbers, _verdict(row, numbers=False)))
+    title_of = f"{title}: errors in {SHARE * 100:g} % of the episodes of the worst drive"
+    table(f"{title_of} (!: above the limit; *: the environment's own)", ("", "", "step, s", *HEADER, ""), lines, 2)
+    for configuration, row in rows.items():
+        if not all_steps or configuration == own:
+            _print_drives(title, configuration, result, row)
+            line(f"{title}: {configuration.title}: {_verdict(row)}")
+    if all_steps:
+        for entry in result["recommended"]:
+            step = "none of these" if entry["step"] is None else f"{entry['step']:g} s"
+            line(f"{title}: recommended step of {entry['integrator']} {entry['dtype']}: {step}")
+    line("")
+
+
+def _verdict(row: dict[str, Any], numbers: bool = True) -> str:
+    """Verdict with its reasons; without `numbers` those that no error of the table shows."""
+    reasons = [name.replace("_", " ") for name in row["exceeded"] if numbers or name not in LIMITS]
+    return ": ".join(filter(None, ("not certified" if row["exceeded"] else "certified", ", ".join(reasons))))
+
+
+def _print_drives(title: str, configuration: Configuration, result: dict[str, Any], row: dict[str, Any]) -> None:
+    lines = []
+    for name, errors in row["errors"].items():
+        drive = result["drives"][name]
+        for quantity, unit in {**UNITS, "return": "1"}.items():
+            found = errors[quantity]
+            uncertainty = drive["uncertainty"][quantity]["p95"]
+            numbers = (_number(found[key]) for key in ("median", "p95", "worst"))
+            label = f"{quantity.replace('_', ' ')}, {unit}"
+            lines.append((name if quantity == "position" else "", label, *numbers, _number(uncertainty)))
+    header = ("actions", "error", "median", "95 %", "worst", "reference")
+    table(f"{title}: {configuration.title}, over the episodes", header, lines, text_columns=2)
+
+
+def _print_notes(results: dict[str, Any]) -> None:
+    limits = ", ".join(f"{name.replace('_', ' ')} {LIMITS[name]:g} {unit}" for name, unit in UNITS.items())
+    any_result = next(iter(results.values()))
+    say(
+        f"Limits: {limits}. Certified: {SHARE * 100:g} % of the episodes of every drive within all of them, a step at "
+        f"least {STABILITY_MARGIN:g} times smaller than the greatest stable one, no step warning. Noise: standard "
+        f"deviation of the sensor noise, in the worst entry, in {SHARE * 100:g} % of the steps. Spread: standard "
+        "deviation of the sum of rewards between episodes; return: its error itself. Reference: "
+        f"{any_result['reference'].title} under the same actions; its uncertainty is the difference from "
+        f"{any_result['check'].title}."
+    )
+
+
+def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return "diverged"
+    return f"{value:.1e}".replace("e-0", "e-").replace("e+0", "e") if value else "0"
