@@ -15,7 +15,7 @@ installed = cd dist && UVMS_GYM_UNDER_TEST="$$("$(abspath $(BIN)/python)" -c 'im
 	--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-rust lint test-wheel test-learning test-python test-nightly test-ray clean
+.PHONY: help run test test-rust lint test-wheel test-learning test-python test-nightly test-ray docs wheel clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -63,6 +63,16 @@ test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluatio
 	.venv-ray/bin/python training/ray_train.py --frames 16384 --out $(OUT)/ray.safetensors
 	.venv-ray/bin/python training/ray_evaluate.py --controller pd --controller mlp:$(OUT)/ray.safetensors --episodes 32
 
+docs: $(VENV)/docs $(VENV)/wheel ## documentation site into out/docs; executes its tutorials
+	nice -n 10 $(BIN)/sphinx-build -W --keep-going -q docs $(OUT)/docs
+
+wheel: $(VENV)/zig ## wheel for any Linux with glibc 2.17 (CPython 3.11 and later) and source distribution, into dist/
+	rm -rf dist
+	$(BIN)/maturin build --release --quiet --zig --compatibility manylinux2014 --interpreter "$(abspath $(BIN)/python)" \
+		--target "$$(rustc -vV | sed -n 's/^host: //p')" --out dist
+	$(BIN)/maturin sdist --quiet --out dist
+	ls -l dist
+
 clean: ## remove everything that was built
 	rm -rf $(VENV) .venv-ray dist target $(OUT) uvms_gym/*.so
 
@@ -77,6 +87,14 @@ $(VENV)/cli: $(VENV)/made pyproject.toml
 
 $(VENV)/test: $(VENV)/made pyproject.toml
 	$(call requirements,test)
+	touch $@
+
+$(VENV)/docs: $(VENV)/made pyproject.toml
+	$(call requirements,docs)
+	touch $@
+
+$(VENV)/zig: $(VENV)/made
+	$(pip) 'ziglang>=0.13,<1'
 	touch $@
 
 $(VENV)/learning: $(VENV)/made pyproject.toml
