@@ -122,7 +122,7 @@ def test_errors_are_relative_and_those_of_rotations_are_angles() -> None:
 
 
 def test_steps_and_bounds_by_order() -> None:
-    case = dataclasses.replace(_always(1.0), steps={4: 0.01, 2: 0.001}, implicit_step=0.05, interval=0.1)
+    case = dataclasses.replace(_always(1.0), steps={4: 0.01, 2: 0.001}, implicit_steps={2: 0.05}, interval=0.1)
     steps = {
         (order, implicit): case.step(Method("", order, False, implicit))
         for order in range(1, 6)

@@ -8,7 +8,17 @@ from typing import Annotated
 
 from uvms_gym.cli.common import prepare, progress, several, user_errors
 from uvms_gym.cli.output import Json, Out, say, table, write_results
-from uvms_gym.studies.hard_cases.case import BOUND, BOUND_FLOAT32, COARSEST, DTYPES, GROSS, Case, Run, methods
+from uvms_gym.studies.hard_cases.case import (
+    BOUND,
+    BOUND_FLOAT32,
+    COARSEST,
+    DTYPES,
+    GROSS,
+    SMALL,
+    Case,
+    Run,
+    methods,
+)
 from uvms_gym.studies.hard_cases.plots import SHORT, plot_hard_cases
 from uvms_gym.studies.hard_cases.study import as_data, run_all, select
 from uvms_gym.studies.records import circumstances
@@ -61,8 +71,11 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
         f"p/4-th power for order p < 4, at least {BOUND_FLOAT32:g} in f32, or given by the case; the step of each "
         "order was chosen to meet them. A run meets its bound, or a warning names scene, rate and step; SILENT is "
         f"neither. Steps up to 200 times coarser, of at most {COARSEST:g} s, may miss the bound, but not by an error "
-        f"above {GROSS:g} without a warning: the last column counts errors above it."
+        f"above {GROSS:g} without a warning: the last column counts errors above it. Errors are estimated while stepping "
+        "(error_estimate=True)."
     )
+    alarms = sum(run.false_alarm for run in runs)
+    say(f"False alarms, warnings of errors below {SMALL:g}: {alarms} of {len(runs)} runs.")
     for run in runs:
         if run.recommended and run.verdict != "meets":
             quantity = max(run.errors, key=lambda name: run.errors[name])

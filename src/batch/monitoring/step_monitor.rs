@@ -122,8 +122,9 @@ impl StepMonitor {
         self.unstable_step_warned = true;
     }
 
-    /// Limits for a method with this range of `h |lambda|`; none after violations of all causes.
-    pub fn limits(&self, range: f64) -> Option<QualityLimits> {
+    /// Limits for a method with this range of `h |lambda|`; none once nothing is news. Accumulated errors, where they are
+    /// `estimated`, tell more than the velocity errors of the last steps.
+    pub fn limits(&self, range: f64, estimated: bool) -> Option<QualityLimits> {
         let watched = |cause: Cause| self.violations.of(cause).is_none();
         let limit = |watched: bool, limit: f64| if watched { limit } else { f64::INFINITY };
         // After a warning of an unstable step only states that are not finite are news; after those nothing is.
@@ -131,7 +132,7 @@ impl StepMonitor {
         let steps = finite && watched(Cause::Inaccurate) && !self.unstable_step_warned;
         let limits = QualityLimits {
             stiffness: limit(steps, range),
-            error: limit(steps, ERROR_LIMIT),
+            error: limit(steps && !estimated, ERROR_LIMIT),
             accumulated: limit(steps && watched(Cause::Accumulated), ACCUMULATED_LIMIT),
             finite,
         };

@@ -281,7 +281,7 @@ impl Simulator {
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, SimulatorError> {
         let (integrator, h, threads, halves) = (self.integrator, self.options.dt, self.threads, self.companion_halves);
-        let limits = self.monitor.limits(self.range);
+        let limits = self.monitor.limits(self.range, self.options.error_estimate);
         let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
         let active = inputs.active_loads();
         let portion = (PORTION / self.options.instances).max(1);
@@ -330,7 +330,7 @@ impl Simulator {
         work: impl Fn(&mut PhysicsChunk<'_, T>, I) + Sync,
     ) {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        let limits = self.monitor.limits(self.range);
+        let limits = self.monitor.limits(self.range, self.options.error_estimate);
         let (before, total, halves) = (0, substeps, self.companion_halves);
         let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
         let violations = self.blocks().for_each_chunk(&settings, items, work);

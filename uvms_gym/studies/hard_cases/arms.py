@@ -183,7 +183,7 @@ STIFF_DAMPING = Case(
     reference=_stiff_reference,
     steps={1: 0.0005},
     interval=0.1,
-    implicit_step=0.01,
+    implicit_steps={2: 0.01},
     reason="explicit methods need steps below the time constant of 1 ms; a linearly implicit one does not",
 )
 
@@ -218,7 +218,7 @@ STIFF_SERVO = Case(
     reference=cache(lambda: converged(_run_servo, 5e-5)),
     steps={1: 0.00025},
     interval=0.2,
-    implicit_step=0.01,
+    implicit_steps={2: 0.01, 3: 0.0025},
     reason="explicit methods need steps below the time constant of 0.2 ms; a linearly implicit one does not",
 )
 

@@ -21,9 +21,8 @@ DTYPES = ("float64", "float32")
 #: Error bound of a fourth-order method in float64, and the least bound in float32; relative. For a method of order
 #: p < 4 the bound is the p/4-th power of the former: its error where a fourth-order method is just accurate enough.
 BOUND, BOUND_FLOAT32 = 1e-6, 1e-3
-#: Relative error beyond which the first digit is wrong: no run may get there without a warning, at any step. Warnings
-#: begin where steps get 5 % of the speed wrong, as estimated to within a few times.
-GROSS = 0.1
+#: Relative error beyond which no run may get without a warning, at any step, and that below which a warning is a false alarm.
+GROSS, SMALL = 0.05, 0.005
 #: Coarser steps of each case, as multiples of the recommended one, and the coarsest, s.
 COARSER, COARSEST = (2, 5, 10, 20, 50, 100, 200), 0.1
 #: Tolerances of integrators with adaptive steps.
@@ -79,7 +78,14 @@ class CaseRunner:
         """Make a simulator."""
         options: dict[str, Any] = {"tolerance": TOLERANCE[self.dtype]} if self.method.adaptive else {}
         return Simulator(
-            scene, num_envs, dt=self.step, integrator=self.method.name, dtype=self.dtype, threads=1, **options
+            scene,
+            num_envs,
+            dt=self.step,
+            integrator=self.method.name,
+            dtype=self.dtype,
+            threads=1,
+            error_estimate=True,
+            **options,
         )
 
     def advance(self, simulator: Simulator, time: float, **inputs: Any) -> None:
@@ -123,8 +129,8 @@ class Case:
     steps: Mapping[int, float]
     #: Time that every step divides, s.
     interval: float
-    #: Recommended step of linearly implicit methods, s, if different from that of their order.
-    implicit_step: float | None = None
+    #: Recommended step of linearly implicit methods by order, s, if different from that of their order.
+    implicit_steps: Mapping[int, float] = field(default_factory=dict)
     #: Greatest order on this motion: forces with kinks or jumps within a step reduce that of any method.
     smoothness: int = 4
     #: Reason for unusual bounds or steps.
@@ -133,14 +139,16 @@ class Case:
     bounds: Mapping[str, float] = field(default_factory=dict)
     #: False where coarser steps mean nothing.
     coarser: bool = True
+    #: False where the errors do not judge a warning, as they are relative to more than the motion: conservation laws,
+    #: angles of many turns.
+    judges_warnings: bool = True
     #: The coarsest meaningful step, s.
     coarsest: float = COARSEST
 
     def step(self, method: Method) -> float:
         """Recommended step of a method, s."""
-        if method.implicit and self.implicit_step is not None:
-            return self.implicit_step
-        return self.steps[max(order for order in self.steps if order <= max(method.order, min(self.steps)))]
+        steps = self.implicit_steps if method.implicit and self.implicit_steps else self.steps
+        return steps[max(order for order in steps if order <= max(method.order, min(steps)))]
 
     def bound(self, method: Method, dtype: str) -> float:
         """Bound on the relative error at the recommended step."""
@@ -173,6 +181,7 @@ class Run:
     errors: dict[str, float]
     bound: float
     warnings: list[str]
+    judges_warnings: bool = True
 
     @property
     def error(self) -> float:
@@ -185,6 +194,11 @@ class Run:
         if self.error <= self.bound:
             return "meets"
         return "warned" if self.warnings else "SILENT"
+
+    @property
+    def false_alarm(self) -> bool:
+        """True where a warning came with a small error."""
+        return self.judges_warnings and bool(self.warnings) and self.error < SMALL
 
 
 def evaluate(case: Case, method: Method, dtype: str, step: float | None = None) -> Run:
@@ -200,7 +214,7 @@ def evaluate(case: Case, method: Method, dtype: str, step: float | None = None) 
             found = {"state": math.inf}
     messages = [str(w.message) for w in caught if issubclass(w.category, uvms_gym.StepWarning)]
     bound = case.bound(method, dtype) if recommended else max(GROSS, case.bound(method, dtype))
-    return Run(case.name, method.name, dtype, at, recommended, found, bound, messages)
+    return Run(case.name, method.name, dtype, at, recommended, found, bound, messages, case.judges_warnings)
 
 
 def errors(values: Quantities, reference: Quantities) -> dict[str, float]:

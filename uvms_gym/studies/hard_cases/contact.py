@@ -7,6 +7,7 @@ import numpy as np
 
 from uvms_gym import Simulator, load_scene
 from uvms_gym.studies.hard_cases.case import (
+    MK4,
     Case,
     CaseRunner,
     NonFinite,
@@ -75,9 +76,7 @@ END_STOP = Case(
     steps={2: 0.002, 1: 0.0005},
     interval=0.1,
     smoothness=2,
-    coarsest=0.05,
-    reason="the stop's torque has a kink within a step, which reduces any method to order 2; at 0.1 s the contact ends "
-    "within a step, unnoticed by its stages",
+    reason="the stop's torque has a kink within a step, which reduces any method to order 2",
 )
 
 
@@ -88,24 +87,33 @@ CONTROL_PERIOD, CHATTER_COUNT = 0.1, 200
 CHATTER_START = np.array([0.3, -0.2, 0.1])
 
 
-def _run_chatter(runner: CaseRunner) -> Quantities:
+def _chatter(runner: CaseRunner, commands: Floats | None = None) -> tuple[Quantities, Floats]:
+    """Motion and commands (k, 8), N, under the sampled PD, or under given commands."""
     scene = load_scene("bluerov2-heavy")
     s = runner.simulator(scene | {"name": "hard case dead-band", "provenance": {}})
     kp, kd = (np.array(scene["vehicle"]["servo"][gain]) for gain in ("kp", "kd"))
     s.set_state(position=CHATTER_START)
-    rows, switched = [], []
-    for _ in range(CHATTER_COUNT):
-        rotation = s.rotation[0]
-        skew = rotation - rotation.T
-        tilt = 0.5 * np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-        wanted = s.allocate(-kp * np.concatenate([rotation.T @ s.position[0], tilt]) - kd * s.twist[0])[0]
-        turning = (wanted < DEAD_BAND[0]) | (wanted > DEAD_BAND[1])
-        runner.advance(s, CONTROL_PERIOD, thrust=np.where(turning, wanted, 0.0))
+    rows, given = [], []
+    for k in range(CHATTER_COUNT):
+        if commands is None:
+            rotation = s.rotation[0]
+            skew = rotation - rotation.T
+            tilt = 0.5 * np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+            wanted = s.allocate(-kp * np.concatenate([rotation.T @ s.position[0], tilt]) - kd * s.twist[0])[0]
+            command = np.where((wanted < DEAD_BAND[0]) | (wanted > DEAD_BAND[1]), wanted, 0.0)
+        else:
+            command = commands[k]
+        runner.advance(s, CONTROL_PERIOD, thrust=command)
         rows.append((s.position[0], s.rotation[0], s.twist[0]))
-        switched.append(turning)
+        given.append(command)
     position, attitude, twist = (np.array(part) for part in zip(*rows, strict=True))
-    switches = np.abs(np.diff(np.array(switched, dtype=np.float64), axis=0)).sum()
-    return {"position": position, "attitude": attitude, "twist": twist, "switchings": np.array([[switches]])}
+    return {"position": position, "attitude": attitude, "twist": twist}, np.array(given)
+
+
+def _run_chatter(runner: CaseRunner) -> Quantities:
+    values, commands = _chatter(runner)
+    switches = np.abs(np.diff((commands != 0.0).astype(np.float64), axis=0)).sum()
+    return values | {"switchings": np.array([[switches]])}
 
 
 CHATTER = Case(
@@ -116,7 +124,28 @@ CHATTER = Case(
     steps={4: 0.005, 3: 0.01, 2: 0.01, 1: 0.005},
     interval=CONTROL_PERIOD,
     coarsest=0.025,
-    reason="beyond 0.025 s a thruster near the edge of its dead-band may switch one control period earlier",
+    reason="a decision outside of the simulator: beyond 0.025 s a command near the edge of its dead-band may switch one "
+    "control period earlier, and the motion is another from there on, as in chaos; the next case has recorded commands",
+)
+
+
+# The same under the commands of a fine run: all that integration does.
+@cache
+def _chatter_commands() -> Floats:
+    return _chatter(CaseRunner(MK4, "float64", 0.002))[1]
+
+
+def _run_switching(runner: CaseRunner) -> Quantities:
+    return _chatter(runner, _chatter_commands())[0]
+
+
+SWITCHING = Case(
+    name="commands that chatter",
+    description="the same 20 s under the recorded commands, up to 19 switchings a second: pose and twist",
+    run=_run_switching,
+    reference=cache(lambda: converged(_run_switching, 0.002, "under the same commands")),
+    steps=CHATTER.steps,
+    interval=CONTROL_PERIOD,
 )
 
 
@@ -218,4 +247,4 @@ PAYLOAD_CASE = Case(
     interval=PAYLOAD_PART,
 )
 
-CASES = (END_STOP, CHATTER, PAYLOAD_CASE)
+CASES = (END_STOP, CHATTER, SWITCHING, PAYLOAD_CASE)

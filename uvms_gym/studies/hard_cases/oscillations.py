@@ -74,7 +74,7 @@ UNDAMPED_JOINT = Case(
     run=_run_joint,
     reference=_joint_reference,
     steps={4: 0.0005, 2: 0.000125, 1: 1e-5},
-    implicit_step=0.0001,
+    implicit_steps={2: 0.0001},
     interval=0.25,
     bounds={"float32": 2e-2},
     reason="220 rad of phase: the relative error of the period, (h rate)^p, and in float32 rounding, count 220 times",
@@ -110,8 +110,10 @@ ROTOR_CASE = Case(
     reference=_rotor_reference,
     steps={4: 0.0005, 3: 0.0002, 2: 0.00025, 1: 5e-5},
     interval=0.5,
-    bounds={"float32": 2e-2},
-    reason="float32 rounds an angle of 6000 rad to 5e-4 rad in each step",
+    bounds={"float32": 1e-2},
+    judges_warnings=False,
+    reason="6000 rad: the relative error of the speed counts 300 times a second, and so does its rounding in float32; warnings "
+    "set the angle against a radian",
 )
 
 # Resonance: a link on a spring of 4 pi rad/s between it and a free vehicle, whose rest position jumps from side to side
@@ -207,7 +209,7 @@ STIFF_AND_UNDAMPED = Case(
     run=_run_stiff_pair,
     reference=_stiff_pair_reference,
     steps={2: 0.0005, 1: 2e-5},
-    implicit_step=0.00125,
+    implicit_steps={2: 0.00125},
     interval=0.5,
     reason="explicit methods need steps below the time constant of 1 ms; linearly implicit ones err in the oscillation",
 )

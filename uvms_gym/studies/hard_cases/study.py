@@ -7,7 +7,7 @@ from uvms_gym.studies.hard_cases import CASES
 from uvms_gym.studies.hard_cases.case import DTYPES, Case, Run, evaluate, methods
 
 #: Attributes of runs in the data.
-RUN_DATA = ("dtype", "step", "recommended", "error", "errors", "bound", "verdict")
+RUN_DATA = ("dtype", "step", "recommended", "error", "errors", "bound", "verdict", "false_alarm")
 
 
 def select(parts: Sequence[str] = ()) -> list[Case]:

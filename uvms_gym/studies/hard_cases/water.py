@@ -146,7 +146,7 @@ MUNK_CASE = Case(
         {"rate": np.full((1, 2), _munk_rate())}, "closed form, linearised: 1e-8 from nonlinear terms"
     ),
     steps={2: 0.04, 1: 0.02},
-    implicit_step=0.02,
+    implicit_steps={2: 0.02},
     interval=MUNK_TIME,
 )
 
