@@ -1,6 +1,7 @@
-"""Signatures as written, and docstrings as reStructuredText: annotations from the source text of Python functions and from the stubs of the native module.
+"""Signatures as written, from the source text of Python functions and from the stubs of the native module.
 
-Sphinx would print aliases such as `ArrayLike` as the unions that they stand for, and no annotations of native methods.
+Sphinx would print aliases such as `ArrayLike` as the unions that they stand for, and no annotations of native
+methods. Docstrings become reStructuredText.
 """
 
 import ast

@@ -1,0 +1,177 @@
+"""Snippets and examples of the documentation run, and its commands exist."""
+
+import importlib.util
+import math
+import re
+import shlex
+import sys
+import warnings
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import typer
+
+from uvms_gym.cli.app import app
+
+ROOT = Path(__file__).parents[2]
+#: Pages with snippets; those of notebooks run when the site is built, README's in test_readme.
+PAGES = [
+    page
+    for page in sorted((ROOT / "docs").rglob("*.md"))
+    if "file_format: mystnb" not in page.read_text() and "```python\n" in page.read_text()
+]
+TEXTS = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "training" / "README.md",
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
+#: Code that a page's snippets continue.
+BEFORE = {"add-a-task.md": "from uvms_gym.envs import *"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_snippets_of_a_page_run(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    names: dict[str, object] = {}
+    exec(BEFORE.get(page.name, ""), names)
+    for block in re.findall(r"^```python\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL):
+        exec(compile(block, str(page), "exec"), names)
+
+
+def commands(text: str) -> list[list[str]]:
+    """Arguments of the `uvms` commands in the shell blocks of a text."""
+    found = []
+    for block in re.findall(r"^```sh\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
+        for line in block.replace("\\\n", " ").splitlines():
+            if match := re.match(r"\s*uvms (.*)", line):
+                found.append(shlex.split(match[1].replace("$seed", "0"), comments=True))
+    return found
+
+
+def parse(arguments: list[str]) -> None:
+    """Parse the arguments of `uvms` without running anything; an exception for those that it does not take."""
+    command, parent, name = typer.main.get_command(app), None, "uvms"
+    while True:
+        context = command.make_context(name, list(arguments), parent=parent)
+        if not hasattr(command, "commands"):
+            return
+        name, command, arguments = command.resolve_command(context, arguments)
+        parent = context
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_the_commands_of_a_text_exist(text: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    for arguments in commands(text.read_text()):
+        parse(arguments)
+
+
+def test_other_commands_would_show() -> None:
+    assert commands("```sh\nuvms play --seconds 3 \\\n  --seed $seed  # now\nls\n```") == [
+        ["play", "--seconds", "3", "--seed", "0"]
+    ]
+    for wrong in (["plan"], ["play", "--second", "3"], ["scenes", "chek", "x"], ["play", "--seconds", "x"]):
+        with pytest.raises(typer.TyperException):
+            parse(wrong)
+
+
+def example(name: str) -> ModuleType:
+    """Module of an example."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "examples" / f"{name}.py")
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_example_is_run_and_shown() -> None:
+    names = {path.stem for path in (ROOT / "docs" / "examples").glob("*.py")}
+    text, page = Path(__file__).read_text(), (ROOT / "docs" / "examples.md").read_text()
+    assert names == set(re.findall(r'example\("(\w+)"\)', text)) == set(re.findall(r"\} examples/(\w+)\.py", page))
+
+
+def test_an_own_controller_settles_with_less_effort_where_the_shipped_one_does() -> None:
+    errors = example("own_controller").main(num_envs=8)
+    assert errors["saturated PD"] == pytest.approx(errors["PD"], rel=0.01)
+
+
+def test_an_own_scene_keeps_station() -> None:
+    assert example("own_scene").main(steps=100) < 0.05
+
+
+def test_randomization_spreads_the_errors() -> None:
+    errors = example("randomize").main(num_envs=16, steps=50)
+    assert all(not np.array_equal(errors["none"], error) for name, error in errors.items() if name != "none")
+
+
+def test_the_regulator_is_stable_and_holds_closer_than_the_pd() -> None:
+    lqr = example("lqr")
+    errors = lqr.main(num_envs=8, steps=200)
+    assert errors["LQR"] < 0.5 * errors["PD"]
+
+
+def test_a_data_set_is_read_as_it_was_collected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("minari")
+    pytest.importorskip("h5py")
+    pytest.importorskip("jax")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        data = example("minari_dataset").main(episodes=2, max_episode_steps=10)
+    assert (data.total_episodes, data.total_steps) == (2, 20)
+    episode = next(data.iterate_episodes([0]))
+    assert episode.observations.shape == (11, 44)
+    assert list(episode.truncations) == [False] * 9 + [True]
+
+
+@pytest.mark.learning
+def test_stable_baselines3_trains(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("stable_baselines3")
+    assert math.isfinite(example("ppo_sb3").main(frames=1024, n_envs=16, episodes=2))
+    assert "over 2 episodes" in capsys.readouterr().out
+
+
+@pytest.mark.learning
+def test_the_ppo_of_one_file_trains_and_cuts_advantages_at_ends() -> None:
+    torch = pytest.importorskip("torch")
+    ppo = example("ppo_torch")
+    history = ppo.main(frames=3 * 16 * 8, num_envs=16, steps=8, minibatch=64)
+    assert len(history) == 3
+    assert np.isfinite(history).all()
+    rewards, values = torch.tensor([[1.0], [2.0], [4.0]]), torch.tensor([[10.0], [20.0], [30.0]])
+    ended, never = torch.tensor([[False], [True], [False]]), torch.zeros(3, 1, dtype=torch.bool)
+    last = torch.tensor([40.0])
+    # Truncated after the second step: its value bootstraps from the observation after it.
+    truncated = ppo.advantages(rewards, values, last, never, ended, 0.5, 1.0)
+    assert truncated[:, 0].tolist() == [1 + 0.5 * (2 + 0.5 * 30) - 10, 2 + 0.5 * 30 - 20, 4 + 0.5 * 40 - 30]
+    terminated = ppo.advantages(rewards, values, last, ended, ended, 0.5, 1.0)
+    assert terminated[:, 0].tolist() == [1 + 0.5 * 2 - 10, 2 - 20, 4 + 0.5 * 40 - 30]
+
+
+@pytest.mark.learning
+def test_skrl_trains(tmp_path: Path) -> None:
+    pytest.importorskip("skrl")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert example("skrl_ppo").main(frames=256, num_envs=8, folder=str(tmp_path)) is not None
+
+
+@pytest.mark.learning
+def test_rsl_rl_trains_and_tells_time_limits_apart() -> None:
+    pytest.importorskip("rsl_rl")
+    torch = pytest.importorskip("torch")
+    import gymnasium
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        rsl = example("rsl_rl_ppo")
+        rsl.main(frames=256, num_envs=8)
+        env = rsl.RslRlVecEnv(
+            gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=2, autoreset_mode="SameStep", max_episode_steps=3)
+        )
+    for step in range(3):
+        _, _, dones, extras = env.step(torch.zeros(2, 6))
+        assert dones.tolist() == extras["time_outs"].tolist() == [step == 2] * 2
+    assert env.episode_length_buf.tolist() == [0, 0]
