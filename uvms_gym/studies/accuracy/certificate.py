@@ -12,9 +12,9 @@ A configuration is certified where 95 % of the episodes of every drive are withi
 `STABILITY_MARGIN` times smaller than the greatest stable one, no step warning occurs, and 95 % of the episodes end at
 the same step. The limits are far below anything that a simulation is used for:
 
-- 1 mm and 1 mrad: a fifth of the noise of position and attitude, and a fiftieth and a hundredth of the default
-  tolerance of a reached pose. A model's coefficients are uncertain by far more. Episodes run open loop here; in a
-  closed loop the controller corrects most of such an error.
+- 1 mm and 1 mrad: a fifth of the noise of position and attitude, half that of joints, and a fiftieth and a hundredth of
+  the default tolerance of a reached pose. A model's coefficients are uncertain by far more. Episodes run open
+  loop here; in a closed loop the controller corrects most of such an error.
 - 0.1 of the noise: noise and error together deviate 0.5 % more than noise alone. No filter or policy tells them apart.
 - 0.001 of the spread: a comparison resolves this difference with a million episodes.
 
