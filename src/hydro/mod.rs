@@ -13,4 +13,4 @@ pub use damping::{CoefficientFrame, CoefficientMatrix, Damping};
 pub use fin::{FINS, Fin, FinAxes};
 pub use restoring::Restoring;
 pub use tether::Tether;
-pub use thruster::{Branch, LagDecay, THRUSTERS, Thruster, ThrusterDynamics, Thrusts, thrust_wrench};
+pub use thruster::{Branch, LagDecay, THRUSTERS, ThrustCourse, Thruster, ThrusterDynamics, Thrusts, thrust_wrench};

@@ -124,32 +124,45 @@ impl<P: Copy> Thruster<P> {
     where
         P: Param<L>,
     {
-        let Some(lag) = self.lag else { return LagDecay { remainder: L::zero(), mean: L::zero() } };
+        let zero = L::zero();
+        let Some(lag) = self.lag else { return LagDecay { start: zero, mean: zero, end: zero, after: zero } };
         let x = h / (lag.get() * factor);
         let decayed = one_minus_exp(x);
-        LagDecay { remainder: L::c(1.0) - decayed, mean: decayed / x }
+        let (mean, after, slow) = (decayed / x, L::c(1.0) - decayed, x.lt(L::c(1.0)));
+        LagDecay { start: L::select(slow, L::c(1.0), mean), mean, end: L::select(slow, after, mean), after }
     }
 }
 
-/// Decay of the difference between a lagging thrust and its steady value: remainder after a step, and mean over the step.
+/// Remainder of the difference between a lagging thrust and its steady value over a step: as it acts at the start and at the end,
+/// on average, and at the end. A lag that is shorter than the step acts with its mean. Without lag nothing remains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LagDecay<L> {
-    /// `exp(-h / tau)`
-    pub remainder: L,
-    /// `(1 - exp(-h / tau)) tau / h`
+    /// Remainder that acts at the start.
+    pub start: L,
+    /// Mean remainder, `(1 - exp(-h / tau)) tau / h`.
     pub mean: L,
+    /// Remainder that acts at the end.
+    pub end: L,
+    /// Remainder after the step, `exp(-h / tau)`.
+    pub after: L,
 }
 
 /// Difference from the steady thrust that counts as 0, N: the exponential never reaches it.
 const SETTLED: f64 = 1e-20;
 
 impl<L: Lane> LagDecay<L> {
-    /// Exact solution over a step from `thrust` towards the steady thrust: mean over the step, and thrust at its end.
+    /// Exact solution over a step from `thrust` towards the steady thrust: as it acts at the start, on average and at the end, and the
+    /// thrust after it.
     #[inline(always)]
-    pub fn step(&self, thrust: L, steady: L) -> (L, L) {
+    pub fn step(&self, thrust: L, steady: L) -> ([L; 3], L) {
         let difference = thrust - steady;
         let difference = L::select(difference.abs().lt(L::c(SETTLED)), L::zero(), difference);
-        (difference.mul_add(self.mean, steady), difference.mul_add(self.remainder, steady))
+        let acting = [
+            difference.mul_add(self.start, steady),
+            difference.mul_add(self.mean, steady),
+            difference.mul_add(self.end, steady),
+        ];
+        (acting, difference.mul_add(self.after, steady))
     }
 }
 
@@ -197,7 +210,7 @@ impl<L: Lane> ThrusterDynamics<L> {
         Self {
             thrust: [zero; THRUSTERS],
             steady: [zero; THRUSTERS],
-            decay: [LagDecay { remainder: zero, mean: zero }; THRUSTERS],
+            decay: [LagDecay { start: zero, mean: zero, end: zero, after: zero }; THRUSTERS],
         }
     }
 
@@ -216,20 +229,24 @@ impl<L: Lane> ThrusterDynamics<L> {
         }
     }
 
-    /// Advances the thrusts by one step. Returns the wrench of their means over the step, with the inflow at the relative twist of
-    /// its start.
+    /// Advances the thrusts by one step. Returns their wrench over the step, with the inflow at the relative twist of its start.
     #[inline(always)]
-    pub fn step<P: Param<L>>(&mut self, thrusters: &[Thruster<P>], twist: Vector6<L>) -> Vector6<L> {
-        let mut wrench = [L::zero(); 6];
+    pub fn step<P: Param<L>>(&mut self, thrusters: &[Thruster<P>], twist: Vector6<L>) -> ThrustCourse<L> {
+        let (mut start, mut mean, mut end) = ([L::zero(); 6], [L::zero(); 6], [L::zero(); 6]);
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
-            let (mean, after) = self.decay[i].step(self.thrust[i], self.steady[i]);
+            let ([first, middle, last], after) = self.decay[i].step(self.thrust[i], self.steady[i]);
             self.thrust[i] = after;
-            let acting = thruster.acting(mean, twist);
+            let first = thruster.acting(first, twist);
+            let middle = thruster.acting(middle, twist);
+            let last = thruster.acting(last, twist);
             unroll!(k in 0 1 2 3 4 5 => {
-                wrench[k] = acting.mul_add(thruster.wrench[k].get(), wrench[k]);
+                let wrench = thruster.wrench[k].get();
+                start[k] = first.mul_add(wrench, start[k]);
+                mean[k] = middle.mul_add(wrench, mean[k]);
+                end[k] = last.mul_add(wrench, end[k]);
             });
         }
-        Vector6::from_array(wrench)
+        ThrustCourse::new(Vector6::from_array(start), Vector6::from_array(mean), Vector6::from_array(end))
     }
 
     /// Acting thrusts at this instant, N; thrusters without lag are steady.
@@ -248,6 +265,36 @@ impl<L: Lane> ThrusterDynamics<L> {
     pub fn settled<P: Param<L>>(&self, thrusters: &[Thruster<P>], twist: Vector6<L>) -> [L; THRUSTERS] {
         let settled = Self { thrust: self.steady, ..*self };
         settled.acting(thrusters, twist)
+    }
+}
+
+/// Wrench of thrusters over a step: a parabola in the share of the step that has passed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ThrustCourse<L> {
+    /// Wrench at the start, N and N m.
+    pub start: Vector6<L>,
+    linear: Vector6<L>,
+    quadratic: Vector6<L>,
+}
+
+impl<L: Lane> ThrustCourse<L> {
+    /// Parabola with these values at the start and at the end and this mean: the impulse over the step is exact, and the wrench
+    /// within it to order 3.
+    #[inline(always)]
+    fn new(start: Vector6<L>, mean: Vector6<L>, end: Vector6<L>) -> Self {
+        let (before, after) = (mean - start, end - mean);
+        let three = L::c(3.0);
+        Self {
+            start,
+            linear: before.scale_add(L::c(4.0), after.scale(L::c(-2.0))),
+            quadratic: after.scale(three) - before.scale(three),
+        }
+    }
+
+    /// Difference from the start at a share of the step.
+    #[inline(always)]
+    pub fn change(&self, share: L) -> Vector6<L> {
+        self.quadratic.scale_add(share, self.linear).scale(share)
     }
 }
 

@@ -102,16 +102,14 @@ impl<L: Lane, const N: usize> Point<L, N> {
     #[inline(always)]
     fn extrapolate_twice(&mut self, coarse: &Self, middle: &Self, n: usize) -> L {
         let (a, b, c) = (L::c(0.5), L::c(-4.0), L::c(4.5));
-        let apart = |one: L, two: L, all: L| all.mul_add(L::c(1.5), two.mul_add(L::c(-2.0), one * a));
         let mut square = L::zero();
         unroll!(k in 0 1 2 => {
             let line = apart(coarse.twist.linear.0[k], middle.twist.linear.0[k], self.twist.linear.0[k]);
             let turn = apart(coarse.twist.angular.0[k], middle.twist.angular.0[k], self.twist.angular.0[k]);
             square = line.mul_add(line, turn.mul_add(turn, square));
         });
-        let sum = |one: Vector6<L>, two: Vector6<L>, all: Vector6<L>| all.scale_add(c, two.scale_add(b, one.scale(a)));
-        self.theta = sum(coarse.theta, middle.theta, self.theta);
-        self.twist = sum(coarse.twist, middle.twist, self.twist);
+        self.theta = self.theta.scale_add(c, middle.theta.scale_add(b, coarse.theta.scale(a)));
+        self.twist = self.twist.scale_add(c, middle.twist.scale_add(b, coarse.twist.scale(a)));
         for k in 0..n {
             let more = apart(coarse.qd[k], middle.qd[k], self.qd[k]);
             square = more.mul_add(more, square);
@@ -146,6 +144,12 @@ impl<L: Lane, const N: usize> Point<L, N> {
     fn turn(&self) -> L {
         self.theta.angular.dot(self.theta.angular)
     }
+}
+
+/// Difference of the results of order 3 and 2, from those of one, two and three parts.
+#[inline(always)]
+fn apart<L: Lane>(one: L, two: L, three: L) -> L {
+    three.mul_add(L::c(1.5), two.mul_add(L::c(-2.0), one * L::c(0.5)))
 }
 
 /// Memory of the linearly implicit methods: ends of a step by one part, by two if not the last, and by all, and the rates.

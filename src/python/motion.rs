@@ -20,7 +20,7 @@ impl Simulator {
     /// ----------
     /// thrust : array_like (m,) or (N, m)
     ///     Thrust per thruster, N; saturates at its limits. [HC eq. 25] For thrusters with dynamics it is the command, which
-    ///     each thrust follows with its lag: integrated exactly once per step of `dt`, in which its mean acts.
+    ///     each thrust follows with its lag: exact at the ends of every step of `dt` and in its mean, a parabola within it.
     /// wrench : array_like (6,) or (N, 6)
     ///     Wrench on the vehicle [f; m] in body axes at its origin, N and N m; in addition to the thrust, without limits.
     /// joint_torque : array_like (n,) or (N, n)

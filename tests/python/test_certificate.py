@@ -43,12 +43,12 @@ def test_errors_fall_with_the_order_of_the_method() -> None:
         assert slope == pytest.approx(order, abs=0.2), order
 
 
-def test_thrusters_with_lag_leave_order_two() -> None:
-    # Their thrust is held over a step at its mean.
+def test_thrusters_with_lag_leave_methods_their_order() -> None:
+    # Under quadratic drag, whose kink costs part of the fourth order.
     rows = certificate.certify(STORM, [mk(0.005), mk(0.01)])["rows"]
     for drive in rows[0]["errors"]:
         fine, coarse = (row["errors"][drive]["position"]["median"] for row in rows)
-        assert coarse / fine == pytest.approx(4.0, rel=0.1)
+        assert coarse > 8.0 * fine, drive
 
 
 def test_a_run_of_the_reference_itself_has_no_error() -> None:

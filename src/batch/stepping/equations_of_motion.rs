@@ -5,7 +5,7 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
-use crate::hydro::FinAxes;
+use crate::hydro::{FinAxes, ThrustCourse};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -60,8 +60,10 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
     pub gravity: Vector3<L>,
     /// Acceleration of the water in world axes, m/s^2.
     pub acceleration: Vector3<L>,
-    /// Wrench on the vehicle in body axes, N and N m.
+    /// Wrench on the vehicle in body axes at the start of a step, N and N m.
     pub wrench: Vector6<L>,
+    /// Wrench of thrusters with dynamics over a step, whose start is part of `wrench`, and 1 over its size, 1/s.
+    pub thrust: Option<(ThrustCourse<L>, L)>,
     /// The vehicle's servo, where it is on.
     pub station: Option<StationServo<L>>,
     /// Deflected fins.
@@ -101,6 +103,9 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
         let gravity = at.to_body(self.gravity);
         let held_rate = if system.fixed { at.to_body(self.acceleration.scale(L::c(-1.0))) } else { Vector3::zero() };
         let mut wrench = self.wrench;
+        if let Some((course, rate)) = &self.thrust {
+            wrench = wrench + course.change(elapsed * *rate);
+        }
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);
         }

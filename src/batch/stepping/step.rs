@@ -303,6 +303,7 @@ impl<'a, T: Real> Step<'a, T> {
             gravity: Vector3(get_all(&system.gravity)) - acceleration,
             acceleration,
             wrench: held,
+            thrust: None,
             station,
             surfaces: &memory.surfaces,
             joints: &mut memory.joints,
@@ -315,7 +316,9 @@ impl<'a, T: Real> Step<'a, T> {
             equations.joints.prescribe(system, equations.loads, equations.time, motion);
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if !thrusters.is_empty() {
-                equations.wrench = held + memory.propulsion.step(thrusters, motion.twist);
+                let course = memory.propulsion.step(thrusters, motion.twist);
+                equations.wrench = held + course.start;
+                equations.thrust = Some((course, L::c(1.0) / L::splat(self.h)));
                 if lagged.is_some() {
                     memory.lag.wrench = equations.wrench;
                 }
