@@ -146,8 +146,8 @@ class Simulator:
     def error_estimate(self) -> dict[str, NDArray[Any]]:
         """Estimated errors of integration since the states were set, with `error_estimate=True`.
 
-        position (N,), m; attitude (N,), rad; q (N, n), rad or m; end_effector_position (N,), m; end_effector_attitude (N,),
-        rad; relative (N,), to the scales of the motion; known (N,), bool.
+        position (N,), m; attitude (N,), rad; q (N, n), rad or m; end_effector_position (N,), m;
+        end_effector_attitude (N,), rad; relative (N,), to the scales of the motion; known (N,), bool.
         """
     num_envs: Final[int]
     """Number of instances N."""

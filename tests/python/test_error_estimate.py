@@ -19,7 +19,9 @@ def driven(error_estimate: bool = True, **options: object) -> Simulator:
     simulator = Simulator("petasus-pum", 3, error_estimate=error_estimate, **options)
     rng = np.random.default_rng(0)
     for _ in range(10):
-        simulator.step(wrench=rng.uniform(-10, 10, (3, 6)), joint_target=simulator.q, substeps=round(0.1 / simulator.dt))
+        simulator.step(
+            wrench=rng.uniform(-10, 10, (3, 6)), joint_target=simulator.q, substeps=round(0.1 / simulator.dt)
+        )
     return simulator
 
 

@@ -75,7 +75,7 @@ def test_a_simulator_starts_at_home() -> None:
 
 
 def held(part: str, value: np.ndarray, dtype: str) -> np.ndarray:
-    """Number that a simulator keeps of a value: of positions and joint coordinates with the part that rounding leaves out."""
+    """Number that a simulator keeps of a value: of positions and joints with the part that rounding leaves out."""
     rounded = value.astype(dtype).astype(float)
     return rounded + (value - rounded).astype(dtype) if part in ("position", "q") else rounded
 

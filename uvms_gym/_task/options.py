@@ -106,9 +106,10 @@ class TaskOptions:
         Add the true state, current, parameters and target to `info["privileged"]`, (m,), for asymmetric critics;
         `env.unwrapped.privileged_layout` describes the entries.
     error_estimate : bool
-        Estimate the errors of integration since the start of the episode and add them to `info["error_estimate"]`, (6,): of
-        position (m), attitude (rad), the worst joint (rad or m), position (m) and attitude (rad) of the end effector, and the
-        greatest relative to the motion; see `Simulator.error_estimate`. Not in `final_info`. Steps take about 60 % longer.
+        Estimate the errors of integration since the start of the episode and add them to `info["error_estimate"]`,
+        (6,): of position (m), attitude (rad), the worst joint (rad or m), position (m) and attitude (rad) of the end
+        effector, and the greatest relative to the motion; see `Simulator.error_estimate`. Not in `final_info`. Steps
+        take about 60 % longer.
     threads : int or None
         Greatest number of threads, >= 1; None: all. One instance never uses more than one.
     """

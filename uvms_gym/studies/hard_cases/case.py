@@ -21,7 +21,8 @@ DTYPES = ("float64", "float32")
 #: Error bound of a fourth-order method in float64, and the least bound in float32; relative. For a method of order
 #: p < 4 the bound is the p/4-th power of the former: its error where a fourth-order method is just accurate enough.
 BOUND, BOUND_FLOAT32 = 1e-6, 1e-3
-#: Relative error beyond which no run may get without a warning, at any step, and that below which a warning is a false alarm.
+#: Relative error beyond which no run may get without a warning, at any step, and that below which a warning is a false
+#: alarm.
 GROSS, SMALL = 0.05, 0.005
 #: Coarser steps of each case, as multiples of the recommended one, and the coarsest, s.
 COARSER, COARSEST = (2, 5, 10, 20, 50, 100, 200), 0.1

@@ -124,8 +124,9 @@ CHATTER = Case(
     steps={4: 0.005, 3: 0.01, 2: 0.01, 1: 0.005},
     interval=CONTROL_PERIOD,
     coarsest=0.025,
-    reason="a decision outside of the simulator: beyond 0.025 s a command near the edge of its dead-band may switch one "
-    "control period earlier, and the motion is another from there on, as in chaos; the next case has recorded commands",
+    reason="a decision outside of the simulator: beyond 0.025 s a command near the edge of its dead-band may switch "
+    "one control period earlier, and the motion is another from there on, as in chaos; the next case has recorded "
+    "commands",
 )
 
 

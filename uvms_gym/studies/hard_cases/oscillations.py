@@ -112,8 +112,8 @@ ROTOR_CASE = Case(
     interval=0.5,
     bounds={"float32": 1e-2},
     judges_warnings=False,
-    reason="6000 rad: the relative error of the speed counts 300 times a second, and so does its rounding in float32; warnings "
-    "set the angle against a radian",
+    reason="6000 rad: the relative error of the speed counts 300 times a second, and so does its rounding in float32; "
+    "warnings set the angle against a radian",
 )
 
 # Resonance: a link on a spring of 4 pi rad/s between it and a free vehicle, whose rest position jumps from side to side
