@@ -46,7 +46,7 @@ impl Table {
         if !(0..self.layout.time).all(|row| self.get(rows, i, row).is_finite()) {
             return limits.finite.then_some(Cause::NotFinite);
         }
-        let beyond = |x: f64, limit: f64| limit.is_finite() && !(x <= limit);
+        let beyond = |x: f64, limit: f64| limit.is_finite() && (x > limit || x.is_nan());
         if beyond(stiffness, limits.stiffness) || beyond(error, limits.error) {
             return Some(Cause::Inaccurate);
         }
