@@ -52,7 +52,7 @@ use uvms_gym::description::Scene;
 ///     those that the scene prescribes (`joint.prescribed`).
 /// error_estimate : bool
 ///     True to estimate the errors of integration that have accumulated: see the method `error_estimate`. A call of `step` then
-///     takes about 60 % longer; one of a single step takes three times as long.
+///     takes 60 to 70 % longer; one of a single step takes three times as long.
 ///
 /// Raises
 /// ------

@@ -168,37 +168,6 @@ def test_the_command_prints_and_stores_a_certificate(tmp_path: Path, capsys: pyt
     assert (tmp_path / "out/certificate.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--env", "UVMS-Nothing-v0"], "unknown environment 'UVMS-Nothing-v0'; known: UVMS-StationKeep-v0,"),
-        (["--env", "CartPole-v1"], "unknown environment 'CartPole-v1'"),
-        (["--env", "UVMS-Dock-v0", "--env", "UVMS-Dock-v0"], "env 'UVMS-Dock-v0' is given twice"),
-        (["--env", "UVMS-Dock-v0", "--dt", "0.03"], "--dt is 0.03, but must divide the control period of 0.05 s"),
-        (["--env", "UVMS-Dock-v0", "--dt", "0"], "--dt is 0.0, but must be"),
-        (["--env", "UVMS-Dock-v0", "--dt", "nan"], "--dt is nan, but must be"),
-        (["--env", "UVMS-Dock-v0", "--dtype", "float16"], "unknown dtype 'float16'; known: float64, float32"),
-        (["--env", "UVMS-Dock-v0", "--integrator", "magic"], "unknown integrator 'magic'; known: mk4,"),
-        (["--env", "UVMS-Dock-v0", "--episodes", "1"], "--episodes is 1, but must be"),
-        (["--env", "UVMS-Dock-v0", "--scene", "/no/such.toml"], "/no/such.toml"),
-        (["--env", "UVMS-EETrack-v0", "--scene", "free-body"], "UVMS-EETrack-v0, free-body: "),
-        (["--env", "UVMS-Dock-v0", "--step", "0.01"], "--step is not for --env, which takes --dt"),
-        (["--env", "UVMS-Dock-v0", "--quick"], "--quick is not for --env"),
-        (["--dt", "0.01"], "--dt needs --env"),
-    ],
-)
-def test_bad_input_is_one_line_before_anything_is_made(
-    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    assert main(["accuracy", *arguments, "--out", str(out)]) == 2
-    captured = capsys.readouterr()
-    (line,) = captured.err.splitlines()
-    assert words in line
-    assert captured.out == ""
-    assert not out.exists()
-
-
 def test_a_scene_of_the_users_own_mentions_the_certificate_once(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

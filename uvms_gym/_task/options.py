@@ -109,7 +109,7 @@ class TaskOptions:
         Estimate the errors of integration since the start of the episode and add them to `info["error_estimate"]`,
         (6,): of position (m), attitude (rad), the worst joint (rad or m), position (m) and attitude (rad) of the end
         effector, and the greatest relative to the motion; see `Simulator.error_estimate`. Not in `final_info`. Steps
-        take about 60 % longer.
+        take 60 to 70 % longer.
     threads : int or None
         Greatest number of threads, >= 1; None: all. One instance never uses more than one.
     """

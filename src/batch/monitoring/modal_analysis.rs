@@ -350,8 +350,9 @@ impl Simulator {
     pub fn warn_of_motion(&mut self) -> Option<InaccurateStep> {
         let (cause, violation) = self.monitor.take_violation()?;
         let SimulatorOptions { dt, integrator, instances, .. } = self.options().clone();
-        let (scene, order, range) = (self.scene().name.clone(), self.integrator().order(), self.range);
-        Some(InaccurateStep { scene, integrator, order, dt, range, instances, cause, violation })
+        let (scene, range) = (self.scene().name.clone(), self.range);
+        let (order, adaptive) = (self.integrator().order(), self.integrator().adaptive());
+        Some(InaccurateStep { scene, integrator, order, adaptive, dt, range, instances, cause, violation })
     }
 }
 

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::step_quality::{
-    ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, QualityLimits, StepQuality, StepViolation, Violations,
+    ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality, StepViolation, Violations,
 };
 use super::text::{StiffIntegrators, digits};
 use crate::batch::storage::columns::Columns;
@@ -12,9 +12,6 @@ use crate::batch::storage::table::Table;
 use crate::dynamics::Servos;
 use crate::integrate::{StepEstimates, step_error, stiffness};
 use crate::lane::{Isa, Kernel, Lane, Real};
-
-/// Relative error at which the leading order of a method says nothing.
-const SATURATED: f64 = 0.3;
 
 impl Table {
     /// Violations of the limits by `count` instances.
@@ -89,7 +86,7 @@ impl<T: Real> Kernel<T> for FindViolation<'_, T> {
                 let error = step_error([velocity_error[0], velocity_error[1], spin_error], self.h);
                 let within = L::and(stiffness.lt(L::c(self.limits.stiffness)), error.lt(L::c(self.limits.error)));
                 let mut good = L::and(sum.lt(L::c(1.0)), within);
-                if let Some(companion) = &self.layout.companion {
+                if let (Some(companion), true) = (&self.layout.companion, self.limits.accumulated.is_finite()) {
                     good = L::and(good, columns.get::<L>(companion.relative).lt(L::c(self.limits.accumulated)));
                 }
                 if L::bits(good).count_ones() as usize != L::LANES {
@@ -107,7 +104,7 @@ pub struct StepMonitor {
     /// Modal analyses done, by the servos that were on.
     analysed: [bool; 4],
     unstable_step_warned: bool,
-    violations: Violations,
+    violations: [Option<StepViolation>; Cause::ALL.len()],
     warned: [bool; Cause::ALL.len()],
 }
 
@@ -125,7 +122,7 @@ impl StepMonitor {
     /// Limits for a method with this range of `h |lambda|`; none once nothing is news. Accumulated errors, where they are
     /// `estimated`, tell more than the velocity errors of the last steps.
     pub fn limits(&self, range: f64, estimated: bool) -> Option<QualityLimits> {
-        let watched = |cause: Cause| self.violations.of(cause).is_none();
+        let watched = |cause: Cause| self.violations[cause as usize].is_none();
         let limit = |watched: bool, limit: f64| if watched { limit } else { f64::INFINITY };
         // After a warning of an unstable step only states that are not finite are news; after those nothing is.
         let finite = watched(Cause::NotFinite);
@@ -142,18 +139,17 @@ impl StepMonitor {
     /// Records violations; the first of each cause count.
     pub fn record(&mut self, violations: &Violations) {
         for cause in Cause::ALL {
-            if let (None, Some(violation)) = (self.violations.of(cause), violations.of(cause)) {
-                self.violations.add(cause, violation);
-            }
+            let known = &mut self.violations[cause as usize];
+            *known = known.or(violations.of(cause));
         }
     }
 
     /// A violation to warn of, each cause once.
     pub fn take_violation(&mut self) -> Option<(Cause, StepViolation)> {
-        let news = |cause: &Cause| !self.warned[*cause as usize] && self.violations.of(*cause).is_some();
+        let news = |cause: &Cause| !self.warned[*cause as usize] && self.violations[*cause as usize].is_some();
         let cause = Cause::ALL.into_iter().find(news)?;
         self.warned[cause as usize] = true;
-        Some((cause, self.violations.of(cause)?))
+        Some((cause, self.violations[cause as usize]?))
     }
 }
 
@@ -166,6 +162,8 @@ pub struct InaccurateStep {
     pub integrator: String,
     /// Its order.
     pub order: usize,
+    /// True where it chooses sub-intervals by its tolerance.
+    pub adaptive: bool,
     /// Step, s.
     pub dt: f64,
     /// Greatest `h |lambda|` at which the integrator is accurate.
@@ -180,7 +178,7 @@ pub struct InaccurateStep {
 
 impl fmt::Display for InaccurateStep {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scene, integrator, order, dt, range, instances, cause, violation } = self;
+        let Self { scene, integrator, order, adaptive, dt, range, instances, cause, violation } = self;
         let StepViolation { instance, count, time, quality: StepQuality { stiffness, error, accumulated } } =
             *violation;
         write!(f, "scene '{scene}', instance {instance}")?;
@@ -194,10 +192,12 @@ impl fmt::Display for InaccurateStep {
         };
         write!(f, ": {symptom} at t = {time:.6} s with integrator '{integrator}' at dt = {dt} s")?;
         if *cause == Cause::Accumulated {
-            if accumulated.is_finite() && accumulated < SATURATED {
+            let (percent, limit) = (100.0 * accumulated, 100.0 * ACCUMULATED_LIMIT);
+            if *adaptive {
+                write!(f, " (estimate {percent:.1} % of the motion, limit {limit:.0} %); a smaller tolerance would do")
+            } else if accumulated < KNOWN_LIMIT {
+                // To a quarter of the limit.
                 let step = dt * (0.25 * ACCUMULATED_LIMIT / accumulated).powf(1.0 / *order as f64);
-                let percent = 100.0 * accumulated;
-                let limit = 100.0 * ACCUMULATED_LIMIT;
                 write!(
                     f,
                     " (estimate {percent:.1} % of the motion, limit {limit:.0} %); a step of at most {} s would do",

@@ -4,6 +4,8 @@
 pub const ERROR_LIMIT: f64 = 0.05;
 /// Greatest estimate of the accumulated error, relative to the scales of the motion, that passes without a warning.
 pub const ACCUMULATED_LIMIT: f64 = 0.02;
+/// Greatest estimate of it at which the leading order of a method holds.
+pub const KNOWN_LIMIT: f64 = 0.1;
 
 /// Quality of an instance's steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -53,9 +55,9 @@ pub struct StepViolation {
     pub quality: StepQuality,
 }
 
-/// Violations by their causes.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Violations([Option<StepViolation>; Cause::ALL.len()]);
+/// Violations by their causes. (Boxed: a call without any moves nothing.)
+#[derive(Debug, Clone, Default)]
+pub struct Violations(Option<Box<[Option<StepViolation>; Cause::ALL.len()]>>);
 
 impl Cause {
     /// All causes.
@@ -63,16 +65,22 @@ impl Cause {
 }
 
 impl Violations {
-    /// Violations of one cause.
-    pub fn of(&self, cause: Cause) -> Option<StepViolation> {
-        self.0[cause as usize]
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_none()
     }
 
-    /// Adds those of a cause.
+    /// Violations of one cause.
+    pub fn of(&self, cause: Cause) -> Option<StepViolation> {
+        self.0.as_ref()?[cause as usize]
+    }
+
+    /// Adds violations of one cause.
     pub fn add(&mut self, cause: Cause, violation: StepViolation) {
-        let count = self.of(cause).map_or(0, |known| known.count) + violation.count;
-        let first = self.of(cause).filter(|known| known.instance < violation.instance).unwrap_or(violation);
-        self.0[cause as usize] = Some(StepViolation { count, ..first });
+        let known = self.of(cause);
+        let count = known.map_or(0, |known| known.count) + violation.count;
+        let first = known.filter(|known| known.instance < violation.instance).unwrap_or(violation);
+        self.0.get_or_insert_default()[cause as usize] = Some(StepViolation { count, ..first });
     }
 
     /// Adds all of others, whose instances count from `first`.

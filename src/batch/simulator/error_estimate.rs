@@ -3,8 +3,14 @@
 use nalgebra as na;
 
 use super::Simulator;
+use crate::batch::monitoring::step_quality::KNOWN_LIMIT;
 use crate::batch::options::Precision;
 use crate::system::{EndEffector, JOINTS, Joints, rotation_vector};
+
+/// Divisor where both motions err by independent rounding: `sqrt(1 + 3/5)`.
+const ROUNDING_DIVISOR: f64 = 1.26;
+/// Differences in single precision up to which they are rounding, and from which on none of it, m and rad.
+const ROUNDING: [f64; 2] = [1e-6, 1e-4];
 
 /// Estimated error that has accumulated in the state of an instance since its state was set: see
 /// [`crate::batch::stepping::companion`].
@@ -25,9 +31,6 @@ pub struct ErrorEstimate {
 }
 
 impl ErrorEstimate {
-    /// Relative error up to which the leading order of a method holds.
-    const KNOWN: f64 = 0.1;
-
     /// No error.
     const ZERO: Self = Self {
         position: 0.0,
@@ -41,7 +44,7 @@ impl ErrorEstimate {
     /// False where the companion has gone another way: in chaotic motion, or where the step is far too long. The error is then
     /// at least of the size that the estimate gives.
     pub fn known(&self) -> bool {
-        self.relative < Self::KNOWN
+        self.relative < KNOWN_LIMIT
     }
 }
 
@@ -73,14 +76,7 @@ impl Simulator {
         };
         Some((0..self.instances()).map(estimate).collect())
     }
-}
 
-/// Divisor where both motions err by independent rounding: `sqrt(1 + 3/5)`.
-const ROUNDING_DIVISOR: f64 = 1.26;
-/// Differences in single precision up to which they are rounding, and from which on none of it, m and rad.
-const ROUNDING: [f64; 2] = [1e-6, 1e-4];
-
-impl Simulator {
     /// Divisor of a difference: in single precision that of rounding where it is small.
     fn divisor_of(&self, difference: f64, divisor: f64) -> f64 {
         if self.options.precision == Precision::Double {

@@ -167,7 +167,9 @@ impl<T: Real> Blocks<T> {
             let mut chunk =
                 PhysicsChunk { scene, settings, count, first, table, isa, own, rows, scaled, violations: found };
             work(&mut chunk, item);
-            violations.lock().unwrap_or_else(PoisonError::into_inner).merge(&chunk.violations, first);
+            if !chunk.violations.is_empty() {
+                violations.lock().unwrap_or_else(PoisonError::into_inner).merge(&chunk.violations, first);
+            }
         });
         violations.into_inner().unwrap_or_else(PoisonError::into_inner)
     }

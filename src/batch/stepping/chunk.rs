@@ -15,6 +15,7 @@ use crate::system::{Compiled, Factors, System, UnscaledBodyTerms};
 /// Instances of a chunk, in whole blocks: the unit of work of a thread. Few enough that threads finish together, and so many
 /// that fetching each chunk does not show.
 pub const CHUNK: usize = 128;
+
 /// Settings of a call that steps.
 #[derive(Debug, Clone, Copy)]
 pub struct StepSettings {
@@ -110,7 +111,10 @@ impl<T: Real> PhysicsChunk<'_, T> {
             T::dispatch(isa, &mut CompareCompanions { rows, layout, blocks: self.rows });
         }
         if let Some(limits) = limits {
-            self.violations.merge(&table.violations(isa, self.rows, self.count, limits, h), 0);
+            let found = table.violations(isa, self.rows, self.count, limits, h);
+            if !found.is_empty() {
+                self.violations.merge(&found, 0);
+            }
         }
     }
 

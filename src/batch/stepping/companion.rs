@@ -84,9 +84,10 @@ impl<T: Real> Kernel<T> for BeginCompanions<'_, T> {
                         columns.set(to + k, L::select(follows, old, new));
                     }
                 }
-                for k in 0..SCALES {
-                    let scale = columns.get(rows.scales + k);
-                    columns.set(rows.scales + k, L::select(follows, scale, L::zero()));
+                // The scales, and behind them the relative error.
+                for row in rows.scales..=rows.relative {
+                    let kept = columns.get(row);
+                    columns.set(row, L::select(follows, kept, L::zero()));
                 }
                 let (divisor, least) = (L::c(self.divisor), columns.get::<L>(rows.divisor));
                 columns.set(rows.divisor, L::select(follows, divisor.min(least), divisor));

@@ -1,6 +1,8 @@
 //! Estimates of accumulated errors, against converged motions.
 
-use uvms_gym::batch::{ErrorEstimate, Inputs, Precision, Simulator, SimulatorOptions};
+use uvms_gym::batch::{
+    ErrorEstimate, InaccurateStep, Inputs, Precision, Simulator, SimulatorOptions, StepQuality, StepViolation,
+};
 use uvms_gym::description::Scene;
 use uvms_gym::system::State;
 
@@ -123,7 +125,7 @@ fn a_set_state_has_no_error_and_a_saved_one_keeps_it() {
     assert_eq!(estimates(&s), longer);
 }
 
-/// Without forces a body that turns is exact in every step; one whose spin the step cannot resolve warns, once for all instances.
+/// A body that tumbles without forces, at steps that resolve it and at longer ones: one warning for all instances.
 #[test]
 fn accumulated_errors_are_said_once_with_their_number() {
     let mut scene = Scene::shipped("free-body").unwrap();
@@ -144,11 +146,39 @@ fn accumulated_errors_are_said_once_with_their_number() {
         let mut text = Vec::new();
         for _ in 0..40 {
             s.step(&Inputs::default(), (0.5 / dt).round() as usize).unwrap();
-            text.extend(std::iter::from_fn(|| s.warn_of_motion()).map(|warning| warning.to_string()));
+            text.extend(std::iter::from_fn(|| s.warn_of_motion()));
         }
         assert_eq!(text.len(), usize::from(said), "{text:?}");
-        for part in ["instance 4", "of 20", "errors have added up", "a step of at most"] {
-            assert!(text.iter().all(|text| text.contains(part)), "{part}: {text:?}");
+        let Some(warning) = text.pop() else { continue };
+        let far = StepQuality { accumulated: 0.5, ..warning.violation.quality };
+        let far = StepViolation { quality: far, ..warning.violation };
+        for (warning, remedy) in [
+            (warning.clone(), "a step of at most"),
+            (InaccurateStep { adaptive: true, ..warning.clone() }, "a smaller tolerance would do"),
+            (InaccurateStep { violation: far, ..warning }, "beyond what the estimate can tell"),
+        ] {
+            let text = warning.to_string();
+            for part in ["instance 4 and 2 more of 20", "errors have added up", remedy] {
+                assert!(text.contains(part), "{part}: {text}");
+            }
         }
     }
+}
+
+/// A long call is made in portions, whose length depends on the number of instances.
+#[test]
+fn portions_of_a_call_make_no_difference_to_the_estimate() {
+    let mut scene = Scene::shipped("free-body").unwrap();
+    scene.vehicle.body.inertia = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 2.0, 3.0));
+    let run = |instances: usize| {
+        let options = SimulatorOptions { instances, error_estimate: true, dt: 0.001, ..Default::default() };
+        let mut s = Simulator::new(scene.clone(), options).unwrap();
+        let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.5, 2.0, 0.1);
+        s.set_state(0, &State { twist, ..State::default() });
+        s.step(&Inputs::default(), 20_001).unwrap();
+        estimates(&s)[0]
+    };
+    let (whole, portions) = (run(1), run(7));
+    assert!(whole.attitude > 0.0);
+    assert_eq!(whole, portions);
 }
