@@ -4,6 +4,7 @@ use uvms_gym::batch::{
     ErrorEstimate, InaccurateStep, Inputs, Precision, Simulator, SimulatorOptions, StepQuality, StepViolation,
 };
 use uvms_gym::description::Scene;
+use uvms_gym::dynamics::Servos;
 use uvms_gym::system::State;
 
 use crate::random_scene::{Random, random_state};
@@ -181,4 +182,40 @@ fn portions_of_a_call_make_no_difference_to_the_estimate() {
     let (whole, portions) = (run(1), run(7));
     assert!(whole.attitude > 0.0);
     assert_eq!(whole, portions);
+}
+
+/// A body in straight flight that spins by nearly half a revolution within a step: lanes divide it in two. A companion with the same
+/// limit would divide its step of twice the length in four, take the same sub-intervals, and see nothing.
+#[test]
+fn steps_that_fast_turns_divide_are_told_apart() {
+    let scene = Scene::shipped("free-body").unwrap();
+    for (integrator, spin) in [("mk4", 31.0), ("mk3", 31.0), ("ros3", 9.0)] {
+        let options =
+            SimulatorOptions { error_estimate: true, dt: 0.1, integrator: integrator.into(), ..Default::default() };
+        let mut s = Simulator::new(scene.clone(), options).unwrap();
+        let velocity = nalgebra::Vector3::new(1.0, 0.5, -0.5);
+        let twist = nalgebra::Vector6::new(velocity.x, velocity.y, velocity.z, 0.0, 0.0, spin);
+        s.set_state(0, &State { twist, ..State::default() });
+        s.step(&Inputs::default(), 2).unwrap();
+        let (error, estimate) = ((s.state(0).position - velocity * 0.2).norm(), estimates(&s)[0].position);
+        println!("{integrator}: {error:.2e} m, estimate {estimate:.2e} m");
+        assert!(error > 1e-6 && estimate > error / 5.0, "{integrator}: {error}, estimate {estimate}");
+    }
+}
+
+/// A slow sideways motion decays at a rate that the step resolves and a step 5/3 times as long amplifies, beside a fast one forwards.
+#[test]
+fn a_companion_that_would_be_unstable_takes_half_steps() {
+    let mut scene = Scene::shipped("free-body").unwrap();
+    scene.vehicle.body.damping.linear[(1, 1)] = 18.0;
+    let options = SimulatorOptions { error_estimate: true, dt: 0.1, ..Default::default() };
+    let mut s = Simulator::new(scene, options).unwrap();
+    let twist = nalgebra::Vector6::new(1.0, 0.02, 0.0, 0.0, 0.0, 0.0);
+    s.set_state(0, &State { twist, ..State::default() });
+    assert!(s.warn_of_step(Servos { joints: false, vehicle: false }).is_none());
+    for _ in 0..40 {
+        s.step(&Inputs::default(), 5).unwrap();
+    }
+    let found = estimates(&s)[0];
+    assert!(found.known() && s.warn_of_motion().is_none(), "{found:?}");
 }
