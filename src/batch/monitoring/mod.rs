@@ -3,4 +3,4 @@
 pub mod modal_analysis;
 pub mod step_monitor;
 pub mod step_quality;
-mod text;
+pub mod text;

@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use nalgebra::{Complex, Vector3};
 
 use super::step_monitor::InaccurateStep;
+use super::step_quality::ACCUMULATED_LIMIT;
 use super::text::{StiffIntegrators, digits};
 use crate::batch::options::SimulatorOptions;
 use crate::batch::simulator::Simulator;
@@ -352,7 +353,9 @@ impl Simulator {
         let SimulatorOptions { dt, integrator, instances, .. } = self.options().clone();
         let (scene, range) = (self.scene().name.clone(), self.range);
         let (order, adaptive) = (self.integrator().order(), self.integrator().adaptive());
-        Some(InaccurateStep { scene, integrator, order, adaptive, dt, range, instances, cause, violation })
+        // None of an episode that has begun anew since.
+        let estimate = self.error_estimate(violation.instance).filter(|estimate| estimate.relative > ACCUMULATED_LIMIT);
+        Some(InaccurateStep { scene, integrator, order, adaptive, dt, range, instances, cause, violation, estimate })
     }
 }
 

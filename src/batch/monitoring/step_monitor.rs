@@ -6,6 +6,7 @@ use super::step_quality::{
     ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality, StepViolation, Violations,
 };
 use super::text::{StiffIntegrators, digits};
+use crate::batch::simulator::error_estimate::ErrorEstimate;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::table::Table;
@@ -174,11 +175,13 @@ pub struct InaccurateStep {
     pub cause: Cause,
     /// The instances.
     pub violation: StepViolation,
+    /// Estimated errors of the first one.
+    pub estimate: Option<ErrorEstimate>,
 }
 
 impl fmt::Display for InaccurateStep {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scene, integrator, order, adaptive, dt, range, instances, cause, violation } = self;
+        let Self { scene, integrator, order, adaptive, dt, range, instances, cause, violation, estimate } = self;
         let StepViolation { instance, count, time, quality: StepQuality { stiffness, error, accumulated } } =
             *violation;
         write!(f, "scene '{scene}', instance {instance}")?;
@@ -192,23 +195,21 @@ impl fmt::Display for InaccurateStep {
         };
         write!(f, ": {symptom} at t = {time:.6} s with integrator '{integrator}' at dt = {dt} s")?;
         if *cause == Cause::Accumulated {
+            write!(f, " (")?;
+            if let Some(estimate) = estimate {
+                write!(f, "estimate: {estimate}; ")?;
+            }
             let (percent, limit) = (100.0 * accumulated, 100.0 * ACCUMULATED_LIMIT);
+            write!(f, "{percent:.1} % of the motion, limit {limit:.0} %")?;
             if *adaptive {
-                write!(f, " (estimate {percent:.1} % of the motion, limit {limit:.0} %); a smaller tolerance would do")
+                write!(f, "); a smaller tolerance would do")
             } else if accumulated < KNOWN_LIMIT {
                 // To a quarter of the limit.
                 let step = dt * (0.25 * ACCUMULATED_LIMIT / accumulated).powf(1.0 / *order as f64);
-                write!(
-                    f,
-                    " (estimate {percent:.1} % of the motion, limit {limit:.0} %); a step of at most {} s would do",
-                    digits(step)
-                )
+                write!(f, "); a step of at most {} s would do", digits(step))
             } else {
-                write!(
-                    f,
-                    " (beyond what the estimate can tell: the motion is chaotic, or the step far too long); a smaller step"
-                )?;
-                write!(f, "{StiffIntegrators} may do")
+                write!(f, ", beyond what the estimate can tell: the motion is chaotic, or the step far too long)")?;
+                write!(f, "; a smaller step{StiffIntegrators} may do")
             }
         } else {
             let excited = stiffness.is_finite() && stiffness > 0.0;

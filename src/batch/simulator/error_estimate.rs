@@ -1,9 +1,12 @@
 //! Estimates of accumulated errors.
 
+use std::fmt;
+
 use nalgebra as na;
 
 use super::Simulator;
 use crate::batch::monitoring::step_quality::KNOWN_LIMIT;
+use crate::batch::monitoring::text::digits;
 use crate::batch::options::Precision;
 use crate::system::{EndEffector, JOINTS, Joints, rotation_vector};
 
@@ -48,33 +51,47 @@ impl ErrorEstimate {
     }
 }
 
+impl fmt::Display for ErrorEstimate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let joints = self.q.iter().fold(0.0, |greatest: f64, error| greatest.max(*error));
+        write!(f, "position {} m, attitude {} rad, ", digits(self.position), digits(self.attitude))?;
+        write!(f, "joints {} rad or m, ", digits(joints))?;
+        write!(
+            f,
+            "end effector {} m and {} rad",
+            digits(self.end_effector_position),
+            digits(self.end_effector_attitude)
+        )
+    }
+}
+
 impl Simulator {
     /// Estimated errors of all instances; none where the options do not ask for them.
     pub fn error_estimates(&self) -> Option<Vec<ErrorEstimate>> {
+        (0..self.instances()).map(|i| self.error_estimate(i)).collect()
+    }
+
+    /// Estimated errors of instance `i`; none where the options do not ask for them.
+    pub fn error_estimate(&self, i: usize) -> Option<ErrorEstimate> {
         if !self.options.error_estimate {
             return None;
         }
-        let end_effector = EndEffector::new(&self.scene);
-        let estimate = |i: usize| {
-            let Some((other, divisor)) = self.storage.companion(i) else { return ErrorEstimate::ZERO };
-            let own = self.own.is_some().then(|| EndEffector::new(self.scene_of(i)));
-            let end_effector = own.as_ref().unwrap_or(&end_effector);
-            let state = self.state(i);
-            let ends = [&state, &other].map(|state| {
-                let (rotation, position) = end_effector.pose(&state.q);
-                (state.rotation * rotation, state.position + state.rotation * position)
-            });
-            let error = |difference: f64| difference / self.divisor_of(difference, divisor);
-            ErrorEstimate {
-                position: error((other.position - state.position).norm()),
-                attitude: error(angle(&state.rotation, &other.rotation)),
-                q: std::array::from_fn(|k| error((other.q[k] - state.q[k]).abs())),
-                end_effector_position: error((ends[1].1 - ends[0].1).norm()),
-                end_effector_attitude: error(angle(&ends[0].0, &ends[1].0)),
-                relative: self.storage.step_quality(i, self.options.dt).accumulated,
-            }
-        };
-        Some((0..self.instances()).map(estimate).collect())
+        let Some((other, divisor)) = self.storage.companion(i) else { return Some(ErrorEstimate::ZERO) };
+        let end_effector = EndEffector::new(self.scene_of(i));
+        let state = self.state(i);
+        let ends = [&state, &other].map(|state| {
+            let (rotation, position) = end_effector.pose(&state.q);
+            (state.rotation * rotation, state.position + state.rotation * position)
+        });
+        let error = |difference: f64| difference / self.divisor_of(difference, divisor);
+        Some(ErrorEstimate {
+            position: error((other.position - state.position).norm()),
+            attitude: error(angle(&state.rotation, &other.rotation)),
+            q: std::array::from_fn(|k| error((other.q[k] - state.q[k]).abs())),
+            end_effector_position: error((ends[1].1 - ends[0].1).norm()),
+            end_effector_attitude: error(angle(&ends[0].0, &ends[1].0)),
+            relative: self.storage.step_quality(i, self.options.dt).accumulated,
+        })
     }
 
     /// Divisor of a difference: in single precision that of rounding where it is small.

@@ -147,12 +147,17 @@ fn accumulated_errors_are_said_once_with_their_number() {
         let mut text = Vec::new();
         for _ in 0..40 {
             s.step(&Inputs::default(), (0.5 / dt).round() as usize).unwrap();
-            text.extend(std::iter::from_fn(|| s.warn_of_motion()));
+            while let Some(warning) = s.warn_of_motion() {
+                assert_eq!(warning.estimate, s.error_estimate(4));
+                text.push(warning);
+            }
         }
         assert_eq!(text.len(), usize::from(said), "{text:?}");
         let Some(warning) = text.pop() else { continue };
         let far = StepQuality { accumulated: 0.5, ..warning.violation.quality };
         let far = StepViolation { quality: far, ..warning.violation };
+        let estimate = warning.estimate.expect("an estimate");
+        assert!(warning.to_string().contains(&format!("(estimate: {estimate}; ")), "{warning}");
         for (warning, remedy) in [
             (warning.clone(), "a step of at most"),
             (InaccurateStep { adaptive: true, ..warning.clone() }, "a smaller tolerance would do"),
