@@ -8,6 +8,9 @@ from search import Space
 #: Names of a parameter's entries, by their number.
 NAMES = {2: ("linear", "angular"), 3: ("linear", "angular", "joints"), 6: ("x", "y", "z", "roll", "pitch", "yaw")}
 Groups = tuple[tuple[int, ...], ...]
+#: Controllers with observers: variants of one class.
+_DOBS = ("dob-delay", "dob-still", "dob-calm", "dob-medium", "dob-free", "dob-wide", "dob-informed")
+_RESOLVED = ("resolved-dob", "resolved-calm", "resolved-free", "resolved-wide", "resolved-informed")
 #: Axes of the vehicle that share a factor.
 ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
 EACH: Groups = tuple((axis,) for axis in range(6))
@@ -59,16 +62,14 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         "pd-restoring": pd,
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
         "dob": (*pd, observer, *expected),
-        "dob-delay": (*pd, observer, *expected, horizon),
-        "dob-calm": (*pd, observer, *expected, horizon),
+        **dict.fromkeys(_DOBS, (*pd, observer, *expected, horizon)),
         "computed-torque": (*pd, observer, *expected, horizon),
         "mpc": (*weights, observer, *expected),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral_gain", 0.01, 10.0, absolute=True)),
-        "resolved-dob": (
-            *resolved,
-            observer._replace(groups=((0,), (1,), (2,))),
-            horizon._replace(name="lag_compensation"),
+        **dict.fromkeys(
+            _RESOLVED,
+            (*resolved, observer._replace(groups=((0,), (1,), (2,))), horizon._replace(name="lag_compensation")),
         ),
     }
 

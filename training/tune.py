@@ -42,7 +42,7 @@ from uvms_gym import StepWarning
 from uvms_gym.cli.app import run
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.controllers import Controller
-from uvms_gym.controllers.registry import BASELINE, CLASSICAL, PRETRAINED, check_name, folder
+from uvms_gym.controllers.registry import BASELINE, CLASSICAL, PRETRAINED, check_name, folder, is_bound
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 from uvms_gym.studies.records import circumstances
@@ -52,11 +52,10 @@ Floats = NDArray[np.float64]
 
 #: Seeds of the episodes: below are those of the comparison, above those of evaluations in training.
 SEEDS = range(1_000_000, 2_000_000)
-#: Greatest effort, over the tuned base's on the same episodes.
+#: Greatest effort, over the tuned base's on the same episodes, but where `LIMITS` has another.
 LIMIT = 1.1
-#: Controllers with a limit on the variation of commands, and the limit, over the tuned base's.
-CALM = ("dob-calm",)
-CALM_LIMIT = 1.2
+#: Physics step of the searches, s: certified (docs/certificates.md), tracking under resolved motion.
+STEPS = {"station-keep": 0.025, "ee-track": 0.01}
 
 #: Episodes of each finalist.
 FINAL_EPISODES = 1024
@@ -67,6 +66,20 @@ class Limits(NamedTuple):
 
     effort: float | None = None
     variation: float | None = None
+
+
+#: Limits of controllers along the frontier, over the tuned base's on the same episodes.
+LIMITS = {
+    "dob-still": Limits(LIMIT, 0.6),
+    "dob-calm": Limits(LIMIT, 1.2),
+    "dob-medium": Limits(LIMIT, 2.4),
+    "dob-free": Limits(),
+    "dob-informed": Limits(),
+    "mpc": Limits(LIMIT, 4.8),
+    "resolved-calm": Limits(LIMIT, 1.2),
+    "resolved-free": Limits(),
+    "resolved-informed": Limits(),
+}
 
 
 class Score(NamedTuple):
@@ -113,7 +126,8 @@ class Tuner:
     limiting: Controller | None = None
 
     def __init__(self, arena: Arena, name: str, sought: Sequence[Parameter]) -> None:
-        self._arena, self._entry, self._sought, self._calm = arena, CLASSICAL[name], sought, name in CALM
+        self._arena, self._entry, self._sought = arena, CLASSICAL[name], sought
+        self._over_base = LIMITS.get(name, Limits(LIMIT))
         own = self.controller({})
         self._own = {p.name: np.asarray(own.gains[p.name], dtype=np.float64) for p in sought}
 
@@ -152,8 +166,8 @@ class Tuner:
         """Limits in these episodes; none for the base itself."""
         if self.limiting is None:
             return Limits()
-        base = self._arena.score(self.limiting, seed, episodes)
-        return Limits(LIMIT * base.effort, CALM_LIMIT * base.variation if self._calm else None)
+        base, over = self._arena.score(self.limiting, seed, episodes), self._over_base
+        return Limits(over.effort and over.effort * base.effort, over.variation and over.variation * base.variation)
 
 
 class Budget(NamedTuple):
@@ -272,7 +286,10 @@ def main(
     budget = Budget(generations, population, episodes)
     if generations * episodes + FINAL_EPISODES > len(SEEDS):
         raise fail(f"--generations times --episodes is {generations * episodes}, but must be below {len(SEEDS)}")
-    arena = _arena(env, scene, period, threads)
+    bounds = {is_bound(name) for name in controller}
+    if len(bounds) > 1:
+        raise fail("bounds are tuned in a run of their own")
+    arena = _arena(env, scene, period, threads, informed=True in bounds)
     batch = arena.batch(FINAL_EPISODES)
     task, place = batch.unwrapped.task, folder(batch).relative_to(PRETRAINED)
     known = parameters(EACH if axes == "each" else ALIKE)
@@ -327,19 +344,22 @@ def main(
     line(str(file))
 
 
-def _arena(env: str, scene: str, period: float | None, threads: int | None) -> Arena:
+def _arena(env: str, scene: str, period: float | None, threads: int | None, informed: bool) -> Arena:
     """Make the episodes; their duration does not depend on the control period."""
     loaded = read_scene(scene)
     with user_errors(f"{env}: "):
         usual = gymnasium.make_vec(env, num_envs=1, scene=loaded)
     inner = usual.unwrapped
-    dt, given = inner.snapshot().dt, 1.0 / inner.metadata["render_fps"]
+    dt, given = STEPS.get(inner.task, inner.options.dt), 1.0 / inner.metadata["render_fps"]
     period = given if period is None else period
     substeps = round(period / dt)
     if substeps < 1 or not math.isclose(substeps * dt, period):
         raise fail(f"--period is {period}, but must be a multiple of the step, {dt} s")
     steps = round((gymnasium.spec(env).max_episode_steps or 0) * given / period)
-    options = {"scene": inner.options.scene, "substeps": substeps, "max_episode_steps": steps, "threads": threads}
+    options = {"scene": inner.options.scene, "dt": dt, "substeps": substeps, "max_episode_steps": steps}
+    options |= {"threads": threads}
+    if informed:
+        options["disturbance"] = {"base": inner.options.disturbance, "noise": None, "delay": None}
     return Arena(env, options, steps)
 
 

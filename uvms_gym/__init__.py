@@ -31,7 +31,7 @@ from uvms_gym.controllers import (
     ResolvedMotion,
     StateWarning,
 )
-from uvms_gym.controllers.registry import make_controller
+from uvms_gym.controllers.registry import ControllerWarning, make_controller
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
 from uvms_gym.logs import Log, LogError, LogMap
@@ -46,6 +46,7 @@ __all__ = [
     "PD",
     "PID",
     "ComputedTorque",
+    "ControllerWarning",
     "DockPD",
     "Log",
     "LogError",

@@ -451,6 +451,8 @@ class Task:
     privileged_layout: Final[list[dict[str, Any]]]
     control_period: Final[float]
     """Control period, s."""
+    delays: Final[tuple[int, int]]
+    """Least and greatest age of the measurements, control periods."""
     observation_bound: Final[NDArray[np.float32]]
     """Greatest magnitude of each entry of an observation, (d,)."""
     def __new__(

@@ -15,12 +15,12 @@ pub mod storage;
 pub use episodes::{
     Autoreset, Beginning, Final, Outputs, Rollout, RolloutStats, Saved, StepResult, TaskBatch, Trace, Transition,
 };
+pub use monitoring::error_estimate::ErrorEstimate;
 pub use monitoring::modal_analysis::{ModalAnalysis, Mode, UnstableStep, stabilities};
 pub use monitoring::step_monitor::InaccurateStep;
 pub use monitoring::step_quality::{ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, StepQuality, StepViolation};
 pub use options::{Precision, SimulatorOptions};
 pub use simulator::Simulator;
 pub use simulator::applied_loads::AppliedLoads;
-pub use simulator::error_estimate::ErrorEstimate;
 pub use simulator::states::States;
 pub use storage::inputs::Inputs;

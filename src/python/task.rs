@@ -111,6 +111,13 @@ impl Task {
         self.batch.task().options().control_period()
     }
 
+    /// Least and greatest age of the measurements, control periods.
+    #[getter]
+    fn delays(&self) -> (usize, usize) {
+        let [least, greatest] = self.batch.task().delays();
+        (least, greatest)
+    }
+
     /// The complete scene, as `load_scene` gives it.
     #[getter]
     fn scene<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -167,9 +167,14 @@ impl Task {
         }))
     }
 
-    /// Age of the sensors' measurements, control periods.
+    /// Least and greatest age of the sensors' measurements, control periods.
+    pub fn delays(&self) -> [usize; 2] {
+        self.disturbance().delay_range(self.options().control_period())
+    }
+
+    /// Age of the sensors' measurements, control periods: the middle of its range.
     pub fn delay(&self) -> usize {
-        self.disturbance().delay.as_ref().map_or(0, |delay| delay.in_periods(self.options().control_period()))
+        self.disturbance().delay.as_ref().map_or(0, |delay| delay.in_periods(self.options().control_period(), 0.5))
     }
 
     /// Environment of a policy for this task.

@@ -96,7 +96,9 @@ impl TaskDefinition for EETrack {
     /// Divergence costs as much as 100 steps at a metre from the reference, so ending the episode early never pays.
     fn defaults() -> Options<Self> {
         let options = Options::default();
-        Options { reward: RewardWeights { diverged: 100.0, ..options.reward }, ..options }
+        // Random actions throw the arm at its stops, which longer steps do not resolve.
+        let reward = RewardWeights { diverged: 100.0, ..options.reward };
+        Options { dt: 0.005, substeps: 10, reward, ..options }
     }
 
     fn check(&self, _start_distance: f64) -> Result<(), TaskError> {

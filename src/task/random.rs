@@ -56,6 +56,8 @@ pub enum Purpose {
     Noise = 41,
     /// Numbers of the scene.
     Scene = 42,
+    /// Delay of sensors.
+    Delay = 43,
 }
 
 /// A stream of draws, addressed by index. Each index is a block of 128 bits for one draw.

@@ -204,8 +204,8 @@ def task_ids() -> list[str]:
 
 
 def control_rate(task: str) -> float:
-    """Control periods per second at the default step, 0.01 s."""
-    return 100.0 / gymnasium.spec(task).kwargs.get("substeps", 5)
+    """Control periods per second."""
+    return 20.0 if gymnasium.spec(task).kwargs == {} else 10.0
 
 
 def small(task: str) -> str:

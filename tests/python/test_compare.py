@@ -14,7 +14,9 @@ from uvms_gym import MLP
 from uvms_gym.cli import compare_report, main
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison import conditions, contenders, plots, study, summary
+from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import Estimate, interquartile_mean
+from uvms_gym.training.evaluation import run_episodes
 
 PNG = b"\x89PNG\r\n\x1a\n"
 STORM, TRACK = "UVMS-StationKeep-Storm-v0", "UVMS-EETrack-Storm-v0"
@@ -237,6 +239,27 @@ def test_conditions_are_what_they_say() -> None:
     assert condition_of("UVMS-StationKeep-v0", departure="delay").options["disturbance"]["current"] == {
         "speed": [0.0, 0.3]
     }
+
+
+def test_informed_controllers_bound_the_others_in_the_same_episodes(
+    shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--scene", SMALL, "--episodes", "8", *repeated("--controller", "pd", "dob-delay", "dob-informed")]
+    data = compared(tmp_path, *given, "--frontier")
+    (result,) = data["results"]
+    errors = {name: entry["metrics"]["pose"]["whole"]["iqm"] for name, entry in result["controllers"].items()}
+    assert errors["dob-informed"]["value"] < errors["dob-delay"]["value"]
+    assert result["winner"] == "dob-delay" and "dob-informed" not in result["against"]
+    assert (tmp_path / "frontier.png").stat().st_size > 10_000
+    out = capsys.readouterr().out
+    assert "of the gap" in out and "100 %" in out
+    # Alone in the twin condition it has the same episodes.
+    envs = gymnasium.make_vec(
+        STORM, num_envs=8, scene=SMALL, disturbance={"base": "storm", "noise": None, "delay": None}
+    )
+    controller = registry.make_controller("dob-informed", envs)
+    stats = run_episodes(envs, controller, 0, 200)
+    assert result["controllers"]["dob-informed"]["kept"]["pose"][0] == pytest.approx(pose_rms(stats).tolist())
 
 
 def test_conditions_are_compared_side_by_side(

@@ -201,7 +201,7 @@ CONTROLLERS = {"StationKeep": uvms_gym.PD, "EETrack": uvms_gym.ResolvedMotion, "
 def test_observations_are_of_order_one(task):
     for scene in scenes_with_thrusters():
         # Untuned controllers do not stand every delay.
-        envs = gym.make_vec(task, 32, scene=scene, max_episode_steps=None, substeps=5, thruster_lag=None)
+        envs = gym.make_vec(task, 32, scene=scene, max_episode_steps=None, dt=0.01, substeps=5, thruster_lag=None)
         observations, _ = envs.reset(seed=0)
         policy = next(kind for name, kind in CONTROLLERS.items() if name in task)(envs)
         seen = []
@@ -410,9 +410,9 @@ def test_a_state_is_a_copy(task):
 
 
 def test_frame_rate_is_that_of_control(task):
-    one, other, third = bare(task), make(task, dt=0.02), make(task, dt=0.02, substeps=1)
-    rate = control_rate(task)
-    assert [env.metadata["render_fps"] for env in (one, other, third)] == [rate, rate / 2, 50.0]
+    one, other, third = bare(task), make(task, substeps=1), make(task, dt=0.02, substeps=1)
+    dt = one.unwrapped.options.dt
+    assert [env.metadata["render_fps"] for env in (one, other, third)] == [control_rate(task), 1.0 / dt, 50.0]
     assert type(one).metadata["render_fps"] == 20.0
 
 

@@ -84,10 +84,10 @@ def test_arguments_are_plain_and_recreate_it(task, mode):
 
 
 def test_metadata_belongs_to_the_instance(task):
-    one, other = make(task, autoreset_mode="SameStep"), make(task, dt=0.02)
+    one, other = make(task, autoreset_mode="SameStep"), make(task, dt=0.02, substeps=1)
     assert one.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert other.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert (one.metadata["render_fps"], other.metadata["render_fps"]) == (control_rate(task), control_rate(task) / 2)
+    assert (one.metadata["render_fps"], other.metadata["render_fps"]) == (control_rate(task), 50.0)
     assert "autoreset_mode" not in type(one).metadata
 
 

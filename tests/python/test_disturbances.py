@@ -167,6 +167,28 @@ def test_delay_shifts_what_is_measured_and_nothing_else():
                 assert same(late[k][where], now[max(0, k - 3)][where]), (name, k)
 
 
+def test_a_drawn_delay_is_one_age_per_episode():
+    """Of 0 to 3 periods, each as often: 0.5 of a period at either end rounds to the ends."""
+    n, period = 600, 0.05
+    late, plain = (StationKeepVectorEnv(n, scene=SMALL, disturbance=d) for d in ({"delay": [0, 3 * period]}, "calm"))
+    seen, truth = [late.reset(seed=3)[0]], [plain.reset(seed=3)[0]]
+    draw = np.random.default_rng(1)
+    for _ in range(8):
+        actions = draw.uniform(-1, 1, (n, 6))
+        seen.append(late.step(actions)[0])
+        truth.append(plain.step(actions)[0])
+    where = next(block.slice for block in plain.layout if block.name == "position_error")
+    ages = np.full(n, -1)
+    for age in range(4):
+        fits = [(seen[k][:, where] == truth[k - age][:, where]).all(axis=1) for k in range(3, 9)]
+        ages[np.all(fits, axis=0)] = age
+    assert np.bincount(ages, minlength=4) / n == pytest.approx([1 / 6, 1 / 3, 1 / 3, 1 / 6], abs=0.06)
+    with pytest.raises(ValueError, match="delay: 1 control periods, but the environment was made with 0 to 3"):
+        late.reset(options={"disturbance": {"delay": period}})
+    with pytest.raises(ValueError, match=r"delay.time: \[0.2, 0.1\] is no range"):
+        StationKeepVectorEnv(1, scene=SMALL, disturbance={"delay": [0.2, 0.1]})
+
+
 def test_noise_is_in_observations_alone():
     noisy, plain = (StationKeepEnv(scene=ARM, disturbance=d) for d in ({"noise": {"position": 0.01}}, "calm"))
     noisy.reset(seed=1)

@@ -1,6 +1,7 @@
 """Controllers by name: tuned gains, shipped policies, and what is said where they do not fit."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from helpers import SMALL, layers, observations
 
+import uvms_gym
 from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion
 from uvms_gym.cli import main
 from uvms_gym.controllers import NoControl, registry
@@ -160,6 +162,28 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
     file = shipped / "gains.json"
     file.write_text(text)
     assert message("pd").startswith(f"{file}: {words}")
+
+
+@pytest.mark.parametrize(
+    ("name", "delay", "warns"),
+    [
+        ("pd", 0, False),
+        ("pd", 1, False),
+        ("pd", 2, True),
+        ("resolved-dob", 0, True),
+        ("ppo", 0, True),
+        ("dob-calm", 3, True),
+    ],
+)
+def test_a_delay_that_a_controller_was_not_tuned_for_is_warned_of(name: str, delay: int, warns: bool) -> None:
+    env = "UVMS-EETrack-Storm-v0" if "resolved" in name else STORM
+    envs = gymnasium.make_vec(env, num_envs=2, disturbance={"base": "storm", "delay": {"periods": delay}})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        make_controller(name, envs)
+    said = [str(w.message) for w in caught if issubclass(w.category, uvms_gym.ControllerWarning)]
+    assert len(said) == warns
+    assert not warns or f"measurements 1 control periods old; here they are {delay}: it may be unstable" in said[0]
 
 
 def test_gains_are_for_their_scene_task_and_period_alone(shipped: Path) -> None:

@@ -29,11 +29,12 @@ def named(path: Path) -> str:
 
 def environment(folder: Path) -> dict[str, Any]:
     """Arguments of the storm with this folder's scene and control period."""
-    period = float(folder.name.removesuffix("s"))
+    period, env = float(folder.name.removesuffix("s")), f"{folder.parents[1].name}-Storm-v0"
+    usual = gym.spec(env)
     return {
-        "id": f"{folder.parents[1].name}-Storm-v0",
+        "id": env,
         "scene": folder.parent.name,
-        "substeps": round(period / 0.01),
+        "substeps": round(usual.kwargs["substeps"] * period / 0.1),
         "max_episode_steps": round(20.0 / period),
     }
 

@@ -65,12 +65,14 @@ class TaskOptions:
     action : {"wrench", "thrusters", "residual"}
         Meaning of an action's entries; see the environment's action space.
     dt : float
-        Physics step, s, in (0, 1]. At 0.01 s the end effector errs by 1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32) after
-        10 s of driven motion, in the median (`uvms accuracy`). A step too large for the scene raises a
+        Physics step, s, in (0, 1]; by default 0.01, in end-effector tracking 0.005. At 0.01 s the end effector errs by
+        1e-9 to 1e-8 m (f64; 1e-6 to 8e-6 m in f32) after 10 s of driven motion, in the median (`uvms accuracy`). A step
+        too large for the scene raises a
         `uvms_gym.StepWarning`, once, at the first `step`. `uvms accuracy --env ID --scene FILE` certifies steps over an
         environment's own episodes; the logger "uvms_gym" mentions it for scenes of your own, at level INFO.
     substeps : int
-        Physics steps per control period, 1 to 10000.
+        Physics steps per control period, 1 to 10000; by default as many as make 0.05 s. With another `dt` alone the
+        control period changes.
     integrator : str
         Name of an integrator; see `uvms_gym.integrators`.
     dtype : {"float64", "float32"}

@@ -36,6 +36,13 @@ def compare(
     seed: Annotated[int, Option(help="Episode i has the seed SEED + i.")] = 0,
     condition: Annotated[list[str] | None, several(f"One of {', '.join(DEPARTURES)}", DESIGN)] = None,
     off_design: Annotated[bool, Option("--off-design", help="All conditions.")] = False,
+    frontier: Annotated[
+        bool,
+        Option(
+            "--frontier",
+            help="Also variants along the frontier, and bounds; draws errors against variation and effort.",
+        ),
+    ] = False,
     disturbance: Annotated[
         list[str] | None,
         Option(
@@ -76,9 +83,10 @@ def compare(
     scenes = {name: read_scene(name) for name in given["scene"]}
     with user_errors():
         conditions = make_conditions(given["env"], scenes, given["disturbance"], given["condition"], **options)
-        comparisons = make_comparisons(conditions, given["controllers"])
+        comparisons = make_comparisons(conditions, given["controllers"], frontier)
     departing = len(comparisons) > len({comparison.condition.group for comparison in comparisons})
-    files = ("compare.json", "scores.npz", "compare.png", "profiles.png", *(["off-design.png"] if departing else []))
+    pictures = [*(["off-design.png"] if departing else []), *(["frontier.png"] if frontier else [])]
+    files = ("compare.json", "scores.npz", "compare.png", "profiles.png", *pictures)
     prepare(out, json_file, files)
     scores: dict[str, Any] = {}
     results = []
@@ -98,6 +106,8 @@ def compare(
         with user_errors(verb="write"):
             plots.plot_bars(out / "compare.png", [members[0] for members in groups.values()])
             plots.plot_profiles(out / "profiles.png", results)
+            if frontier:
+                plots.plot_frontier(out / "frontier.png", [members[0] for members in groups.values()])
             if departing:
                 plots.plot_departures(out / "off-design.png", groups)
             np.savez(out / "scores.npz", **scores)

@@ -6,12 +6,13 @@ from typing import Any
 
 from uvms_gym.cli.common import console, line
 from uvms_gym.cli.output import table
+from uvms_gym.controllers.registry import is_bound
 from uvms_gym.studies.comparison.conditions import DEPARTURES
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, SETTLED
 from uvms_gym.studies.comparison.plots import Results, controllers_of
 from uvms_gym.studies.comparison.statistics import Estimate
 from uvms_gym.studies.comparison.study import Comparison
-from uvms_gym.studies.comparison.summary import Summary, baselines, is_learned
+from uvms_gym.studies.comparison.summary import Summary, baselines, closed_share, is_learned
 
 _ERRORS = [name for name, metric in METRICS.items() if metric.error]
 _COSTS = ("power", "saturation", "variation", "recovery", "within", "success", "diverged")
@@ -22,7 +23,8 @@ NOTES = (
     "that resample both; p95 is the 95th percentile. P(better) is the probability that an episode has a smaller error "
     "than one of the baseline (rliable's probability of improvement). Power is the mean of |T/T_max|^1.5; variation "
     "the mean squared change of the action between steps; recovery the duration of the last stay outside the "
-    "tolerance; success the share of episodes that end within it."
+    "tolerance; success the share of episodes that end within it. Bounds are shown the true, present state; of "
+    "the gap between the baseline and the best of them each controller closes a share."
 )
 
 
@@ -80,9 +82,14 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
             ]
         else:
             row += ["", "", "1", "1", "1"]
-        rows.append(row)
+        share = closed_share(summary, name)
+        rows.append([*row, "" if share is None else f"{100.0 * share:.0f} %"])
     header = ("controller", METRICS[HEADLINE].label, "p95, mm", f"against {first}", "P(better)")
-    table("Pose error and its costs", (*header, f"p95 / {first}", f"power / {first}", f"variation / {first}"), rows)
+    table(
+        "Pose error and its costs",
+        (*header, f"p95 / {first}", f"power / {first}", f"variation / {first}", "of the gap"),
+        rows,
+    )
 
 
 def _mean(summary: Summary, name: str, metric: str, part: str = "whole") -> str:
@@ -130,7 +137,8 @@ def _verdict(comparison: Comparison, summary: Summary) -> list[str]:
 
 def best(summary: Summary) -> tuple[str | None, str | None]:
     """Learned and classical controller with the least error, or None."""
-    names = sorted(summary.controllers, key=lambda name: _headline(summary, name).value)
+    rivals = [name for name in summary.controllers if not is_bound(name)]
+    names = sorted(rivals, key=lambda name: _headline(summary, name).value)
     learned = next((name for name in names if is_learned(name)), None)
     return learned, next((name for name in names if name in summary.against), None)
 

@@ -4,11 +4,15 @@ Tuned gains and policies for a task, a scene and a control period lie in one fol
 the gains as `gains.json`, the policy of training seed S as `NAME-S.safetensors`.
 """
 
+import functools
 import json
 import os
 import re
+import warnings
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
+
+import gymnasium
 
 from uvms_gym import _core
 from uvms_gym._task.options import native
@@ -33,11 +37,16 @@ _ALL = tuple(TASKS)
 
 
 class ClassicalEntry(NamedTuple):
-    """Classical controller: class, tasks, and gains of this variant."""
+    """Classical controller: class, tasks, gains of this variant, and its role in comparisons.
+
+    A "rival" takes part in all of them. "frontier": a variant with another limit on its commands. "bound": it is shown
+    the true, present state, without noise and delay.
+    """
 
     kind: type[ClassicalController]
     tasks: tuple[str, ...] = _STATION
     gains: dict[str, Any] = {}  # noqa: RUF012 (never changed)
+    role: Literal["rival", "frontier", "bound"] = "rival"
 
 
 class LearnedEntry(NamedTuple):
@@ -47,6 +56,7 @@ class LearnedEntry(NamedTuple):
     base: str | None = None
 
 
+_RESOLVED_DOB = {"observer_bandwidth": (4.0, 4.0, 8.0), "delay": 1}
 CLASSICAL: dict[str, ClassicalEntry] = {
     "none": ClassicalEntry(NoControl, _ALL),
     "pd": ClassicalEntry(PD),
@@ -54,12 +64,21 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "pid": ClassicalEntry(PID),
     "dob": ClassicalEntry(DOB),
     "dob-delay": ClassicalEntry(DOB, gains={"delay": None}),
+    "dob-still": ClassicalEntry(DOB, gains={"delay": None}, role="frontier"),
     "dob-calm": ClassicalEntry(DOB, gains={"delay": None}),
+    "dob-medium": ClassicalEntry(DOB, gains={"delay": None}, role="frontier"),
+    "dob-free": ClassicalEntry(DOB, gains={"delay": None}, role="frontier"),
+    "dob-wide": ClassicalEntry(DOB, gains={"delay": None}),
+    "dob-informed": ClassicalEntry(DOB, role="bound"),
     "computed-torque": ClassicalEntry(ComputedTorque),
     "mpc": ClassicalEntry(MPC),
     "resolved": ClassicalEntry(ResolvedMotion, _TRACK),
     "resolved-pid": ClassicalEntry(ResolvedMotion, _TRACK, {"integral_gain": 0.5}),
-    "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, {"observer_bandwidth": (4.0, 4.0, 8.0), "delay": 1}),
+    "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
+    "resolved-calm": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
+    "resolved-free": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
+    "resolved-wide": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
+    "resolved-informed": ClassicalEntry(ResolvedMotion, _TRACK, {**_RESOLVED_DOB, "delay": 0}, "bound"),
     "dock-pd": ClassicalEntry(DockPD, _DOCK),
 }
 LEARNED: dict[str, LearnedEntry] = {
@@ -74,6 +93,20 @@ NAMES = (*CLASSICAL, *LEARNED)
 
 class Unavailable(ValueError):
     """No policy is shipped for a known controller."""
+
+
+class ControllerWarning(UserWarning):
+    """A controller is used where it was not tuned or trained for, and may be unstable."""
+
+
+def is_bound(name: str) -> bool:
+    """True for a controller that comparisons show the true, present state: it bounds the others."""
+    return name in CLASSICAL and CLASSICAL[name].role == "bound"
+
+
+def rivals(task: str) -> tuple[str, ...]:
+    """Names of the controllers of a task, without variants along the frontier and bounds."""
+    return tuple(name for name in names(task) if name not in CLASSICAL or CLASSICAL[name].role == "rival")
 
 
 def names(task: str | None = None) -> tuple[str, ...]:
@@ -104,6 +137,11 @@ def make_controller(
     **options
         Without `env`: arguments of its environment, and `task`, by default "station-keep".
 
+    Warns
+    -----
+    ControllerWarning
+        Measurements are older than those the controller was tuned or trained with; or younger, and it predicts.
+
     Raises
     ------
     ValueError
@@ -127,15 +165,18 @@ def make_controller(
     file = policy_file(name, seed, **given)
     base = LEARNED[name].base
     if base is None:
-        return MLP.load(file, **given)
+        policy = MLP.load(file, **given)
+        _warn_of_delay(name, policy.notes.get("environment"), given)
+        return policy
     correction = MLP.load(file, residual=True, **given)
+    _warn_of_delay(name, correction.notes.get("environment"), given)
     said = correction.notes.get("base", base)
     if said != base:
         raise ValueError(f"{file}: its base is {said}, but must be {base}")
     try:
         # The gains of its training, not those tuned since.
-        kind, _, gains_of_variant = CLASSICAL[base]
-        corrected = kind(**{**gains_of_variant, **json.loads(correction.notes.get("base_gains", "{}"))}, **given)
+        entry = CLASSICAL[base]
+        corrected = entry.kind(**{**entry.gains, **json.loads(correction.notes.get("base_gains", "{}"))}, **given)
         return Residual(corrected, correction, float(correction.notes.get("limit", LIMIT)))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{file}: {error}") from None
@@ -235,9 +276,39 @@ def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
         # The class would take other names for options of an environment.
         if unknown := stored["gains"].keys() - set(_core.gain_names(entry.kind.kind)):
             raise TypeError(f"unknown gain {min(unknown)!r}")
-        return entry.kind(**{**entry.gains, **stored["gains"]}, **given)
+        made = entry.kind(**{**entry.gains, **stored["gains"]}, **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
+    if entry.role != "bound":
+        _warn_of_delay(name, stored.get("tuning", {}).get("env"), given)
+    return made
+
+
+def _warn_of_delay(name: str, env: str | None, given: dict[str, Any]) -> None:
+    """Warn where sensors are later than in the environment that a controller was tuned or trained in.
+
+    Predictions of a fixed length, and policies, do not stand earlier ones either.
+    """
+    if env not in gymnasium.registry:
+        return
+    (low, high), (least, most) = _delays(env), native(given).delays
+    predicts = name in LEARNED or isinstance(CLASSICAL[name].gains.get("delay"), int)
+    if most > high or (predicts and least < low):
+        designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (least, most)))
+        warnings.warn(
+            f"{name} was tuned or trained in {env}, for measurements {designed} control periods old; "
+            f"here they are {found}: it may be unstable",
+            ControllerWarning,
+            stacklevel=4,
+        )
+
+
+@functools.cache
+def _delays(env: str) -> tuple[int, int]:
+    """Least and greatest age of the measurements in a registered environment, control periods."""
+    spec = gymnasium.spec(env)
+    task = next(task for task, name in TASKS.items() if str(spec.name).startswith(name))
+    return native({"task": task, **{k: v for k, v in spec.kwargs.items() if k != "reward"}}).delays
 
 
 def _shipped(given: dict[str, Any]) -> dict[str, tuple[int, ...]]:

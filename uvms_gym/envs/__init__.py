@@ -33,23 +33,31 @@ __all__ = [
     "register_envs",
 ]
 
-#: Conditions in which controllers are compared: all disturbances, late sensors, slow thrusters, 0.1 s per action.
-_STORM: dict[str, Any] = {"disturbance": "storm", "thruster_lag": 0.1, "substeps": 10}
+#: Levels of disturbances in which controllers are compared, by the variant of the environments' names.
+VARIANTS = {"-Storm": "storm", "-Wide": "storm-wide"}
+#: Control period there, s, control periods of an episode, and the thrusters' lag, s.
+_PERIOD, _STEPS, _LAG = 0.1, 200, 0.1
 #: Reward weight on changes of the action there, for commands about as calm as a PD's.
-_STORM_RATE = {"StationKeep": 0.8, "EETrack": 0.2, "Dock": 0.2}
-_STORM_STEPS = 200
+_ACTION_RATE = {"StationKeep": 0.8, "EETrack": 0.2, "Dock": 0.2}
 
 
 def register_envs() -> None:
     """Register the environments with Gymnasium; importing `uvms_gym` does so."""
-    for name, rate in _STORM_RATE.items():
-        storm = {**_STORM, "reward": {"effort": 0.05, "action_rate": rate}}
-        for variant, steps, arguments in (("", EPISODE_STEPS, {}), ("-Storm", _STORM_STEPS, storm)):
-            if f"UVMS-{name}{variant}-v0" not in gymnasium.registry:
-                gymnasium.register(
-                    id=f"UVMS-{name}{variant}-v0",
-                    entry_point=f"uvms_gym.envs:{name}Env",
-                    vector_entry_point=f"uvms_gym.envs:{name}VectorEnv",
-                    max_episode_steps=steps,
-                    kwargs=arguments,
-                )
+    for options in (StationKeepOptions, EETrackOptions, DockOptions):
+        name = options.__name__.removesuffix("Options")
+        reward = {"effort": 0.05, "action_rate": _ACTION_RATE[name]}
+        common = {"thruster_lag": _LAG, "substeps": round(_PERIOD / options.dt), "reward": reward}
+        _register(name, "", EPISODE_STEPS, {})
+        for variant, level in VARIANTS.items():
+            _register(name, variant, _STEPS, {"disturbance": level, **common})
+
+
+def _register(name: str, variant: str, steps: int, arguments: dict[str, Any]) -> None:
+    if f"UVMS-{name}{variant}-v0" not in gymnasium.registry:
+        gymnasium.register(
+            id=f"UVMS-{name}{variant}-v0",
+            entry_point=f"uvms_gym.envs:{name}Env",
+            vector_entry_point=f"uvms_gym.envs:{name}VectorEnv",
+            max_episode_steps=steps,
+            kwargs=arguments,
+        )

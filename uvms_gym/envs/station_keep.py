@@ -96,7 +96,7 @@ class StationKeepEnv(TaskEnv):
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
-    | `delay` | age of the measurements | `time` (s, rounded to periods), `periods`; or a number, s |
+    | `delay` | age of the measurements, one per episode | `time` (s, rounded to periods), `periods`; or `time` alone |
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
@@ -137,7 +137,8 @@ class StationKeepEnv(TaskEnv):
     `UVMS-StationKeep-Storm-v0` is this task as controllers are compared in it. It differs from
     `disturbance="storm"` alone: `thruster_lag=0.1`; `substeps=10`, so a control period of 0.1 s, which is also the
     sensors' delay; 200 steps; and reward weights `effort` 0.05 and `action_rate` 0.8, for commands about as calm as a
-    PD's.
+    PD's. `UVMS-StationKeep-Wide-v0` is the same with `disturbance="storm-wide"`: the vehicle, its thrusters and the
+    sensors' delay differ widely from episode to episode.
 
     ```python
     >>> import gymnasium, uvms_gym

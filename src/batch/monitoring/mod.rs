@@ -1,6 +1,7 @@
 //! Step monitoring: stable steps from a scene's modes beforehand, stiffness and error of the steps while they are taken.
 
+pub mod error_estimate;
 pub mod modal_analysis;
 pub mod step_monitor;
 pub mod step_quality;
-pub mod text;
+mod text;

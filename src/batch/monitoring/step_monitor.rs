@@ -2,11 +2,11 @@
 
 use std::fmt;
 
+use super::error_estimate::ErrorEstimate;
 use super::step_quality::{
     ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality, StepViolation, Violations,
 };
 use super::text::{StiffIntegrators, digits};
-use crate::batch::simulator::error_estimate::ErrorEstimate;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::table::Table;

@@ -147,6 +147,10 @@ impl<T: Real> DisturbanceKernel<T> {
         }
         if let Some(sensors) = &rows.sensors {
             sensors.begin(disturbance.noise.as_ref(), memory, &stream(Purpose::Bias), context.joints);
+            if let (Some(row), Some(delay)) = (sensors.age, &disturbance.delay) {
+                let share = stream(Purpose::Delay).uniform(0);
+                memory.set(row, delay.in_periods(context.period, share) as f64);
+            }
             self.sample_sensors(memory, key, 0);
         }
     }

@@ -24,7 +24,7 @@ impl Level {
 
 /// Levels for training, mild to strong, then harder ones held out for evaluation: 1.3 times as strong, and with shapes
 /// that the others lack.
-pub const LEVELS: [Level; 13] = [
+pub const LEVELS: [Level; 14] = [
     Level {
         name: "calm",
         description: "Still water; only the scene's own current, if it has one.",
@@ -44,6 +44,12 @@ pub const LEVELS: [Level; 13] = [
         description: "All at once: current, gusts, waves, pushes, a fast arm, a payload, a weak thruster, noisy and late \
                       sensors, and parameters off by up to 30 %.",
         make: || storm(1.0),
+    },
+    Level {
+        name: "storm-wide",
+        description: "As storm, with a vehicle that is known poorly: masses and drag 0.5 to 1.6 times, thrust 0.5 to 1.3, \
+                      lag 0.3 to 3 times as in the scene, sensors 0 to 0.3 s late, a heavy payload, a lost thruster.",
+        make: storm_wide,
     },
     Level {
         name: "current-hard",
@@ -153,10 +159,28 @@ fn storm(by: f64) -> Disturbance {
         thrusters: Some(ThrusterLoss { gain: Span::of(0.5, 0.8).times(1.0 / by), ..ThrusterLoss::default() }),
         arm: Some(ArmMotion { amplitude: by, speed: 1.5 * by }),
         noise: Some(Noise::default()),
-        delay: Some(Delay { time: 0.0, periods: 1 }),
+        delay: Some(Delay { periods: 1, ..Delay::default() }),
         parameters: Some(Parameters::within(0.3 * by)),
         ..Disturbance::default()
     }
+}
+
+fn storm_wide() -> Disturbance {
+    let mut wide = storm(1.0);
+    if let (Some(payload), Some(thrusters)) = (&mut wide.payload, &mut wide.thrusters) {
+        (payload.share, thrusters.gain) = (Span::of(0.02, 0.16), Span::of(0.0, 0.8));
+    }
+    let poorly = Span::of(0.5, 1.6);
+    let parameters = Parameters::of([
+        ("mass", poorly),
+        ("added_mass", poorly),
+        ("linear_damping", poorly),
+        ("quadratic_damping", poorly),
+        ("thrust", Span::of(0.5, 1.3)),
+        ("thruster_lag", Span::of(0.3, 3.0)),
+    ]);
+    let delay = Delay { time: Span::of(0.0, 0.3), ..Delay::default() };
+    Disturbance { delay: Some(delay), parameters: Some(parameters), ..wide }
 }
 
 fn storm_hard() -> Disturbance {

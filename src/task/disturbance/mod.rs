@@ -130,7 +130,6 @@ impl Disturbance {
 
     /// Refuses another disturbance with components or sizes beyond the memory of this one.
     pub fn check_room(&self, other: &Self, period: f64) -> Result<(), TaskError> {
-        let periods = |of: &Self| of.delay.as_ref().map_or(0, |delay| delay.in_periods(period));
         let lacking = [
             ("drift", self.drift.is_none() && other.drift.is_some()),
             ("gust", self.gust.is_none() && other.gust.is_some()),
@@ -161,13 +160,27 @@ impl Disturbance {
         {
             return span::refuse(key, format!("{asked}, but the environment was made for at most {had}"));
         }
-        if periods(self) != periods(other) {
-            let (had, asked) = (periods(self), periods(other));
-            let hint = format!("give {{\"delay\": {{\"periods\": {had}}}}} besides");
+        let [had, asked] = [self, other].map(|disturbance| disturbance.delay_range(period));
+        if had != asked {
+            let text = |[least, most]: [usize; 2]| match least == most {
+                true => format!("{least}"),
+                false => format!("{least} to {most}"),
+            };
+            let hint = match had[0] == had[1] {
+                true => format!("{{\"periods\": {}}}", had[0]),
+                false => format!("{{\"time\": [{}, {}]}}", had[0] as f64 * period, had[1] as f64 * period),
+            };
+            let (had, asked) = (text(had), text(asked));
+            let hint = format!("give {{\"delay\": {hint}}} besides");
             let reason = format!("{asked} control periods, but the environment was made with {had}: {hint}");
             return span::refuse("delay", reason);
         }
         Ok(())
+    }
+
+    /// Least and greatest age of the measurements, control periods.
+    pub fn delay_range(&self, period: f64) -> [usize; 2] {
+        self.delay.as_ref().map_or([0; 2], |delay| delay.range(period))
     }
 
     /// Ranges of numbers of the scene, if there are any.

@@ -84,8 +84,8 @@ impl Disturbance {
                 Value::Bool(true) if key != "parameters" => {
                     whole.entry(key).or_insert_with(|| Value::Object(Map::new()));
                 }
-                Value::Number(time) if key == "delay" => {
-                    whole.insert(key, Value::Object(Map::from_iter([("time".to_owned(), Value::Number(time))])));
+                time @ (Value::Number(_) | Value::Array(_)) if key == "delay" => {
+                    whole.insert(key, Value::Object(Map::from_iter([("time".to_owned(), time)])));
                 }
                 Value::Object(changes) => {
                     if let Some(Value::Object(there)) = whole.get_mut(&key) {

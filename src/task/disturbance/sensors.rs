@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::column::Column;
 use super::draws::{QUAD, normal_pair};
-use super::span::{check, refuse};
+use super::span::{Span, check, refuse};
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Routine, Rows};
 use crate::system::JOINTS;
@@ -70,14 +70,20 @@ impl Noise {
     }
 }
 
-/// Age of the measurements when observed.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// Age of the measurements when observed, the same throughout an episode.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Delay {
-    /// Age in seconds, rounded to control periods.
-    pub time: f64,
+    /// Age in seconds, drawn per episode and rounded to control periods.
+    pub time: Span,
     /// Further age in control periods.
     pub periods: u32,
+}
+
+impl Default for Delay {
+    fn default() -> Self {
+        Self { time: Span::of(0.0, 0.0), periods: 0 }
+    }
 }
 
 /// Most control periods of delay.
@@ -85,17 +91,22 @@ const MOST_DELAY: f64 = 100.0;
 
 impl Delay {
     pub(super) fn check(&self, period: f64) -> Result<(), TaskError> {
-        check("delay.time", self.time, 0.0, 1e3)?;
-        let periods = self.time / period + f64::from(self.periods);
+        self.time.check("delay.time", 0.0, 1e3)?;
+        let periods = self.time.high / period + f64::from(self.periods);
         if periods > MOST_DELAY {
             return refuse("delay", format!("{periods:.0} control periods, but at most {MOST_DELAY} are taken"));
         }
         Ok(())
     }
 
-    /// Age in control periods.
-    pub(in crate::task) fn in_periods(&self, period: f64) -> usize {
-        (self.time / period).round() as usize + self.periods as usize
+    /// Age in control periods at a share in [0, 1) of its range.
+    pub(in crate::task) fn in_periods(&self, period: f64, share: f64) -> usize {
+        (self.time.at(share) / period).round() as usize + self.periods as usize
+    }
+
+    /// Least and greatest age in control periods.
+    pub(super) fn range(&self, period: f64) -> [usize; 2] {
+        [0.0, 1.0].map(|share| self.in_periods(period, share))
     }
 }
 
@@ -110,6 +121,8 @@ pub struct SensorRows {
     pub ring: usize,
     /// Number of stored measurements.
     pub slots: usize,
+    /// Row of the age, control periods, where it is drawn; else it is that of the oldest measurement.
+    pub age: Option<usize>,
 }
 
 impl SensorRows {
@@ -185,6 +198,16 @@ impl SensorRows {
         let mut seen = [L::zero(); MEASURED];
         for k in 0..self.measured {
             seen[k] = memory.get(self.ring + (self.slots - 1) * self.measured + k);
+        }
+        if let Some(row) = self.age {
+            let age: L = memory.get(row);
+            for slot in (0..self.slots - 1).rev() {
+                let younger = age.lt(L::c(slot as f64 + 0.5));
+                for k in 0..self.measured {
+                    let entry: L = memory.get(self.ring + slot * self.measured + k);
+                    seen[k] = L::select(younger, entry, seen[k]);
+                }
+            }
         }
         seen
     }

@@ -9,7 +9,7 @@ import gymnasium
 
 from uvms_gym.controllers.registry import TASKS
 from uvms_gym.disturbances import disturbance_levels
-from uvms_gym.envs import EPISODE_STEPS, TaskOptions
+from uvms_gym.envs import EPISODE_STEPS, VARIANTS, TaskOptions
 
 Options = dict[str, Any]
 Components = dict[str, Any]
@@ -74,6 +74,12 @@ class Condition(NamedTuple):
     def name(self) -> str:
         """Group and label."""
         return f"{self.group}, {self.label}"
+
+
+def informed(condition: Condition) -> Condition:
+    """Condition in which sensors show the true, present state: its episodes are the same."""
+    options = {**condition.options, "disturbance": _with(condition.options, **dict.fromkeys(_SENSORS))}
+    return condition._replace(options=options)
 
 
 class Departure(NamedTuple):
@@ -197,8 +203,9 @@ def _condition(env: str, scene: str, level: str | None, departure: str, base: Op
     chosen = DEPARTURES[departure]
     options = {**base, **chosen.change(base)}
     if (period := options.pop("period", None)) is not None:
-        dt = options.get("dt", 0.01)
-        before, substeps = options.get("substeps", 5), max(1, round(period / dt))
+        chosen_options = TaskOptions.by_task[options["task"]]
+        dt, before = (options.get(name, getattr(chosen_options, name)) for name in ("dt", "substeps"))
+        substeps = max(1, round(period / dt))
         options["substeps"], steps = substeps, round(steps * before / substeps)
     designed = options if chosen.told else base
     options = {key: value for key, value in options.items() if key not in ("task", "reward")}
@@ -211,7 +218,7 @@ def _spec(env: str) -> tuple[str, int, Options]:
         spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
         raise ValueError(str(error)) from None
-    task = next((task for task, name in TASKS.items() if spec.name in (name, f"{name}-Storm")), None)
+    task = next((task for task, name in TASKS.items() if spec.name in (name, *map(name.__add__, VARIANTS))), None)
     if task is None:
         raise ValueError(f"{env!r} is no environment of uvms_gym, such as UVMS-StationKeep-Storm-v0")
     return task, spec.max_episode_steps or EPISODE_STEPS, dict(spec.kwargs)

@@ -12,7 +12,7 @@ import numpy as np
 from uvms_gym import Rollout
 from uvms_gym.controllers import MLP, Controller, Residual, registry
 from uvms_gym.rollouts import RolloutStats
-from uvms_gym.studies.comparison.conditions import Condition
+from uvms_gym.studies.comparison.conditions import Condition, informed
 from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
 from uvms_gym.studies.numerics import Floats
 
@@ -29,12 +29,15 @@ class Contender(NamedTuple):
         One per training seed, or one.
     origin : dict
         Gains and their tuning, or files with digests and notes.
+    bound : bool
+        True where sensors show it the true, present state.
     """
 
     name: str
     seeds: tuple[int, ...]
     controllers: list[Controller]
     origin: dict[str, Any]
+    bound: bool = False
 
 
 class EpisodeScores(NamedTuple):
@@ -56,10 +59,11 @@ def make_contender(condition: Condition, name: str) -> Contender:
     OSError
         A file cannot be read.
     """
-    options = condition.designed
+    bound = registry.is_bound(name)
+    options = informed(condition._replace(options=condition.designed)).options if bound else condition.designed
     seeds = registry.seeds(name, **options)
     made = [registry.make_controller(name, seed=seed, **options) for seed in seeds or (0,)]
-    return Contender(name, seeds, made, _origin(name, seeds, made, options))
+    return Contender(name, seeds, made, _origin(name, seeds, made, options), bound)
 
 
 def _origin(name: str, seeds: tuple[int, ...], controllers: list[Controller], options: Any) -> dict[str, Any]:

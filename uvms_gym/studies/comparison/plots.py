@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uvms_gym.controllers.registry import is_bound
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.study import Comparison
 from uvms_gym.studies.comparison.summary import Summary, is_learned
@@ -21,7 +22,8 @@ Results = Sequence[tuple[Comparison, Summary]]
 _BARS = ("pose", "position", "attitude", "end_effector", "power", "variation", "recovery", "within")
 #: Colours of learned controllers, which stand out, and of classical ones.
 _LEARNED = (VERMILION, ORANGE, PURPLE, "#7a1f00")
-_CLASSICAL = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
+_CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
+_CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _NONE = "#bdbdbd"
 _LINES = ("-", "--", "-.", ":")
 
@@ -138,6 +140,46 @@ def _plain_ticks(axes: "Axes") -> None:
     axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
     axes.xaxis.set_minor_formatter(ticker.NullFormatter())
+
+
+def plot_frontier(path: Path, results: Results) -> None:
+    """Error of every controller against the variation of its commands and against its effort, by comparison.
+
+    Lines join the classical and the learned controllers that no other of their kind is better than in both.
+    """
+    with picture(path, 12.5, 5.2 * len(results)) as figure:
+        for row, (comparison, summary) in zip(figure.subplots(len(results), 2, squeeze=False), results, strict=True):
+            for axes, cost in zip(row, ("variation", "power"), strict=True):
+                _frontier(axes, summary, cost)
+                axes.set_title(comparison.condition.name, fontsize=9.0)
+
+
+def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
+    names = [name for name in summary.controllers if name != "none"]
+    kinds = {True: VERMILION, False: BLUE}
+
+    def estimate(name: str, metric: str) -> list[float]:
+        return [METRICS[metric].scale * x for x in summary.controllers[name]["metrics"][metric]["whole"]["iqm"]]
+
+    bounds = [name for name in names if is_bound(name)]
+    rivals = [name for name in names if name not in bounds]
+    for name in rivals:
+        (x, *_), (y, low, high) = estimate(name, cost), estimate(name, HEADLINE)
+        colour = kinds[is_learned(name)]
+        axes.errorbar(
+            x, y, yerr=[[max(0.0, y - low)], [max(0.0, high - y)]], fmt="o", ms=4.5, color=colour, capsize=2.5
+        )
+        axes.annotate(short_name(name), (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
+    for learned, colour in kinds.items():
+        points = sorted((estimate(n, cost)[0], estimate(n, HEADLINE)[0]) for n in rivals if is_learned(n) is learned)
+        best = [point for k, point in enumerate(points) if all(point[1] < other[1] for other in points[:k])]
+        label = "learned" if learned else "classical"
+        axes.plot(*zip(*best, strict=True), "-", color=colour, lw=1.2, label=label) if best else None
+    for name in bounds:
+        axes.axhline(estimate(name, HEADLINE)[0], ls=":", color=BLACK, lw=1.2, label=f"{name}: true, present state")
+    axes.set(xscale="log", xlabel=METRICS[cost].label, ylabel="RMS " + METRICS[HEADLINE].label, ylim=(0.0, None))
+    _plain_ticks(axes)
+    axes.legend(fontsize=7.5, loc="upper right")
 
 
 def plot_departures(path: Path, groups: Mapping[str, Results]) -> None:

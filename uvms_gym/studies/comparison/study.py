@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import uvms_gym
 from uvms_gym.controllers import registry
-from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, make_conditions
+from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, informed, make_conditions
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
 from uvms_gym.studies.comparison.summary import KEPT, Summary, summarise
 
@@ -35,7 +35,9 @@ class Comparison(NamedTuple):
         return self.condition.steps * sum(len(contender.controllers) for contender in self.contenders.values())
 
 
-def make_comparisons(conditions: Sequence[Condition], names: Sequence[str] | None = None) -> list[Comparison]:
+def make_comparisons(
+    conditions: Sequence[Condition], names: Sequence[str] | None = None, frontier: bool = False
+) -> list[Comparison]:
     """Make all controllers of all conditions.
 
     Parameters
@@ -43,6 +45,8 @@ def make_comparisons(conditions: Sequence[Condition], names: Sequence[str] | Non
     conditions : sequence of Condition
     names : sequence of str or None
         Controllers; each takes part in the tasks that it suits. None: all of each task with a shipped policy.
+    frontier : bool
+        Without `names`: also variants along the frontier, and bounds.
 
     Raises
     ------
@@ -55,7 +59,7 @@ def make_comparisons(conditions: Sequence[Condition], names: Sequence[str] | Non
         if not any(_suits(name, condition) for condition in conditions):
             registry.check_name(name, conditions[0].designed["task"])
     return [
-        make_comparison(condition, registry.names(condition.designed["task"]))
+        make_comparison(condition, (registry.names if frontier else registry.rivals)(condition.designed["task"]))
         if names is None
         else make_comparison(condition, [name for name in names if _suits(name, condition)], required=True)
         for condition in conditions
@@ -99,14 +103,17 @@ def run_all(
     ValueError, TypeError, gymnasium.error.Error
         The environment refuses its arguments, or a controller does not fit it.
     """
-    envs = make_envs(comparison.condition, episodes)
-    try:
-        return {
-            name: run(envs, comparison.condition, contender, seed, tick)
-            for name, contender in comparison.contenders.items()
-        }
-    finally:
-        envs.close()
+    found: dict[str, EpisodeScores] = {}
+    for bound in (False, True):
+        contenders = {name: one for name, one in comparison.contenders.items() if one.bound is bound}
+        if contenders:
+            condition = informed(comparison.condition) if bound else comparison.condition
+            envs = make_envs(condition, episodes)
+            try:
+                found |= {name: run(envs, condition, contender, seed, tick) for name, contender in contenders.items()}
+            finally:
+                envs.close()
+    return {name: found[name] for name in comparison.contenders}
 
 
 def scores_by_name(comparison: Comparison, runs: Mapping[str, EpisodeScores]) -> dict[str, NDArray[np.float64]]:

@@ -6,25 +6,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from uvms_gym.controllers.registry import LEARNED, MLP_PREFIX
+from uvms_gym.controllers.registry import CLASSICAL, LEARNED, MLP_PREFIX, is_bound
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.statistics import Draws, Estimate, Profile, Sample, Scores
 from uvms_gym.studies.numerics import Floats
 
 #: Classical controllers that others are compared with.
-BASELINES = (
-    "pd",
-    "pd-restoring",
-    "pid",
-    "dob",
-    "dob-delay",
-    "dob-calm",
-    "computed-torque",
-    "mpc",
-    "resolved",
-    "resolved-pid",
-    "resolved-dob",
+BASELINES = tuple(
+    name for name, entry in CLASSICAL.items() if name not in ("none", "dock-pd") and entry.role != "bound"
 )
 #: Number of thresholds of performance profiles.
 THRESHOLDS = 80
@@ -46,7 +36,7 @@ class Summary(NamedTuple):
     baseline : str
         First of the baselines.
     winner, runner_up : str
-        Controllers with the least and second least error.
+        Controllers with the least and second least error, but for bounds.
     margin : Estimate
         Error of the winner over that of the runner-up.
     thresholds : Floats
@@ -76,6 +66,18 @@ class _Statistics(NamedTuple):
 def is_learned(name: str) -> bool:
     """True for a trained policy, and for a controller with one."""
     return name in LEARNED or name.startswith(MLP_PREFIX)
+
+
+def closed_share(summary: Summary, name: str) -> float | None:
+    """Share of the gap between the baseline and the best bound that a controller closes; None without."""
+    value: dict[str, float] = {
+        n: entry["metrics"][HEADLINE]["whole"]["iqm"].value for n, entry in summary.controllers.items()
+    }
+    bounds = [error for other, error in value.items() if is_bound(other)]
+    if not bounds or name == summary.baseline:
+        return None
+    base = value[summary.baseline]
+    return (base - value[name]) / (base - min(bounds))
 
 
 def first_baseline(names: Any) -> str:
@@ -123,14 +125,15 @@ def summarise(contenders: Mapping[str, Contender], runs: Mapping[str, EpisodeSco
             for part, values in parts.items():
                 against[first][name].setdefault(metric, {}).setdefault(part, {}).update(values)
     headline = {name: found[name][HEADLINE, "whole"].mean for name in names}
-    ranking = sorted(names, key=lambda name: headline[name].value)
-    margin = headline[ranking[0]].over(headline[ranking[1]]).estimate() if len(names) > 1 else None
+    rivals = [name for name in names if not is_bound(name)] or names
+    ranking = sorted(rivals, key=lambda name: headline[name].value)
+    margin = headline[ranking[0]].over(headline[ranking[1]]).estimate() if len(ranking) > 1 else None
     return Summary(
         {name: _described(contenders[name], runs[name], found[name]) for name in names},
         against,
         first,
         ranking[0],
-        ranking[1] if len(names) > 1 else None,
+        ranking[1] if len(ranking) > 1 else None,
         margin,
         np.asarray(thresholds),
         {name: found[name][HEADLINE, "whole"].profile for name in profiled},

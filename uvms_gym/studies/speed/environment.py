@@ -15,7 +15,7 @@ from uvms_gym.studies.speed.physics import THRUST, assert_finite
 from uvms_gym.studies.speed.timing import Case, Tick, calls_per_sample, interleave, summary, timed
 
 ENV = "UVMS-StationKeep-v0"
-#: Physics steps per control step, the environments' default.
+#: Physics steps of 0.01 s per control step.
 SUBSTEPS = 5
 #: Batches of random actions, drawn beforehand and taken in turn; half of them are the negatives of the others.
 DRAWN = 8
@@ -149,7 +149,7 @@ def gymnasium_study(scene: dict[str, Any], n: int, threads: int, seconds: float,
     """Control steps per second by Gymnasium's own benchmark, which draws actions while timing; None before 1.4."""
     if not hasattr(performance, "benchmark_vector_step"):
         return None
-    env = gymnasium.make_vec(ENV, num_envs=n, scene=scene, substeps=SUBSTEPS, threads=threads)
+    env = gymnasium.make_vec(ENV, num_envs=n, scene=scene, dt=0.01, substeps=SUBSTEPS, threads=threads)
     try:
         return float(performance.benchmark_vector_step(env, target_duration=seconds, seed=seed))  # type: ignore[arg-type]
     finally:
