@@ -1,6 +1,6 @@
 """Texts of the repository as pages of the site: links between them, and alternative texts of pictures.
 
-Pages include files that lie outside of `docs`, such as sections of README.md. Their links point to files of the
+Pages include files that lie outside of `docs`, such as training/README.md. Their links point to files of the
 repository: they become links to the page that shows the file, or plain text where no page does.
 """
 
@@ -23,7 +23,6 @@ PAGES = {
     "CHANGELOG.md": "changelog",
     "CONTRIBUTING.md": "contributing",
     "README.md": "index",
-    "README.md#learned-against-classical": "results",
     "src/NOTATION.md": "notation",
     "tests/golden/README.md": "golden",
     "training/README.md": "training",
@@ -77,10 +76,7 @@ def _rewrite_page(app: Sphinx, docname: str, source: list[str]) -> None:
 def _rewrite_included(app: Sphinx, relative_path: Path, parent: str, content: list[str]) -> None:
     file = (Path(app.srcdir) / relative_path).resolve()
     # Pages that include anything lie directly in `docs`.
-    text = rewrite(content[0], file, DOCS / "page.md")
-    if file == ROOT / "README.md":
-        text = text.replace("\n### ", "\n## ")
-    content[0] = text
+    content[0] = rewrite(content[0], file, DOCS / "page.md")
 
 
 def _check_pictures(app: Sphinx, doctree: nodes.document, docname: str) -> None:

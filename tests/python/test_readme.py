@@ -1,4 +1,4 @@
-"""The README's Python runs, block by block."""
+"""The README: its Python runs, its links lead to files, and it stays short."""
 
 import re
 import warnings
@@ -6,24 +6,29 @@ from pathlib import Path
 
 import pytest
 
-import uvms_gym
+TEXT = (Path(__file__).parents[2] / "README.md").read_text()
+BLOCKS = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
-ROOT = Path(__file__).parents[2]
 
-
-@pytest.mark.nightly
-def test_the_blocks_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("stable_baselines3")
-    monkeypatch.chdir(tmp_path)
-    scene = Path(uvms_gym.__file__).parent / "scenes" / "petasus-pum.toml"
-    (tmp_path / "my.toml").write_text(scene.read_text())
-    text = (ROOT / "README.md").read_text()
-    blocks = re.findall(
-        r"^```python\n(.*?)^```", text.replace("learn(1_000_000)", "learn(1)"), re.MULTILINE | re.DOTALL
-    )
-    assert len(blocks) >= 3
-    names: dict[str, object] = {}
+@pytest.mark.parametrize(
+    "block",
+    [pytest.param(b, marks=pytest.mark.learning if "stable_baselines3" in b else ()) for b in BLOCKS],
+    ids=lambda block: re.sub(r"\W+", "-", block.splitlines()[0]),
+)
+def test_a_block_of_the_readme_runs_by_itself(block: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        for block in blocks:
-            exec(block, names)
+        exec(block.replace("learn(1_000_000)", "learn(1)"), {})
+
+
+def test_the_readme_is_short_and_has_its_examples() -> None:
+    assert len(TEXT.splitlines()) <= 150
+    assert len(BLOCKS) >= 2
+
+
+def test_links_of_the_readme_lead_to_files_and_pictures_are_described() -> None:
+    links = re.findall(r"(!?)\[([^\]]*)\]\(([^()\s]+)\)", TEXT)
+    assert len(links) > 30
+    for picture, text, target in links:
+        assert (Path(__file__).parents[2] / target.partition("#")[0]).is_file(), target
+        assert len(text) > (20 if picture else 2)
