@@ -3,21 +3,30 @@
 Importing it registers the environments with Gymnasium.
 """
 
-from uvms_gym._core import (
-    ATTITUDE_LEVER,
-    Renderer,
-    SceneError,
-    Simulator,
-    StepWarning,
-    __version__,
-    dump_scene,
-    estimate,
-    integrators,
-    lint_scene,
-    load_scene,
-    scene_names,
-    scene_template,
-)
+try:
+    from uvms_gym._core import (
+        ATTITUDE_LEVER,
+        Renderer,
+        SceneError,
+        Simulator,
+        StepWarning,
+        __version__,
+        dump_scene,
+        estimate,
+        integrators,
+        lint_scene,
+        load_scene,
+        scene_names,
+        scene_template,
+    )
+except ModuleNotFoundError as error:
+    if error.name != "uvms_gym._core":
+        raise
+    raise ModuleNotFoundError(
+        f"native module missing in {__path__[0]}: run `make run` or `pip install .` in the source tree, then start "
+        "Python outside of it",
+        name=error.name,
+    ) from None
 from uvms_gym.controllers import (
     DOB,
     MLP,

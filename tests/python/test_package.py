@@ -3,6 +3,7 @@
 import inspect
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,24 @@ def test_the_check_for_heavy_modules_can_fail() -> None:
     code = f"import sys, matplotlib; print(*[m for m in {HEAVY!r} if m in sys.modules])"
     result = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert "matplotlib" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("native", "message"),
+    [
+        (None, "native module missing in {package}: run `make run` or `pip install .` in the source tree"),
+        ("import absent_library", "No module named 'absent_library'"),
+    ],
+)
+def test_a_missing_native_module_is_one_line(native: str | None, message: str, tmp_path: Path) -> None:
+    package = tmp_path / "uvms_gym"
+    package.mkdir()
+    shutil.copy(uvms_gym.__file__, package)
+    if native is not None:
+        (package / "_core.py").write_text(native)
+    result = subprocess.run([sys.executable, "-c", "import uvms_gym"], cwd=tmp_path, capture_output=True, text=True)
+    *_, last = result.stderr.splitlines()
+    assert last.startswith("ModuleNotFoundError: " + message.format(package=package))
 
 
 def test_everything_public_is_exported_and_typed() -> None:

@@ -1,4 +1,4 @@
-"""The README: its Python runs, its links lead to files, and it stays short."""
+"""The README and its short form for PyPI: Python that runs, links that lead to files, few lines."""
 
 import re
 import warnings
@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-TEXT = (Path(__file__).parents[2] / "README.md").read_text()
+ROOT = Path(__file__).parents[2]
+TEXT, PYPI = ((ROOT / name).read_text() for name in ("README.md", "PYPI.md"))
 BLOCKS = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
 
@@ -30,5 +31,10 @@ def test_links_of_the_readme_lead_to_files_and_pictures_are_described() -> None:
     links = re.findall(r"(!?)\[([^\]]*)\]\(([^()\s]+)\)", TEXT)
     assert len(links) > 30
     for picture, text, target in links:
-        assert (Path(__file__).parents[2] / target.partition("#")[0]).is_file(), target
+        assert (ROOT / target.partition("#")[0]).is_file(), target
         assert len(text) > (20 if picture else 2)
+
+
+def test_the_form_for_pypi_has_the_example_and_no_link_to_a_file() -> None:
+    assert BLOCKS[0] in PYPI
+    assert "](" not in PYPI
