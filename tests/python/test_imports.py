@@ -17,7 +17,7 @@ LAYERS = (
     ("uvms_gym",),
     ("uvms_gym.sb3", "uvms_gym.identification"),
     ("uvms_gym.studies",),
-    ("uvms_gym.training",),
+    ("uvms_gym.training", "uvms_gym.viewer"),
     ("uvms_gym.cli",),
     ("uvms_gym.__main__",),
 )

@@ -270,7 +270,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "--out FILE, --window or --plot FILE is needed"),
+        ([], "--out FILE, --window, --plot FILE or --web is needed"),
         (["--out", "x.png", "--window"], "not the first two together"),
         (["--plot", "x.jpg"], "must end in .png"),
         (["--out", "x.avi"], "must end in .mp4, .gif, .png"),

@@ -1,4 +1,4 @@
-"""`uvms play`: an episode under a controller, in a window, a video or a plot."""
+"""`uvms play`: an episode under a controller, in a window, a browser, a video or a plot."""
 
 import contextlib
 import math
@@ -13,6 +13,7 @@ from typer import Option
 
 from uvms_gym.cli.common import Scene, check_range, fail, line, prepare, progress, read_scene, user_errors
 from uvms_gym.cli.episode_plot import Instant, plot_episode
+from uvms_gym.cli.web import serve
 from uvms_gym.controllers import Controller, registry
 
 if TYPE_CHECKING:
@@ -21,13 +22,23 @@ if TYPE_CHECKING:
 #: Greatest duration, s.
 MOST_SECONDS = 3600.0
 #: Optional modules: package and extra of each.
-NEEDS = {"PIL": ("pillow", "video"), "imageio_ffmpeg": ("imageio-ffmpeg", "video"), "pygame": ("pygame", "human")}
+NEEDS = {
+    "PIL": ("pillow", "video"),
+    "imageio_ffmpeg": ("imageio-ffmpeg", "video"),
+    "pygame": ("pygame", "human"),
+    "viser": ("viser", "web"),
+}
+#: Default environments: of files and windows, and of the browser view, whose policies are shipped.
+DEFAULT, STORM = "UVMS-StationKeep-v0", "UVMS-StationKeep-Storm-v0"
 _SUFFIXES = (".mp4", ".gif", ".png")
 KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
 
 
 def play(
-    env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-v0",
+    env: Annotated[
+        str | None,
+        Option(help=f"Environment, by Gymnasium's id. [default: {DEFAULT}, or {STORM} with --web]"),
+    ] = None,
     scene: Scene = "petasus-pum",
     controller: Annotated[
         str | None, Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
@@ -41,16 +52,27 @@ def play(
         Path | None, Option(metavar="FILE", help="Video (.mp4), animation (.gif), or the last picture only (.png).")
     ] = None,
     window: Annotated[bool, Option("--window", help="Show the episode in a window.")] = False,
+    web: Annotated[bool, Option("--web", help="Show the episode in a browser of this machine, with controls.")] = False,
+    port: Annotated[int, Option(help="Port of --web, at 127.0.0.1.")] = 8080,
     plot: Annotated[
         Path | None,
         Option(metavar="FILE", help="PNG of disturbances, errors and actions over time, with or without a video."),
     ] = None,
 ) -> None:
-    """Show an episode under a controller: in a window, a file, or a plot over time."""
+    """Show an episode under a controller: in a window, a browser, a file, or a plot over time."""
     check_range("--seconds", seconds, 0.0, MOST_SECONDS)
     check_range("--seed", seed, 0, math.inf)
+    env = env or (STORM if web else DEFAULT)
+    if web:
+        if out is not None or window or plot is not None:
+            raise fail("--web goes without --out, --window and --plot")
+        check_range("--port", port, 1, 65535)
+        _need("viser")
+        read_scene(scene)
+        serve(_make(env, scene, disturbance, seconds), controller, disturbance, seed, port)
+        return
     if (out is not None and window) or (out is None and not window and plot is None):
-        raise fail("--out FILE, --window or --plot FILE is needed, and not the first two together")
+        raise fail("--out FILE, --window, --plot FILE or --web is needed, and not the first two together")
     suffix = out.suffix.lower() if out is not None else ""
     if out is not None and suffix not in _SUFFIXES:
         raise fail(f"--out is {str(out)!r}, but must end in {', '.join(_SUFFIXES)}")

@@ -1,0 +1,173 @@
+"""Browser view of episodes: `uvms play --web`."""
+
+import socket
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+from uvms_gym.cli import main
+from uvms_gym.cli import play as module
+from uvms_gym.viewer.episode import Conditions, LiveEpisode
+
+STORM = "UVMS-StationKeep-Storm-v0"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def live(env: str = STORM, controller: str = "pd", **options: Any) -> LiveEpisode:
+    made = gymnasium.make(env, threads=1, disable_env_checker=True, **options)
+    return LiveEpisode(made.unwrapped, controller, 3)  # type: ignore[arg-type]
+
+
+def test_strength_scales_flow_and_loads_and_leaves_sensors() -> None:
+    storm = live().components
+    assert Conditions(1.0, 0.2).disturbance(storm)["waves"] == storm["waves"]
+    double, none = (Conditions(strength).disturbance(storm) for strength in (2.0, 0.0))
+    assert double["waves"]["height"] == [2.0 * x for x in storm["waves"]["height"]]
+    assert (none["gust"]["speed"], none["thrusters"]["gain"]) == ([0.0, 0.0], [1.0, 1.0])
+    assert none["noise"] == double["noise"] == storm["noise"]
+    assert none["delay"] == storm["delay"]
+
+
+@pytest.mark.parametrize("env", [STORM, "UVMS-EETrack-Storm-v0"])
+def test_a_change_goes_on_from_the_present_state(env: str) -> None:
+    episode = live(env, "pd" if env == STORM else "resolved")
+    start = episode.after.aim[:3, 3]
+    for _ in range(10):
+        assert episode.step()
+    before = episode.env.snapshot()
+    target = (np.array([0.2, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
+    episode.change(target, payload=1.5, current=0.0, strength=0.0)
+    after = episode.env.snapshot()
+    for quantity in ("position", "quaternion", "twist", "q", "qd"):
+        np.testing.assert_allclose(getattr(after, quantity), getattr(before, quantity), rtol=0.0, atol=1e-12)
+    assert after.parameters["payload"] == [1.5]
+    # In still water, without a storm, the current is zero; before it was not.
+    assert np.linalg.norm(after.current) == 0.0 < np.linalg.norm(before.current)
+    # The reference of an end effector begins anew, moved by as much.
+    np.testing.assert_allclose(episode.after.aim[:3, 3] - start, target[0], rtol=0.0, atol=1e-12)
+    assert episode.time == pytest.approx(1.0)
+
+
+def test_a_refused_change_leaves_the_episode() -> None:
+    episode = live()
+    episode.step()
+    with pytest.raises(ValueError, match="target_position"):
+        episode.change((np.full(3, np.nan), np.array([1.0, 0.0, 0.0, 0.0])))
+    assert episode.step()
+    assert not episode.target[0].any()
+
+
+def test_a_reset_repeats_the_episode() -> None:
+    episode, ends = live(), []
+    for _ in range(2):
+        for _ in range(15):
+            episode.step()
+        ends.append(episode.after.poses)
+        episode.reset()
+    np.testing.assert_array_equal(*ends)
+
+
+@pytest.fixture
+def viewer() -> Iterator[Any]:
+    pytest.importorskip("viser")
+    from uvms_gym.viewer.server import Viewer
+
+    shown = Viewer(live(), "title", free_port())
+    yield shown
+    shown.close()
+
+
+def listening(port: int) -> set[str]:
+    """Local addresses, in hexadecimal, that listen at a port."""
+    rows = [line.split() for file in ("tcp", "tcp6") for line in Path(f"/proc/net/{file}").read_text().splitlines()[1:]]
+    return {row[1].split(":")[0] for row in rows if row[3] == "0A" and int(row[1].split(":")[1], 16) == port}
+
+
+def test_the_page_is_served_to_this_machine_alone(viewer: Any) -> None:
+    assert listening(viewer.server.get_port()) == {"0100007F"}
+    with urllib.request.urlopen(viewer.url, timeout=5.0) as page:
+        assert page.status == 200
+    # The public tunnel that browsers may ask for.
+    assert viewer.server.request_share_url() is None
+
+
+def test_controls_act_at_the_next_picture(viewer: Any) -> None:
+    episode, page = viewer.episode, viewer.page
+    for _ in range(6):
+        viewer.picture(1.0 / 30.0)
+    assert episode.time == pytest.approx(0.2)
+    body = np.array(viewer.world._bodies[0].position)
+    low, high = sorted((episode.before.poses[0, 0, 3], episode.after.poses[0, 0, 3]))
+    assert low <= body[0] <= high
+    page.payload.value = 2.0
+    wait_for_commands(page)
+    viewer.picture(1.0 / 30.0)
+    assert episode.conditions.payload == 2.0
+    page.press("Pause")
+    viewer.picture(1.0)
+    paused = episode.time
+    page.press("Step")
+    viewer.picture(1.0)
+    assert episode.time == pytest.approx(paused + episode.period)
+    page.controller.value = "ppo"
+    wait_for_commands(page)
+    viewer.picture(0.0)
+    assert episode.controller == "ppo"
+    page.press("Reset")
+    viewer.picture(0.0)
+    assert episode.time == 0.0
+
+
+def wait_for_commands(page: Any) -> None:
+    """Wait for callbacks, which run in threads of the server."""
+    for _ in range(200):
+        if not page._commands.empty():
+            return
+        time.sleep(0.01)
+    raise AssertionError("the callback put no command")
+
+
+def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("viser")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert main(["play", "--web", "--port", str(port)]) == 2
+    error = capsys.readouterr().err
+    assert f"--port is {port}, but 127.0.0.1 refuses it" in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--port", "0"], "--port is 0, but must be 1 to 65535"),
+        (["--out", "x.png"], "--web goes without --out, --window and --plot"),
+        (["--disturbance", "typhoon"], "typhoon"),
+        (["--controller", "joystick"], "unknown controller 'joystick'"),
+    ],
+)
+def test_errors_are_one_line(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("viser")
+    assert main(["play", "--web", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(module, "find_spec", lambda name: None)
+    assert main(["play", "--web"]) == 2
+    assert "viser not installed; run: pip install 'uvms-gym[web]'" in capsys.readouterr().err

@@ -1,0 +1,1 @@
+"""Browser view of an episode, by viser: extra `web`."""

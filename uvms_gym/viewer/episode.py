@@ -1,0 +1,180 @@
+"""Episode that goes on while its conditions, target and controller change."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvms_gym.controllers import registry
+from uvms_gym.disturbances import disturbance_levels
+from uvms_gym.envs.base import TaskEnv
+from uvms_gym.envs.rendering import shots
+
+Floats = NDArray[np.float64]
+#: Position (3,), m, and unit quaternion [w, x, y, z], (4,), in the world.
+Target = tuple[Floats, Floats]
+#: Target at the world's origin, level.
+HOME: Target = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+#: Greatest factor of a disturbance, and greatest steady current, m/s, and payload, kg, of the page.
+MOST_STRENGTH, MOST_CURRENT, MOST_PAYLOAD = 2.0, 1.0, 5.0
+#: Parameters of a disturbance that go with its strength. Steady current and payload have their own controls;
+#: sensors, the arm's motion and the scatter of parameters stay.
+_SCALED = {
+    "drift": ("deviation",),
+    "gust": ("speed",),
+    "waves": ("height",),
+    "impulse": ("share", "force"),
+    "payload": ("share", "mass"),
+}
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Factor on a disturbance, speed of the steady current, m/s, and constant payload at the end effector, kg."""
+
+    strength: float = 1.0
+    current: float = 0.2
+    payload: float = 0.0
+
+    def disturbance(self, components: dict[str, Any]) -> dict[str, Any]:
+        """Components of a disturbance under these conditions.
+
+        Parameters
+        ----------
+        components : dict
+            Components as the option `disturbance` takes them, without `base`.
+        """
+        changed = {name: dict(entry) if isinstance(entry, dict) else entry for name, entry in components.items()}
+        for name, keys in _SCALED.items():
+            for key in keys:
+                if changed.get(name) and changed[name].get(key) is not None:
+                    changed[name][key] = _each(changed[name][key], lambda x: self.strength * x)
+        if changed.get("thrusters") and changed["thrusters"].get("gain") is not None:
+            gain = changed["thrusters"]["gain"]
+            changed["thrusters"]["gain"] = _each(gain, lambda x: max(0.0, 1.0 - self.strength * (1.0 - x)))
+        changed["current"] = {**changed.get("current", {}), "speed": self.current}
+        changed["parameters"] = {**changed.get("parameters", {}), "payload": [self.payload, self.payload]}
+        return changed
+
+
+@dataclass(frozen=True)
+class Frame:
+    """State to draw.
+
+    Attributes
+    ----------
+    poses : array (n + 2, 4, 4)
+        Poses of the moving bodies and of the end effector in the world.
+    aim : array (4, 4)
+        Pose that the vehicle, or with a path the end effector, is to have now.
+    path : array (k, 3)
+        Points of the end effector's reference, m; k is 0 without one.
+    thrust : array (m,)
+        Commanded thrusts, N.
+    current : array (3,)
+        Velocity of the water in the world, m/s.
+    payload : float
+        Mass at the end effector besides the scene's, kg.
+    """
+
+    poses: Floats
+    aim: Floats
+    path: Floats
+    thrust: Floats
+    current: Floats
+    payload: float
+
+
+class LiveEpisode:
+    """One instance of a task under a controller, always with a disturbance.
+
+    A change of conditions or target begins a new episode of the same seed from the present state: draws of a
+    disturbance belong to the start of an episode.
+
+    Parameters
+    ----------
+    env : TaskEnv
+        Environment; one of its options and of a disturbance is made from it.
+    controller : str
+        Name of a controller, or `mlp:FILE`.
+    seed : int
+        Seed of the episode.
+    level : str or None
+        Level of the disturbance at strength 1; None: that of the environment, or the storm where it has none.
+
+    Raises
+    ------
+    ValueError
+        The level or the controller is unknown, or the disturbance is refused.
+    """
+
+    def __init__(self, env: TaskEnv, controller: str, seed: int, level: str | None = None) -> None:
+        own, levels = env.options.disturbance, disturbance_levels()
+        self.level = level or (own if isinstance(own, str) and own else "storm")
+        if self.level not in levels:
+            raise ValueError(f"unknown disturbance level {self.level!r}; known: {', '.join(levels)}")
+        self.components = levels[self.level].components
+        # The middle of the level's speeds.
+        speed = self.components.get("current", {}).get("speed", 0.0)
+        self.conditions, self.seed = Conditions(current=round(float(np.mean(speed)), 2)), seed
+        self.env = type(env)(env.options, disturbance=self.conditions.disturbance(self.components))
+        self.period: float = self.env._native.control_period
+        self.target = HOME
+        self.choose(controller)
+        self.reset()
+
+    def choose(self, controller: str) -> None:
+        """Take another controller, from blank memory, in the running episode."""
+        self._control = registry.make_controller(controller, self.env)
+        self.controller = controller
+        self._memory: Any = None
+
+    def reset(self, seed: int | None = None) -> None:
+        """Begin anew from the start that the seed draws."""
+        self._begin(self.conditions, self.target, self.seed if seed is None else seed, {})
+        self.time = 0.0
+
+    def change(self, target: Target | None = None, **conditions: float) -> None:
+        """Begin an episode under other conditions, or with another target, from the present state.
+
+        Raises
+        ------
+        ValueError
+            The change is refused; the running episode continues.
+        """
+        now = self.env.snapshot()
+        start = {"position": now.position, "attitude": now.quaternion, "twist": now.twist, "q": now.q, "qd": now.qd}
+        target = self.target if target is None else target
+        start = {name: rows[0] for name, rows in start.items() if rows.size}
+        self._begin(replace(self.conditions, **conditions), target, self.seed, start)
+
+    def _begin(self, conditions: Conditions, target: Target, seed: int, start: dict[str, Floats]) -> None:
+        given: dict[str, Any] = {**start, "target_position": target[0], "target_attitude": target[1]}
+        given["disturbance"] = conditions.disturbance(self.components)
+        self._observation, self.info = self.env.reset(seed=seed, options=given)
+        self.conditions, self.target, self.seed, self._memory = conditions, target, seed, None
+        self.before = self.after = self._frame()
+
+    def step(self) -> bool:
+        """One control period; False where the run diverged and the episode began anew."""
+        action, self._memory = self._control.predict(self._observation, self._memory)
+        self._observation, _, terminated, _, self.info = self.env.step(action)
+        if terminated:
+            self.reset()
+            return False
+        self.time += self.period
+        self.before, self.after = self.after, self._frame()
+        return True
+
+    def _frame(self) -> Frame:
+        simulator, shot = self.env.snapshot(), shots(self.env._native)
+        poses = np.concatenate([simulator.body_poses(), simulator.end_effector_pose()[:, None]], axis=1)
+        aim = shot["point" if "point" in shot else "target"]
+        rows = (aim, shot["path"], shot["thrust"], shot["current"], shot["payload"])
+        return Frame(poses[0], *(row[0] for row in rows))
+
+
+def _each(value: Any, change: Any) -> Any:
+    """Change of a number or of both ends of a range."""
+    return [change(x) for x in value] if isinstance(value, list | tuple) else change(value)

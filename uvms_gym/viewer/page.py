@@ -1,0 +1,175 @@
+"""Controls and curves of the page."""
+
+import queue
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import viser
+
+from uvms_gym.controllers import registry
+from uvms_gym.viewer.episode import HOME, MOST_CURRENT, MOST_PAYLOAD, MOST_STRENGTH, LiveEpisode
+
+#: Duration of the curves, s.
+SPAN = 30.0
+SPEEDS = {"0.25x": 0.25, "0.5x": 0.5, "1x": 1.0, "2x": 2.0, "4x": 4.0}
+#: Curves: entry of `info`, title with unit, factor, colour.
+_ERRORS = (
+    ("position_error", "position (cm)", 100.0, "#78eba0"),
+    ("attitude_error", "attitude (deg)", 180.0 / np.pi, "#ffcd5a"),
+    ("end_effector_position_error", "end effector (cm)", 100.0, "#ff78d7"),
+)
+_THRUSTERS = ("#ff8c28", "#82d7ff", "#78eba0", "#ffcd5a", "#ff78d7", "#b79cff", "#e6e6e6", "#d95f5f")
+_NOTE = (
+    "A change here, or of the target, begins a new episode of the same seed from the present state: the disturbance "
+    "starts over. Strength 1 is the level as named. Reset begins at the start that the seed draws."
+)
+
+
+class Page:
+    """Controls of one episode on a server.
+
+    Callbacks of the server's threads put commands into a queue; the thread that steps the episode runs them.
+
+    Attributes
+    ----------
+    running : bool
+        False while paused.
+    speed : float
+        Simulated seconds per second.
+    stepped : bool
+        True once a single step was asked for.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, episode: LiveEpisode, gizmo: viser.TransformControlsHandle, title: str
+    ) -> None:
+        self._server, self._episode, self._gizmo = server, episode, gizmo
+        self._commands: queue.SimpleQueue[tuple[str, Callable[[], None]]] = queue.SimpleQueue()
+        self.running, self.speed, self.stepped = True, 1.0, False
+        gui = server.gui
+        gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, control_width="large")
+        gui.set_panel_label("uvms play")
+        gui.add_markdown(f"**{title}**")
+        names = registry.available(episode.env)
+        names = names if episode.controller in names else (episode.controller, *names)
+        self.controller = gui.add_dropdown("Controller", names, initial_value=episode.controller)
+        self._on(self.controller, "controller", lambda: episode.choose(self.controller.value))
+        self.pace = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1x")
+        self._on(self.pace, "speed", self._set_speed)
+        self.seed = gui.add_number("Seed", episode.seed, min=0, step=1)
+        self._on(self.seed, "seed", lambda: self.reset(int(self.seed.value)))
+        self.buttons = gui.add_button_group("Episode", ("Run", "Pause", "Step", "Reset"))
+        self._on(self.buttons, "button", lambda: self.press(self.buttons.value))
+        with gui.add_folder(f"Disturbance: {episode.level}"):
+            now = episode.conditions
+            self.strength = gui.add_slider("Strength", 0.0, MOST_STRENGTH, 0.05, now.strength)
+            self.current = gui.add_slider("Current (m/s)", 0.0, MOST_CURRENT, 0.01, now.current)
+            self.payload = gui.add_slider("Payload (kg)", 0.0, MOST_PAYLOAD, 0.1, now.payload)
+            gui.add_markdown(f"<small>{_NOTE}</small>")
+        for name, slider in (("strength", self.strength), ("current", self.current), ("payload", self.payload)):
+            self._on(slider, name, partial(self._slide, name, slider))
+        gizmo.on_update(lambda event: self._put("target", self._drag) if event.phase == "end" else None)
+        self._status = gui.add_markdown("")
+        self._rows: deque[list[float]] = deque(maxlen=max(2, round(SPAN / episode.period)))
+        # Without an arm the end effector is the vehicle.
+        self._curves = _ERRORS if episode.env.snapshot().num_joints else _ERRORS[:2]
+        self._errors = self._chart("Errors", [(name, colour) for _, name, _, colour in self._curves])
+        thrusters = episode.env.snapshot().thruster_names
+        self._thrusts = self._chart("Thrust (N)", list(zip(thrusters, _THRUSTERS * (len(thrusters) // 8 + 1))))
+        self.note()
+
+    def run_commands(self) -> None:
+        """Run the commands since the last call, of one kind the last only."""
+        last: dict[str, Callable[[], None]] = {}
+        while not self._commands.empty():
+            kind, command = self._commands.get()
+            last[kind] = command
+        for command in last.values():
+            try:
+                command()
+            except (ValueError, OSError) as error:
+                self.say("Refused", " ".join(str(error).split()))
+
+    def say(self, title: str, text: str) -> None:
+        """Show a notice in every browser."""
+        for client in self._server.get_clients().values():
+            client.add_notification(title, text, auto_close_seconds=8.0)
+
+    def press(self, button: str) -> None:
+        """Do what a button says: Run, Pause, Step or Reset."""
+        if button == "Reset":
+            self.reset(self._episode.seed)
+        else:
+            self.running, self.stepped = button == "Run", button == "Step"
+
+    def reset(self, seed: int) -> None:
+        """Begin at the start that a seed draws, with the target at the world's origin and empty curves."""
+        self._episode.target = HOME
+        self._episode.reset(seed)
+        self._gizmo.position, self._gizmo.wxyz = HOME
+        self.clear()
+        self.note()
+
+    def clear(self) -> None:
+        """Empty the curves."""
+        self._rows.clear()
+
+    def note(self) -> None:
+        """Append the present errors and thrusts to the curves."""
+        episode = self._episode
+        errors = (factor * episode.info[entry] for entry, _, factor, _ in self._curves)
+        self._rows.append([episode.time, *errors, *episode.after.thrust])
+
+    def draw_curves(self, rate: float) -> None:
+        """Send the curves, and the state in words with the rate of pictures, 1/s."""
+        columns = np.array(self._rows).T
+        count = len(self._curves)
+        self._errors.data = (columns[0], *columns[1 : 1 + count])
+        self._thrusts.data = (columns[0], *columns[1 + count :])
+        info, time = self._episode.info, self._episode.time
+        speed = np.linalg.norm(self._episode.after.current)
+        state = "running" if self.running else "paused"
+        self._status.content = (
+            f"{state}, {time:.1f} s: pose error {100.0 * info['pose_error']:.1f} cm, water {speed:.2f} m/s, "
+            f"{rate:.0f} pictures/s"
+        )
+
+    def _slide(self, name: str, slider: Any) -> None:
+        changes: dict[str, Any] = {name: float(slider.value)}
+        self._episode.change(**changes)
+
+    def _drag(self) -> None:
+        gizmo = self._gizmo
+        try:
+            self._episode.change((np.array(gizmo.position), np.array(gizmo.wxyz)))
+        except ValueError:
+            gizmo.position, gizmo.wxyz = self._episode.target
+            raise
+
+    def _set_speed(self) -> None:
+        self.speed = SPEEDS[self.pace.value]
+
+    def _on(self, handle: Any, kind: str, command: Callable[[], None]) -> None:
+        """Run a command at every change of a control; the value of the last change counts."""
+        register = handle.on_click if hasattr(handle, "on_click") else handle.on_update
+        register(lambda _: self._put(kind, command))
+
+    def _put(self, kind: str, command: Callable[[], None]) -> None:
+        self._commands.put((kind, command))
+
+    def _chart(self, title: str, curves: list[tuple[str, str]]) -> Any:
+        """Chart of named curves over time."""
+        axis = {"stroke": "#cddee4", "grid": {"stroke": "#ffffff22", "width": 1}}
+        series = ({"label": "t (s)"}, *({"label": name, "stroke": colour, "width": 1.5} for name, colour in curves))
+        empty = tuple(np.zeros(1) for _ in series)
+        return self._server.gui.add_uplot(
+            empty,
+            series,
+            title=title,
+            scales={"x": {"time": False}},
+            axes=(axis, axis),
+            aspect=1.7,
+        )

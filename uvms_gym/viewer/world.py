@@ -1,0 +1,152 @@
+"""3-D scene of the page: vehicle, arm, thrust, current, reference and target."""
+
+import numpy as np
+import viser
+import viser.transforms
+from numpy.typing import NDArray
+
+from uvms_gym import Renderer, Simulator
+from uvms_gym.viewer.episode import Frame, Target
+from uvms_gym.viewer.shapes import link_glbs, payload_radius, vehicle_glb, vehicle_size
+
+Floats = NDArray[np.float64]
+
+_WATER, _JET, _CURRENT, _AIM = (12, 62, 84), (255, 140, 40), (60, 170, 255), (120, 235, 160)
+#: Length of the arrow of the current, edges of the vehicle per m/s.
+_CURRENT_SCALE = 2.0
+
+
+class World:
+    """Objects of one scene on a server.
+
+    Attributes
+    ----------
+    gizmo : viser.TransformControlsHandle
+        Handles of the target.
+    """
+
+    def __init__(self, server: viser.ViserServer, simulator: Simulator, target: Target) -> None:
+        scene, api = simulator.scene, server.scene
+        renderer = Renderer(scene)
+        centre, size = vehicle_size(scene)
+        reach = float(np.max(size))
+        self._limits = np.maximum(np.abs(simulator.thruster_limits).max(axis=1), 1e-9)
+        thrusters = scene["vehicle"].get("thrusters", ())
+        self._places = np.array([t["position"] for t in thrusters]).reshape(-1, 3)
+        self._jets = np.array([t["axis"] for t in thrusters]).reshape(-1, 3) * (-0.6 * reach)
+        # Home, for the constant parts of the links' poses.
+        home = Simulator(scene, threads=1)
+        files = [vehicle_glb(scene), *link_glbs(scene, home.body_poses()[0], home.end_effector_pose()[0])]
+
+        api.set_background_image(_gradient())
+        # The default lights' environment map would be fetched from the network.
+        api.configure_environment_map(None)
+        api.add_light_hemisphere("/light", sky_color=(235, 248, 255), ground_color=(40, 80, 95), intensity=2.6)
+        cell = renderer.cell
+        api.add_grid(
+            "/floor",
+            60.0 * cell,
+            60.0 * cell,
+            cell_size=cell,
+            section_size=5.0 * cell,
+            cell_color=(70, 125, 140),
+            section_color=(110, 165, 178),
+            fade_distance=3.0 * renderer.distance,
+            position=(0.0, 0.0, renderer.floor),
+        )
+        self._bodies = [api.add_glb(f"/bodies/{k}", file) for k, file in enumerate(files)]
+        self._thrust = api.add_line_segments(
+            "/bodies/0/thrust", np.zeros((len(thrusters), 2, 3), np.float32), _JET, thickness=0.03 * reach
+        )
+        self._tip = api.add_frame("/tip", show_axes=False)
+        self._payload = api.add_icosphere("/tip/payload", 1.0, (168, 72, 58), visible=False)
+        self._current = api.add_arrows(
+            "/current",
+            np.zeros((1, 2, 3), np.float32),
+            _CURRENT,
+            shaft_radius=0.02 * reach,
+            head_radius=0.05 * reach,
+            head_length=0.12 * reach,
+        )
+        self._above, self._arrow = np.array([0.0, 0.0, 0.5 * size[2] + 0.3 * reach]), _CURRENT_SCALE * reach
+        self._brackets = api.add_line_segments("/aim", _brackets(centre, size), _AIM, thickness=0.012 * reach)
+        self._axes = api.add_frame("/reference", axes_length=0.2 * reach, axes_radius=0.008 * reach, visible=False)
+        self._path = api.add_line_segments("/path", np.zeros((1, 2, 3), np.float32), _AIM, thickness=0.01 * reach)
+        self._drawn_path = np.zeros((0, 3))
+        self.gizmo = api.add_transform_controls(
+            "/target", scale=0.9 * reach, position=target[0], wxyz=target[1], depth_test=False, opacity=0.75
+        )
+        _place_camera(server.initial_camera, 0.75 * renderer.distance)
+
+    def show(self, before: Frame, after: Frame, share: float) -> None:
+        """Draw the state between two frames; `share` is 0 at the first and 1 at the second."""
+        positions = _blend(before.poses[:, :3, 3], after.poses[:, :3, 3], share)
+        rotations = _blend_rotations(before.poses[:, :3, :3], after.poses[:, :3, :3], share)
+        for body, position, wxyz in zip(self._bodies, positions, rotations):
+            body.position, body.wxyz = position, wxyz
+        self._tip.position, self._tip.wxyz = positions[-1], rotations[-1]
+        if self._places.size:
+            jets = self._jets * (after.thrust / self._limits)[:, None]
+            self._thrust.points = np.stack([self._places, self._places + jets], axis=1).astype(np.float32)
+        start = positions[0] + self._above
+        current = _blend(before.current, after.current, share)
+        self._current.points = np.stack([start, start + self._arrow * current])[None].astype(np.float32)
+        self._show_aim(before, after, share)
+        if (visible := after.payload > 0.0) != self._payload.visible:
+            self._payload.visible = visible
+        if visible and self._payload.scale != (radius := payload_radius(after.payload)):
+            self._payload.scale = radius
+
+    def _show_aim(self, before: Frame, after: Frame, share: float) -> None:
+        """Brackets at the vehicle's pose to be, or axes and path of the end effector's."""
+        tracks = len(after.path) > 0
+        shown, hidden = (self._axes, self._brackets) if tracks else (self._brackets, self._axes)
+        if not shown.visible or hidden.visible:
+            shown.visible, hidden.visible = True, False
+        aim = np.stack([before.aim, after.aim])
+        shown.position = _blend(aim[0, :3, 3], aim[1, :3, 3], share)
+        shown.wxyz = _blend_rotations(aim[:1, :3, :3], aim[1:, :3, :3], share)[0]
+        if tracks and not np.array_equal(after.path, self._drawn_path):
+            self._drawn_path = after.path
+            self._path.points = np.stack([after.path[:-1], after.path[1:]], axis=1).astype(np.float32)
+
+
+def _place_camera(camera: viser.InitialCameraConfig, distance: float) -> None:
+    """Look from the side of the software renderer's pictures, with the vehicle left of the controls."""
+    azimuth, elevation = -0.95, 0.32
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    look_at = 0.16 * distance * right - (0.0, 0.0, 0.06 * distance)
+    away = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+    camera.look_at = tuple(look_at)
+    camera.position = tuple(look_at + distance * away)
+
+
+def _blend(a: Floats, b: Floats, share: float) -> Floats:
+    return np.asarray((1.0 - share) * a + share * b)
+
+
+def _blend_rotations(a: Floats, b: Floats, share: float) -> Floats:
+    """Unit quaternions (k, 4) between rotation matrices (k, 3, 3): normalised linear interpolation."""
+    p, q = (viser.transforms.SO3.from_matrix(rotations).wxyz for rotations in (a, b))
+    q = np.where(np.sum(p * q, axis=-1, keepdims=True) < 0.0, -q, q)
+    blended = _blend(p, q, share)
+    return np.asarray(blended / np.linalg.norm(blended, axis=-1, keepdims=True))
+
+
+def _brackets(centre: Floats, size: Floats) -> NDArray[np.float32]:
+    """Corners of a box somewhat larger than the vehicle, (24, 2, 3)."""
+    corners = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    half = 0.56 * size
+    lines = []
+    for corner in corners:
+        for k in range(3):
+            inner = corner.copy()
+            inner[k] *= 0.7
+            lines.append((centre + half * corner, centre + half * inner))
+    return np.array(lines, dtype=np.float32)
+
+
+def _gradient() -> NDArray[np.uint8]:
+    """Water, lighter above, (64, 1, 3)."""
+    share = np.linspace(0.0, 1.0, 64)[:, None, None]
+    return np.asarray((1.0 - share) * (70, 150, 176) + share * _WATER, dtype=np.uint8)
