@@ -1,6 +1,7 @@
 """Browser view of episodes: `uvms play --web`."""
 
 import socket
+import threading
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -94,12 +95,36 @@ def listening(port: int) -> set[str]:
     return {row[1].split(":")[0] for row in rows if row[3] == "0A" and int(row[1].split(":")[1], 16) == port}
 
 
-def test_the_page_is_served_to_this_machine_alone(viewer: Any) -> None:
+def test_the_page_is_served_to_this_machine_alone(viewer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert listening(viewer.server.get_port()) == {"0100007F"}
     with urllib.request.urlopen(viewer.url, timeout=5.0) as page:
         assert page.status == 200
-    # The public tunnel that browsers may ask for.
-    assert viewer.server.request_share_url() is None
+    # A browser asks for viser's public tunnel.
+    tunnels: list[Any] = []
+    monkeypatch.setattr("viser._viser.ViserTunnel", lambda *arguments: tunnels.append(arguments))
+    (handler,) = viewer.server._websock_server._incoming_handlers[_messages().ShareUrlRequest]
+    handler(0, None)
+    viewer.server._thread_executor.shutdown(wait=True)
+    assert tunnels == []
+
+
+def _messages() -> Any:
+    from viser import _messages
+
+    return _messages
+
+
+def test_a_closed_viewer_leaves_no_thread_and_no_port() -> None:
+    pytest.importorskip("viser")
+    from uvms_gym.viewer.server import Viewer
+
+    before, port = set(threading.enumerate()), free_port()
+    Viewer(live(), "title", port).close()
+    until = time.monotonic() + 5.0
+    while set(threading.enumerate()) - before and time.monotonic() < until:
+        time.sleep(0.01)
+    assert set(threading.enumerate()) <= before
+    assert listening(port) == set()
 
 
 def test_controls_act_at_the_next_picture(viewer: Any) -> None:

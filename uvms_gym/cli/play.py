@@ -69,7 +69,7 @@ def play(
         check_range("--port", port, 1, 65535)
         _need("viser")
         read_scene(scene)
-        serve(_make(env, scene, disturbance, seconds), controller, disturbance, seed, port)
+        serve(_make(env, scene, disturbance, seconds), controller, seed, port)
         return
     if (out is not None and window) or (out is None and not window and plot is None):
         raise fail("--out FILE, --window, --plot FILE or --web is needed, and not the first two together")

@@ -8,24 +8,23 @@ from uvms_gym.cli.common import fail, line, user_errors
 from uvms_gym.controllers import registry
 
 
-def serve(env: gymnasium.Env[Any, Any], controller: str | None, disturbance: str | None, seed: int, port: int) -> None:
+def serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port: int) -> None:
     """Serve the page until Ctrl-C.
 
     Raises
     ------
     TyperException
-        The controller or the disturbance is refused, or the port is taken.
+        The controller is refused, or the port is taken.
     """
     from uvms_gym.viewer.episode import LiveEpisode
     from uvms_gym.viewer.server import HOST, Viewer
 
     inner: Any = env.unwrapped
     with user_errors():
-        episode = LiveEpisode(inner, controller or registry.BASELINE[inner.task], seed, disturbance)
+        episode = LiveEpisode(inner, controller or registry.BASELINE[inner.task], seed)
+    title = f"{inner.snapshot().scene_name}, {env.spec.id if env.spec else inner.task}"
     try:
-        viewer = Viewer(
-            episode, f"{inner.snapshot().scene_name}, {env.spec.id if env.spec else inner.task}", port, line
-        )
+        viewer = Viewer(episode, title, port, line)
     except OSError as error:
         raise fail(f"--port is {port}, but {HOST} refuses it: {error.strerror or error}") from None
     line(f"{viewer.url} (this machine alone; Ctrl-C ends it)")

@@ -10,6 +10,7 @@ from uvms_gym.controllers import registry
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs.base import TaskEnv
 from uvms_gym.envs.rendering import shots
+from uvms_gym.studies.comparison.conditions import SCALED
 
 Floats = NDArray[np.float64]
 #: Position (3,), m, and unit quaternion [w, x, y, z], (4,), in the world.
@@ -18,15 +19,9 @@ Target = tuple[Floats, Floats]
 HOME: Target = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 #: Greatest factor of a disturbance, and greatest steady current, m/s, and payload, kg, of the page.
 MOST_STRENGTH, MOST_CURRENT, MOST_PAYLOAD = 2.0, 1.0, 5.0
-#: Parameters of a disturbance that go with its strength. Steady current and payload have their own controls;
-#: sensors, the arm's motion and the scatter of parameters stay.
-_SCALED = {
-    "drift": ("deviation",),
-    "gust": ("speed",),
-    "waves": ("height",),
-    "impulse": ("share", "force"),
-    "payload": ("share", "mass"),
-}
+#: Parameters of a disturbance that go with its strength. The steady current has its own control; sensors, the arm's
+#: motion and the scatter of parameters stay.
+_SCALED = {name: keys for name, keys in SCALED.items() if name not in ("current", "arm")}
 
 
 @dataclass(frozen=True)
@@ -95,26 +90,23 @@ class LiveEpisode:
     Parameters
     ----------
     env : TaskEnv
-        Environment; one of its options and of a disturbance is made from it.
+        Environment; another with its options, under a disturbance, is made from it: the level named in them, or the
+        storm.
     controller : str
         Name of a controller, or `mlp:FILE`.
     seed : int
         Seed of the episode.
-    level : str or None
-        Level of the disturbance at strength 1; None: that of the environment, or the storm where it has none.
 
     Raises
     ------
     ValueError
-        The level or the controller is unknown, or the disturbance is refused.
+        The controller is unknown or does not fit.
     """
 
-    def __init__(self, env: TaskEnv, controller: str, seed: int, level: str | None = None) -> None:
-        own, levels = env.options.disturbance, disturbance_levels()
-        self.level = level or (own if isinstance(own, str) and own else "storm")
-        if self.level not in levels:
-            raise ValueError(f"unknown disturbance level {self.level!r}; known: {', '.join(levels)}")
-        self.components = levels[self.level].components
+    def __init__(self, env: TaskEnv, controller: str, seed: int) -> None:
+        own = env.options.disturbance
+        self.level = own if isinstance(own, str) and own else "storm"
+        self.components = disturbance_levels()[self.level].components
         # The middle of the level's speeds.
         speed = self.components.get("current", {}).get("speed", 0.0)
         self.conditions, self.seed = Conditions(current=round(float(np.mean(speed)), 2)), seed

@@ -19,6 +19,13 @@ PICTURES, CURVES = 30.0, 5.0
 _LONGEST = 0.2
 
 
+class _LocalServer(viser.ViserServer):  # type: ignore[misc,unused-ignore]
+    """Server that refuses the tunnel to a public address, which any browser could ask for."""
+
+    def request_share_url(self, verbose: bool = True) -> None:
+        """Do nothing."""
+
+
 class Viewer:
     """Browser view of one episode.
 
@@ -47,9 +54,7 @@ class Viewer:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((HOST, port))
         with _quiet():
-            self.server = viser.ViserServer(host=HOST, port=port, verbose=False)
-        # Any browser could ask for a tunnel to a public address.
-        self.server.request_share_url = _no_tunnel  # type: ignore[method-assign,unused-ignore]
+            self.server = _LocalServer(host=HOST, port=port, verbose=False)
         if (bound := self.server.get_port()) != port:
             self.close()
             raise OSError(f"port {port} is taken; {bound} would be free")
@@ -120,7 +125,3 @@ class Viewer:
 def _quiet() -> contextlib.AbstractContextManager[io.StringIO]:
     """Suppress viser's own lines."""
     return contextlib.redirect_stdout(io.StringIO())
-
-
-def _no_tunnel(verbose: bool = True) -> None:
-    """Refuse to share the page beyond this machine."""

@@ -18,7 +18,7 @@ Components = dict[str, Any]
 DESIGN = "design"
 #: Factor of stronger disturbances, and the scaled numbers of each component.
 HARDER = 1.3
-_SCALED: Mapping[str, tuple[str, ...]] = {
+SCALED: Mapping[str, tuple[str, ...]] = {
     "current": ("speed",),
     "drift": ("deviation",),
     "gust": ("speed",),
@@ -113,7 +113,7 @@ def _only(options: Options, *kept: str) -> Components:
 def harder(components: Components, factor: float = HARDER) -> Components:
     """Scale disturbances: flow and forces, the arm's amplitude, and the loss of thrusters."""
     scaled = copy.deepcopy(components)
-    for name, keys in _SCALED.items():
+    for name, keys in SCALED.items():
         for key in keys:
             if isinstance(scaled.get(name), dict) and key in scaled[name]:
                 scaled[name][key] = _times(scaled[name][key], factor)
