@@ -25,6 +25,7 @@ extensions = [
     "pictures",
     "repository_links",
     "scenes",
+    "scoreboard",
     "signatures",
 ]
 exclude_patterns = ["_generated/**", "examples/**"]

@@ -13,6 +13,8 @@ from uvms_gym.cli.output import Json, Out, say, write_results
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import DEPARTURES, DESIGN, make_conditions
+from uvms_gym.studies.comparison.own import PREFIX
+from uvms_gym.studies.comparison.scoreboard import read_entries
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
 from uvms_gym.studies.comparison.study import TOLERANCE, as_data, make_comparisons, run_all, scores_by_name
 from uvms_gym.studies.comparison.study import verify as run_again
@@ -23,7 +25,7 @@ from uvms_gym.studies.records import circumstances
 MOST_EPISODES = 100_000
 #: Greatest speed of the current, m/s.
 MOST_CURRENT = 10.0
-KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
+KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE, {PREFIX}FILE.py:NAME"
 
 
 def compare(
@@ -78,7 +80,7 @@ def compare(
         check_range("--current", current, 0.0, MOST_CURRENT)
         options["max_current"] = current
     for name in given["controllers"] or ():
-        if name not in registry.NAMES and not name.startswith(registry.MLP_PREFIX):
+        if name not in registry.NAMES and not name.startswith((registry.MLP_PREFIX, PREFIX)):
             raise fail(f"unknown controller {name!r}; known: {KNOWN}")
     scenes = {name: read_scene(name) for name in given["scene"]}
     with user_errors():
@@ -126,9 +128,17 @@ def compare(
 
 def verify(
     file: Annotated[Path, Argument(metavar="FILE", help="A compare.json, or the results.json of policies.")],
+    scoreboard: Annotated[
+        bool, Option("--scoreboard", help="Refuse a file that does not follow the rule of the scoreboard.")
+    ] = False,
 ) -> None:
-    """Run a stored comparison again, and report differences; the exit status is 2 if there are any."""
+    """Run a stored comparison again, and report differences; the exit status is 2 if there are any.
+
+    Files of its controllers are looked up in the working folder; the code of `py:FILE.py:NAME` is run.
+    """
     with user_errors():
+        if scoreboard:
+            read_entries(file)
         differences = run_again(file, full=True)
     for difference in differences:
         line(difference)

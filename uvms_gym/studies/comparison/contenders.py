@@ -14,6 +14,7 @@ from uvms_gym.controllers import MLP, Controller, Residual, registry
 from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition, informed
 from uvms_gym.studies.comparison.metrics import METRICS, SETTLED
+from uvms_gym.studies.comparison.own import PREFIX, PredictRollout, file_of, load
 from uvms_gym.studies.numerics import Floats
 
 
@@ -25,8 +26,8 @@ class Contender(NamedTuple):
     name : str
     seeds : tuple of int
         Training seeds; empty for classical controllers.
-    controllers : list of Controller
-        One per training seed, or one.
+    controllers : list
+        One per training seed, or one; of `py:FILE:NAME` any object with `predict`.
     origin : dict
         Gains and their tuning, or files with digests and notes.
     bound : bool
@@ -35,7 +36,7 @@ class Contender(NamedTuple):
 
     name: str
     seeds: tuple[int, ...]
-    controllers: list[Controller]
+    controllers: list[Any]
     origin: dict[str, Any]
     bound: bool = False
 
@@ -59,6 +60,8 @@ def make_contender(condition: Condition, name: str) -> Contender:
     OSError
         A file cannot be read.
     """
+    if name.startswith(PREFIX):
+        return Contender(name, (), [made := load(condition, name)], {"files": [_file(file_of(name), made)]})
     bound = registry.is_bound(name)
     options = informed(condition._replace(options=condition.designed)).options if bound else condition.designed
     seeds = registry.seeds(name, **options)
@@ -74,16 +77,13 @@ def _origin(name: str, seeds: tuple[int, ...], controllers: list[Controller], op
         files = [registry.policy_file(name, seed, **options) for seed in seeds]
     else:
         return {"tuned": registry.tuned(name, **options)}
-    found = []
-    for file, controller in zip(files, controllers, strict=True):
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()
-        found.append({"name": file.name, "sha256": digest, "notes": _notes(controller)})
-    return {"files": found}
+    return {"files": [_file(file, controller) for file, controller in zip(files, controllers, strict=True)]}
 
 
-def _notes(controller: Controller) -> dict[str, str]:
+def _file(file: Path, controller: Any) -> dict[str, Any]:
     network = controller.correction if isinstance(controller, Residual) else controller
-    return network.notes if isinstance(network, MLP) else {}
+    notes = network.notes if isinstance(network, MLP) else {}
+    return {"name": file.name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest(), "notes": notes}
 
 
 def make_envs(condition: Condition, episodes: int) -> Any:
@@ -108,7 +108,15 @@ def run(
         A controller does not fit the environment.
     """
     started = time.perf_counter()
-    rows = [_run(envs, condition, controller, seed, tick) for controller in contender.controllers]
+    rows = []
+    for controller in contender.controllers:
+        observations, _ = envs.reset(seed=seed)
+        rollout: Any = (
+            PredictRollout(envs, controller, contender.name, observations)
+            if contender.name.startswith(PREFIX)
+            else Rollout(envs, controller)
+        )
+        rows.append(_run(envs, condition, rollout, tick))
     scores = {
         name: {part: np.stack([row[name][part] for row in rows]) for part in metric.parts}
         for name, metric in METRICS.items()
@@ -117,12 +125,10 @@ def run(
 
 
 def _run(
-    envs: Any, condition: Condition, controller: Controller, seed: int, tick: Callable[[int], object]
+    envs: Any, condition: Condition, rollout: Rollout | PredictRollout, tick: Callable[[int], object]
 ) -> dict[str, dict[str, Floats]]:
-    envs.reset(seed=seed)
     period = 1.0 / envs.metadata["render_fps"]
     begin = min(round(SETTLED / period), condition.steps)
-    rollout = Rollout(envs, controller)
     parts = []
     for steps in (begin, condition.steps - begin):
         rollout.run(steps, tick)

@@ -12,6 +12,7 @@ import uvms_gym
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, informed, make_conditions
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
+from uvms_gym.studies.comparison.own import PREFIX
 from uvms_gym.studies.comparison.summary import KEPT, Summary, summarise
 
 #: Note in place of a controller without a shipped policy.
@@ -67,7 +68,7 @@ def make_comparisons(
 
 
 def _suits(name: str, condition: Condition) -> bool:
-    return name in registry.names(condition.designed["task"]) or name.startswith(registry.MLP_PREFIX)
+    return name in registry.names(condition.designed["task"]) or name.startswith((registry.MLP_PREFIX, PREFIX))
 
 
 def make_comparison(condition: Condition, names: Sequence[str], required: bool = False) -> Comparison:

@@ -1,0 +1,133 @@
+"""Controllers written in Python, by file and name: loading, and episodes with Python between control periods."""
+
+import importlib.util
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from uvms_gym.rollouts import RolloutStats
+from uvms_gym.studies.comparison.conditions import Condition
+
+#: Prefix of a controller in a Python file: `py:FILE:NAME`, NAME called with an environment as designed for.
+PREFIX = "py:"
+
+
+def file_of(name: str) -> Path:
+    """File of `py:FILE:NAME`."""
+    return Path(name.removeprefix(PREFIX).rpartition(":")[0])
+
+
+def load(condition: Condition, name: str) -> Any:
+    """Run the file of `py:FILE:NAME` and make its controller for the environment as designed for.
+
+    Parameters
+    ----------
+    condition : Condition
+    name : str
+        NAME is called with a vector environment of one instance, and returns an object with
+        `predict(observation, state, episode_start, deterministic)`.
+
+    Raises
+    ------
+    ValueError
+        The file has no such name, or its code raises; the message names file and line.
+    OSError
+        The file cannot be read.
+    """
+    file, attribute = file_of(name), name.rpartition(":")[2]
+    if file.suffix != ".py" or not attribute:
+        raise ValueError(f"controller {name!r} must be {PREFIX}FILE.py:NAME")
+    # An absent file is an OSError with its name.
+    file.read_bytes()
+    spec = importlib.util.spec_from_file_location(f"{__name__}.{file.stem}", file)
+    assert spec is not None and spec.loader is not None
+    # Data classes look their module up.
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    options = {key: value for key, value in condition.designed.items() if key not in ("task", "reward")}
+    env = gymnasium.make_vec(condition.env, num_envs=1, **options)
+    with _errors_of(file):
+        spec.loader.exec_module(module)
+        made = getattr(module, attribute)(env)
+    env.close()
+    if not hasattr(made, "predict"):
+        raise ValueError(f"{name} made a {type(made).__name__}, which has no predict")
+    return made
+
+
+class PredictRollout:
+    """Episodes of a vector environment under an object with `predict`; like `Rollout`, with the same statistics.
+
+    Parameters
+    ----------
+    envs : TaskVectorEnv
+    controller
+        See `load`.
+    name : str
+        Its name, `py:FILE:NAME`.
+    observations : array (N, d)
+        Those of the reset.
+    """
+
+    def __init__(self, envs: Any, controller: Any, name: str, observations: Any) -> None:
+        self._envs, self._controller, self._file = envs, controller, file_of(name)
+        self._observations, self._state = observations, None
+        self._starts = np.ones(envs.num_envs, dtype=np.bool_)
+        self._over = np.zeros(envs.num_envs, dtype=np.bool_)
+        self._stats = self._blank()
+
+    def run(self, steps: int, tick: Callable[[int], object] | None = None) -> None:
+        """Run `steps` control periods; `tick` is called after each.
+
+        Raises
+        ------
+        ValueError
+            The controller's code raises, or its actions have a wrong shape or are not finite.
+        """
+        for _ in range(steps):
+            with _errors_of(self._file):
+                actions, self._state = self._controller.predict(
+                    self._observations, self._state, episode_start=self._starts, deterministic=True
+                )
+            self._observations, rewards, terminated, truncated, infos = self._envs.step(actions)
+            running, stats = ~self._over, self._stats
+            stats.steps[running] += 1
+            stats.returns[running] += rewards[running]
+            stats.terminated[running], stats.truncated[running] = terminated[running], truncated[running]
+            for name, last in stats.last.items():
+                last[running] = infos[name][running]
+                stats.sums[name][running] += last[running]
+                stats.squares[name][running] += last[running] ** 2
+            # The step after an episode's end begins the next one, which does not count.
+            self._starts = terminated | truncated
+            self._over |= self._starts
+            if tick is not None:
+                tick(1)
+
+    def pop_stats(self) -> RolloutStats:
+        """Return the statistics so far and clear them; the controller's memory stays."""
+        stats, self._stats = self._stats, self._blank()
+        return stats
+
+    def _blank(self) -> RolloutStats:
+        n = self._envs.num_envs
+        terminated, truncated = (np.zeros(n, dtype=np.bool_) for _ in range(2))
+        sums, squares, last = ({name: np.zeros(n) for name in self._envs.metric_names} for _ in range(3))
+        return RolloutStats(np.zeros(n, dtype=np.uint32), np.zeros(n), terminated, truncated, sums, squares, last)
+
+
+@contextmanager
+def _errors_of(file: Path) -> Iterator[None]:
+    """Turn any error of a file's code into a ValueError that names its line."""
+    try:
+        yield
+    except Exception as error:
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == file.absolute()]
+        line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else (lines or [None])[-1]
+        place = f"{file}:{line}: " if line is not None else ""
+        raise ValueError(f"{place}{type(error).__name__}: {error}") from None
