@@ -1,10 +1,13 @@
 """The README and its short form for PyPI: Python that runs, links that lead to files, few lines."""
 
 import re
+import shlex
 import warnings
 from pathlib import Path
 
 import pytest
+
+from uvms_gym.cli import main
 
 ROOT = Path(__file__).parents[2]
 TEXT, PYPI = ((ROOT / name).read_text() for name in ("README.md", "PYPI.md"))
@@ -20,6 +23,17 @@ def test_a_block_of_the_readme_runs_by_itself(block: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         exec(block.replace("learn(1_000_000)", "learn(1)"), {})
+
+
+def test_the_commands_of_the_readme_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path / "out")
+    (block,) = re.findall(r"^```sh\n(uvms .*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+    commands = [shlex.split(line, comments=True)[1:] for line in block.replace("\\\n", " ").splitlines()]
+    assert [command[:2] for command in commands] == [["scenes", "import"], ["scenes", "check"], ["compare", "--env"]]
+    for command in commands:
+        assert main([*command, *(["--episodes", "2"] if command[0] == "compare" else [])]) == 0
 
 
 def test_the_readme_is_short_and_has_its_examples() -> None:
