@@ -30,7 +30,8 @@ from uvms_gym.training import continuation
 from uvms_gym.training.evaluation import evaluate
 from uvms_gym.training.export import TOLERANCE, card, policy_of, write_card
 from uvms_gym.training.hyperparameters import SHIPPED, arguments, parse_pairs, read_hyperparameters
-from uvms_gym.training.ppo import CURVE, POLICY, SETTINGS, Settings, latest_checkpoint, make_envs, make_model, train
+from uvms_gym.training.ppo import make_envs, make_model, train
+from uvms_gym.training.run import CURVE, POLICY, SETTINGS, Settings, latest_checkpoint
 from uvms_gym.training.wrappers import ResidualVecEnv, StaggeredStart
 
 pytestmark = pytest.mark.learning
@@ -45,7 +46,7 @@ def settings(**options: Any) -> Settings:
     more = options.pop("hyperparameters", {})
     return Settings(
         ENV,
-        read_hyperparameters(ENV, residual="base" in options) | TINY | more,
+        read_hyperparameters(ENV, variant="residual" if "base" in options else None) | TINY | more,
         {"max_episode_steps": 12, "disturbance": "current"},
         **{"eval_episodes": 4, "seed": 3} | options,
     )
@@ -72,7 +73,7 @@ def keep_threads() -> Any:
 @pytest.mark.parametrize("env", [env for env in gymnasium.registry if env.startswith("UVMS-")])
 @pytest.mark.parametrize("residual", [False, True])
 def test_every_environment_has_hyperparameters_that_make_a_model(env: str, residual: bool) -> None:
-    found = read_hyperparameters(env, residual=residual)
+    found = read_hyperparameters(env, variant="residual" if residual else None)
     small = Settings(env, found | {"n_envs": 16, "batch_size": 64})
     assert small.steps >= 1_000_000
     venv, _, base = make_envs(small)

@@ -1,4 +1,4 @@
-"""`uvms train`: proximal policy optimisation on the native environments."""
+"""`uvms train`: distillation and proximal policy optimisation on the native environments."""
 
 import math
 from dataclasses import replace
@@ -14,7 +14,7 @@ from uvms_gym.cli.common import check_range, fail, line, prepare, progress, user
 from uvms_gym.studies.records import circumstances
 
 if TYPE_CHECKING:
-    from uvms_gym.training.ppo import Settings
+    from uvms_gym.training.run import Settings
 
 #: Packages of the extra `train`, by module.
 NEEDS = {"stable_baselines3": "stable-baselines3", "yaml": "pyyaml", "tensorboard": "tensorboard"}
@@ -25,7 +25,13 @@ MOST_EPISODES, MOST_THREADS = 100_000, 1024
 
 
 def train(
-    algo: Annotated[Literal["ppo"], Option(help="Algorithm.")] = "ppo",
+    algo: Annotated[
+        Literal["ppo", "distill", "asymmetric-ppo"],
+        Option(
+            help="ppo: that of Stable-Baselines3. distill: imitation of a classical controller with perfect sensors. "
+            "asymmetric-ppo: PPO whose critic has perfect sensors, on paired episodes, from scratch or from --start."
+        ),
+    ] = "ppo",
     env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
     n_timesteps: Annotated[
         int | None,
@@ -38,6 +44,13 @@ def train(
     ] = None,
     residual: Annotated[
         float | None, Option(metavar="LIMIT", help="Greatest correction with --base, 0 to 1. [default: 0.3]")
+    ] = None,
+    teacher: Annotated[
+        str | None,
+        Option(metavar="CONTROLLER", help="Classical controller to distill. [default: the strongest of the task]"),
+    ] = None,
+    start: Annotated[
+        Path | None, Option(metavar="FILE", help="Policy (.safetensors) that asymmetric-ppo begins with.")
     ] = None,
     env_kwargs: Annotated[
         list[str] | None,
@@ -86,7 +99,7 @@ def train(
         int, Option(help="0: only the result; 1: evaluations; 2: the log of Stable-Baselines3, too.")
     ] = 1,
 ) -> int:
-    """Train a policy by PPO, evaluate it on held-out episodes, and export it.
+    """Train a policy, evaluate it on held-out episodes, and export it.
 
     Ctrl-C stops it after the current iteration with everything saved and exported, and exit status 130; -i resumes
     it, with bit-identical weights at the end. A second Ctrl-C ends it at once.
@@ -113,6 +126,8 @@ def train(
             "--seed": seed,
             "--base": base,
             "--residual": residual,
+            "--teacher": teacher,
+            "--start": start,
             "--env-kwargs": env_kwargs,
             "--hyperparams": hyperparams,
             "--conf-file": conf_file,
@@ -126,16 +141,27 @@ def train(
             check_range("--residual", residual, 0.0, 1.0)
             if base is None:
                 raise fail("--residual is for --base")
+        for option, value, owner in (
+            ("--base", base, "ppo"),
+            ("--device", device, "ppo"),
+            ("--teacher", teacher, "distill"),
+            ("--start", start, "asymmetric-ppo"),
+        ):
+            if value is not None and algo != owner:
+                raise fail(f"{option} is for --algo {owner}")
         from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
-        from uvms_gym.training.ppo import Settings
+        from uvms_gym.training.run import Settings
 
         with user_errors():
             pairs = {"env_kwargs": parse_pairs(env_kwargs or ()), "hyperparams": parse_pairs(hyperparams or ())}
             gymnasium.spec(env)
-            found = read_hyperparameters(env, conf_file, residual=base is not None) | pairs["hyperparams"]
+            variant = "residual" if base is not None else "start" if start is not None else None
+            found = read_hyperparameters(env, conf_file, variant=variant, algo=algo) | pairs["hyperparams"]
         if n_envs is not None:
             found["n_envs"] = n_envs
-        settings = Settings(env, found, pairs["env_kwargs"], seed or 0, base)
+        settings = Settings(env, found, pairs["env_kwargs"], seed or 0, base, algo=algo, teacher=teacher)
+        if start is not None:
+            settings = replace(settings, start=str(start.resolve()))
         if residual is not None:
             settings = replace(settings, limit=residual)
         folder, agent = log_folder, None
@@ -167,8 +193,12 @@ def _run(
     show_progress: bool,
     verbose: int,
 ) -> int:
-    from uvms_gym.training import ppo
     from uvms_gym.training.export import write_card
+
+    if settings.algo == "ppo":
+        from uvms_gym.training.ppo import check, train
+    else:
+        from uvms_gym.training.native import check, train
 
     here = circumstances("train", {})
     origin = {"commit": here["commit"] or f"release {here['uvms_gym']}", "processor": here["machine"]["processor"]}
@@ -184,9 +214,9 @@ def _run(
         with user_errors(f"{settings.env}: ", "read or write", AssertionError, RuntimeError):
             if agent is None:
                 # Errors show before the folder is made.
-                ppo.make_model(settings, ppo.make_envs(settings)[0])
+                check(settings)
                 folder = _new_folder(folder, settings)
-            outcome = ppo.train(
+            outcome = train(
                 settings,
                 folder,
                 agent=agent,
@@ -211,7 +241,7 @@ def _run(
 
 
 def _resumed(agent: Path) -> tuple["Settings", Path, Path]:
-    from uvms_gym.training.ppo import Settings, latest_checkpoint
+    from uvms_gym.training.run import Settings, latest_checkpoint
 
     with user_errors():
         # The error names the missing file.
@@ -222,7 +252,7 @@ def _resumed(agent: Path) -> tuple["Settings", Path, Path]:
 
 def _new_folder(logs: Path, settings: "Settings") -> Path:
     """Make the folder of a run, with the first free number."""
-    name = "ppo" if settings.base is None else f"ppo-{settings.base}"
+    name = settings.algo if settings.base is None else f"{settings.algo}-{settings.base}"
     number = 1
     while True:
         folder = logs / name / f"{settings.env}_{number}"

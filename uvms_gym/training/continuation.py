@@ -1,12 +1,8 @@
-"""Interruption of training runs, and checkpoints with which they resume bit-identically."""
+"""Checkpoints of Stable-Baselines3's PPO with which runs resume bit-identically."""
 
 import io
 import os
-import signal
-import threading
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -68,23 +64,3 @@ def load(path: Path, venv: VecEnv, **arguments: Any) -> tuple[PPO, float]:
         position, has_gauss, gauss = arrays["numpy.rest"]
         np.random.set_state(("MT19937", arrays["numpy.keys"], int(position), int(has_gauss), gauss))  # noqa: NPY002
         return model, float(arrays["seconds"])
-
-
-@contextmanager
-def interrupt_event() -> Iterator[threading.Event]:
-    """Event set by the first interrupt; a second one has its usual effect."""
-    asked = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-    usual = signal.getsignal(signal.SIGINT)
-
-    def ask(number: int, frame: Any) -> None:
-        asked.set()
-        signal.signal(signal.SIGINT, usual)
-
-    signal.signal(signal.SIGINT, ask)
-    try:
-        yield asked
-    finally:
-        signal.signal(signal.SIGINT, usual)

@@ -1,16 +1,19 @@
-"""Export of Stable-Baselines3 models as policies that run without torch, and their model cards."""
+"""Export of models as policies that run without torch, and their model cards."""
 
 import json
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from stable_baselines3 import PPO
+from numpy.typing import NDArray
 from torch import nn
 
 from uvms_gym import MLP
+
+if TYPE_CHECKING:
+    from stable_baselines3 import PPO
 
 #: Bound on the root mean square difference between the actions of the model and of the exported policy.
 TOLERANCE = 1e-6
@@ -58,7 +61,7 @@ _ACTIVATIONS = {nn.Tanh: "tanh", nn.ReLU: "relu", nn.ELU: "elu"}
 
 
 def policy_of(
-    model: PPO, env: Any, *, history: int = 1, residual: bool = False, notes: Mapping[str, str] | None = None
+    model: "PPO", env: Any, *, history: int = 1, residual: bool = False, notes: Mapping[str, str] | None = None
 ) -> MLP:
     """Take the actor out of a model.
 
@@ -94,13 +97,24 @@ def policy_of(
         rows = np.random.default_rng(0).normal(size=size).astype(np.float32)
     expected, _ = model.predict(rows, deterministic=True)
     past, now = np.split(rows, [rows.shape[1] - rows.shape[1] // history], axis=1)
-    off = policy.predict(now, past if history > 1 else None)[0] - expected
+    check_actions(policy.predict(now, past if history > 1 else None)[0], expected)
+    return policy
+
+
+def check_actions(actions: NDArray[np.float32], expected: NDArray[np.float32]) -> None:
+    """Compare the actions of an exported policy with those of its model.
+
+    Raises
+    ------
+    RuntimeError
+        They are not equal to `TOLERANCE`.
+    """
+    off = actions - expected
     # Both round hundreds of products: single entries may differ by a few units in the last place of their sum.
     if (typical := float(np.sqrt(np.square(off).mean()))) > TOLERANCE or np.abs(off).max() > 10 * TOLERANCE:
         raise RuntimeError(
             f"the exported policy differs from the model by {typical:.1e}, at most {np.abs(off).max():.1e}"
         )
-    return policy
 
 
 def versions() -> dict[str, str]:
@@ -133,9 +147,7 @@ def card(folder: Path) -> str:
     first = next(iter(notes))
     text = _CARD.format(
         mark=_MARK,
-        algorithms=", ".join(
-            dict.fromkeys(f"PPO on {note['base']}" if "base" in note else "PPO" for note in notes.values())
-        ),
+        algorithms=", ".join(dict.fromkeys(_algorithm(note) for note in notes.values())),
         policies="\n".join(_row(file, notes[file], found[file]) for file in notes),
         episodes=found[first]["episodes"],
         seed=found[first]["seed"],
@@ -153,9 +165,20 @@ def card(folder: Path) -> str:
     return text + "".join(f"- `{file}` diverges in {share:.1%} of the episodes.\n" for file, share in diverged.items())
 
 
+def _algorithm(notes: Mapping[str, str]) -> str:
+    """Algorithm, with the corrected controller."""
+    return notes["algorithm"] + (f" on {notes['base']}" if "base" in notes else "")
+
+
 def _row(file: str, notes: Mapping[str, str], found: Mapping[str, Any]) -> str:
     """Row of the table of policies."""
-    learned = f"corrections to {notes['base']}, up to {notes['limit']}" if "base" in notes else "from scratch"
+    learned = "from scratch"
+    if "base" in notes:
+        learned = f"corrections to {notes['base']}, up to {notes['limit']}"
+    elif "teacher" in notes:
+        learned = f"from {notes['teacher']} with perfect sensors"
+    elif "start" in notes:
+        learned = f"from {notes['start']}"
     return (
         f"| `{file}` | {learned} | {notes['seed']} | {int(notes['steps']):,} | {notes['seconds']} s | "
         f"{found['pose']:.3f} m | {found['pose_95']:.3f} m | {found['effort']:.3f} | {found['diverged']:.1%} |"

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-#: Shipped hyperparameters.
+#: Shipped hyperparameters of the algorithm `ppo`; those of the others lie beside them.
 SHIPPED = Path(__file__).with_name("ppo.yml")
 #: Hyperparameters with schedules.
 _SCHEDULES = ("learning_rate", "clip_range", "clip_range_vf")
@@ -13,10 +13,13 @@ _SCHEDULES = ("learning_rate", "clip_range", "clip_range_vf")
 _OWN = ("n_timesteps", "n_envs", "policy", "env_kwargs", "frame_stack")
 
 
-def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool = False) -> dict[str, Any]:
-    """Read hyperparameters of an environment, by Gymnasium's id, from YAML (None: `SHIPPED`).
+def read_hyperparameters(
+    env: str, file: Path | None = None, *, variant: str | None = None, algo: str = "ppo"
+) -> dict[str, Any]:
+    """Read hyperparameters of an environment, by Gymnasium's id, from YAML (None: those shipped for the algorithm).
 
-    With `residual`, for corrections of a controller, they are updated by those of `ENV/residual`.
+    With a variant they are updated by those of `ENV/VARIANT`: "residual" for corrections to a controller, "start" for a
+    policy to begin with.
 
     Raises
     ------
@@ -27,7 +30,7 @@ def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool =
     """
     import yaml
 
-    path = file or SHIPPED
+    path = file or SHIPPED.with_name(f"{algo}.yml")
     try:
         tables = yaml.safe_load(path.read_text())
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -37,7 +40,7 @@ def read_hyperparameters(env: str, file: Path | None = None, *, residual: bool =
     if env not in tables:
         known = ", ".join(name for name in tables if "/" not in str(name))
         raise ValueError(f"{path}: no hyperparameters for {env}; known: {known}")
-    return {**tables[env], **(tables.get(f"{env}/residual", {}) if residual else {})}
+    return {**tables[env], **(tables.get(f"{env}/{variant}", {}) if variant else {})}
 
 
 def parse_pairs(given: Iterable[str]) -> dict[str, Any]:

@@ -1,0 +1,263 @@
+"""Distillation and PPO with an asymmetric critic: pairs of environments, learning, stops, export, refusals."""
+
+import json
+import signal
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("yaml")
+
+import torch
+import yaml
+
+from uvms_gym import MLP
+from uvms_gym.cli import main
+from uvms_gym.controllers.registry import make_controller
+from uvms_gym.training.asymmetric_ppo import AsymmetricPPO
+from uvms_gym.training.distillation import TEACHERS, Distillation
+from uvms_gym.training.evaluation import evaluate
+from uvms_gym.training.export import TOLERANCE
+from uvms_gym.training.hyperparameters import SHIPPED, read_hyperparameters
+from uvms_gym.training.native import LEARNERS, load, make_learner, save, train
+from uvms_gym.training.networks import Actor
+from uvms_gym.training.run import CURVE, POLICY, Settings, latest_checkpoint
+from uvms_gym.training.twin import TwinEnvs
+
+pytestmark = pytest.mark.learning
+
+ENV, TRACK = "UVMS-StationKeep-Storm-v0", "UVMS-EETrack-Storm-v0"
+ALGORITHMS = sorted(LEARNERS)
+TINY = {"n_envs": 8, "n_timesteps": 4 * 8 * 12, "frame_stack": 2, "net_arch": [8], "batch_size": 32}
+MORE = {"distill": {"n_updates": 4}, "asymmetric-ppo": {"replicas": 4, "critic_arch": [8], "n_epochs": 2}}
+
+
+def settings(algo: str, env: str = ENV, **options: Any) -> Settings:
+    found = read_hyperparameters(env, algo=algo) | TINY | MORE[algo] | options.pop("hyperparameters", {})
+    return Settings(env, found, {"max_episode_steps": 12}, algo=algo, **{"eval_episodes": 4, "seed": 3} | options)
+
+
+def weights(path: Path) -> bytes:
+    data = path.read_bytes()
+    return data[8 + int.from_bytes(data[:8], "little") :]
+
+
+@pytest.fixture(autouse=True)
+def keep_threads() -> Any:
+    threads = torch.get_num_threads()
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+@pytest.mark.parametrize("env", [env for env in gymnasium.registry if env.startswith("UVMS-")])
+def test_every_environment_has_hyperparameters_that_make_a_learner(algo: str, env: str) -> None:
+    assert set(yaml.safe_load(SHIPPED.with_name(f"{algo}.yml").read_text())) >= {env}
+    small = Settings(env, read_hyperparameters(env, algo=algo) | {"n_envs": 8}, algo=algo)
+    make_learner(small).close()
+
+
+def test_twins_have_the_same_states_and_perfect_sensors() -> None:
+    envs = TwinEnvs(ENV, {"max_episode_steps": 20}, 4, 3)
+    noise = torch.rand(20, 4, 6, generator=torch.Generator().manual_seed(0)) - 0.5
+    episodes = envs.run([5, 6, 7, 8], lambda t, inputs, clean: noise[t])
+    states = [env.unwrapped.get_state()["physics"] for env in (envs.env, envs.twin)]
+    np.testing.assert_array_equal(*states)
+    place = {block.name: block.slice for block in envs.inner.layout}["position_error"]
+    position = envs.twin.unwrapped.snapshot().state.position
+    error = np.linalg.norm(position - envs.inner.episode["target_position"], axis=1)
+    seen = np.linalg.norm(0.1 * episodes.clean[:, -1, place].numpy(), axis=1)
+    np.testing.assert_allclose(seen, error, rtol=1e-5)
+    rows = episodes.observations[:, 2:]
+    assert (episodes.inputs[:, 0, : 2 * envs.size] == 0.0).all()
+    assert torch.equal(episodes.inputs[:, 9].reshape(4, 3, -1), rows[:, 7:10])
+    # The sensors of the environment itself have noise and delay.
+    assert (rows[:, 5, place] != episodes.clean[:, 5, place]).all()
+    assert episodes.alive.all() and not episodes.terminated.any()
+
+
+def test_episodes_of_one_seed_are_paired_with_opposite_noise() -> None:
+    learner = AsymmetricPPO(settings("asymmetric-ppo"))
+    episodes, _ = learner.collect(learner.actor, 0)
+    mean = learner.actor(episodes.inputs[:, 0])
+    noise = (episodes.actions[:, 0] - mean).reshape(2, 2, 2, 6)
+    assert torch.allclose(noise[:, :, 0], -noise[:, :, 1], atol=1e-6) and (noise != 0.0).all()
+    first = episodes.clean[:, 0].reshape(2, 4, -1)
+    assert (first == first[:, :1]).all() and (first[0] != first[1]).any()
+
+
+def test_distillation_lowers_the_regression_error() -> None:
+    learner = Distillation(settings("distill", hyperparameters={"n_envs": 16, "n_updates": 40}))
+
+    def error() -> float:
+        episodes, targets = learner.collect(learner.actor, 1000)
+        return float(((learner.actor(episodes.inputs) - targets) ** 2).mean())
+
+    before = error()
+    for _ in range(4):
+        learner.iterate()
+    # Seen: a twentieth.
+    assert error() < 0.25 * before
+
+
+def test_a_distilled_policy_is_nearly_its_teacher(tmp_path: Path) -> None:
+    quick = {"n_envs": 32, "n_timesteps": 8 * 32 * 100, "n_updates": 60, "net_arch": [64], "batch_size": 256}
+    found = read_hyperparameters(ENV, algo="distill") | quick
+    kwargs = {"max_episode_steps": 100, "disturbance": "current"}
+    outcome = train(Settings(ENV, found, kwargs, algo="distill", eval_episodes=64), tmp_path)
+    env = gymnasium.make(ENV, **kwargs)
+    teacher = evaluate(ENV, kwargs, make_controller("dob-delay", env), 64)["pose"]
+    nothing = evaluate(ENV, kwargs, make_controller("none", env), 64)["pose"]
+    # Seen: 1.4 times the teacher's error, which is a fiftieth of that without control.
+    assert outcome.evaluation["pose"] < teacher + 0.1 * (nothing - teacher)
+
+
+def test_ppo_improves_a_policy(tmp_path: Path) -> None:
+    quick = {"n_envs": 64, "n_timesteps": 10 * 64 * 30, "batch_size": 480, "n_epochs": 4}
+    found = read_hyperparameters(ENV, algo="asymmetric-ppo") | quick | {"net_arch": [16], "frame_stack": 1}
+    kwargs = {"max_episode_steps": 30, "disturbance": "current", "reward": {"action_rate": 0.0}}
+    chosen = Settings(ENV, found, kwargs, algo="asymmetric-ppo", eval_freq=10 * 64 * 30, eval_episodes=64)
+    train(chosen, tmp_path)
+    first, last = json.loads((tmp_path / CURVE).read_text())
+    assert last["pose"] < 0.7 * first["pose"]
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_run_that_was_stopped_ends_as_if_it_had_not(algo: str, tmp_path: Path) -> None:
+    chosen = settings(algo, eval_freq=96, save_freq=192)
+    folders = [tmp_path / name for name in ("whole", "parts", "saved")]
+    for folder in folders:
+        folder.mkdir()
+    whole, parts, saved = folders
+    outcome = train(chosen, whole)
+    assert outcome.finished and outcome.steps == 384
+    assert [entry["steps"] for entry in json.loads((whole / CURVE).read_text())] == [0, 96, 192, 288, 384]
+    stopped = train(chosen, parts, tick=lambda steps: signal.raise_signal(signal.SIGINT))
+    assert (stopped.finished, stopped.steps, stopped.checkpoint.name) == (False, 96, "rl_model_96_steps.zip")
+    assert weights(stopped.policy) != weights(outcome.policy)
+    again = train(chosen, parts, agent=latest_checkpoint(parts))
+    assert again.finished and again.seconds > stopped.seconds
+    curves = [json.loads((folder / CURVE).read_text()) for folder in (whole, parts)]
+    for one, other in zip(*curves, strict=True):
+        assert {**one, "seconds": 0} == {**other, "seconds": 0}
+    train(chosen, saved, agent=whole / "rl_model_192_steps.zip")
+    assert weights(whole / POLICY) == weights(parts / POLICY) == weights(saved / POLICY)
+    with pytest.raises(ValueError, match="has taken its 384 steps"):
+        train(chosen, whole, agent=outcome.checkpoint)
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_seeds_decide(algo: str, tmp_path: Path) -> None:
+    paths = []
+    for i, seed in enumerate((0, 0, 1)):
+        (tmp_path / str(i)).mkdir()
+        paths.append(weights(train(settings(algo, TRACK, seed=seed), tmp_path / str(i)).policy))
+    assert paths[0] == paths[1] != paths[2]
+
+
+def test_the_exported_policy_says_what_the_actor_says_and_starts_another_run(tmp_path: Path) -> None:
+    for name in ("distilled", "improved"):
+        (tmp_path / name).mkdir()
+    distilled = settings("distill")
+    outcome = train(distilled, tmp_path / "distilled")
+    learner = make_learner(distilled)
+    load(learner, outcome.checkpoint)
+    episodes, _ = learner.collect(learner.actor, 7)
+    past, now = episodes.inputs[:, 5].split(learner.envs.size, dim=1)
+    policy = MLP.load(outcome.policy, learner.envs.env)
+    expected = learner.actor(episodes.inputs[:, 5]).detach().clamp(-1.0, 1.0).numpy()
+    assert np.abs(policy.predict(now.numpy(), past.numpy())[0] - expected).max() <= TOLERANCE
+    assert policy.notes["teacher"] == "dob-delay"
+    text = (tmp_path / "distilled" / "README.md").read_text()
+    assert "# Distillation: UVMS-StationKeep on petasus-pum" in text and "from dob-delay with perfect sensors" in text
+    begun = AsymmetricPPO(settings("asymmetric-ppo", start=str(outcome.policy)))
+    np.testing.assert_allclose(
+        begun.actor(episodes.inputs).detach(), learner.actor(episodes.inputs).detach(), atol=2e-6
+    )
+    train(settings("asymmetric-ppo", start=str(outcome.policy)), tmp_path / "improved")
+    assert MLP.load(tmp_path / "improved" / POLICY).notes["start"] == POLICY
+    for wrong, message in (({"net_arch": [9]}, "sizes"), ({"frame_stack": 3}, "frame_stack is 2, but must be 3")):
+        with pytest.raises(ValueError, match=message):
+            AsymmetricPPO(settings("asymmetric-ppo", start=str(outcome.policy), hyperparameters=wrong))
+
+
+def test_an_unfaithful_export_is_noticed() -> None:
+    envs = TwinEnvs(ENV, {}, 1, 1)
+    actor = Actor([envs.size, 8, 6])
+    actor.policy(envs.inner, 1)
+    actor.forward = lambda inputs: torch.full((len(inputs), 6), 0.5)  # type: ignore[method-assign]
+    with pytest.raises(RuntimeError, match="differs from the model"):
+        actor.policy(envs.inner, 1)
+
+
+def test_other_files_are_no_checkpoints(tmp_path: Path) -> None:
+    learners = [make_learner(settings(algo)) for algo in ALGORITHMS]
+    file = tmp_path / "model.zip"
+    for write in (lambda: file.write_bytes(b"no"), lambda: save(learners[0], 0.0, file)):
+        write()
+        with pytest.raises(ValueError, match="holds no training run"):
+            load(learners[1], file)
+
+
+def test_teachers_are_tuned_controllers_without_delay() -> None:
+    for env in (ENV, TRACK):
+        learner = Distillation(settings("distill", env))
+        assert learner.teacher_name == TEACHERS[learner.envs.inner.task]
+        assert not learner.teacher.gains["delay"]
+        tuned = make_controller(learner.teacher_name, learner.envs.env).gains
+        for name in tuned.keys() - {"delay"}:
+            np.testing.assert_array_equal(learner.teacher.gains[name], tuned[name])
+
+
+def command(algo: str, *arguments: str) -> list[str]:
+    small = {key: value for key, value in (TINY | MORE[algo]).items() if key not in ("n_timesteps", "n_envs")}
+    pairs = [part for key, value in small.items() for part in ("-params", f"{key}:{value}")]
+    common = ["--n-envs", "8", "--eval-episodes", "4", "--env-kwargs", "max_episode_steps:12"]
+    return ["train", "--algo", algo, *common, *pairs, *arguments]
+
+
+def test_the_command_distills_goes_on_and_improves(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    logs, policy = tmp_path / "logs", tmp_path / "policies/distilled-7.safetensors"
+    options = ["-f", str(logs), "--seed", "7", "--teacher", "pd", "--export", str(policy), "-tb", str(tmp_path / "tb")]
+    assert main(command("distill", "-n", "96", *options)) == 0
+    folder = logs / "distill" / f"{ENV}_1"
+    assert policy.read_bytes() == (folder / POLICY).read_bytes()
+    assert MLP.load(policy).notes["teacher"] == "pd"
+    assert (policy.parent / "README.md").is_file() and list((tmp_path / "tb").rglob("events*"))
+    assert main(["train", "-i", str(folder), "-n", "192"]) == 0
+    assert MLP.load(folder / POLICY).notes["steps"] == "192"
+    assert main(command("asymmetric-ppo", "-n", "96", "-f", str(logs), "--start", str(policy))) == 0
+    assert "96 steps" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--algo", "dagger"], "dagger"),
+        (["--teacher", "pd"], "--teacher is for --algo distill"),
+        (["--algo", "distill", "--base", "pd"], "--base is for --algo ppo"),
+        (["--algo", "distill", "--start", "x.safetensors"], "--start is for --algo asymmetric-ppo"),
+        (["--algo", "distill", "--device", "cpu"], "--device is for --algo ppo"),
+        (["--algo", "distill", "--teacher", "fuzzy"], "unknown controller 'fuzzy'"),
+        (["--algo", "distill", "--teacher", "resolved"], "controller 'resolved' is not for UVMS-StationKeep"),
+        (["--algo", "distill", "--teacher", "ppo"], "teacher is 'ppo', but must be classical: "),
+        (["--algo", "distill", "-params", "gama:1"], "unknown hyperparameter 'gama'"),
+        (["--algo", "distill", "-params", "n_updates:0"], "n_updates is 0"),
+        (["--algo", "distill", "-params", "net_arch:big"], "net_arch is 'big', but must be a list of layer sizes"),
+        (["--algo", "asymmetric-ppo", "-params", "replicas:3"], "replicas is 3, but must be even"),
+        (["--algo", "asymmetric-ppo", "--start", "/nonexistent.safetensors"], "/nonexistent.safetensors: No such file"),
+        (["--algo", "asymmetric-ppo", "--env-kwargs", "wind:1"], "wind"),
+    ],
+)
+def test_bad_flags_give_one_line(
+    arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["train", "-f", str(tmp_path / "logs"), *arguments]) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1 and captured.err.startswith("uvms: ")
+    assert not list(tmp_path.rglob("*_1"))

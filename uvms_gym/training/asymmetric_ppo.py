@@ -1,0 +1,141 @@
+"""Proximal policy optimisation with an asymmetric critic and paired episodes. [Sch17], [Pin17], [Mao18]"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from uvms_gym import MLP
+from uvms_gym.training.learner import Hyperparameters, Learner, step
+from uvms_gym.training.networks import Actor, Critic
+from uvms_gym.training.run import Settings
+from uvms_gym.training.twin import Episodes
+
+#: Bounds on the actor's learning rate, factor of its adaptation, and greatest norm of gradients.
+RATES, ADAPTATION, NORM = (1e-5, 3e-3), 1.5, 0.5
+#: Epochs of the critic in the first iteration.
+FIRST_EPOCHS = 10
+
+
+@dataclass(frozen=True)
+class AsymmetricPPOParameters(Hyperparameters):
+    """Hyperparameters of PPO with an asymmetric critic."""
+
+    critic_arch: tuple[int, ...]
+    """Hidden layers of the critic."""
+    replicas: int
+    """Episodes with the same seed, an even number: their noise on actions differs, in pairs by its sign."""
+    log_std: float
+    """Logarithm of the initial standard deviation of actions."""
+    learning_rate: float
+    """Initial learning rate of the actor; it follows `target_kl`."""
+    critic_learning_rate: float
+    """Learning rate of the critic."""
+    target_kl: float
+    """Divergence of the actor in an iteration, which falls linearly to a tenth."""
+    gamma: float
+    """Discount."""
+    gae_lambda: float
+    """Discount of generalised advantage estimation."""
+    clip_range: float
+    """Range of the ratio of densities."""
+    n_epochs: int
+    """Epochs per iteration."""
+    batch_size: int
+    """Time steps in a gradient step."""
+
+
+class AsymmetricPPO(Learner):
+    """PPO whose critic sees perfect observations, on paired episodes.
+
+    Episodes with the same seed meet the same disturbances. The mean over them of the advantages at a time step is
+    subtracted: what no action could have changed, such as pushes, cancels.
+
+    Raises
+    ------
+    ValueError, TypeError, OSError, gymnasium.error.Error
+        A setting is unknown or out of range, or the initial policy does not fit.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        given = self.parameters = AsymmetricPPOParameters.read(settings.hyperparameters)
+        self.replicas = given.replicas
+        super().__init__(settings, given.net_arch, given.log_std)
+        if self.replicas % 2 or self.num_envs % self.replicas:
+            raise ValueError(f"replicas is {self.replicas}, but must be even and divide n_envs ({self.num_envs})")
+        self._adam = torch.optim.Adam(self.actor.parameters(), lr=given.learning_rate)
+        self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=given.critic_learning_rate)
+        if settings.start is not None:
+            policy = MLP.load(Path(settings.start), self.envs.inner)
+            if policy.history != settings.history:
+                raise ValueError(f"{settings.start}: frame_stack is {policy.history}, but must be {settings.history}")
+            self.actor.load(policy)
+            self.behaviour.load_state_dict(self.actor.state_dict())
+
+    def notes(self) -> dict[str, str]:
+        """Initial policy."""
+        return {} if self.settings.start is None else {"start": Path(self.settings.start).name}
+
+    def make_modules(self) -> dict[str, nn.Module]:
+        """Make the critic."""
+        self.critic = Critic(self.envs.size, self.parameters.critic_arch)
+        return {"critic": self.critic}
+
+    @property
+    def optimizers(self) -> dict[str, torch.optim.Optimizer]:
+        """Optimisers of actor and critic."""
+        return {"actor": self._adam, "critic": self._critic_adam}
+
+    def collect(self, actor: Actor, iteration: int) -> tuple[Episodes, Tensor]:
+        """Run episodes with noise on the actions; returns the logarithms of the actions' densities (n, T), too."""
+        shape = (self.envs.steps, self.num_envs // 2, self.envs.actions)
+        half = torch.randn(shape, generator=self.generator(iteration, "collect"))
+        unit, log_std = torch.stack([half, -half], dim=2).flatten(1, 2), actor.log_std.detach()
+        noise = unit * log_std.exp()
+        episodes = self.envs.run(self.seeds(iteration), lambda t, inputs, clean: actor(inputs) + noise[t])
+        return episodes, -(0.5 * unit**2 + log_std).sum(dim=-1).T
+
+    def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
+        """Fit the critic, and improve the actor."""
+        given, inputs, alive = self.parameters, episodes.inputs, episodes.alive
+        with torch.no_grad():
+            values = self.critic(episodes.clean)
+            advantages = self._estimate(values, episodes)
+            returns = advantages + values[:, :-1]
+            groups = (advantages * alive).view(-1, self.replicas, self.envs.steps)
+            members = alive.view(groups.shape).sum(dim=1, keepdim=True).clamp(min=1)
+            advantages = (groups - groups.sum(dim=1, keepdim=True) / members).flatten(0, 1)
+            advantages /= advantages[alive].std() + 1e-8
+        instances, times = alive.nonzero().T
+        divergences: list[Tensor] = []
+        for epoch in range(FIRST_EPOCHS if self.iteration == 1 else given.n_epochs):
+            for batch in torch.split(torch.randperm(len(times), generator=generator), given.batch_size):
+                i, t = instances[batch], times[batch]
+                step(self._critic_adam, ((self.critic(episodes.clean[i, t]) - returns[i, t]) ** 2).mean())
+                if epoch >= given.n_epochs:
+                    continue
+                log_ratio = self.actor.log_prob(self.actor(inputs[i, t]), episodes.actions[i, t]) - more[i, t]
+                ratio, advantage = log_ratio.exp(), advantages[i, t]
+                clipped = ratio.clamp(1.0 - given.clip_range, 1.0 + given.clip_range)
+                step(self._adam, -torch.min(ratio * advantage, clipped * advantage).mean(), NORM)
+                if epoch == given.n_epochs - 1:
+                    divergences.append((ratio - 1.0 - log_ratio).detach().mean())
+        self._adapt(float(torch.stack(divergences).mean()))
+
+    def _estimate(self, values: Tensor, episodes: Episodes) -> Tensor:
+        """Generalised advantage estimation, (n, T); a time limit does not end an episode."""
+        given, goes_on = self.parameters, (~episodes.terminated).float()
+        differences = episodes.rewards + given.gamma * goes_on * values[:, 1:] - values[:, :-1]
+        advantages, last = torch.zeros_like(differences), torch.zeros(len(values))
+        for t in reversed(range(self.envs.steps)):
+            last = differences[:, t] + given.gamma * given.gae_lambda * goes_on[:, t] * last
+            advantages[:, t] = last
+        return advantages
+
+    def _adapt(self, divergence: float) -> None:
+        """Adapt the actor's learning rate to its divergence in the iteration."""
+        target = self.parameters.target_kl * (0.1 + 0.9 * self.left)
+        by = 1.0 / ADAPTATION if divergence > 2.0 * target else ADAPTATION if divergence < 0.5 * target else 1.0
+        for group in self._adam.param_groups:
+            group["lr"] = min(max(group["lr"] * by, RATES[0]), RATES[1])

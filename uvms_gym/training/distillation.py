@@ -1,0 +1,100 @@
+"""Distillation of a controller with perfect sensors into a policy with real ones (DAgger). [Ros11]"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from uvms_gym.controllers.registry import CLASSICAL, check_name, make_controller, names
+from uvms_gym.training.learner import Hyperparameters, Learner, step
+from uvms_gym.training.networks import Actor
+from uvms_gym.training.run import Settings
+from uvms_gym.training.twin import Episodes
+
+#: Teacher of each task.
+TEACHERS = {"station-keep": "dob-delay", "ee-track": "resolved-dob", "dock": "dock-pd"}
+
+
+@dataclass(frozen=True)
+class DistillationParameters(Hyperparameters):
+    """Hyperparameters of distillation."""
+
+    learning_rate: float
+    """Learning rate of Adam at the start; it falls linearly to 0."""
+    n_updates: int
+    """Gradient steps per iteration."""
+    batch_size: int
+    """Pairs of successive time steps in a gradient step."""
+    noise: float
+    """Standard deviation of the noise on actions while episodes are collected."""
+    action_rate: float
+    """Price of the squared change between successive actions, relative to the squared error."""
+
+
+class Distillation(Learner):
+    """Regression of the actor, which acts on the environment's observations, onto a teacher's actions.
+
+    The teacher is a classical controller with its tuned gains that sees the twin's observations, without compensation
+    of a delay that they do not have. It acts in the first iteration, the actor in all others.
+
+    Raises
+    ------
+    ValueError, TypeError, gymnasium.error.Error
+        A setting is unknown or out of range, or the teacher is not a classical controller of the task.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.parameters = DistillationParameters.read(settings.hyperparameters)
+        super().__init__(settings, self.parameters.net_arch, 0.0)
+        self._adam = torch.optim.Adam(self.actor.layers.parameters(), lr=self.parameters.learning_rate)
+        inner = self.envs.inner
+        self.teacher_name = settings.teacher or TEACHERS[inner.task]
+        check_name(self.teacher_name, inner.task)
+        if self.teacher_name not in CLASSICAL:
+            known = ", ".join(name for name in names(inner.task) if name in CLASSICAL)
+            raise ValueError(f"teacher is {self.teacher_name!r}, but must be classical: {known}")
+        teacher: Any = make_controller(self.teacher_name, self.envs.twin)
+        if teacher.gains.get("delay"):
+            teacher = type(teacher)(self.envs.twin, **{**teacher.gains, "delay": 0})
+        self.teacher = teacher
+
+    @property
+    def optimizers(self) -> dict[str, torch.optim.Optimizer]:
+        """Optimiser of the actor."""
+        return {"actor": self._adam}
+
+    def collect(self, actor: Actor, iteration: int) -> tuple[Episodes, Tensor]:
+        """Run episodes; returns the teacher's actions (n, T, a), too."""
+        n, first = self.num_envs, iteration == 0
+        generator = self.generator(iteration, "collect")
+        targets = torch.zeros(n, self.envs.steps, self.envs.actions)
+        memory: Any = None
+
+        def act(t: int, inputs: Tensor, clean: Tensor) -> Tensor:
+            nonlocal memory
+            actions, memory = self.teacher.predict(clean.numpy(), memory, np.full(n, t == 0))
+            targets[:, t] = torch.from_numpy(actions)
+            if first:
+                return targets[:, t]
+            mean: Tensor = actor(inputs)
+            return mean + self.parameters.noise * torch.randn(mean.shape, generator=generator)
+
+        return self.envs.run(self.seeds(iteration), act), targets
+
+    def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
+        """Regress the actor onto the teacher's actions in pairs of successive steps."""
+        given, targets, inputs = self.parameters, more, episodes.inputs
+        for group in self._adam.param_groups:
+            group["lr"] = given.learning_rate * (self.left + 1.0 / max(1, self.settings.steps // self.frames))
+        pairs = (episodes.alive[:, 1:]).nonzero()
+        for _ in range(given.n_updates):
+            i, t = pairs[torch.randint(len(pairs), (given.batch_size,), generator=generator)].T
+            before, now = self.actor(inputs[i, t]), self.actor(inputs[i, t + 1])
+            error = (before - targets[i, t]) ** 2 + (now - targets[i, t + 1]) ** 2
+            step(self._adam, (0.5 * error + given.action_rate * (now - before) ** 2).mean())
+
+    def notes(self) -> dict[str, str]:
+        """Teacher."""
+        return {"teacher": self.teacher_name}

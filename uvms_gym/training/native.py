@@ -1,0 +1,140 @@
+"""Runs of the learners of this package, from their start or a checkpoint: distillation, PPO with asymmetric critic."""
+
+import os
+import pickle
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from uvms_gym.training.asymmetric_ppo import AsymmetricPPO
+from uvms_gym.training.distillation import Distillation
+from uvms_gym.training.export import write_card
+from uvms_gym.training.learner import Learner
+from uvms_gym.training.run import (
+    BEST,
+    POLICY,
+    Outcome,
+    Record,
+    Settings,
+    checkpoint_name,
+    interrupt_event,
+    passed,
+)
+
+#: Learners by the name of the algorithm.
+LEARNERS: dict[str, type[Learner]] = {"distill": Distillation, "asymmetric-ppo": AsymmetricPPO}
+
+
+def make_learner(settings: Settings) -> Learner:
+    """Make an untrained learner; errors as of its class."""
+    if settings.num_threads > 0:
+        torch.set_num_threads(settings.num_threads)
+    return LEARNERS[settings.algo](settings)  # type: ignore[call-arg]
+
+
+def check(settings: Settings) -> None:
+    """Make the learner once: errors are those of its class."""
+    make_learner(settings).close()
+
+
+def save(learner: Learner, seconds: float, path: Path) -> None:
+    """Write a checkpoint, atomically, with the time so far, s.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    part = path.with_name(f".{path.stem}.part.zip")
+    try:
+        torch.save({"seconds": seconds, "algo": learner.settings.algo, **learner.state()}, part)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def load(learner: Learner, path: Path) -> float:
+    """Continue from a checkpoint; returns the time so far, s.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        The file is of another kind, or for other settings.
+    """
+    try:
+        # Numbers alone: nothing in the file is executed.
+        state = torch.load(path, weights_only=True)
+        if state["algo"] != learner.settings.algo:
+            raise ValueError(f"algorithm {state['algo']}")
+        learner.set_state(state)
+    except (RuntimeError, ValueError, LookupError, TypeError, EOFError, pickle.UnpicklingError):
+        raise ValueError(f"{path} holds no training run of `uvms train --algo {learner.settings.algo}`") from None
+    return float(state["seconds"])
+
+
+def train(
+    settings: Settings,
+    folder: Path,
+    *,
+    agent: Path | None = None,
+    tensorboard_log: Path | None = None,
+    verbose: int = 0,
+    origin: Mapping[str, str] | None = None,
+    tick: Callable[[int], object] = lambda steps: None,
+    tell: Callable[[dict[str, Any]], object] = lambda evaluation: None,
+) -> Outcome:
+    """Train, evaluate, write checkpoints and export the policy, all in `folder`.
+
+    Parameters and errors are those of `uvms_gym.training.ppo.train`, as are stops; `verbose` has no effect.
+    """
+    learner = make_learner(settings)
+    before = 0.0 if agent is None else load(learner, agent)
+    settings.save(folder)
+    record = Record(settings, folder, learner.envs.inner, time.perf_counter() - before, origin or {}, tell)
+    if agent is not None:
+        record.resume(learner.steps)
+    if learner.left == 0.0:
+        raise ValueError(f"the run has taken its {learner.steps} steps; n_timesteps can ask for more")
+    writer = None
+    if tensorboard_log is not None:
+        from torch.utils.tensorboard import SummaryWriter
+
+        writer = SummaryWriter(str(tensorboard_log / folder.name))
+
+    def evaluate() -> None:
+        policy = learner.actor.policy(learner.envs.inner, settings.history)
+        scores, best = record.evaluate(policy, learner.steps)
+        if writer is not None:
+            for name, value in scores.items():
+                writer.add_scalar(f"eval/{name}", value, learner.steps)
+        if best:
+            save(learner, record.seconds, folder / BEST)
+
+    with interrupt_event() as interrupted:
+        if not record.curve and settings.eval_freq > 0:
+            evaluate()
+        while learner.left > 0.0 and not interrupted.is_set():
+            learner.iterate()
+            steps, previous = learner.steps, learner.steps - learner.frames
+            tick(learner.frames)
+            if passed(settings.eval_freq, previous, steps):
+                evaluate()
+            if passed(settings.save_freq, previous, steps):
+                save(learner, record.seconds, folder / checkpoint_name(steps))
+        finished = learner.left == 0.0
+        if not record.curve or record.curve[-1]["steps"] != learner.steps:
+            evaluate()
+        checkpoint = folder / (f"{settings.env}.zip" if finished else checkpoint_name(learner.steps))
+        save(learner, record.seconds, checkpoint)
+        notes = record.notes(learner.steps, torch.get_num_threads(), learner.notes())
+        learner.actor.policy(learner.envs.inner, settings.history, notes).save(folder / POLICY)
+        write_card(folder)
+    if writer is not None:
+        writer.close()
+    learner.close()
+    return Outcome(learner.steps, record.seconds, finished, checkpoint, folder / POLICY, record.curve[-1])

@@ -1,0 +1,223 @@
+"""A training run: settings, folder, evaluations, export, interruption; the same for all algorithms."""
+
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from uvms_gym import MLP, Residual
+from uvms_gym.controllers import Controller
+from uvms_gym.controllers.registry import tuned
+from uvms_gym.envs import TaskVectorEnv
+from uvms_gym.training.evaluation import SEED, evaluate
+from uvms_gym.training.export import versions
+from uvms_gym.training.hyperparameters import count
+
+#: Algorithms, and their titles in model cards.
+ALGORITHMS = {"ppo": "PPO", "distill": "Distillation", "asymmetric-ppo": "PPO with an asymmetric critic"}
+#: Distance of environments' seeds between training seeds; those below are for evaluations.
+SEED_STRIDE = 10_000_000
+#: Files of a run's folder.
+SETTINGS, CURVE, POLICY, BEST = "config.json", "evaluations.json", "policy.safetensors", "best_model.zip"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings, which determine a run bit for bit."""
+
+    env: str
+    """Gymnasium's id of a UVMS environment."""
+    hyperparameters: dict[str, Any]
+    """In rl_zoo3's format: `n_timesteps`, `n_envs` and those of the algorithm."""
+    env_kwargs: dict[str, Any] = field(default_factory=dict)
+    """Arguments of the environment."""
+    seed: int = 0
+    """Seed of the network and of batches; seeds of environments start at `SEED_STRIDE * (1 + seed)`."""
+    base: str | None = None
+    """Name of a corrected controller; algorithm `ppo` alone."""
+    limit: float = 0.3
+    """Greatest correction."""
+    eval_freq: int = 0
+    """Steps between evaluations; not positive: only at the end."""
+    eval_episodes: int = 512
+    """Episodes of each evaluation."""
+    save_freq: int = 0
+    """Steps between checkpoints; not positive: only at the end."""
+    num_threads: int = 1
+    """Threads of torch and of the environment; -1: their defaults."""
+    device: str = "cpu"
+    """Device of torch; algorithm `ppo` alone."""
+    algo: str = "ppo"
+    """One of `ALGORITHMS`."""
+    teacher: str | None = None
+    """Name of the imitated classical controller; algorithm `distill` alone. None: that of the task."""
+    start: str | None = None
+    """File of the policy to begin with; algorithm `asymmetric-ppo` alone. None: from scratch."""
+
+    @property
+    def steps(self) -> int:
+        """Steps of all instances together."""
+        return count(self.hyperparameters, "n_timesteps")
+
+    @property
+    def history(self) -> int:
+        """Number of observations in the policy's input: `frame_stack`."""
+        return count({"frame_stack": 1, **self.hyperparameters}, "frame_stack")
+
+    @property
+    def kwargs(self) -> dict[str, Any]:
+        """Arguments of the environment, including those of the hyperparameters."""
+        threads = {} if self.num_threads < 0 else {"threads": self.num_threads}
+        return {**threads, **self.hyperparameters.get("env_kwargs", {}), **self.env_kwargs}
+
+    def save(self, folder: Path) -> None:
+        """Write the settings into a run's folder."""
+        (folder / SETTINGS).write_text(json.dumps(asdict(self), indent=1) + "\n")
+
+    @classmethod
+    def load(cls, folder: Path) -> "Settings":
+        """Read the settings from a run's folder.
+
+        Raises
+        ------
+        OSError
+            The file does not exist.
+        ValueError
+            The file is of another kind.
+        """
+        try:
+            settings = cls(**json.loads((folder / SETTINGS).read_text()))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{folder / SETTINGS}: {error}") from None
+        if settings.algo not in ALGORITHMS:
+            known = ", ".join(ALGORITHMS)
+            raise ValueError(f"{folder / SETTINGS}: algo is {settings.algo!r}, but must be one of {known}")
+        return settings
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of a run."""
+
+    steps: int
+    """Steps of all instances together, including those before a checkpoint."""
+    seconds: float
+    """Wall-clock time, including evaluations and the time before a checkpoint."""
+    finished: bool
+    """True if all steps were taken."""
+    checkpoint: Path
+    """Checkpoint to resume from."""
+    policy: Path
+    """Exported policy."""
+    evaluation: dict[str, Any]
+    """See `uvms_gym.training.evaluation.evaluate`."""
+
+
+@dataclass
+class Record:
+    """Learning curve, time, and exported policy of a run."""
+
+    settings: Settings
+    folder: Path
+    envs: TaskVectorEnv
+    begun: float
+    """Instant of `time.perf_counter` at which the run would have begun without a stop."""
+    origin: Mapping[str, str]
+    tell: Callable[[dict[str, Any]], object]
+    base: Controller | None = None
+    curve: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Time spent on the run so far."""
+        return time.perf_counter() - self.begun
+
+    def resume(self, steps: int) -> None:
+        """Read the learning curve so far; later evaluations are forgotten."""
+        if (self.folder / CURVE).exists():
+            curve = json.loads((self.folder / CURVE).read_text())
+            self.curve = [entry for entry in curve if entry["steps"] <= steps]
+
+    def evaluate(self, policy: MLP, steps: int) -> tuple[dict[str, float], bool]:
+        """Evaluate a policy; returns the scores, and True if it is the best so far."""
+        settings, before = self.settings, round(self.seconds, 3)
+        controller = policy if self.base is None else Residual(self.base, policy, settings.limit)
+        scores = evaluate(settings.env, settings.kwargs, controller, settings.eval_episodes)
+        found = {"steps": steps, "seconds": before, **scores}
+        best = min((entry["pose"] for entry in self.curve), default=float("inf"))
+        self.curve.append(found | {"episodes": settings.eval_episodes, "seed": SEED})
+        (self.folder / CURVE).write_text(json.dumps(self.curve, indent=1) + "\n")
+        self.tell(found)
+        return scores, found["pose"] < best
+
+    def notes(self, steps: int, threads: int, more: Mapping[str, str]) -> dict[str, str]:
+        """Notes for the policy's file."""
+        settings = self.settings
+        notes = {
+            "environment": settings.env,
+            "env_kwargs": json.dumps({key: value for key, value in settings.kwargs.items() if key != "threads"}),
+            "algorithm": ALGORITHMS[settings.algo],
+            "hyperparameters": json.dumps(settings.hyperparameters | {"n_timesteps": settings.steps}),
+            "seed": str(settings.seed),
+            "steps": str(steps),
+            "seconds": f"{self.seconds:.0f}",
+            "threads": str(threads),
+            "versions": json.dumps(versions()),
+            "evaluation": json.dumps(self.curve[-1]),
+            **more,
+            **self.origin,
+        }
+        if settings.base is not None:
+            stored = tuned(settings.base, self.envs)
+            gains = json.dumps(stored["gains"] if stored else {})
+            notes |= {"base": settings.base, "base_gains": gains, "limit": f"{settings.limit:g}"}
+        return notes
+
+
+@contextmanager
+def interrupt_event() -> Iterator[threading.Event]:
+    """Event set by the first interrupt; a second one has its usual effect."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    usual = signal.getsignal(signal.SIGINT)
+
+    def ask(number: int, frame: Any) -> None:
+        asked.set()
+        signal.signal(signal.SIGINT, usual)
+
+    signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, usual)
+
+
+def latest_checkpoint(folder: Path) -> Path:
+    """Find the newest checkpoint of a run.
+
+    Raises
+    ------
+    ValueError
+        The folder has none.
+    """
+    found = [*folder.glob(checkpoint_name("*")), *folder.glob(f"{Settings.load(folder).env}.zip")]
+    if not found:
+        raise ValueError(f"{folder} has no checkpoint")
+    return max(found, key=lambda path: path.stat().st_mtime_ns)
+
+
+def checkpoint_name(steps: int | str) -> str:
+    """Name of a checkpoint's file."""
+    return f"rl_model_{steps}_steps.zip"
+
+
+def passed(every: int, before: int, now: int) -> bool:
+    """True if a multiple of `every` lies in (before, now]."""
+    return every > 0 and now // every > before // every

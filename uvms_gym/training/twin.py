@@ -1,0 +1,113 @@
+"""Episodes for training: an environment, and beside it its twin with perfect sensors."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from torch import Tensor
+
+from uvms_gym.envs import TaskVectorEnv
+from uvms_gym.training.evaluation import episode_steps
+
+#: Actions (n, a) for the time step, stacked observations (n, h d) and the twin's observations (n, d).
+Act = Callable[[int, Tensor, Tensor], Tensor]
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """One episode of every instance: n instances, T steps, observations of d entries, actions of a."""
+
+    observations: Tensor
+    """Observations (n, h - 1 + T, d) after h - 1 rows of zeros."""
+    clean: Tensor
+    """Observations of the twin (n, T + 1, d), that after the last step included."""
+    actions: Tensor
+    """Actions (n, T, a), not clipped."""
+    rewards: Tensor
+    """Rewards (n, T)."""
+    alive: Tensor
+    """True for steps up to the end of the episode (n, T)."""
+    terminated: Tensor
+    """True for the step that ended it, other than by its time limit (n, T)."""
+    history: int
+    """Number of stacked observations h."""
+
+    @property
+    def inputs(self) -> Tensor:
+        """Stacked observations (n, T, h d), oldest first: a view."""
+        n, rows, d = self.observations.shape
+        shape, strides = (n, rows - self.history + 1, self.history * d), (rows * d, d, 1)
+        return self.observations.as_strided(shape, strides)
+
+
+class TwinEnvs:
+    """An environment and its twin, whose sensors have neither noise nor delay.
+
+    Noise and delay act on observations alone: under the same actions and seeds both have the same states, bit for bit.
+
+    Parameters
+    ----------
+    env : str
+        Gymnasium's id of a UVMS environment.
+    env_kwargs : mapping
+        Arguments of the environment.
+    num_envs : int
+        Number of instances n.
+    history : int
+        Number of stacked observations h.
+
+    Raises
+    ------
+    ValueError, TypeError, gymnasium.error.Error
+        An argument is unknown or out of range, or the environment is not one of uvms_gym.
+    """
+
+    def __init__(self, env: str, env_kwargs: Mapping[str, Any], num_envs: int, history: int) -> None:
+        self.steps = episode_steps(env, env_kwargs)
+        self.env, self.history = gymnasium.make_vec(env, num_envs=num_envs, **env_kwargs), history
+        inner = self.env.unwrapped
+        if not isinstance(inner, TaskVectorEnv):
+            raise ValueError(f"{env} is no environment of uvms_gym")
+        self.inner = inner
+        given = inner.options.disturbance
+        named = {"base": given} if isinstance(given, str) else given
+        perfect = None if named is None else {**named, "noise": None, "delay": None}
+        self.twin = gymnasium.make_vec(env, num_envs=num_envs, **{**env_kwargs, "disturbance": perfect})
+        (self.size,) = inner.single_observation_space.shape or ()
+        (self.actions,) = inner.single_action_space.shape or ()
+
+    @torch.no_grad()
+    def run(self, seeds: Sequence[int], act: Act) -> Episodes:
+        """Run an episode of every instance."""
+        n, h, d = self.inner.num_envs, self.history, self.size
+        rows = Episodes(
+            observations=torch.zeros(n, h - 1 + self.steps, d),
+            clean=torch.zeros(n, self.steps + 1, d),
+            actions=torch.zeros(n, self.steps, self.actions),
+            rewards=torch.zeros(n, self.steps),
+            alive=torch.zeros(n, self.steps, dtype=torch.bool),
+            terminated=torch.zeros(n, self.steps, dtype=torch.bool),
+            history=h,
+        )
+        inputs, alive = rows.inputs, np.ones(n, dtype=np.bool_)
+        given: Any = list(seeds)
+        seen, clean = (env.reset(seed=given)[0] for env in (self.env, self.twin))
+        for t in range(self.steps):
+            rows.observations[:, h - 1 + t], rows.clean[:, t] = torch.from_numpy(seen), torch.from_numpy(clean)
+            rows.actions[:, t] = act(t, inputs[:, t], rows.clean[:, t])
+            actions = rows.actions[:, t].numpy()
+            seen, rewards, terminated, _, _ = self.env.step(actions)
+            clean = self.twin.step(actions)[0]
+            rows.rewards[:, t] = torch.from_numpy(rewards)
+            rows.alive[:, t], rows.terminated[:, t] = torch.from_numpy(alive), torch.from_numpy(alive & terminated)
+            alive = alive & ~terminated
+        rows.clean[:, self.steps] = torch.from_numpy(clean)
+        return rows
+
+    def close(self) -> None:
+        """Close both environments."""
+        self.env.close()
+        self.twin.close()
