@@ -95,7 +95,7 @@ def test_distillation_lowers_the_regression_error() -> None:
 
     def error() -> float:
         episodes, targets = learner.collect(learner.actor, 1000)
-        return float(((learner.actor(episodes.inputs) - targets) ** 2).mean())
+        return float(((learner.actor(episodes.inputs) - targets) ** 2).mean().detach())
 
     before = error()
     for _ in range(4):

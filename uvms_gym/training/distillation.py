@@ -1,5 +1,6 @@
 """Distillation of a controller with perfect sensors into a policy with real ones (DAgger). [Ros11]"""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from uvms_gym.controllers.registry import CLASSICAL, check_name, make_controller, names
+from uvms_gym.controllers.registry import CLASSICAL, ControllerWarning, check_name, make_controller, names
 from uvms_gym.training.learner import Hyperparameters, Learner, step
 from uvms_gym.training.networks import Actor
 from uvms_gym.training.run import Settings
@@ -55,7 +56,10 @@ class Distillation(Learner):
         if self.teacher_name not in CLASSICAL:
             known = ", ".join(name for name in names(inner.task) if name in CLASSICAL)
             raise ValueError(f"teacher is {self.teacher_name!r}, but must be classical: {known}")
-        teacher: Any = make_controller(self.teacher_name, self.envs.twin)
+        with warnings.catch_warnings():
+            # Its delay is removed below.
+            warnings.simplefilter("ignore", ControllerWarning)
+            teacher: Any = make_controller(self.teacher_name, self.envs.twin)
         if teacher.gains.get("delay"):
             teacher = type(teacher)(self.envs.twin, **{**teacher.gains, "delay": 0})
         self.teacher = teacher
