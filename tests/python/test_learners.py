@@ -68,7 +68,7 @@ def test_twins_have_the_same_states_and_perfect_sensors() -> None:
     states = [env.unwrapped.get_state()["physics"] for env in (envs.env, envs.twin)]
     np.testing.assert_array_equal(*states)
     place = {block.name: block.slice for block in envs.inner.layout}["position_error"]
-    position = envs.twin.unwrapped.snapshot().state.position
+    position = envs.twin.unwrapped.snapshot().position
     error = np.linalg.norm(position - envs.inner.episode["target_position"], axis=1)
     seen = np.linalg.norm(0.1 * episodes.clean[:, -1, place].numpy(), axis=1)
     np.testing.assert_allclose(seen, error, rtol=1e-5)
