@@ -26,7 +26,7 @@ for name in pd pid pd-restoring dob dob-delay dob-still dob-calm dob-medium dob-
     tune --controller $name
 done
 tune --controller dob-wide --env UVMS-StationKeep-Wide-v0
-for name in resolved resolved-pid resolved-dob resolved-calm resolved-free resolved-informed; do
+for name in resolved resolved-pid resolved-dob resolved-informed; do
     tune --controller $name --env UVMS-EETrack-Storm-v0
 done
 tune --controller resolved-wide --env UVMS-EETrack-Wide-v0

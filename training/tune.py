@@ -76,8 +76,6 @@ LIMITS = {
     "dob-free": Limits(),
     "dob-informed": Limits(),
     "mpc": Limits(LIMIT, 4.8),
-    "resolved-calm": Limits(LIMIT, 1.2),
-    "resolved-free": Limits(),
     "resolved-informed": Limits(),
 }
 

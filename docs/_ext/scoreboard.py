@@ -6,7 +6,7 @@ from typing import Any
 from made_markdown import MarkdownDirective, table
 from sphinx.application import Sphinx
 
-from uvms_gym.controllers.registry import PRETRAINED
+from uvms_gym.controllers.registry import PRETRAINED, is_bound
 from uvms_gym.studies.comparison.scoreboard import read_entries
 from uvms_gym.studies.comparison.summary import is_learned
 
@@ -38,7 +38,7 @@ class Scoreboard(MarkdownDirective):
         for path, by in files:
             self.env.note_dependency(str(path))
             for env, name, entry in read_entries(path):
-                if env == self.arguments[0] and name != "none":
+                if env == self.arguments[0] and name != "none" and not is_bound(name):
                     kind = "learned" if is_learned(name) else "classical"
                     cells = (f"`{name}`", kind if by == "shipped" else f"submitted: {by}", *_cells(entry["metrics"]))
                     found.append((entry["metrics"]["pose"]["whole"]["iqm"]["value"], cells))

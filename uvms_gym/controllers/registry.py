@@ -75,8 +75,6 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "resolved": ClassicalEntry(ResolvedMotion, _TRACK),
     "resolved-pid": ClassicalEntry(ResolvedMotion, _TRACK, {"integral_gain": 0.5}),
     "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
-    "resolved-calm": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
-    "resolved-free": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
     "resolved-wide": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
     "resolved-informed": ClassicalEntry(ResolvedMotion, _TRACK, {**_RESOLVED_DOB, "delay": 0}, "bound"),
     "dock-pd": ClassicalEntry(DockPD, _DOCK),
