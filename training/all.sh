@@ -9,7 +9,7 @@ tune() { python "$here/tune.py" --policies "$to" "$@"; }
 
 # policy NAME SEED ENVIRONMENT [OPTION...]
 policy() {
-    file=$to/${3%%-Storm-v0}/petasus-pum/0.1s/$1-$2.safetensors env=$3 seed=$2
+    file=$to/${3%-*-v0}/petasus-pum/0.1s/$1-$2.safetensors env=$3 seed=$2
     shift 3
     [ -e "$file" ] || uvms train --env "$env" --seed "$seed" --export "$file" "$@"
 }
@@ -34,9 +34,12 @@ tune --controller resolved-wide --env UVMS-EETrack-Wide-v0
 for seed in 0 1 2 3 4; do
     distilled ppo-distilled $seed dob-delay "{'effort':0.1,'action_rate':0.1}"
     distilled ppo-distilled-calm $seed dob-calm "{'effort':0.5,'action_rate':0.45}"
-    distilled ppo-distilled-medium $seed dob-delay "{'effort':0.3,'action_rate':0.3}"
     policy ppo $seed UVMS-EETrack-Storm-v0 --env-kwargs dt:0.01 --env-kwargs substeps:10
 done
+start=out/train/ppo-distilled-wide-0-start.safetensors
+[ -e "$start" ] || uvms train --algo distill --env UVMS-StationKeep-Wide-v0 --teacher dob-wide --seed 0 --export "$start"
+policy ppo-distilled-wide 0 UVMS-StationKeep-Wide-v0 --algo asymmetric-ppo --start "$start" --n-envs 512 -n 6000000 \
+    --env-kwargs "reward:{'effort':0.05,'action_rate':0.1}"
 policy ppo 0 UVMS-StationKeep-Storm-v0
 policy ppo-pd 0 UVMS-StationKeep-Storm-v0 --base pd -n 3000000
 policy ppo-dob 0 UVMS-StationKeep-Storm-v0 --base dob-delay

@@ -82,8 +82,8 @@ CLASSICAL: dict[str, ClassicalEntry] = {
 LEARNED: dict[str, LearnedEntry] = {
     "ppo": LearnedEntry(_ALL),
     "ppo-distilled": LearnedEntry(_STATION),
-    "ppo-distilled-medium": LearnedEntry(_STATION),
     "ppo-distilled-calm": LearnedEntry(_STATION),
+    "ppo-distilled-wide": LearnedEntry(_STATION),
     "ppo-pd": LearnedEntry(_STATION, "pd"),
     "ppo-dob": LearnedEntry(_STATION, "dob-delay"),
     "ppo-resolved-dob": LearnedEntry(_TRACK, "resolved-dob"),
