@@ -350,6 +350,35 @@ class Simulator:
         fin: _Rows = None,
     ) -> tuple[_Floats, _Floats]:
         """A (N, 12 + 2n, 12 + 2n) and B (N, 12 + 2n, 6 + n) of z = [xi; dq; dV; dq'] and u = [dF; dtau]. [PC05]"""
+    def step_jacobians(
+        self,
+        *,
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        joint_torque: _Rows = None,
+        joint_target: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
+        substeps: int = 1,
+        parameters: Sequence[str] = (),
+    ) -> dict[str, _Floats]:
+        """Derivatives of the step, (N, s, w) each: "state" (w = s), each input given, "parameters"; docs/gradients.md."""
+    def step_jvp(
+        self,
+        tangents: Mapping[str, ArrayLike],
+        *,
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        joint_torque: _Rows = None,
+        joint_target: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
+        substeps: int = 1,
+        parameters: Sequence[str] = (),
+    ) -> _Floats:
+        """(N, s) Jacobians of `step_jacobians` times tangents (w,) or (N, w) by its keys; absent ones are 0."""
     @property
     def parameters(self) -> dict[str, _Floats]:
         """(N,) factors on mass, added mass, linear and quadratic damping, volume, thrust, thruster lag; payload, kg."""

@@ -4,9 +4,12 @@ use nalgebra::{DMatrix, Vector3};
 
 use super::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::hydro::{FINS, FinAxes};
-use crate::lane::{Dual, Shared};
+use crate::lane::{Shared, Unfused};
 use crate::lie::{self, Matrix3, Vector6};
 use crate::system::{Flow, JOINTS, State, System};
+
+/// Dual numbers outside kernels, where fused multiply-add is a slow call.
+type Dual = crate::lane::Dual<Unfused<f64>>;
 
 /// Linearization `z' = A z + B u` about a motion, with `z = [xi; dq; dV; dq']` and `u = [dF; dtau]`.
 ///
@@ -18,6 +21,10 @@ pub struct Linearization {
     pub a: DMatrix<f64>,
     /// B, (2(6+n), 6+n).
     pub b: DMatrix<f64>,
+}
+
+fn dual(value: f64, slope: f64) -> Dual {
+    Dual::new(Unfused(value), Unfused(slope))
 }
 
 /// Direction of differentiation.
@@ -76,8 +83,8 @@ fn accelerations_along(
     loads: &ArmLoads<f64>,
     direction: Direction,
 ) -> Vec<f64> {
-    let number = |value: f64, along: Direction| Dual::new(value, if along == direction { 1.0 } else { 0.0 });
-    let vector = |v: &Vector3<f64>| lie::Vector3([Dual::new(v.x, 0.0), Dual::new(v.y, 0.0), Dual::new(v.z, 0.0)]);
+    let number = |value: f64, along: Direction| dual(value, if along == direction { 1.0 } else { 0.0 });
+    let vector = |v: &Vector3<f64>| lie::Vector3([dual(v.x, 0.0), dual(v.y, 0.0), dual(v.z, 0.0)]);
     let six = |x: &dyn Fn(usize) -> Dual| Vector6::from_array(std::array::from_fn(x));
 
     // R = R_0 (I + [xi_omega]) to first order.
@@ -87,17 +94,17 @@ fn accelerations_along(
     };
     let slope = state.rotation * turn.cross_matrix();
     let rotation =
-        Matrix3(std::array::from_fn(|i| std::array::from_fn(|k| Dual::new(state.rotation[(i, k)], slope[(i, k)]))));
+        Matrix3(std::array::from_fn(|i| std::array::from_fn(|k| dual(state.rotation[(i, k)], slope[(i, k)]))));
     let water = rotation.apply_transposed(vector(&flow.velocity));
     let pull = rotation.apply_transposed(vector(&flow.acceleration));
     let mut twist = six(&|k| number(state.twist[k], Direction::Twist(k)));
     twist.linear = twist.linear - water;
     let q: [Dual; JOINTS] = std::array::from_fn(|k| number(state.q[k], Direction::Joint(k)));
     let qd: [Dual; JOINTS] = std::array::from_fn(|k| number(state.qd[k], Direction::Rate(k)));
-    let zero = Dual::new(0.0, 0.0);
-    let gravity = rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| Dual::new(g, 0.0))));
+    let zero = dual(0.0, 0.0);
+    let gravity = rotation.apply_transposed(lie::Vector3(system.gravity.map(|Shared(g)| dual(g, 0.0))));
     let mut surfaces = FinAxes::blank();
-    surfaces.deflect(&system.fins, &fins.map(|x| Dual::new(x, 0.0)));
+    surfaces.deflect(&system.fins, &fins.map(|x| dual(x, 0.0)));
     let instant = Instant {
         is_start: true,
         gravity: gravity - pull,
@@ -112,9 +119,9 @@ fn accelerations_along(
     let loads = ArmLoads {
         torque: std::array::from_fn(|k| number(loads.torque[k], Direction::Torque(k))),
         terms: loads.terms,
-        target: loads.target.map(|target| target.map(|x| Dual::new(x, 0.0))),
+        target: loads.target.map(|target| target.map(|x| dual(x, 0.0))),
         on_links: loads.on_links,
-        links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| Dual::new(x, 0.0)))),
+        links: loads.links.map(|w| Vector6::from_array(w.to_array().map(|x| dual(x, 0.0)))),
     };
     let (mut twist_rate, mut qdd) = (Vector6::zero(), [zero; JOINTS]);
     accelerations(system, &instant, &loads, &mut Scratch::new(), &mut twist_rate, &mut qdd);
@@ -123,5 +130,5 @@ fn accelerations_along(
         twist_rate.linear = twist_rate.linear - twist.angular.cross(water) + pull;
     }
     let joints = &qdd[..system.joints.len()];
-    twist_rate.to_array().iter().chain(joints).map(|x| x.slope).collect()
+    twist_rate.to_array().iter().chain(joints).map(|x| x.slope.0).collect()
 }

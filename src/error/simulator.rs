@@ -76,6 +76,15 @@ pub enum SimulatorError {
     /// Pose target for a vehicle without servo.
     #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot hold a pose")]
     NoVehicleServo { scene: String },
+    /// Derivatives in single precision.
+    #[error("derivatives of steps are computed in float64: make the simulator with dtype='float64'")]
+    DerivativePrecision,
+    /// Derivatives of an integrator without them.
+    #[error("integrator '{name}' has no derivatives of steps: use one of {}", known.join(", "))]
+    DerivativeIntegrator { name: String, known: Vec<&'static str> },
+    /// Unknown parameter.
+    #[error("parameters: no parameter '{name}': one of {}", known.join(", "))]
+    UnknownParameter { name: String, known: Vec<&'static str> },
     /// Unavailable instruction set.
     #[error(transparent)]
     Lanes(#[from] crate::lane::UnknownIsa),

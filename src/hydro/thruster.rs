@@ -62,7 +62,8 @@ impl<P: Copy> Branch<P> {
     {
         let mut thrust = self.base.get();
         for [start, length, slope] in &self.pieces {
-            let within = (size - start.get()).max(L::zero()).min(length.get());
+            // Dual numbers have the slope of the second operand where both are equal: outward at the beginning of a piece.
+            let within = L::zero().max(size - start.get()).min(length.get());
             thrust = slope.get().mul_add(within, thrust);
         }
         thrust
@@ -94,8 +95,10 @@ impl<P: Copy> Thruster<P> {
         let command = command.min(upper).max(lower);
         let mut thrust = command;
         if let Some([up, down]) = &self.map {
-            let size = command.abs();
-            thrust = L::select(L::zero().lt(command), up.at(size), -down.at(size)).min(upper).max(lower);
+            // Not `abs`: its slope at 0 is 0.
+            let forward = L::zero().lt(command);
+            let size = L::select(forward, command, -command);
+            thrust = L::select(forward, up.at(size), -down.at(size)).min(upper).max(lower);
         }
         if let Some(band) = &self.dead_band {
             let [from, to]: [L; 2] = get_all(band);
@@ -113,8 +116,10 @@ impl<P: Copy> Thruster<P> {
         let Some(k) = self.ambient_flow else { return thrust };
         let speed = Vector6::from_array(get_all(&self.along)).dot(twist);
         let forward = L::zero().lt(thrust);
-        let (size, inflow) = (thrust.abs(), L::select(forward, speed, -speed).max(L::zero()));
-        let reduced = (k.get() * size.sqrt()).neg_mul_add(inflow, size).max(L::zero());
+        // As in `steady` and `Branch::at`: a thrust of 0 has the slope of still water.
+        let size = L::select(forward, thrust, -thrust);
+        let inflow = L::select(forward, speed, -speed).max(L::zero());
+        let reduced = L::zero().max((k.get() * size.sqrt()).neg_mul_add(inflow, size));
         L::select(forward, reduced, -reduced)
     }
 

@@ -44,7 +44,7 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize, const BASELINES: b
     loop {
         // The whole rest, or half of it rather than the planned sub-interval and a sliver.
         let short = L::select(left.lt(plan + plan), left * half, plan);
-        let share = L::select(plan.lt(left), short, left);
+        let share = L::select(plan.lt(left), short, left).held();
         let begun = adaptive && attempts > 0;
         let (Report { turn, error, contrast }, end) =
             explicit::<_, _, _, BASELINES>(method, (h * share, h * (one - left), begun), motion, derivative, stages);

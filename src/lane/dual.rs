@@ -1,111 +1,189 @@
-//! Dual numbers: a value and its directional derivative, for exact differentiation of the kernel.
+//! Dual numbers in lanes: values and their directional derivatives, for exact differentiation of the kernels.
+//!
+//! Every branch and mask compares values alone, and every value is computed by the operations of the lanes beneath: values have
+//! the same bits as without slopes. At the kinks of `min`, `max` and `select` the slope is that of the number chosen, at that of
+//! `abs` and `sqrt` it is 0.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::number::{Lane, assigning_ops};
+use super::number::{Lane, Routine};
 
-/// `value + slope e` with `e^2 = 0`.
+/// `value + slope e` with `e^2 = 0`, in each lane.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Dual {
+pub struct Dual<L = f64> {
     /// Value.
-    pub value: f64,
+    pub value: L,
     /// Derivative.
-    pub slope: f64,
+    pub slope: L,
 }
 
-impl Dual {
+impl<L> Dual<L> {
     /// From value and derivative.
-    pub fn new(value: f64, slope: f64) -> Self {
+    #[inline(always)]
+    pub fn new(value: L, slope: L) -> Self {
         Self { value, slope }
     }
 }
 
-impl Add for Dual {
+impl<L: Lane> Add for Dual<L> {
     type Output = Self;
+    #[inline(always)]
     fn add(self, b: Self) -> Self {
         Self::new(self.value + b.value, self.slope + b.slope)
     }
 }
-impl Sub for Dual {
+impl<L: Lane> Sub for Dual<L> {
     type Output = Self;
+    #[inline(always)]
     fn sub(self, b: Self) -> Self {
         Self::new(self.value - b.value, self.slope - b.slope)
     }
 }
-impl Mul for Dual {
+impl<L: Lane> Mul for Dual<L> {
     type Output = Self;
+    #[inline(always)]
     fn mul(self, b: Self) -> Self {
-        Self::new(self.value * b.value, self.slope * b.value + self.value * b.slope)
+        Self::new(self.value * b.value, self.slope.mul_add(b.value, self.value * b.slope))
     }
 }
-impl Div for Dual {
+impl<L: Lane> Div for Dual<L> {
     type Output = Self;
+    #[inline(always)]
     fn div(self, b: Self) -> Self {
         let value = self.value / b.value;
-        Self::new(value, (self.slope - value * b.slope) / b.value)
+        // The reciprocal is the value where 1 is divided: the compiler then divides once.
+        Self::new(value, value.neg_mul_add(b.slope, self.slope) * (L::c(1.0) / b.value))
     }
 }
-impl Neg for Dual {
+impl<L: Lane> Neg for Dual<L> {
     type Output = Self;
+    #[inline(always)]
     fn neg(self) -> Self {
         Self::new(-self.value, -self.slope)
     }
 }
-assigning_ops!(Dual);
+impl<L: Lane> AddAssign for Dual<L> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+impl<L: Lane> SubAssign for Dual<L> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
 
-impl Lane for Dual {
-    type Real = f64;
-    type Mask = bool;
-    const LANES: usize = 1;
+/// A routine on dual numbers as one on the lanes beneath, which know their instruction set.
+struct OnDuals<'a, R>(&'a mut R);
 
-    fn splat(x: f64) -> Self {
-        Self::new(x, 0.0)
+impl<L: Lane, R: Routine<Dual<L>>> Routine<L> for OnDuals<'_, R> {
+    const PORTABLE: bool = R::PORTABLE;
+
+    #[inline(always)]
+    fn run(&mut self) {
+        self.0.run();
     }
-    fn load(from: &[f64]) -> Self {
-        Self::splat(from[0])
+}
+
+impl<L: Lane> Lane for Dual<L> {
+    type Real = L::Real;
+    type Mask = L::Mask;
+    const LANES: usize = L::LANES;
+
+    #[inline(always)]
+    fn call<R: Routine<Self>>(routine: &mut R) {
+        L::call(&mut OnDuals(routine));
     }
-    fn store(self, to: &mut [f64]) {
-        to[0] = self.value;
+    /// Slope -0: the compiler omits its addition, which changes nothing, as it would not that of +0.
+    #[inline(always)]
+    fn splat(x: L::Real) -> Self {
+        Self::new(L::splat(x), L::c(-0.0))
     }
+    #[inline(always)]
+    fn load(from: &[L::Real]) -> Self {
+        Self::new(L::load(from), L::c(-0.0))
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [L::Real]) {
+        self.value.store(to);
+    }
+    /// Values in the first half of the memory, slopes in the second.
+    #[inline(always)]
+    fn read(numbers: &[L::Real], at: usize) -> Option<Self> {
+        match (L::read(numbers, at), L::read(numbers, numbers.len() / 2 + at)) {
+            (Some(value), Some(slope)) => Some(Self::new(value, slope)),
+            _ => None,
+        }
+    }
+    #[inline(always)]
+    fn write(self, numbers: &mut [L::Real], at: usize) {
+        let half = numbers.len() / 2;
+        self.value.write(numbers, at);
+        self.slope.write(numbers, half + at);
+    }
+    #[inline(always)]
+    fn held(self) -> Self {
+        Self::new(self.value, L::c(-0.0))
+    }
+    #[inline(always)]
     fn mul_add(self, a: Self, b: Self) -> Self {
-        self * a + b
+        let slope = self.slope.mul_add(a.value, self.value.mul_add(a.slope, b.slope));
+        Self::new(self.value.mul_add(a.value, b.value), slope)
     }
+    #[inline(always)]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
-        Self::new(root, 0.5 * self.slope / root)
+        let slope = L::c(0.5) * self.slope / root;
+        Self::new(root, L::select(L::zero().lt(self.value), slope, L::zero()))
     }
+    #[inline(always)]
     fn abs(self) -> Self {
-        if self.value < 0.0 { -self } else { self }
+        let (value, slope, zero) = (self.value, self.slope, L::zero());
+        let slope = L::select(zero.lt(value), slope, L::select(value.lt(zero), -slope, zero));
+        Self::new(value.abs(), slope)
     }
+    #[inline(always)]
     fn round(self) -> Self {
-        Self::splat(self.value.round_ties_even())
+        Self::new(self.value.round(), L::c(-0.0))
     }
-    fn lt(self, other: Self) -> bool {
-        self.value < other.value
+    #[inline(always)]
+    fn lt(self, other: Self) -> L::Mask {
+        self.value.lt(other.value)
     }
-    fn select(mask: bool, yes: Self, no: Self) -> Self {
-        if mask { yes } else { no }
+    #[inline(always)]
+    fn select(mask: L::Mask, yes: Self, no: Self) -> Self {
+        Self::new(L::select(mask, yes.value, no.value), L::select(mask, yes.slope, no.slope))
     }
-    fn and(a: bool, b: bool) -> bool {
-        a && b
+    #[inline(always)]
+    fn and(a: L::Mask, b: L::Mask) -> L::Mask {
+        L::and(a, b)
     }
-    fn bits(mask: bool) -> u32 {
-        u32::from(mask)
+    #[inline(always)]
+    fn bits(mask: L::Mask) -> u32 {
+        L::bits(mask)
     }
+    #[inline(always)]
     fn split(self) -> (Self, Self) {
         let (mantissa, exponent) = self.value.split();
-        (Self::new(mantissa, self.slope * (mantissa / self.value)), Self::splat(exponent))
+        (Self::new(mantissa, self.slope * (mantissa / self.value)), Self::new(exponent, L::c(-0.0)))
     }
+    /// A constant: what follows corrects the estimate, and differentiates its correction.
+    #[inline(always)]
     fn inverse_sqrt_estimate(self) -> Self {
-        Self::splat(1.0) / self.sqrt()
+        Self::new(self.value.inverse_sqrt_estimate(), L::c(-0.0))
     }
+    #[inline(always)]
     fn load_single(from: &[f32]) -> Self {
-        Self::splat(f64::from(from[0]))
+        Self::new(L::load_single(from), L::c(-0.0))
     }
+    #[inline(always)]
     fn store_single(self, to: &mut [f32]) {
-        to[0] = self.value as f32;
+        self.value.store_single(to);
     }
+    #[inline(always)]
     fn store_double(self, to: &mut [f64]) {
-        to[0] = self.value;
+        self.value.store_double(to);
     }
 }

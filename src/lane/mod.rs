@@ -56,4 +56,5 @@ pub use number::{Kernel, Lane, Real, Routine};
 pub use param::{Param, Shared, get_all, get_option};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;
+pub use scalar::Unfused;
 pub use transpose::{Entry, transpose};

@@ -41,6 +41,26 @@ pub trait Lane:
     fn load(from: &[Self::Real]) -> Self;
     /// Writes `LANES` numbers to the front of `to`.
     fn store(self, to: &mut [Self::Real]);
+    /// Reads `LANES` numbers of a memory from number `at` on; none beyond it.
+    #[inline(always)]
+    fn read(numbers: &[Self::Real], at: usize) -> Option<Self> {
+        match numbers.get(at..at + Self::LANES) {
+            Some(numbers) => Some(Self::load(numbers)),
+            None => None,
+        }
+    }
+    /// Writes `LANES` numbers to a memory from number `at` on; nothing beyond it.
+    #[inline(always)]
+    fn write(self, numbers: &mut [Self::Real], at: usize) {
+        if let Some(numbers) = numbers.get_mut(at..at + Self::LANES) {
+            self.store(numbers);
+        }
+    }
+    /// The same number, held constant in differentiation: [`super::Dual`] drops its slope.
+    #[inline(always)]
+    fn held(self) -> Self {
+        self
+    }
     /// `self * a + b`, rounded once if the machine has fused multiply-add.
     fn mul_add(self, a: Self, b: Self) -> Self;
     /// Square root.
@@ -135,6 +155,9 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     /// Runs a kernel one instance at a time, on the scalars of `isa`: the same bits as [`Self::dispatch`] in half the
     /// machine code, for work whose speed does not matter.
     fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
+    /// Runs a kernel on wide lanes even where `isa` is that of single instances: the same bits as [`Self::dispatch`] with less
+    /// machine code, for work that fills lanes with one instance. Machines without wide lanes round multiply and add apart.
+    fn dispatch_wide<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
 }
 
 /// Implements the compound assignment operators by the binary ones.

@@ -3,6 +3,7 @@
 mod arrays;
 mod choices;
 mod controllers;
+mod derivatives;
 mod disturbance;
 mod equations;
 mod error_estimate;

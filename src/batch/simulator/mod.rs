@@ -1,6 +1,7 @@
 //! The batched simulator of one scene, or of scenes of one structure, without a task.
 
 pub mod applied_loads;
+pub mod derivatives;
 pub mod error_estimate;
 mod parameters;
 mod scenes;

@@ -71,13 +71,13 @@ pub trait Storage: Send + Sync {
 /// Blocks of instances in one precision.
 #[derive(Clone)]
 pub struct Blocks<T> {
-    scene: Parameters<T>,
-    table: Table,
-    isa: Isa,
-    instances: usize,
-    rows: Aligned<T>,
+    pub(super) scene: Parameters<T>,
+    pub(super) table: Table,
+    pub(super) isa: Isa,
+    pub(super) instances: usize,
+    pub(super) rows: Aligned<T>,
     /// Numbers that instances have of their own.
-    own: Option<OwnNumbers<T>>,
+    pub(super) own: Option<OwnNumbers<T>>,
     /// Per chunk, [`Table::scaled`]; none once factors have been set.
     scaled: Vec<Option<[bool; 2]>>,
 }
@@ -111,6 +111,8 @@ impl<T: Real> Blocks<T> {
             payload_attachment,
             scratch_pool: ScratchPool::default(),
             system_pool: ScratchPool::default(),
+            dual_scratch_pool: ScratchPool::default(),
+            dual_system_pool: ScratchPool::default(),
             rigid,
         };
         let counts = [compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len()];

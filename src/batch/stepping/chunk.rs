@@ -52,6 +52,10 @@ pub(super) struct Parameters<T> {
     pub scratch_pool: ScratchPool,
     /// Memory for systems with parameters per instance.
     pub system_pool: ScratchPool,
+    /// Both of dual numbers.
+    pub dual_scratch_pool: ScratchPool,
+    /// See `dual_scratch_pool`.
+    pub dual_system_pool: ScratchPool,
     /// The system without added mass, and the filter's weight, where added mass is a lagged force.
     pub rigid: Option<(System<Shared<T>>, f64)>,
 }

@@ -4,6 +4,7 @@ mod accelerate;
 pub mod blocks;
 pub mod chunk;
 pub mod companion;
+pub mod derivative;
 pub mod equations_of_motion;
 mod instance_numbers;
 mod joint_coordinates;

@@ -77,7 +77,7 @@ pub struct Step<'a, T> {
 }
 
 /// Scratch memory of the steps.
-struct Memory<L: Lane> {
+pub(super) struct Memory<L: Lane> {
     scratch: Scratch<L>,
     stages: Stages<L, JOINTS>,
     implicit_stages: ImplicitStages<L, JOINTS>,
@@ -242,7 +242,7 @@ impl<'a, T: Real> Step<'a, T> {
     /// Scratch memory, and a system with parameters per instance where it is needed. (One call for both: of two, the second
     /// would have to free the result of the first in a panic.)
     #[inline(never)]
-    fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<InstanceSystem<L>>>) {
+    pub(super) fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<InstanceSystem<L>>>) {
         let has_payload =
             |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
         let fits = |pooled: &InstanceSystem<L>| has_payload(&pooled.system) == self.payload_attachment.is_some();
@@ -258,7 +258,7 @@ impl<'a, T: Real> Step<'a, T> {
 
     /// Returns both to their pools.
     #[inline(never)]
-    fn return_memory<L: Lane>(&self, memory: Box<Memory<L>>, instances: Option<Box<InstanceSystem<L>>>) {
+    pub(super) fn return_memory<L: Lane>(&self, memory: Box<Memory<L>>, instances: Option<Box<InstanceSystem<L>>>) {
         self.scratch_pool.put(memory);
         if let (Some(instances), true) = (instances, self.scaled) {
             self.system_pool.put(instances);
@@ -268,7 +268,7 @@ impl<'a, T: Real> Step<'a, T> {
     /// Steps the instances of one column group. Terms of baseline methods, with the `unscaled` terms of the bodies, are compiled
     /// where `BASELINES` holds.
     #[inline(always)]
-    fn step_group<L: Lane<Real = T>, P: Param<L>, const BASELINES: bool>(
+    pub(super) fn step_group<L: Lane<Real = T>, P: Param<L>, const BASELINES: bool>(
         &self,
         system: &System<P>,
         unscaled: &[UnscaledBodyTerms<P>],

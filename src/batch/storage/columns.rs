@@ -11,7 +11,7 @@ use crate::system::{FACTORS, Factors, JOINTS};
 
 /// A column group of a block: `LANES` adjacent columns, one instance each.
 pub struct Columns<'a, T> {
-    /// Rows of a block.
+    /// Rows of a block; for dual numbers those of the values, then as many of the slopes.
     pub rows: &'a mut [T],
     /// First column of the group.
     pub first: usize,
@@ -21,21 +21,17 @@ impl<T: Real> Columns<'_, T> {
     /// A row; NaN beyond the block (a panic would need a call, which costs registers).
     #[inline(always)]
     pub fn get<L: Lane<Real = T>>(&self, row: usize) -> L {
-        let at = row * T::BLOCK + self.first;
-        let numbers = self.rows.get(at..at + L::LANES);
+        let numbers = L::read(self.rows, row * T::BLOCK + self.first);
         debug_assert!(numbers.is_some(), "row {row}");
-        if let Some(numbers) = numbers { L::load(numbers) } else { L::c(f64::NAN) }
+        if let Some(numbers) = numbers { numbers } else { L::c(f64::NAN) }
     }
 
     /// Sets a row; does nothing beyond the block.
     #[inline(always)]
     pub fn set<L: Lane<Real = T>>(&mut self, row: usize, x: L) {
         let at = row * T::BLOCK + self.first;
-        let numbers = self.rows.get_mut(at..at + L::LANES);
-        debug_assert!(numbers.is_some(), "row {row}");
-        if let Some(numbers) = numbers {
-            x.store(numbers);
-        }
+        debug_assert!(at + L::LANES <= self.rows.len(), "row {row}");
+        x.write(self.rows, at);
     }
 
     /// Three rows: a vector.

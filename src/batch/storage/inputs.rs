@@ -145,8 +145,13 @@ impl<'a> CheckedInputs<'a> {
     }
 
     /// Thruster allocation of instance `i`.
-    fn allocation_of(&self, i: usize) -> &'a Allocation {
+    pub fn allocation_of(&self, i: usize) -> &'a Allocation {
         self.own.map_or(self.allocation, |own| own.allocation(i))
+    }
+
+    /// Fins of instance `i`.
+    pub fn fins_of(&self, i: usize) -> &'a [Fin] {
+        self.own.map_or(self.fins, |own| &own.scenes()[i].vehicle.fins)
     }
 
     /// Thrust of instance `i` within limits, times a factor.
@@ -192,8 +197,7 @@ impl<'a> CheckedInputs<'a> {
         for (sum, extra) in loads.wrench.iter_mut().zip(self.wrench(i)) {
             *sum += extra;
         }
-        let fins = self.own.map_or(self.fins, |own| &own.scenes()[i].vehicle.fins);
-        for (k, fin) in fins.iter().enumerate() {
+        for (k, fin) in self.fins_of(i).iter().enumerate() {
             let [lower, upper] = fin.range();
             let given = self.row(inputs.fin, self.fins.len(), i);
             loads.fins[k] = given.map_or(fin.deflection, |given| given[k].clamp(lower, upper));

@@ -109,6 +109,11 @@ impl<T: Real> OwnNumbers<T> {
         self.layout.columns(&self.rows)
     }
 
+    /// Layout of the rows.
+    pub fn layout(&self) -> &OwnLayout {
+        &self.layout
+    }
+
     /// Layout of the rows, and the blocks.
     pub fn parts(&mut self) -> (&OwnLayout, &mut [T]) {
         (&self.layout, &mut self.rows)

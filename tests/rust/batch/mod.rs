@@ -1,6 +1,7 @@
 //! Many instances at once.
 
 mod aligned;
+mod derivatives;
 mod error_estimate;
 mod fill;
 mod instances;

@@ -1,0 +1,332 @@
+//! Derivatives of steps in local coordinates.
+//!
+//! State: `[xi; dq; dV; dq'; dT]` with the pose `T exp(xi)`, the absolute body twist V and the thrusts of thrusters with dynamics.
+
+use super::Simulator;
+use crate::batch::options::Precision;
+use crate::batch::stepping::chunk::StepSettings;
+use crate::batch::stepping::derivative::{Directions, DualColumn};
+use crate::batch::storage::inputs::{CheckedInputs, Inputs};
+use crate::error::SimulatorError;
+use crate::integrate::{Integrator, Kind};
+use crate::lie::Vector6;
+use crate::system::Factors;
+
+/// Argument of a step with respect to which it is differentiated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Argument {
+    /// State before the step.
+    State,
+    /// Thrusts, or commands of thrusters with dynamics, N.
+    Thrust,
+    /// Deflections of the fins, rad.
+    Fin,
+    /// Wrench on the vehicle, N and N m.
+    Wrench,
+    /// Joint torques, N m or N.
+    JointTorque,
+    /// Coefficients of the servo targets, by joints.
+    JointTarget,
+    /// External wrenches by bodies, N and N m.
+    External,
+    /// Target pose of the vehicle's servo: `T exp(xi)`.
+    PoseTarget,
+    /// Parameters, in the order in which they are asked for.
+    Parameters,
+}
+
+impl Argument {
+    /// Name as of the keyword of a step.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::State => "state",
+            Self::Thrust => "thrust",
+            Self::Fin => "fin",
+            Self::Wrench => "wrench",
+            Self::JointTorque => "joint_torque",
+            Self::JointTarget => "joint_target",
+            Self::External => "external",
+            Self::PoseTarget => "pose_target",
+            Self::Parameters => "parameters",
+        }
+    }
+}
+
+/// Jacobians of steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepJacobians {
+    /// Arguments in the order of the columns, with their widths.
+    pub arguments: Vec<(Argument, usize)>,
+    /// Coordinates of the state.
+    pub size: usize,
+    /// `(N, size, sum of widths)`, row-major.
+    pub numbers: Vec<f64>,
+}
+
+impl Simulator {
+    /// Coordinates of the state: `2 (6 + n)`, and one for each thruster with dynamics.
+    pub fn state_size(&self) -> usize {
+        2 * (6 + self.joints()) + self.compiled.system.thrusters.len()
+    }
+
+    /// Arguments of a step under these inputs, with the widths of their coordinates: the state, each input given, and parameters
+    /// where their number is not 0.
+    pub fn arguments(&self, inputs: &Inputs, parameters: usize) -> Vec<(Argument, usize)> {
+        let width = |input: Option<&[f64]>| input.map_or(0, |numbers| numbers.len() / self.instances());
+        let all = [
+            (Argument::State, self.state_size()),
+            (Argument::Thrust, width(inputs.thrust)),
+            (Argument::Fin, width(inputs.fin)),
+            (Argument::Wrench, width(inputs.wrench)),
+            (Argument::JointTorque, width(inputs.joint_torque)),
+            (Argument::JointTarget, width(inputs.joint_target)),
+            (Argument::External, width(inputs.external)),
+            (Argument::PoseTarget, width(inputs.pose_target) / 2),
+            (Argument::Parameters, parameters),
+        ];
+        all.into_iter().filter(|(_, width)| *width > 0).collect()
+    }
+
+    /// Jacobians of `substeps` steps under held inputs with respect to state, inputs and these parameters (indices into
+    /// [`Factors::NAMES`]). The simulator is not stepped.
+    ///
+    /// # Errors
+    /// As [`Self::step`]; [`SimulatorError::DerivativePrecision`] and [`SimulatorError::DerivativeIntegrator`].
+    pub fn step_jacobians(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        parameters: &[usize],
+    ) -> Result<StepJacobians, SimulatorError> {
+        let arguments = self.arguments(inputs, parameters.len());
+        let numbers = self.differentiate(inputs, substeps, parameters, &arguments, None)?;
+        Ok(StepJacobians { arguments, size: self.state_size(), numbers })
+    }
+
+    /// Product of the Jacobian of [`Self::step_jacobians`] with a tangent for each instance, `(N, sum of widths)`: the tangents of
+    /// the next states, `(N, size)`.
+    ///
+    /// # Errors
+    /// As [`Self::step_jacobians`].
+    pub fn step_jvp(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        parameters: &[usize],
+        tangents: &[f64],
+    ) -> Result<Vec<f64>, SimulatorError> {
+        let arguments = self.arguments(inputs, parameters.len());
+        let width = arguments.iter().map(|(_, width)| width).sum();
+        self.check_rows("tangents", tangents, width)?;
+        self.differentiate(inputs, substeps, parameters, &arguments, Some(tangents))
+    }
+
+    fn differentiate(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        parameters: &[usize],
+        arguments: &[(Argument, usize)],
+        tangents: Option<&[f64]>,
+    ) -> Result<Vec<f64>, SimulatorError> {
+        if self.options.precision != Precision::Double {
+            return Err(SimulatorError::DerivativePrecision);
+        }
+        if self.integrator.needs_baseline_terms() {
+            let production = Integrator::NAMES.into_iter().filter(|entry| entry.kind == Kind::Production);
+            let (name, known) = (self.options.integrator.clone(), production.map(|entry| entry.name).collect());
+            return Err(SimulatorError::DerivativeIntegrator { name, known });
+        }
+        let (threads, size) = (self.threads, self.state_size());
+        let settings = StepSettings {
+            integrator: self.integrator,
+            h: self.options.dt,
+            substeps,
+            before: 0,
+            total: substeps,
+            halves: false,
+            active: Default::default(),
+            threads,
+            limits: None,
+        };
+        let Self { storage, scene, allocation, own, options, .. } = self;
+        let inputs = CheckedInputs::new(inputs, scene, allocation, own.as_ref(), options)?;
+        let settings = StepSettings { active: inputs.active_loads(), ..settings };
+        let coordinates = Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, tangents };
+        let blocks: &mut crate::batch::stepping::blocks::Blocks<f64> =
+            storage.as_any().downcast_mut().expect("the precision of the options");
+        Ok(blocks.differentiate(&settings, &inputs, &coordinates, size * coordinates.count()))
+    }
+}
+
+/// Coordinates of the arguments of a step: one direction each, or of all the one of a tangent.
+struct Coordinates<'a> {
+    inputs: &'a CheckedInputs<'a>,
+    fixed: bool,
+    parameters: &'a [usize],
+    arguments: &'a [(Argument, usize)],
+    tangents: Option<&'a [f64]>,
+}
+
+/// Entries of [`Factors`] that concern payload and thrust.
+const PAYLOAD: usize = 5;
+const THRUST: usize = 6;
+
+impl Directions for Coordinates<'_> {
+    fn count(&self) -> usize {
+        if self.tangents.is_some() { 1 } else { self.arguments.iter().map(|(_, width)| width).sum() }
+    }
+
+    fn payload(&self) -> bool {
+        self.parameters.contains(&PAYLOAD)
+    }
+
+    fn seed(&self, i: usize, k: usize, column: &mut DualColumn) {
+        let width: usize = self.arguments.iter().map(|(_, width)| width).sum();
+        let tangent = self.tangents.map(|tangents| &tangents[i * width..][..width]);
+        let mut first = 0;
+        for &(argument, width) in self.arguments {
+            match tangent {
+                Some(tangent) => {
+                    for (entry, &weight) in tangent[first..][..width].iter().enumerate() {
+                        self.add(i, argument, entry, weight, column);
+                    }
+                }
+                None if (first..first + width).contains(&k) => self.add(i, argument, k - first, 1.0, column),
+                None => {}
+            }
+            first += width;
+        }
+    }
+
+    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]) {
+        let layout = &column.table.layout;
+        let (rotation, position) = (|i, j| layout.rotation + 3 * i + j, |i| layout.position + i);
+        let count = self.count();
+        let mut entries = out.iter_mut().skip(k).step_by(count);
+        let mut set = |x: f64| {
+            if let Some(entry) = entries.next() {
+                *entry = x;
+            }
+        };
+        // R^T dr, and the axial vector of R^T dR.
+        let sum = |i: &dyn Fn(usize) -> f64| i(0) + i(1) + i(2);
+        for j in 0..3 {
+            let moved = |i| column.slope(position(i)) + column.slope(position(i) + 3);
+            set(sum(&|i| column.value(rotation(i, j)) * moved(i)));
+        }
+        let turned = |j, k| sum(&|i| column.value(rotation(i, j)) * column.slope(rotation(i, k)));
+        for (j, k) in [(2, 1), (0, 2), (1, 0)] {
+            set(0.5 * (turned(j, k) - turned(k, j)));
+        }
+        let rows = [
+            (layout.q, layout.joints),
+            (layout.twist, 6),
+            (layout.qd, layout.joints),
+            (layout.thrust, layout.thrusters),
+        ];
+        for row in rows.into_iter().flat_map(|(row, count)| row..row + count) {
+            set(column.slope(row));
+        }
+    }
+}
+
+impl Coordinates<'_> {
+    /// Adds the slopes of a coordinate of an argument, times a weight.
+    fn add(&self, i: usize, argument: Argument, k: usize, weight: f64, column: &mut DualColumn) {
+        let layout = &column.table.layout;
+        let n = layout.joints;
+        match argument {
+            Argument::State if k < 6 => add_pose(layout.rotation, layout.position, k, weight, column),
+            Argument::State if k < 6 + n => column.add_slope(layout.q + k - 6, weight),
+            Argument::State if k < 12 + n => {
+                let weight = if self.fixed { 0.0 } else { weight };
+                column.add_slope(layout.twist + k - 6 - n, weight);
+            }
+            Argument::State if k < 12 + 2 * n => column.add_slope(layout.qd + k - 12 - n, weight),
+            Argument::State => column.add_slope(layout.thrust + k - 12 - 2 * n, weight),
+            Argument::Thrust => {
+                let ([lower, upper], given) = (self.inputs.allocation_of(i).limits(k), self.given_thrust(i, k));
+                if !(lower < given && given < upper) {
+                    return;
+                }
+                if layout.thrusters > 0 {
+                    column.add_slope(layout.command + k, weight);
+                } else {
+                    let factor = column.value(layout.factors + THRUST);
+                    self.add_thrust(i, k, weight * factor, column);
+                }
+            }
+            Argument::Fin => {
+                let ([lower, upper], fins) = (self.inputs.fins_of(i)[k].range(), self.inputs.inputs.fin);
+                let given = fins.map_or(0.0, |fins| fins[i * layout.fins + k]);
+                let row = layout.fin + k;
+                column.add_slope(row, if lower < given && given < upper { weight } else { 0.0 });
+            }
+            Argument::Wrench => column.add_slope(layout.wrench + k, weight),
+            Argument::JointTorque => column.add_slope(layout.torque + k, weight),
+            Argument::JointTarget => {
+                let terms = self.inputs.terms.max(1);
+                column.add_slope(layout.target + 4 * (k / terms) + k % terms, weight);
+            }
+            Argument::External if k < 6 => column.add_slope(layout.wrench + k, weight),
+            Argument::External => {
+                let (link, entry) = (k / 6 - 1, k % 6);
+                let links = column.table.links.get(i).or(column.table.links.first());
+                let Some(frame) = links.and_then(|links| links.get(link)) else { return };
+                let unit = Vector6::from_array(std::array::from_fn(|j| if j == entry { weight } else { 0.0 }));
+                for (j, x) in frame.co_adjoint_apply_inverse(unit).to_array().into_iter().enumerate() {
+                    column.add_slope(layout.links + 6 * link + j, x);
+                }
+            }
+            Argument::PoseTarget => add_pose(layout.station, layout.station + 9, k, weight, column),
+            Argument::Parameters => {
+                let factor = self.parameters[k];
+                column.add_slope(layout.factors + factor, weight);
+                if factor == THRUST && layout.thrusters == 0 && self.inputs.inputs.thrust.is_some() {
+                    for k in 0..self.inputs.allocation.count() {
+                        let [lower, upper] = self.inputs.allocation_of(i).limits(k);
+                        self.add_thrust(i, k, weight * self.given_thrust(i, k).clamp(lower, upper), column);
+                    }
+                }
+            }
+        }
+    }
+
+    fn given_thrust(&self, i: usize, k: usize) -> f64 {
+        self.inputs.inputs.thrust.map_or(0.0, |thrust| thrust[i * self.inputs.allocation.count() + k])
+    }
+
+    /// Adds the slope of an ideal thrust: that of its wrench.
+    fn add_thrust(&self, i: usize, k: usize, weight: f64, column: &mut DualColumn) {
+        let wrench = self.inputs.allocation_of(i).column(k);
+        for axis in 0..6 {
+            column.add_slope(column.table.layout.wrench + axis, weight * wrench[axis]);
+        }
+    }
+}
+
+/// Adds the slopes of coordinate `k` of `T exp(xi)` to a pose, whose rotation is by rows.
+fn add_pose(rotation: usize, position: usize, k: usize, weight: f64, column: &mut DualColumn) {
+    for i in 0..3 {
+        let entry = |j: usize| column.value(rotation + 3 * i + j % 3) * weight;
+        if k < 3 {
+            column.add_slope(position + i, entry(k));
+        } else {
+            // R [e_k]: its columns after the k-th are those of R, the second but one first.
+            let (one, two) = (entry(k + 2), -entry(k + 1));
+            column.add_slope(rotation + 3 * i + (k + 1) % 3, one);
+            column.add_slope(rotation + 3 * i + (k + 2) % 3, two);
+        }
+    }
+}
+
+/// Index of a parameter among [`Factors::NAMES`].
+///
+/// # Errors
+/// [`SimulatorError::UnknownParameter`].
+pub fn parameter(name: &str) -> Result<usize, SimulatorError> {
+    let names = Factors::<f64>::NAMES;
+    let found = names.iter().position(|known| *known == name);
+    found.ok_or_else(|| SimulatorError::UnknownParameter { name: name.into(), known: names.into() })
+}

@@ -1,0 +1,177 @@
+//! `uvms_gym.Simulator`: derivatives of steps.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arrays::{Array, Given, array, count, rows};
+use super::errors::OrRaise;
+use super::inputs::{InputArguments, InputArrays};
+use super::simulator::Simulator;
+use uvms_gym::batch::{Argument, parameter};
+
+/// Inputs, number of steps and parameters of a call.
+struct Call {
+    arrays: InputArrays,
+    substeps: usize,
+    parameters: Vec<usize>,
+}
+
+impl Call {
+    fn read(
+        simulator: &Simulator,
+        inputs: &InputArguments,
+        substeps: Given,
+        parameters: Option<Vec<String>>,
+    ) -> PyResult<Self> {
+        let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
+        let parameters = parameters.unwrap_or_default();
+        let parameters = parameters.iter().map(|name| parameter(name)).collect::<Result<_, _>>().or_raise()?;
+        Ok(Self { arrays: inputs.read(&simulator.inner)?, substeps, parameters })
+    }
+
+    fn arguments(&self, simulator: &Simulator) -> Vec<(Argument, usize)> {
+        simulator.inner.arguments(&self.arrays.inputs(), self.parameters.len())
+    }
+}
+
+#[pymethods]
+impl Simulator {
+    /// Jacobians of the step: derivatives of the state after `substeps` steps of `dt` under held inputs. Exact to rounding; the
+    /// instances are not stepped. See docs/gradients.md.
+    ///
+    /// Differentiated by dual numbers through the kernel of `step`, whatever its integrator. Coordinates of the state, s of them:
+    /// `[xi (6); dq (n); dV (6); dq' (n); dT (m)]` with the pose `T exp(xi)` (m and rad, body axes of the pose), the absolute
+    /// body twist V, and the thrusts T of thrusters with dynamics (absent without). Rows are those of the state after the steps,
+    /// columns those of the argument before. Rows and columns of the twist are 0 where the vehicle is fixed.
+    ///
+    /// Saturated actuators have derivative 0, at their limit too. At other kinks the derivative is one-sided; that of |v| at 0 is
+    /// 0. Sub-intervals of a step are constant. An instance whose state becomes NaN has derivatives NaN.
+    ///
+    /// Parameters
+    /// ----------
+    /// thrust, wrench, joint_torque, joint_target, external, pose_target, fin
+    ///     Inputs, as in `step`. The steps are differentiated with respect to each that is given.
+    /// substeps : int
+    ///     Number of steps of `dt`.
+    /// parameters : sequence of str
+    ///     Names of factors (see `scale_parameters`): "mass", "added_mass", "linear_damping", "quadratic_damping", "volume",
+    ///     "payload" (per kg), "thrust", "thruster_lag".
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray
+    ///     "state" (N, s, s); under the name of each input given (N, s, w), where w is m, 6, n, n k (by joints), 6 (n + 1) (by
+    ///     bodies), 6 (target pose `T_d exp(xi)`) or k; "parameters" (N, s, p), if any, in the order given.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     An input has the wrong shape or type, or is not finite; a parameter is unknown; the simulator's dtype is float32; its
+    ///     integrator is a baseline method with Euler angles, quaternions or lagged added mass.
+    #[pyo3(
+        signature = (
+            *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None,
+            substeps=None, parameters=None
+        ),
+        text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1, parameters=())"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn step_jacobians<'py>(
+        &mut self,
+        py: Python<'py>,
+        thrust: Given,
+        wrench: Given,
+        joint_torque: Given,
+        joint_target: Given,
+        external: Given,
+        pose_target: Given,
+        fin: Given,
+        substeps: Given,
+        parameters: Option<Vec<String>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
+        let call = Call::read(self, &inputs, substeps, parameters)?;
+        let inner = &mut self.inner;
+        let run = || inner.step_jacobians(&call.arrays.inputs(), call.substeps, &call.parameters);
+        let jacobians = py.detach(run).or_raise()?;
+        let (instances, size) = (self.inner.instances(), jacobians.size);
+        let all: usize = jacobians.arguments.iter().map(|(_, width)| width).sum();
+        let (dict, mut first) = (PyDict::new(py), 0);
+        for (argument, width) in jacobians.arguments {
+            let columns = jacobians.numbers.chunks_exact(all).flat_map(|row| &row[first..first + width]);
+            dict.set_item(argument.name(), array(py, &[instances, size, width], columns.copied().collect())?)?;
+            first += width;
+        }
+        Ok(dict)
+    }
+
+    /// Product of the Jacobian of the step with a tangent: one column of cost instead of all, whatever the number of arguments.
+    ///
+    /// Parameters
+    /// ----------
+    /// tangents : dict of array_like (w,) or (N, w)
+    ///     Tangents by the keys of `step_jacobians`, in its coordinates; absent ones are 0.
+    /// thrust, wrench, joint_torque, joint_target, external, pose_target, fin, substeps, parameters
+    ///     As in `step_jacobians`.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray (N, s)
+    ///     Sum over the arguments of Jacobian times tangent.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     As `step_jacobians`; a tangent has the wrong shape, or its argument is not given.
+    #[pyo3(
+        signature = (
+            tangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None,
+            fin=None, substeps=None, parameters=None
+        ),
+        text_signature = "($self, tangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1, parameters=())"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn step_jvp<'py>(
+        &mut self,
+        py: Python<'py>,
+        tangents: &Bound<'py, PyDict>,
+        thrust: Given,
+        wrench: Given,
+        joint_torque: Given,
+        joint_target: Given,
+        external: Given,
+        pose_target: Given,
+        fin: Given,
+        substeps: Given,
+        parameters: Option<Vec<String>>,
+    ) -> PyResult<Array<'py>> {
+        let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
+        let call = Call::read(self, &inputs, substeps, parameters)?;
+        let arguments = call.arguments(self);
+        let known = || arguments.iter().map(|(argument, _)| argument.name());
+        for key in tangents.keys() {
+            let name: String = key.extract()?;
+            if !known().any(|known| known == name) {
+                let known = known().collect::<Vec<_>>().join(", ");
+                return Err(PyValueError::new_err(format!("tangents: no argument '{name}' in this call: {known}")));
+            }
+        }
+        let instances = self.inner.instances();
+        let mut parts = Vec::new();
+        for &(argument, width) in &arguments {
+            let name = argument.name();
+            let part = match tangents.get_item(name)? {
+                Some(given) => rows(&format!("tangents['{name}']"), &given, instances, &[width])?,
+                None => vec![0.0; instances * width],
+            };
+            parts.push((part, width));
+        }
+        let row = |i: usize| parts.iter().flat_map(move |(part, width)| &part[i * width..][..*width]);
+        let numbers: Vec<f64> = (0..instances).flat_map(row).copied().collect();
+        let inner = &mut self.inner;
+        let run = || inner.step_jvp(&call.arrays.inputs(), call.substeps, &call.parameters, &numbers);
+        let product = py.detach(run).or_raise()?;
+        array(py, &[instances, self.inner.state_size()], product)
+    }
+}
