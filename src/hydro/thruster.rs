@@ -161,7 +161,9 @@ impl<L: Lane> LagDecay<L> {
     #[inline(always)]
     pub fn step(&self, thrust: L, steady: L) -> ([L; 3], L) {
         let difference = thrust - steady;
-        let difference = L::select(difference.abs().lt(L::c(SETTLED)), L::zero(), difference);
+        // 0 where it is settled, by a subtraction that leaves dual numbers their slope.
+        let settled = L::select(difference.abs().lt(L::c(SETTLED)), difference.held(), L::zero());
+        let difference = difference - settled;
         let acting = [
             difference.mul_add(self.start, steady),
             difference.mul_add(self.mean, steady),
