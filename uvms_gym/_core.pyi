@@ -363,7 +363,7 @@ class Simulator:
         substeps: int = 1,
         parameters: Sequence[str] = (),
     ) -> dict[str, _Floats]:
-        """Derivatives of the step, (N, s, w) each: "state" (w = s), each input given, "parameters"; docs/gradients.md."""
+        """Derivatives of the step, (N, s, w) each: "state", each input given, "parameters"; docs/gradients.md."""
     def step_jvp(
         self,
         tangents: Mapping[str, ArrayLike],

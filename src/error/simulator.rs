@@ -79,6 +79,9 @@ pub enum SimulatorError {
     /// Derivatives in single precision.
     #[error("derivatives of steps are computed in float64: make the simulator with dtype='float64'")]
     DerivativePrecision,
+    /// Derivatives without wide lanes.
+    #[error("derivatives of steps need a machine with AVX2 or NEON")]
+    DerivativeLanes,
     /// Derivatives of an integrator without them.
     #[error("integrator '{name}' has no derivatives of steps: use one of {}", known.join(", "))]
     DerivativeIntegrator { name: String, known: Vec<&'static str> },

@@ -50,20 +50,18 @@ macro_rules! real {
             fn dispatch_wide<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
                 // SAFETY: each branch is taken only where its features have been detected.
                 match isa {
-                    Isa::Plain => plain::run(kernel),
-                    Isa::Avx512 | Isa::Fma if Isa::Avx512.detected() => unsafe { avx512::run(kernel) },
+                    Isa::Avx512 | Isa::Fma | Isa::Plain if Isa::Avx512.detected() => unsafe { avx512::run(kernel) },
                     _ if Isa::Avx2.detected() => unsafe { avx2::run(kernel) },
-                    _ => plain::run(kernel),
+                    _ => {}
                 }
             }
 
             #[cfg(not(target_arch = "x86_64"))]
-            fn dispatch_wide<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                match isa {
-                    #[cfg(target_arch = "aarch64")]
-                    Isa::Neon | Isa::Fma => neon::run(kernel),
-                    _ => plain::run(kernel),
-                }
+            fn dispatch_wide<K: Kernel<Self>>(_: Isa, kernel: &mut K) {
+                #[cfg(target_arch = "aarch64")]
+                neon::run(kernel);
+                #[cfg(not(target_arch = "aarch64"))]
+                let _ = kernel;
             }
 
             #[cfg(not(target_arch = "x86_64"))]

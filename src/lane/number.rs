@@ -155,8 +155,8 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     /// Runs a kernel one instance at a time, on the scalars of `isa`: the same bits as [`Self::dispatch`] in half the
     /// machine code, for work whose speed does not matter.
     fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
-    /// Runs a kernel on wide lanes even where `isa` is that of single instances: the same bits as [`Self::dispatch`] with less
-    /// machine code, for work that fills lanes with one instance. Machines without wide lanes round multiply and add apart.
+    /// Runs a kernel on wide lanes, of `isa` or the widest where its lanes are scalars, for work that fills lanes with one
+    /// instance. Less machine code than [`Self::dispatch`]; does nothing on machines without wide lanes.
     fn dispatch_wide<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
 }
 

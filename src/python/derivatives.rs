@@ -68,7 +68,8 @@ impl Simulator {
     /// ------
     /// ValueError, TypeError
     ///     An input has the wrong shape or type, or is not finite; a parameter is unknown; the simulator's dtype is float32; its
-    ///     integrator is a baseline method with Euler angles, quaternions or lagged added mass.
+    ///     integrator is a baseline method with Euler angles, quaternions or lagged added mass; the machine has neither AVX2
+    ///     nor NEON.
     #[pyo3(
         signature = (
             *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None,

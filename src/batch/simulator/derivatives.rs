@@ -9,6 +9,7 @@ use crate::batch::stepping::derivative::{Directions, DualColumn};
 use crate::batch::storage::inputs::{CheckedInputs, Inputs};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, Kind};
+use crate::lane::Isa;
 use crate::lie::Vector6;
 use crate::system::Factors;
 
@@ -91,7 +92,8 @@ impl Simulator {
     /// [`Factors::NAMES`]). The simulator is not stepped.
     ///
     /// # Errors
-    /// As [`Self::step`]; [`SimulatorError::DerivativePrecision`] and [`SimulatorError::DerivativeIntegrator`].
+    /// As [`Self::step`]; [`SimulatorError::DerivativePrecision`], [`SimulatorError::DerivativeLanes`] and
+    /// [`SimulatorError::DerivativeIntegrator`].
     pub fn step_jacobians(
         &mut self,
         inputs: &Inputs,
@@ -131,6 +133,9 @@ impl Simulator {
     ) -> Result<Vec<f64>, SimulatorError> {
         if self.options.precision != Precision::Double {
             return Err(SimulatorError::DerivativePrecision);
+        }
+        if !Isa::available().any(Isa::is_wide) {
+            return Err(SimulatorError::DerivativeLanes);
         }
         if self.integrator.needs_baseline_terms() {
             let production = Integrator::NAMES.into_iter().filter(|entry| entry.kind == Kind::Production);

@@ -81,7 +81,7 @@ fn values_of_duals_are_those_of_steps() {
     for scene in shipped.chain(random) {
         for entry in Integrator::NAMES.into_iter().filter(|entry| entry.kind == Kind::Production) {
             let integrator = Integrator::named(entry.name, &Gains::DEFAULT).unwrap();
-            Isa::available().for_each(|isa| compare(&scene, integrator, isa));
+            Isa::available().filter(|isa| *isa != Isa::Plain).for_each(|isa| compare(&scene, integrator, isa));
         }
     }
 }
