@@ -118,7 +118,11 @@ def differences(
     return {name: jacobian[:, first : first + widths[name]] for name, first in starts.items()}
 
 
-def case(scene: dict[str, Any], options: dict[str, Any], seed: int) -> tuple[Simulator, dict[str, Any], dict[str, Any]]:
+#: A simulator of one instance, its state and inputs.
+Case = tuple[Simulator, dict[str, Any], dict[str, Any]]
+
+
+def case(scene: dict[str, Any], options: dict[str, Any], seed: int) -> Case:
     """An instance in motion with factors and inputs of all kinds."""
     s = Simulator(scene, 1, **options)
     random = np.random.default_rng(seed)
@@ -139,22 +143,57 @@ def case(scene: dict[str, Any], options: dict[str, Any], seed: int) -> tuple[Sim
     return s, state, inputs
 
 
+def assert_differences(scene: dict[str, Any], options: dict[str, Any], case: Case, substeps: int) -> None:
+    s, state, inputs = case
+    rows = {name: value[None] for name, value in inputs.items()}
+    exact = s.step_jacobians(**rows, substeps=substeps, parameters=PARAMETERS)
+    expected = differences(scene, options, state, inputs, substeps)
+    assert exact.keys() == expected.keys()
+    for key, jacobian in expected.items():
+        # 1e-8 of the column; and rounding of the differences, over the increment.
+        rounding = 1e-13 * max(1.0, np.abs(state["twist"]).max()) / INCREMENTS.get(key, 1e-2)
+        bound = 1e-8 * np.abs(jacobian).max(0) + rounding
+        error = np.abs(exact[key][0] - jacobian)
+        assert np.all(error < bound), (key, (error / bound).max())
+
+
 @pytest.mark.parametrize("integrator", PRODUCTION)
 @pytest.mark.parametrize("name", scenes())
 def test_jacobians_are_differences_of_steps(name: str, integrator: str) -> None:
     # A tolerance that leaves steps whole: differences would change the sub-intervals.
     scene, options = scenes()[name], {"integrator": integrator, "dt": 0.01, "threads": 1, "tolerance": 1e3}
     for seed, substeps in ((1, 1), (2, 3)):
-        s, state, inputs = case(scene, options, seed)
-        rows = {name: value[None] for name, value in inputs.items()}
-        exact = s.step_jacobians(**rows, substeps=substeps, parameters=PARAMETERS)
-        expected = differences(scene, options, state, inputs, substeps)
-        assert exact.keys() == expected.keys()
-        for key, jacobian in expected.items():
-            # Rounding of the differences, over the increment; and 1e-8 of the column.
-            bound = 1e-8 * np.abs(jacobian).max(0) + 1e-13 / INCREMENTS.get(key, 1e-2)
-            error = np.abs(exact[key][0] - jacobian)
-            assert np.all(error < bound), (seed, key, (error / bound).max())
+        assert_differences(scene, options, case(scene, options, seed), substeps)
+
+
+@pytest.mark.parametrize("integrator", ["mk4", "ros2"])
+def test_jacobians_are_differences_where_a_turn_divides_the_step(integrator: str) -> None:
+    scene, options = load_scene("free-body"), {"integrator": integrator, "dt": 0.01, "threads": 1}
+    scene["vehicle"]["body"]["inertia"] = [1.0, 1.4, 2.0]
+    s, state, inputs = case(scene, options, 1)
+    state["twist"] = np.array([0.3, -0.2, 0.1, 20.0, -60.0, 190.0])
+    s.set_state(twist=state["twist"])
+    assert_differences(scene, options, (s, state, inputs), 1)
+
+
+def test_adaptive_sub_intervals_have_the_derivatives_of_the_motion() -> None:
+    jacobians = []
+    for options, substeps in (({"integrator": "mk54", "dt": 0.1, "tolerance": 1e-10}, 1), ({"dt": 0.1 / 64}, 64)):
+        s, _, inputs = case(load_scene("petasus-pum"), options, 1)
+        jacobians.append(s.step_jacobians(thrust=inputs["thrust"], substeps=substeps))
+    for name, jacobian in jacobians[0].items():
+        np.testing.assert_allclose(jacobian, jacobians[1][name], atol=2e-6 * np.abs(jacobian).max())
+
+
+def test_prescribed_joints_have_the_derivatives_of_their_targets() -> None:
+    s = Simulator("petasus-pum", prescribed_joints=True, dt=0.02)
+    n, t = s.num_joints, 0.06
+    jacobians = s.step_jacobians(joint_target=np.zeros((1, n, 3)), substeps=3)
+    q, qd = slice(6, 6 + n), slice(12 + n, 12 + 2 * n)
+    by_joints = jacobians["joint_target"][0].reshape(-1, n, 3)
+    np.testing.assert_allclose(by_joints[q], np.multiply.outer(np.eye(n), [1, t, t**2]), rtol=1e-14, atol=1e-16)
+    np.testing.assert_allclose(by_joints[qd], np.multiply.outer(np.eye(n), [0, 1, 2 * t]), rtol=1e-14, atol=1e-16)
+    assert not jacobians["state"][0, q, q].any()
 
 
 def stability_function(integrator: str, z: complex) -> complex:
