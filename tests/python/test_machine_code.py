@@ -166,8 +166,7 @@ def kernels(dtype: str, lanes: str) -> list[Function]:
 
 
 def steps(dtype: str, lanes: str) -> list[Function]:
-    """Those that step: one for instances with parameters of their own; but for scalars one for all others, and of doubles one
-    for their derivatives."""
+    """Those that step: one for numbers of single instances; of wide lanes one for shared ones, and one of duals."""
     return [function for function in kernels(dtype, lanes) if any(map(MEMORY.search, module().calls(function)))]
 
 

@@ -4,6 +4,7 @@
 
 use super::Simulator;
 use crate::batch::options::Precision;
+use crate::batch::stepping::blocks::Blocks;
 use crate::batch::stepping::chunk::StepSettings;
 use crate::batch::stepping::derivative::{Directions, DualColumn};
 use crate::batch::storage::inputs::{CheckedInputs, Inputs};
@@ -142,24 +143,14 @@ impl Simulator {
             let (name, known) = (self.options.integrator.clone(), production.map(|entry| entry.name).collect());
             return Err(SimulatorError::DerivativeIntegrator { name, known });
         }
-        let (threads, size) = (self.threads, self.state_size());
-        let settings = StepSettings {
-            integrator: self.integrator,
-            h: self.options.dt,
-            substeps,
-            before: 0,
-            total: substeps,
-            halves: false,
-            active: Default::default(),
-            threads,
-            limits: None,
-        };
+        let (size, integrator, threads) = (self.state_size(), self.integrator, self.threads);
         let Self { storage, scene, allocation, own, options, .. } = self;
         let inputs = CheckedInputs::new(inputs, scene, allocation, own.as_ref(), options)?;
-        let settings = StepSettings { active: inputs.active_loads(), ..settings };
+        let (active, h, before, total, limits) = (inputs.active_loads(), options.dt, 0, substeps, None);
+        let halves = false;
+        let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
         let coordinates = Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, tangents };
-        let blocks: &mut crate::batch::stepping::blocks::Blocks<f64> =
-            storage.as_any().downcast_mut().expect("the precision of the options");
+        let blocks: &mut Blocks<f64> = storage.as_any().downcast_mut().expect("the precision of the options");
         Ok(blocks.differentiate(&settings, &inputs, &coordinates, size * coordinates.count()))
     }
 }

@@ -242,7 +242,10 @@ impl<'a, T: Real> Step<'a, T> {
     /// Scratch memory, and a system with parameters per instance where it is needed. (One call for both: of two, the second
     /// would have to free the result of the first in a panic.)
     #[inline(never)]
-    pub(super) fn memory_and_system<L: Lane<Real = T>>(&self, needed: bool) -> (Box<Memory<L>>, Option<Box<InstanceSystem<L>>>) {
+    pub(super) fn memory_and_system<L: Lane<Real = T>>(
+        &self,
+        needed: bool,
+    ) -> (Box<Memory<L>>, Option<Box<InstanceSystem<L>>>) {
         let has_payload =
             |system: &System<L>| system.joints.last().map_or(&system.vehicle, |j| &j.body).payload.is_some();
         let fits = |pooled: &InstanceSystem<L>| has_payload(&pooled.system) == self.payload_attachment.is_some();

@@ -42,17 +42,12 @@ fn compare(scene: &Scene, integrator: Integrator, isa: Isa) {
     let (allocation, joints) = (Allocation::new(&scene.vehicle).unwrap(), compiled.links.len());
     let options = SimulatorOptions { instances: INSTANCES, ..SimulatorOptions::default() };
     let mut random = Random::new(3);
-    let mut numbers = |count: usize, size: f64| {
-        (0..count * INSTANCES).map(|_| random.between(-size, size)).collect::<Vec<_>>()
-    };
+    let mut numbers =
+        |count: usize, size: f64| (0..count * INSTANCES).map(|_| random.between(-size, size)).collect::<Vec<_>>();
     let (thrust, torque) = (numbers(allocation.count(), 60.0), numbers(joints, 1.0));
     let external = numbers(6 * (joints + 1), 1.0);
-    let inputs = Inputs {
-        thrust: Some(&thrust),
-        joint_torque: Some(&torque),
-        external: Some(&external),
-        ..Inputs::default()
-    };
+    let inputs =
+        Inputs { thrust: Some(&thrust), joint_torque: Some(&torque), external: Some(&external), ..Inputs::default() };
     let inputs = CheckedInputs::new(&inputs, scene, &allocation, None, &options).unwrap();
     let flow = Flow::from(Vector3::new(0.1, -0.2, 0.05));
     let start = (&random_state(0, scene), &flow);
