@@ -47,17 +47,15 @@ macro_rules! real {
             }
 
             #[cfg(target_arch = "x86_64")]
-            fn dispatch_wide<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                // SAFETY: each branch is taken only where its features have been detected.
-                match isa {
-                    Isa::Avx512 | Isa::Fma | Isa::Plain if Isa::Avx512.detected() => unsafe { avx512::run(kernel) },
-                    _ if Isa::Avx2.detected() => unsafe { avx2::run(kernel) },
-                    _ => {}
+            fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K) {
+                if Isa::Avx2.detected() {
+                    // SAFETY: its features have been detected.
+                    unsafe { avx2::run(kernel) }
                 }
             }
 
             #[cfg(not(target_arch = "x86_64"))]
-            fn dispatch_wide<K: Kernel<Self>>(_: Isa, kernel: &mut K) {
+            fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K) {
                 #[cfg(target_arch = "aarch64")]
                 neon::run(kernel);
                 #[cfg(not(target_arch = "aarch64"))]

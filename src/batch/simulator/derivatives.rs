@@ -151,7 +151,7 @@ impl Simulator {
         let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
         let coordinates = Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, tangents };
         let blocks: &mut Blocks<f64> = storage.as_any().downcast_mut().expect("the precision of the options");
-        Ok(blocks.differentiate(&settings, &inputs, &coordinates, size * coordinates.count()))
+        Ok(blocks.differentiate(&settings, &inputs, &coordinates, size * coordinates.columns()))
     }
 }
 
@@ -170,7 +170,7 @@ const THRUST: usize = 6;
 
 impl Directions for Coordinates<'_> {
     fn count(&self) -> usize {
-        if self.tangents.is_some() { 1 } else { self.arguments.iter().map(|(_, width)| width).sum() }
+        self.columns() - self.carried()
     }
 
     fn payload(&self) -> bool {
@@ -180,7 +180,7 @@ impl Directions for Coordinates<'_> {
     fn seed(&self, i: usize, k: usize, column: &mut DualColumn) {
         let width: usize = self.arguments.iter().map(|(_, width)| width).sum();
         let tangent = self.tangents.map(|tangents| &tangents[i * width..][..width]);
-        let mut first = 0;
+        let (k, mut first) = (self.carried() + k, 0);
         for &(argument, width) in self.arguments {
             match tangent {
                 Some(tangent) => {
@@ -198,15 +198,21 @@ impl Directions for Coordinates<'_> {
     fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]) {
         let layout = &column.table.layout;
         let (rotation, position) = (|i, j| layout.rotation + 3 * i + j, |i| layout.position + i);
-        let count = self.count();
-        let mut entries = out.iter_mut().skip(k).step_by(count);
+        let (columns, carried) = (self.columns(), self.carried());
+        let sum = |i: &dyn Fn(usize) -> f64| i(0) + i(1) + i(2);
+        if k == 0 {
+            // The steps carry a translation along: R_1^T R_0 of it.
+            for (j, k) in (0..3).flat_map(|j| (0..carried).map(move |k| (j, k))) {
+                out[j * columns + k] = sum(&|i| column.value(rotation(i, j)) * column.start(rotation(i, k)));
+            }
+        }
+        let mut entries = out.iter_mut().skip(carried + k).step_by(columns);
         let mut set = |x: f64| {
             if let Some(entry) = entries.next() {
                 *entry = x;
             }
         };
         // R^T dr, and the axial vector of R^T dR.
-        let sum = |i: &dyn Fn(usize) -> f64| i(0) + i(1) + i(2);
         for j in 0..3 {
             let moved = |i| column.slope(position(i)) + column.slope(position(i) + 3);
             set(sum(&|i| column.value(rotation(i, j)) * moved(i)));
@@ -228,6 +234,16 @@ impl Directions for Coordinates<'_> {
 }
 
 impl Coordinates<'_> {
+    /// Columns of the derivatives.
+    fn columns(&self) -> usize {
+        if self.tangents.is_some() { 1 } else { self.arguments.iter().map(|(_, width)| width).sum() }
+    }
+
+    /// First columns that need no steps: those of translations, where no servo keeps a place.
+    fn carried(&self) -> usize {
+        if self.tangents.is_some() || self.inputs.inputs.pose_target.is_some() { 0 } else { 3 }
+    }
+
     /// Adds the slopes of a coordinate of an argument, times a weight.
     fn add(&self, i: usize, argument: Argument, k: usize, weight: f64, column: &mut DualColumn) {
         let layout = &column.table.layout;

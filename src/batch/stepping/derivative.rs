@@ -26,12 +26,19 @@ pub struct DualColumn<'a> {
     values: &'a [f64],
     slopes: &'a mut [f64],
     column: usize,
+    /// Rows of the instances before the steps, and the instance's column among them.
+    start: (&'a [f64], usize),
 }
 
 impl DualColumn<'_> {
     /// Value in a row.
     pub fn value(&self, row: usize) -> f64 {
         self.values[row * COLUMNS + self.column]
+    }
+
+    /// Value in a row before the steps.
+    pub fn start(&self, row: usize) -> f64 {
+        self.start.0[row * COLUMNS + self.start.1]
     }
 
     /// Slope in a row.
@@ -47,13 +54,13 @@ impl DualColumn<'_> {
 
 /// Directions along which the steps of all instances are differentiated.
 pub trait Directions: Sync {
-    /// Directions of each instance.
+    /// Directions of each instance, at least 1.
     fn count(&self) -> usize;
     /// True where one changes payloads.
     fn payload(&self) -> bool;
     /// Adds the slopes of direction `k` of instance `i`.
     fn seed(&self, i: usize, k: usize, column: &mut DualColumn);
-    /// Reads the derivatives of an instance's step along its direction `k` into the numbers of the instance.
+    /// Reads the derivatives of an instance's steps along its direction `k` into the numbers of the instance.
     fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]);
 }
 
@@ -107,8 +114,8 @@ impl Blocks<f64> {
             gather(rows, &instances, values);
             slopes.fill(0.0);
             for column in 0..filled {
-                let i = block * COLUMNS + instances[column];
-                directions.seed(i, (pair + column) % count, &mut DualColumn { table, values, slopes, column });
+                let (i, start) = (block * COLUMNS + instances[column], (rows, instances[column]));
+                directions.seed(i, (pair + column) % count, &mut DualColumn { table, values, slopes, column, start });
             }
             if let Some((_, rows)) = own_rows {
                 gather(rows, &instances, &mut own);
@@ -132,11 +139,11 @@ impl Blocks<f64> {
                 count: filled,
                 blocks: &mut [],
             };
-            f64::dispatch_wide(self.isa, &mut StepDuals { step: &step, rows: &mut dual });
+            f64::dispatch_wide(&mut StepDuals { step: &step, rows: &mut dual });
             let (values, slopes) = dual.split_at_mut(rows.len());
             for column in 0..filled {
-                let out = &mut out[instances[column] * width..][..width];
-                directions.read((pair + column) % count, &DualColumn { table, values, slopes, column }, out);
+                let (out, start) = (&mut out[instances[column] * width..][..width], (rows, instances[column]));
+                directions.read((pair + column) % count, &DualColumn { table, values, slopes, column, start }, out);
             }
         }
     }
