@@ -195,6 +195,8 @@ class Simulator:
     """(k, 2) least and greatest deflection, rad."""
     bytes_per_env: Final[int]
     """Bytes of memory per instance."""
+    state_size: Final[int]
+    """Coordinates s of the state in `step_jacobians`: 12 + 2n, and m more where thrusters have dynamics."""
     @property
     def position(self) -> _Floats:
         """(N, 3) vehicle origin in the world, m."""
@@ -379,6 +381,21 @@ class Simulator:
         parameters: Sequence[str] = (),
     ) -> _Floats:
         """(N, s) Jacobians of `step_jacobians` times tangents (w,) or (N, w) by its keys; absent ones are 0."""
+    def step_vjp(
+        self,
+        cotangents: ArrayLike,
+        *,
+        thrust: _Rows = None,
+        wrench: _Rows = None,
+        joint_torque: _Rows = None,
+        joint_target: _Rows = None,
+        external: _Rows = None,
+        pose_target: _Pose = None,
+        fin: _Rows = None,
+        substeps: int = 1,
+        parameters: Sequence[str] = (),
+    ) -> dict[str, _Floats]:
+        """(N, w) each: cotangents (s,) or (N, s) of the next state times `step_jacobians`, by its keys."""
     @property
     def parameters(self) -> dict[str, _Floats]:
         """(N,) factors on mass, added mass, linear and quadratic damping, volume, thrust, thruster lag; payload, kg."""

@@ -33,10 +33,36 @@ impl Call {
     fn arguments(&self, simulator: &Simulator) -> Vec<(Argument, usize)> {
         simulator.inner.arguments(&self.arrays.inputs(), self.parameters.len())
     }
+
+    /// Arrays by arguments, (N, w), or (N, size, w) of Jacobians, of the numbers of all arguments.
+    fn dict<'py>(
+        &self,
+        py: Python<'py>,
+        simulator: &Simulator,
+        size: usize,
+        numbers: &[f64],
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let (dict, instances, arguments) = (PyDict::new(py), simulator.inner.instances(), self.arguments(simulator));
+        let (all, mut first): (usize, _) = (arguments.iter().map(|(_, width)| width).sum(), 0);
+        for (argument, width) in arguments {
+            let columns = numbers.chunks_exact(all).flat_map(|row| &row[first..first + width]).copied().collect();
+            let shape = [instances, size, width];
+            let shape = if size == 0 { &[instances, width][..] } else { &shape };
+            dict.set_item(argument.name(), array(py, shape, columns)?)?;
+            first += width;
+        }
+        Ok(dict)
+    }
 }
 
 #[pymethods]
 impl Simulator {
+    /// int: coordinates s of the state in `step_jacobians`: `12 + 2 n`, and m more where thrusters have dynamics.
+    #[getter]
+    fn state_size(&self) -> usize {
+        self.inner.state_size()
+    }
+
     /// Jacobians of the step: derivatives of the state after `substeps` steps of `dt` under held inputs. Exact to rounding; the
     /// instances are not stepped. See docs/gradients.md.
     ///
@@ -96,15 +122,7 @@ impl Simulator {
         let inner = &mut self.inner;
         let run = || inner.step_jacobians(&call.arrays.inputs(), call.substeps, &call.parameters);
         let jacobians = py.detach(run).or_raise()?;
-        let (instances, size) = (self.inner.instances(), jacobians.size);
-        let all: usize = jacobians.arguments.iter().map(|(_, width)| width).sum();
-        let (dict, mut first) = (PyDict::new(py), 0);
-        for (argument, width) in jacobians.arguments {
-            let columns = jacobians.numbers.chunks_exact(all).flat_map(|row| &row[first..first + width]);
-            dict.set_item(argument.name(), array(py, &[instances, size, width], columns.copied().collect())?)?;
-            first += width;
-        }
-        Ok(dict)
+        call.dict(py, self, jacobians.size, &jacobians.numbers)
     }
 
     /// Product of the Jacobian of the step with a tangent: one column of cost instead of all, whatever the number of arguments.
@@ -174,5 +192,54 @@ impl Simulator {
         let run = || inner.step_jvp(&call.arrays.inputs(), call.substeps, &call.parameters, &numbers);
         let product = py.detach(run).or_raise()?;
         array(py, &[instances, self.inner.state_size()], product)
+    }
+    /// Product of a cotangent of the next state with the Jacobian of the step: the gradient of a scalar by state, inputs and
+    /// parameters from that by the next state. Its time is that of `step_jacobians`, its memory that of the result.
+    ///
+    /// Parameters
+    /// ----------
+    /// cotangents : array_like (s,) or (N, s)
+    ///     Derivatives of the scalar by the next state, in the coordinates of `step_jacobians`.
+    /// thrust, wrench, joint_torque, joint_target, external, pose_target, fin, substeps, parameters
+    ///     As in `step_jacobians`.
+    ///
+    /// Returns
+    /// -------
+    /// dict of numpy.ndarray (N, w)
+    ///     Cotangent times Jacobian, by the keys of `step_jacobians`.
+    ///
+    /// Raises
+    /// ------
+    /// ValueError, TypeError
+    ///     As `step_jacobians`; the cotangents have the wrong shape.
+    #[pyo3(
+        signature = (
+            cotangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None,
+            fin=None, substeps=None, parameters=None
+        ),
+        text_signature = "($self, cotangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1, parameters=())"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
+    fn step_vjp<'py>(
+        &mut self,
+        py: Python<'py>,
+        cotangents: &Bound<'py, PyAny>,
+        thrust: Given,
+        wrench: Given,
+        joint_torque: Given,
+        joint_target: Given,
+        external: Given,
+        pose_target: Given,
+        fin: Given,
+        substeps: Given,
+        parameters: Option<Vec<String>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
+        let call = Call::read(self, &inputs, substeps, parameters)?;
+        let cotangents = rows("cotangents", cotangents, self.inner.instances(), &[self.inner.state_size()])?;
+        let inner = &mut self.inner;
+        let run = || inner.step_vjp(&call.arrays.inputs(), call.substeps, &call.parameters, &cotangents);
+        let product = py.detach(run).or_raise()?;
+        call.dict(py, self, 0, &product)
     }
 }

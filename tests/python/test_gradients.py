@@ -278,10 +278,19 @@ def test_products_are_those_of_the_jacobians() -> None:
     each = {name: np.broadcast_to(tangent, (5, jacobians[name].shape[2])) for name, tangent in tangents.items()}
     expected = sum(np.einsum("nij,nj->ni", jacobians[name], tangent) for name, tangent in each.items())
     np.testing.assert_allclose(product, expected, rtol=1e-13, atol=1e-13 * np.abs(expected).max())
+    # Products from the left: w (J v) = (w J) v.
+    weights = random.normal(size=product.shape)
+    left = s.step_vjp(weights, **inputs, substeps=2, parameters=PARAMETERS)
+    assert left.keys() == jacobians.keys()
+    sums = sum(np.einsum("nj,nj->n", left[name], tangent) for name, tangent in each.items())
+    sizes = np.linalg.norm(weights, axis=1) * np.linalg.norm(product, axis=1)
+    assert np.all(np.abs(sums - np.einsum("ni,ni->n", weights, product)) < 1e-12 * sizes)
     # Without a servo that keeps a place, translations are not stepped.
     jacobian, state = s.step_jacobians(substeps=2)["state"], tangents["state"]
     expected = np.einsum("nij,nj->ni", jacobian, state)
     np.testing.assert_allclose(s.step_jvp({"state": state}, substeps=2), expected, rtol=1e-13, atol=1e-13)
+    left = s.step_vjp(weights, substeps=2)["state"]
+    np.testing.assert_allclose(left, np.einsum("ni,nij->nj", weights, jacobian), rtol=1e-13, atol=1e-13)
 
 
 def test_derivatives_depend_on_no_other_instance_nor_on_threads_and_step_nothing() -> None:
@@ -340,5 +349,7 @@ def test_calls_without_derivatives_say_why() -> None:
         s.step_jacobians(parameters=["weight"])
     with pytest.raises(ValueError, match="tangents: no argument 'wrench' in this call: state"):
         s.step_jvp({"wrench": np.ones(6)})
+    with pytest.raises(ValueError, match=r"cotangents has shape \(3,\), but must have \(12,\) or \(1, 12\)"):
+        s.step_vjp(np.ones(3))
     with pytest.raises(ValueError, match=r"tangents\['state'\] has shape \(3,\), but must have \(12,\) or \(1, 12\)"):
         s.step_jvp({"state": np.ones(3)})

@@ -102,7 +102,7 @@ impl Simulator {
         parameters: &[usize],
     ) -> Result<StepJacobians, SimulatorError> {
         let arguments = self.arguments(inputs, parameters.len());
-        let numbers = self.differentiate(inputs, substeps, parameters, &arguments, None)?;
+        let numbers = self.differentiate(inputs, substeps, parameters, &arguments, Product::Jacobians)?;
         Ok(StepJacobians { arguments, size: self.state_size(), numbers })
     }
 
@@ -121,7 +121,24 @@ impl Simulator {
         let arguments = self.arguments(inputs, parameters.len());
         let width = arguments.iter().map(|(_, width)| width).sum();
         self.check_rows("tangents", tangents, width)?;
-        self.differentiate(inputs, substeps, parameters, &arguments, Some(tangents))
+        self.differentiate(inputs, substeps, parameters, &arguments, Product::Tangents(tangents))
+    }
+
+    /// Product of a cotangent for each instance, `(N, size)`, with the Jacobian of [`Self::step_jacobians`]: the cotangents of the
+    /// arguments, `(N, sum of widths)`. Its time is that of the Jacobian, its memory that of the result.
+    ///
+    /// # Errors
+    /// As [`Self::step_jacobians`].
+    pub fn step_vjp(
+        &mut self,
+        inputs: &Inputs,
+        substeps: usize,
+        parameters: &[usize],
+        cotangents: &[f64],
+    ) -> Result<Vec<f64>, SimulatorError> {
+        let arguments = self.arguments(inputs, parameters.len());
+        self.check_rows("cotangents", cotangents, self.state_size())?;
+        self.differentiate(inputs, substeps, parameters, &arguments, Product::Cotangents(cotangents))
     }
 
     fn differentiate(
@@ -130,7 +147,7 @@ impl Simulator {
         substeps: usize,
         parameters: &[usize],
         arguments: &[(Argument, usize)],
-        tangents: Option<&[f64]>,
+        product: Product,
     ) -> Result<Vec<f64>, SimulatorError> {
         if self.options.precision != Precision::Double {
             return Err(SimulatorError::DerivativePrecision);
@@ -149,10 +166,22 @@ impl Simulator {
         let (active, h, before, total, limits) = (inputs.active_loads(), options.dt, 0, substeps, None);
         let halves = false;
         let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
-        let coordinates = Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, tangents };
+        let coordinates =
+            Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, size, product };
         let blocks: &mut Blocks<f64> = storage.as_any().downcast_mut().expect("the precision of the options");
-        Ok(blocks.differentiate(&settings, &inputs, &coordinates, size * coordinates.columns()))
+        Ok(blocks.differentiate(&settings, &inputs, &coordinates, coordinates.width()))
     }
+}
+
+/// Product made of the Jacobian.
+#[derive(Clone, Copy)]
+enum Product<'a> {
+    /// All of it.
+    Jacobians,
+    /// Its product with a tangent for each instance.
+    Tangents(&'a [f64]),
+    /// The product of a cotangent for each instance with it.
+    Cotangents(&'a [f64]),
 }
 
 /// Coordinates of the arguments of a step: one direction each, or of all the one of a tangent.
@@ -161,7 +190,8 @@ struct Coordinates<'a> {
     fixed: bool,
     parameters: &'a [usize],
     arguments: &'a [(Argument, usize)],
-    tangents: Option<&'a [f64]>,
+    size: usize,
+    product: Product<'a>,
 }
 
 /// Entries of [`Factors`] that concern payload and thrust.
@@ -178,8 +208,9 @@ impl Directions for Coordinates<'_> {
     }
 
     fn seed(&self, i: usize, k: usize, column: &mut DualColumn) {
-        let width: usize = self.arguments.iter().map(|(_, width)| width).sum();
-        let tangent = self.tangents.map(|tangents| &tangents[i * width..][..width]);
+        let width = self.arguments_width();
+        let tangent =
+            if let Product::Tangents(tangents) = self.product { Some(&tangents[i * width..][..width]) } else { None };
         let (k, mut first) = (self.carried() + k, 0);
         for &(argument, width) in self.arguments {
             match tangent {
@@ -195,22 +226,28 @@ impl Directions for Coordinates<'_> {
         }
     }
 
-    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]) {
+    fn read(&self, i: usize, k: usize, column: &DualColumn, out: &mut [f64]) {
         let layout = &column.table.layout;
         let (rotation, position) = (|i, j| layout.rotation + 3 * i + j, |i| layout.position + i);
         let (columns, carried) = (self.columns(), self.carried());
         let sum = |i: &dyn Fn(usize) -> f64| i(0) + i(1) + i(2);
+        let mut set = |row: usize, column: usize, x: f64| {
+            if let Product::Cotangents(cotangents) = self.product {
+                out[column] += cotangents[i * self.size + row] * x;
+            } else {
+                out[row * columns + column] = x;
+            }
+        };
         if k == 0 {
             // The steps carry a translation along: R_1^T R_0 of it.
             for (j, k) in (0..3).flat_map(|j| (0..carried).map(move |k| (j, k))) {
-                out[j * columns + k] = sum(&|i| column.value(rotation(i, j)) * column.start(rotation(i, k)));
+                set(j, k, sum(&|i| column.value(rotation(i, j)) * column.start(rotation(i, k))));
             }
         }
-        let mut entries = out.iter_mut().skip(carried + k).step_by(columns);
+        let mut row = 0;
         let mut set = |x: f64| {
-            if let Some(entry) = entries.next() {
-                *entry = x;
-            }
+            set(row, carried + k, x);
+            row += 1;
         };
         // R^T dr, and the axial vector of R^T dR.
         for j in 0..3 {
@@ -234,14 +271,25 @@ impl Directions for Coordinates<'_> {
 }
 
 impl Coordinates<'_> {
+    /// Coordinates of all arguments.
+    fn arguments_width(&self) -> usize {
+        self.arguments.iter().map(|(_, width)| width).sum()
+    }
+
     /// Columns of the derivatives.
     fn columns(&self) -> usize {
-        if self.tangents.is_some() { 1 } else { self.arguments.iter().map(|(_, width)| width).sum() }
+        if let Product::Tangents(_) = self.product { 1 } else { self.arguments_width() }
+    }
+
+    /// Numbers of an instance in the result.
+    fn width(&self) -> usize {
+        if let Product::Cotangents(_) = self.product { self.columns() } else { self.size * self.columns() }
     }
 
     /// First columns that need no steps: those of translations, where no servo keeps a place.
     fn carried(&self) -> usize {
-        if self.tangents.is_some() || self.inputs.inputs.pose_target.is_some() { 0 } else { 3 }
+        let none = matches!(self.product, Product::Tangents(_)) || self.inputs.inputs.pose_target.is_some();
+        if none { 0 } else { 3 }
     }
 
     /// Adds the slopes of a coordinate of an argument, times a weight.

@@ -32,7 +32,7 @@ impl Directions for Values {
         let mut random = Random::new((i * DIRECTIONS + k) as u64);
         (0..self.rows).for_each(|row| column.add_slope(row, random.between(-1.0, 1.0)));
     }
-    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]) {
+    fn read(&self, _: usize, k: usize, column: &DualColumn, out: &mut [f64]) {
         (0..self.rows).for_each(|row| out[k * self.rows + row] = column.value(row));
     }
 }
