@@ -6,6 +6,7 @@ mod batch;
 mod cases;
 mod control;
 mod description;
+mod double_double;
 mod dynamics;
 mod estimate;
 mod golden;

@@ -6,7 +6,7 @@ use super::Simulator;
 use crate::batch::options::Precision;
 use crate::batch::stepping::blocks::Blocks;
 use crate::batch::stepping::chunk::StepSettings;
-use crate::batch::stepping::derivative::{Directions, DualColumn};
+use crate::batch::stepping::derivative::{Directions, DualColumn, Duals};
 use crate::batch::storage::inputs::{CheckedInputs, Inputs};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, Kind};
@@ -169,7 +169,7 @@ impl Simulator {
         let coordinates =
             Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, size, product };
         let blocks: &mut Blocks<f64> = storage.as_any().downcast_mut().expect("the precision of the options");
-        Ok(blocks.differentiate(&settings, &inputs, &coordinates, coordinates.width()))
+        Ok(blocks.differentiate::<Duals>(&settings, &inputs, &coordinates, coordinates.width()))
     }
 }
 

@@ -64,10 +64,25 @@ pub trait Directions: Sync {
     fn read(&self, i: usize, k: usize, column: &DualColumn, out: &mut [f64]);
 }
 
+/// Numbers of a dual block: pairs of a number in its first half and one in its second.
+pub trait Pairs {
+    /// Steps the columns of a block.
+    fn step(step: &Step<f64>, rows: &mut [f64]);
+}
+
+/// Dual numbers in the lanes of AVX2 or NEON.
+pub struct Duals;
+
+impl Pairs for Duals {
+    fn step(step: &Step<f64>, rows: &mut [f64]) {
+        f64::dispatch_wide(&mut StepDuals { step, rows });
+    }
+}
+
 impl Blocks<f64> {
     /// Derivatives of the steps of all instances under these inputs, along all directions: `width` numbers of each instance. The
     /// instances are not stepped.
-    pub fn differentiate(
+    pub fn differentiate<N: Pairs>(
         &self,
         settings: &StepSettings,
         inputs: &CheckedInputs,
@@ -82,14 +97,14 @@ impl Blocks<f64> {
                 let mut rows = rows.to_vec();
                 let first = block * COLUMNS;
                 self.table.apply(self.isa, &mut rows, inputs, first, COLUMNS.min(self.instances - first));
-                self.differentiate_block(settings, directions, block, &rows, out);
+                self.differentiate_block::<N>(settings, directions, block, &rows, out);
             });
         }
         out
     }
 
     /// The same of one block, whose rows hold the inputs.
-    fn differentiate_block(
+    fn differentiate_block<N: Pairs>(
         &self,
         settings: &StepSettings,
         directions: &impl Directions,
@@ -139,7 +154,7 @@ impl Blocks<f64> {
                 count: filled,
                 blocks: &mut [],
             };
-            f64::dispatch_wide(&mut StepDuals { step: &step, rows: &mut dual });
+            N::step(&step, &mut dual);
             let (values, slopes) = dual.split_at_mut(rows.len());
             for column in 0..filled {
                 let (out, start) = (&mut out[instances[column] * width..][..width], (rows, instances[column]));
@@ -159,7 +174,7 @@ fn gather(rows: &[f64], columns: &[usize; COLUMNS], to: &mut [f64]) {
     }
 }
 
-/// Kernel of the steps of a dual block, with parameters of single columns.
+/// Kernel of the steps of a dual block.
 struct StepDuals<'s, 'a> {
     step: &'s Step<'a, f64>,
     rows: &'s mut [f64],
@@ -168,23 +183,28 @@ struct StepDuals<'s, 'a> {
 impl Kernel<f64> for StepDuals<'_, '_> {
     #[inline(always)]
     fn run<L: Lane<Real = f64>>(&mut self) {
-        let step = self.step;
-        let (mut memory, instances) = step.memory_and_system::<Dual<L>>(true);
-        // As in `Step`: nothing here panics.
-        let mut instances = ManuallyDrop::new(instances);
-        for first in (0..COLUMNS).step_by(L::LANES) {
-            let (true, Some(instances)) = (first < step.count, &mut *instances) else { break };
-            let mut columns = Columns { rows: &mut *self.rows, first };
-            let factors = columns.factors(step.layout);
-            let body_frame_terms = step.integrator.implicit();
-            if let Some(own) = &step.own {
-                let (run_rows, block, factors) = (own.run_rows, own.block(0), &factors);
-                Dual::<L>::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms });
-            } else {
-                instances.system.apply_factors(step.unscaled, &factors, body_frame_terms);
-            }
-            step.step_group::<_, _, false>(&instances.system, &[], &mut columns, &mut memory);
-        }
-        step.return_memory(memory, ManuallyDrop::into_inner(instances));
+        step_pairs::<Dual<L>>(self.step, self.rows);
     }
+}
+
+/// Steps the columns of a block of pairs, with parameters of single columns.
+#[inline(always)]
+pub fn step_pairs<L: Lane<Real = f64>>(step: &Step<f64>, rows: &mut [f64]) {
+    let (mut memory, instances) = step.memory_and_system::<L>(true);
+    // As in `Step`: nothing here panics.
+    let mut instances = ManuallyDrop::new(instances);
+    for first in (0..COLUMNS).step_by(L::LANES) {
+        let (true, Some(instances)) = (first < step.count, &mut *instances) else { break };
+        let mut columns = Columns { rows: &mut *rows, first };
+        let factors = columns.factors(step.layout);
+        let body_frame_terms = step.integrator.implicit();
+        if let Some(own) = &step.own {
+            let (run_rows, block, factors) = (own.run_rows, own.block(0), &factors);
+            L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms });
+        } else {
+            instances.system.apply_factors(step.unscaled, &factors, body_frame_terms);
+        }
+        step.step_group::<_, _, false>(&instances.system, &[], &mut columns, &mut memory);
+    }
+    step.return_memory(memory, ManuallyDrop::into_inner(instances));
 }

@@ -10,5 +10,5 @@ mod instance_numbers;
 mod joint_coordinates;
 mod lagged_added_mass;
 mod scratch_pool;
-mod step;
+pub mod step;
 pub mod threads;
