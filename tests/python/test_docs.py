@@ -157,6 +157,13 @@ def test_the_ppo_of_one_file_trains_and_cuts_advantages_at_ends() -> None:
 
 
 @pytest.mark.learning
+def test_thrusts_by_torch_stop_the_vehicle() -> None:
+    pytest.importorskip("torch")
+    costs = example("thrust_torch").main(iterations=20)
+    assert costs[-1] < 0.5 * costs[0]
+
+
+@pytest.mark.learning
 def test_skrl_trains(tmp_path: Path) -> None:
     pytest.importorskip("skrl")
     with warnings.catch_warnings():

@@ -11,11 +11,11 @@ import uvms_gym
 #: Layers, lowest first. Modules of one layer may import each other; `uvms_gym` alone is the package's `__init__`.
 LAYERS = (
     ("uvms_gym._core",),
-    ("uvms_gym._task",),
+    ("uvms_gym._task", "uvms_gym._step"),
     ("uvms_gym.controllers", "uvms_gym.envs", "uvms_gym.disturbances", "uvms_gym.logs", "uvms_gym.robots"),
     ("uvms_gym.rollouts",),
     ("uvms_gym",),
-    ("uvms_gym.sb3", "uvms_gym.identification"),
+    ("uvms_gym.sb3", "uvms_gym.torch", "uvms_gym.jax", "uvms_gym.identification"),
     ("uvms_gym.studies",),
     ("uvms_gym.training", "uvms_gym.viewer"),
     ("uvms_gym.cli",),
