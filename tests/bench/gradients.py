@@ -1,9 +1,8 @@
-"""Time of the Jacobians of a step over that of the step, one instance and one thread: python tests/bench/gradients.py.
+"""Time of the derivatives of a step over that of the step, one thread: python tests/bench/gradients.py.
 
-Both in turns, medians. A call of one step, and a step of a call of 20.
+In turns, the least time of the processor. A call of one step, a step of a call of 20, and that of 64 instances.
 """
 
-import statistics
 import sys
 import time
 from collections.abc import Callable
@@ -16,37 +15,41 @@ ROUNDS = 300
 
 
 def seconds(call: Callable[[], object]) -> float:
-    """Duration of a call, s."""
-    start = time.perf_counter()
+    """Time of this thread's processor in a call, s."""
+    start = time.thread_time()
     call()
-    return time.perf_counter() - start
+    return time.thread_time() - start
 
 
-def ratio(scene: str, integrator: str, substeps: int) -> tuple[float, float, int]:
-    """Medians of the time of a step and of its Jacobians, s, and the number of columns."""
-    step, differentiated = (Simulator(scene, integrator=integrator, threads=1) for _ in range(2))
+def least(scene: str, integrator: str, substeps: int, num_envs: int = 1) -> tuple[list[float], int]:
+    """Least times of a step, its Jacobians and its products, s per instance; the number of columns."""
+    step, differentiated = (Simulator(scene, num_envs, integrator=integrator, threads=1) for _ in range(2))
     inputs = {
         "thrust": np.full(step.num_thrusters, 5.0),
         "joint_torque": np.zeros(step.num_joints),
         "substeps": substeps,
     }
-    plain, jacobians = [], []
+    row = np.ones(step.state_size)
+    calls: list[Callable[[], object]] = [
+        lambda: step.step(**inputs),
+        lambda: differentiated.step_jacobians(**inputs),
+        lambda: differentiated.step_vjp(row, **inputs),
+        lambda: differentiated.step_jvp({"state": row}, **inputs),
+    ]
     columns = sum(jacobian.shape[2] for jacobian in differentiated.step_jacobians(**inputs).values())
-    for _ in range(ROUNDS):
-        plain.append(seconds(lambda: step.step(**inputs)))
-        jacobians.append(seconds(lambda: differentiated.step_jacobians(**inputs)))
-    return statistics.median(plain) / substeps, statistics.median(jacobians) / substeps, columns
+    times = [[seconds(call) for call in calls] for _ in range(max(ROUNDS // num_envs, 30))]
+    return [min(column) / substeps / num_envs for column in zip(*times, strict=True)], columns
 
 
 def main() -> None:
     """Print the table."""
-    print("scene                   integrator  columns  steps a call   step, us  Jacobians, us  ratio")
+    print("scene                   integrator  columns  N   steps   step, us  Jacobians, us  over it    VJP    JVP")
     for scene in sys.argv[1:] or ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]:
         for integrator in ("mk4", "ros2"):
-            for substeps in (1, 20):
-                plain, jacobians, columns = ratio(scene, integrator, substeps)
-                times = f"{1e6 * plain:10.2f}  {1e6 * jacobians:13.1f}  {jacobians / plain:5.1f}"
-                print(f"{scene:<24}{integrator:<12}{columns:7}  {substeps:12} {times}")
+            for substeps, num_envs in ((1, 1), (20, 1), (20, 64)):
+                (step, *others), columns = least(scene, integrator, substeps, num_envs)
+                times = f"{1e6 * step:10.2f}  {1e6 * others[0]:13.1f}" + "".join(f"{x / step:8.1f}" for x in others)
+                print(f"{scene:<24}{integrator:<12}{columns:7} {num_envs:3} {substeps:6} {times}")
 
 
 if __name__ == "__main__":
