@@ -82,7 +82,7 @@ def test_twins_have_the_same_states_and_perfect_sensors() -> None:
 
 def test_episodes_of_one_seed_are_paired_with_opposite_noise() -> None:
     learner = AsymmetricPPO(settings("asymmetric-ppo"))
-    episodes, _ = learner.collect(learner.actor, 0)
+    episodes, _ = learner.collect(learner.actor, 0, 12)
     mean = learner.actor(episodes.inputs[:, 0])
     noise = (episodes.actions[:, 0] - mean).reshape(2, 2, 2, 6)
     assert torch.allclose(noise[:, :, 0], -noise[:, :, 1], atol=1e-6) and (noise != 0.0).all()
@@ -95,8 +95,8 @@ def test_distillation_lowers_the_regression_error() -> None:
     learner = Distillation(settings("distill", hyperparameters={**larger, "learning_rate": 0.005}))
 
     def error() -> float:
-        episodes, targets = learner.collect(learner.actor, 1000)
-        return float(((learner.actor(episodes.inputs) - targets) ** 2).mean().detach())
+        episodes, targets = learner.collect(learner.actor, 1000, 12)
+        return float(((learner.actor(episodes.inputs) - targets) ** 2).detach().mean())
 
     before = error()
     for _ in range(4):
@@ -167,7 +167,7 @@ def test_the_exported_policy_says_what_the_actor_says_and_starts_another_run(tmp
     outcome = train(distilled, tmp_path / "distilled")
     learner = make_learner(distilled)
     load(learner, outcome.checkpoint)
-    episodes, _ = learner.collect(learner.actor, 7)
+    episodes, _ = learner.collect(learner.actor, 7, 12)
     past, now = episodes.inputs[:, 5].split(learner.envs.size, dim=1)
     policy = MLP.load(outcome.policy, learner.envs.env)
     expected = learner.actor(episodes.inputs[:, 5]).detach().clamp(-1.0, 1.0).numpy()

@@ -61,7 +61,7 @@ class AsymmetricPPO(Learner):
     def __init__(self, settings: Settings) -> None:
         given = self.parameters = AsymmetricPPOParameters.read(settings.hyperparameters)
         self.replicas = given.replicas
-        super().__init__(settings, given.net_arch, given.log_std)
+        super().__init__(settings, given, given.log_std)
         if self.replicas % 2 or self.num_envs % self.replicas:
             raise ValueError(f"replicas is {self.replicas}, but must be even and divide n_envs ({self.num_envs})")
         self._adam = torch.optim.Adam(self.actor.parameters(), lr=given.learning_rate)
@@ -87,13 +87,13 @@ class AsymmetricPPO(Learner):
         """Optimisers of actor and critic."""
         return {"actor": self._adam, "critic": self._critic_adam}
 
-    def collect(self, actor: Actor, iteration: int) -> tuple[Episodes, Tensor]:
+    def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run episodes with noise on the actions; returns the logarithms of the actions' densities (n, T), too."""
-        shape = (self.envs.steps, self.num_envs // 2, self.envs.actions)
+        shape = (steps, self.num_envs // 2, self.envs.actions)
         half = torch.randn(shape, generator=self.generator(iteration, "collect"))
         unit, log_std = torch.stack([half, -half], dim=2).flatten(1, 2), actor.log_std.detach()
         noise = unit * log_std.exp()
-        episodes = self.envs.run(self.seeds(iteration), lambda t, inputs, clean: actor(inputs) + noise[t])
+        episodes = self.envs.run(self.seeds(iteration), lambda t, inputs, clean: actor(inputs) + noise[t], steps)
         return episodes, -(0.5 * unit**2 + log_std).sum(dim=-1).T
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
@@ -103,7 +103,7 @@ class AsymmetricPPO(Learner):
             values = self.critic(episodes.clean)
             advantages = self._estimate(values, episodes)
             returns = advantages + values[:, :-1]
-            groups = (advantages * alive).view(-1, self.replicas, self.envs.steps)
+            groups = (advantages * alive).view(-1, self.replicas, alive.shape[1])
             members = alive.view(groups.shape).sum(dim=1, keepdim=True).clamp(min=1)
             advantages = (groups - groups.sum(dim=1, keepdim=True) / members).flatten(0, 1)
             advantages /= advantages[alive].std() + 1e-8
@@ -128,7 +128,7 @@ class AsymmetricPPO(Learner):
         given, goes_on = self.parameters, (~episodes.terminated).float()
         differences = episodes.rewards + given.gamma * goes_on * values[:, 1:] - values[:, :-1]
         advantages, last = torch.zeros_like(differences), torch.zeros(len(values))
-        for t in reversed(range(self.envs.steps)):
+        for t in reversed(range(differences.shape[1])):
             last = differences[:, t] + given.gamma * given.gae_lambda * goes_on[:, t] * last
             advantages[:, t] = last
         return advantages

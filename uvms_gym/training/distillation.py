@@ -23,7 +23,7 @@ class DistillationParameters(Hyperparameters):
     """Hyperparameters of distillation."""
 
     learning_rate: float
-    """Learning rate of Adam at the start; it falls linearly to 0."""
+    """Learning rate of Adam at the start; it falls linearly to a fiftieth."""
     n_updates: int
     """Gradient steps per iteration."""
     batch_size: int
@@ -48,7 +48,7 @@ class Distillation(Learner):
 
     def __init__(self, settings: Settings) -> None:
         self.parameters = DistillationParameters.read(settings.hyperparameters)
-        super().__init__(settings, self.parameters.net_arch, 0.0)
+        super().__init__(settings, self.parameters, 0.0)
         self._adam = torch.optim.Adam(self.actor.layers.parameters(), lr=self.parameters.learning_rate)
         inner = self.envs.inner
         self.teacher_name = settings.teacher or TEACHERS[inner.task]
@@ -69,11 +69,11 @@ class Distillation(Learner):
         """Optimiser of the actor."""
         return {"actor": self._adam}
 
-    def collect(self, actor: Actor, iteration: int) -> tuple[Episodes, Tensor]:
+    def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run episodes; returns the teacher's actions (n, T, a), too."""
         n, first = self.num_envs, iteration == 0
         generator = self.generator(iteration, "collect")
-        targets = torch.zeros(n, self.envs.steps, self.envs.actions)
+        targets = torch.zeros(n, steps, self.envs.actions)
         memory: Any = None
 
         def act(t: int, inputs: Tensor, clean: Tensor) -> Tensor:
@@ -85,13 +85,14 @@ class Distillation(Learner):
             mean: Tensor = actor(inputs)
             return mean + self.parameters.noise * torch.randn(mean.shape, generator=generator)
 
-        return self.envs.run(self.seeds(iteration), act), targets
+        return self.envs.run(self.seeds(iteration), act, steps), targets
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Regress the actor onto the teacher's actions in pairs of successive steps."""
         given, targets, inputs = self.parameters, more, episodes.inputs
         for group in self._adam.param_groups:
-            group["lr"] = given.learning_rate * (self.left + 1.0 / max(1, self.settings.steps // self.frames))
+            # Not 0 in the last iteration.
+            group["lr"] = given.learning_rate * max(self.left, 0.02)
         pairs = (episodes.alive[:, 1:]).nonzero()
         for _ in range(given.n_updates):
             i, t = pairs[torch.randint(len(pairs), (given.batch_size,), generator=generator)].T

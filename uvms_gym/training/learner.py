@@ -17,6 +17,8 @@ from uvms_gym.training.twin import Episodes, TwinEnvs
 
 #: Hyperparameters of the run, not of the learner.
 _OWN = ("n_timesteps", "n_envs", "env_kwargs", "frame_stack")
+#: Share of a run in which the collected part of episodes grows. Early on a policy is soon far off.
+GROWTH = 0.8
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Hyperparameters:
 
     net_arch: tuple[int, ...]
     """Hidden layers of the actor."""
+    n_steps: int
+    """Steps of each episode in the first iteration; they grow linearly, to all of it after `GROWTH` of the run."""
 
     @classmethod
     def read(cls, given: Mapping[str, Any]) -> Self:
@@ -57,7 +61,7 @@ def _converted(name: str, kind: Any, value: Any) -> Any:
 
 
 class Learner(ABC):
-    """Actor that improves by iterations: an episode of every instance, and an update on all of them.
+    """Actor that improves by iterations: the start of an episode of every instance, and an update on all of them.
 
     While an update runs, a thread collects the episodes of the next iteration with the actor from before the update:
     the native environment releases the interpreter. Seeds of episodes and of random numbers follow from the training
@@ -76,13 +80,13 @@ class Learner(ABC):
     #: Number of episodes with the same seed.
     replicas = 1
 
-    def __init__(self, settings: Settings, hidden: tuple[int, ...], log_std: float) -> None:
-        self.settings, self.iteration = settings, 0
+    def __init__(self, settings: Settings, parameters: Hyperparameters, log_std: float) -> None:
+        self.settings, self.iteration, self.steps, self._first = settings, 0, 0, parameters.n_steps
         self.num_envs = count(settings.hyperparameters, "n_envs")
         self.envs = TwinEnvs(settings.env, settings.kwargs, self.num_envs, settings.history)
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(settings.seed)
-            self.actor = Actor([settings.history * self.envs.size, *hidden, self.envs.actions], log_std)
+            self.actor = Actor([settings.history * self.envs.size, *parameters.net_arch, self.envs.actions], log_std)
             self.modules: dict[str, nn.Module] = {"actor": self.actor, **self.make_modules()}
         self.behaviour = copy.deepcopy(self.actor)
         self._pending: Future[tuple[Episodes, Tensor]] | None = None
@@ -98,7 +102,7 @@ class Learner(ABC):
         """Optimisers by name."""
 
     @abstractmethod
-    def collect(self, actor: Actor, iteration: int) -> tuple[Episodes, Tensor]:
+    def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run the episodes of an iteration, in a thread of its own; returns what `update` needs besides, too."""
 
     @abstractmethod
@@ -106,14 +110,11 @@ class Learner(ABC):
         """Improve the actor."""
 
     @property
-    def frames(self) -> int:
-        """Steps of all instances in an iteration."""
-        return self.num_envs * self.envs.steps
-
-    @property
-    def steps(self) -> int:
-        """Steps of all instances so far."""
-        return self.iteration * self.frames
+    def horizon(self) -> int:
+        """Steps of each episode in the next iteration."""
+        whole = self.envs.steps
+        first = min(self._first, whole)
+        return round(first + (whole - first) * min(1.0, (1.0 - self.left) / GROWTH))
 
     @property
     def left(self) -> float:
@@ -125,6 +126,7 @@ class Learner(ABC):
         pending = self._pending or self._begin()
         episodes, more = pending.result()
         self.iteration += 1
+        self.steps += episodes.alive.numel()
         self.behaviour = copy.deepcopy(self.actor)
         self._pending = self._begin() if self.left > 0.0 else None
         self.update(episodes, more, self.generator(self.iteration, "update"))
@@ -143,14 +145,17 @@ class Learner(ABC):
 
     def state(self) -> dict[str, Any]:
         """State that resumes the run bit-identically."""
-        modules = {name: module.state_dict() for name, module in self.modules.items()}
-        optimizers = {name: optimizer.state_dict() for name, optimizer in self.optimizers.items()}
-        behaviour = self.behaviour.state_dict()
-        return {"iteration": self.iteration, "behaviour": behaviour, "modules": modules, "optimizers": optimizers}
+        return {
+            "iteration": self.iteration,
+            "steps": self.steps,
+            "behaviour": self.behaviour.state_dict(),
+            "modules": {name: module.state_dict() for name, module in self.modules.items()},
+            "optimizers": {name: optimizer.state_dict() for name, optimizer in self.optimizers.items()},
+        }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Continue from a state of `state`."""
-        self.iteration = state["iteration"]
+        self.iteration, self.steps = state["iteration"], state["steps"]
         self.behaviour.load_state_dict(state["behaviour"])
         for name, module in self.modules.items():
             module.load_state_dict(state["modules"][name])
@@ -167,7 +172,7 @@ class Learner(ABC):
         self.envs.close()
 
     def _begin(self) -> Future[tuple[Episodes, Tensor]]:
-        return self._thread.submit(self.collect, self.behaviour, self.iteration)
+        return self._thread.submit(self.collect, self.behaviour, self.iteration, self.horizon)
 
 
 def step(optimizer: torch.optim.Optimizer, loss: Tensor, limit: float | None = None) -> None:

@@ -119,9 +119,10 @@ def train(
         if not record.curve and settings.eval_freq > 0:
             evaluate()
         while learner.left > 0.0 and not interrupted.is_set():
+            previous = learner.steps
             learner.iterate()
-            steps, previous = learner.steps, learner.steps - learner.frames
-            tick(learner.frames)
+            steps = learner.steps
+            tick(steps - previous)
             if passed(settings.eval_freq, previous, steps):
                 evaluate()
             if passed(settings.save_freq, previous, steps):

@@ -18,7 +18,7 @@ Act = Callable[[int, Tensor, Tensor], Tensor]
 
 @dataclass(frozen=True)
 class Episodes:
-    """One episode of every instance: n instances, T steps, observations of d entries, actions of a."""
+    """The first T steps of an episode of every instance: n instances, observations of d entries, actions of a."""
 
     observations: Tensor
     """Observations (n, h - 1 + T, d) after h - 1 rows of zeros."""
@@ -80,22 +80,23 @@ class TwinEnvs:
         (self.actions,) = inner.single_action_space.shape or ()
 
     @torch.no_grad()
-    def run(self, seeds: Sequence[int], act: Act) -> Episodes:
-        """Run an episode of every instance."""
+    def run(self, seeds: Sequence[int], act: Act, steps: int | None = None) -> Episodes:
+        """Run the first `steps` of an episode (None: all) of every instance."""
         n, h, d = self.inner.num_envs, self.history, self.size
+        steps = self.steps if steps is None else steps
         rows = Episodes(
-            observations=torch.zeros(n, h - 1 + self.steps, d),
-            clean=torch.zeros(n, self.steps + 1, d),
-            actions=torch.zeros(n, self.steps, self.actions),
-            rewards=torch.zeros(n, self.steps),
-            alive=torch.zeros(n, self.steps, dtype=torch.bool),
-            terminated=torch.zeros(n, self.steps, dtype=torch.bool),
+            observations=torch.zeros(n, h - 1 + steps, d),
+            clean=torch.zeros(n, steps + 1, d),
+            actions=torch.zeros(n, steps, self.actions),
+            rewards=torch.zeros(n, steps),
+            alive=torch.zeros(n, steps, dtype=torch.bool),
+            terminated=torch.zeros(n, steps, dtype=torch.bool),
             history=h,
         )
         inputs, alive = rows.inputs, np.ones(n, dtype=np.bool_)
         given: Any = list(seeds)
         seen, clean = (env.reset(seed=given)[0] for env in (self.env, self.twin))
-        for t in range(self.steps):
+        for t in range(steps):
             rows.observations[:, h - 1 + t], rows.clean[:, t] = torch.from_numpy(seen), torch.from_numpy(clean)
             rows.actions[:, t] = act(t, inputs[:, t], rows.clean[:, t])
             actions = rows.actions[:, t].numpy()
@@ -104,7 +105,7 @@ class TwinEnvs:
             rows.rewards[:, t] = torch.from_numpy(rewards)
             rows.alive[:, t], rows.terminated[:, t] = torch.from_numpy(alive), torch.from_numpy(alive & terminated)
             alive = alive & ~terminated
-        rows.clean[:, self.steps] = torch.from_numpy(clean)
+        rows.clean[:, steps] = torch.from_numpy(clean)
         return rows
 
     def close(self) -> None:
