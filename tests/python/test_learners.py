@@ -90,6 +90,16 @@ def test_episodes_of_one_seed_are_paired_with_opposite_noise() -> None:
     assert (first == first[:, :1]).all() and (first[0] != first[1]).any()
 
 
+def test_the_collected_part_of_episodes_grows() -> None:
+    learner = make_learner(settings("asymmetric-ppo", hyperparameters={"n_steps": 3}))
+    steps = []
+    while learner.left > 0.0:
+        before = learner.steps
+        learner.iterate()
+        steps.append((learner.steps - before) // learner.num_envs)
+    assert steps[0] == 3 and steps[-1] == 12 and steps == sorted(steps)
+
+
 def test_distillation_lowers_the_regression_error() -> None:
     larger = {"n_envs": 32, "n_timesteps": 4 * 32 * 12, "n_updates": 150, "net_arch": [32], "batch_size": 128}
     learner = Distillation(settings("distill", hyperparameters={**larger, "learning_rate": 0.005}))
