@@ -520,6 +520,8 @@ class Task:
         """Simulator with a copy of the current state."""
     def privileged(self) -> _Floats:
         """Privileged information: true state, flow, parameters and target, (N, m)."""
+    def perfect_observations(self) -> NDArray[np.float32]:
+        """Observations of the true, present state, (N, d): sensors without noise and delay."""
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: Any
     ) -> tuple[NDArray[np.float32], _Floats]:

@@ -140,6 +140,13 @@ impl Task {
         matrix(py, self.batch.privileged(), self.batch.instances())
     }
 
+    /// Observations of the true, present state, (N, d): sensors without noise and delay.
+    fn perfect_observations<'py>(&mut self, py: Python<'py>) -> PyResult<Rows<'py, f32>> {
+        let batch = &mut self.batch;
+        let observations = py.detach(|| batch.perfect_observations()).or_raise()?;
+        self.observations(py, observations)
+    }
+
     /// Estimated errors of integration since the start of the episodes: see `Simulator.error_estimate`.
     fn error_estimate<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         error_estimate(self.batch.simulator(), py)

@@ -55,9 +55,22 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         error: &PoseError<L>,
         entries: &mut [f32],
     ) {
-        let rows = &self.rows;
+        let measured = self.measured(memory, state, error);
+        self.observe_as(memory, state, error, &measured, entries);
+    }
+
+    /// As [`Self::observe`], of given values of the measured quantities.
+    #[inline(always)]
+    pub fn observe_as<L: Lane<Real = T>>(
+        &self,
+        memory: &Rows<'_, T>,
+        state: &StageState<L>,
+        error: &PoseError<L>,
+        measured: &[L; MEASURED],
+        entries: &mut [f32],
+    ) {
+        let (rows, n) = (&self.rows, self.rows.joints);
         let mut writer = ObservationWriter::new(&self.scaling, entries, L::LANES);
-        let (n, measured): (_, [L; MEASURED]) = (rows.joints, self.measured(memory, state, error));
         for k in 0..12 {
             writer.put(measured[k]);
         }
@@ -72,7 +85,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
         for i in 0..n {
             writer.put(measured[12 + n + i]);
         }
-        K::observe(self, memory, state, error, &measured, &mut writer);
+        K::observe(self, memory, state, error, measured, &mut writer);
         for k in 0..rows.actions {
             writer.put(memory.get::<L>(rows.action + k));
         }
@@ -102,7 +115,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
 
     /// Reading of the sensors, in the order of [`Self::true_values`]: the true values without noise and delay.
     #[inline(always)]
-    pub(super) fn measured<L: Lane<Real = T>>(
+    pub fn measured<L: Lane<Real = T>>(
         &self,
         memory: &Rows<'_, T>,
         state: &StageState<L>,
@@ -117,7 +130,7 @@ impl<T: Real, K: TaskDefinition> TaskKernel<T, K> {
     /// True values of the measured quantities: errors of position and attitude, twist, joint coordinates, joint rates, and
     /// the direction against gravity in body axes.
     #[inline(always)]
-    fn true_values<L: Lane<Real = T>>(
+    pub fn true_values<L: Lane<Real = T>>(
         &self,
         memory: &Rows<'_, T>,
         state: &StageState<L>,

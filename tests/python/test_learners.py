@@ -20,13 +20,13 @@ from uvms_gym.cli import main
 from uvms_gym.controllers.registry import make_controller
 from uvms_gym.training.asymmetric_ppo import AsymmetricPPO
 from uvms_gym.training.distillation import TEACHERS, Distillation
+from uvms_gym.training.episodes import TrainingEnvs
 from uvms_gym.training.evaluation import evaluate
 from uvms_gym.training.export import TOLERANCE
 from uvms_gym.training.hyperparameters import SHIPPED, read_hyperparameters
 from uvms_gym.training.native import LEARNERS, load, make_learner, save, train
 from uvms_gym.training.networks import Actor
 from uvms_gym.training.run import CURVE, POLICY, Settings, latest_checkpoint
-from uvms_gym.training.twin import TwinEnvs
 
 pytestmark = pytest.mark.learning
 
@@ -61,17 +61,22 @@ def test_every_environment_has_hyperparameters_that_make_a_learner(algo: str, en
     make_learner(small).close()
 
 
-def test_twins_have_the_same_states_and_perfect_sensors() -> None:
-    envs = TwinEnvs(ENV, {"max_episode_steps": 20}, 4, 3)
+def test_perfect_observations_are_those_of_an_environment_without_noise_and_delay() -> None:
+    envs = TrainingEnvs(ENV, {"max_episode_steps": 20}, 4, 3)
     noise = torch.rand(20, 4, 6, generator=torch.Generator().manual_seed(0)) - 0.5
     episodes = envs.run([5, 6, 7, 8], lambda t, inputs, clean: noise[t])
-    states = [env.unwrapped.get_state()["physics"] for env in (envs.env, envs.twin)]
-    np.testing.assert_array_equal(*states)
-    place = {block.name: block.slice for block in envs.inner.layout}["position_error"]
-    position = envs.twin.unwrapped.snapshot().position
-    error = np.linalg.norm(position - envs.inner.episode["target_position"], axis=1)
-    seen = np.linalg.norm(0.1 * episodes.clean[:, -1, place].numpy(), axis=1)
-    np.testing.assert_allclose(seen, error, rtol=1e-5)
+    options = {"disturbance": {"base": "storm", "noise": None, "delay": None}, "max_episode_steps": 20}
+    perfect: Any = gymnasium.make_vec(ENV, num_envs=4, **options)
+    places = {block.name: block.slice for block in envs.inner.layout}
+    first = places["error_integral"].start
+    seen, _ = perfect.reset(seed=[5, 6, 7, 8])
+    for t in range(20):
+        # The integral of errors is that of measured ones.
+        np.testing.assert_array_equal(episodes.clean[:, t, :first].numpy(), seen[:, :first])
+        seen = perfect.step(noise[t].numpy())[0]
+    np.testing.assert_array_equal(episodes.clean[:, 20, :first].numpy(), seen[:, :first])
+    assert first == envs.size - 6
+    place = places["position_error"]
     rows = episodes.observations[:, 2:]
     assert (episodes.inputs[:, 0, : 2 * envs.size] == 0.0).all()
     assert torch.equal(episodes.inputs[:, 9].reshape(4, 3, -1), rows[:, 7:10])
@@ -197,7 +202,7 @@ def test_the_exported_policy_says_what_the_actor_says_and_starts_another_run(tmp
 
 
 def test_an_unfaithful_export_is_noticed() -> None:
-    envs = TwinEnvs(ENV, {}, 1, 1)
+    envs = TrainingEnvs(ENV, {}, 1, 1)
     actor = Actor([envs.size, 8, 6])
     actor.policy(envs.inner, 1)
     actor.forward = lambda inputs: torch.full((len(inputs), 6), 0.5)  # type: ignore[method-assign]

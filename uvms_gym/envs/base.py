@@ -228,6 +228,18 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
             infos["_final_obs"], infos["_final_info"] = ended, ended.copy()
         return observations, rewards, terminated, truncated, infos
 
+    def perfect_observations(self) -> Observations:
+        """Observations (N, d) of the true, present state, for asymmetric critics and teachers.
+
+        The sensors have neither noise nor delay; the integral of errors is that of the measured ones.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            There is no episode.
+        """
+        return self._native.perfect_observations()
+
     def render(self) -> Pictures | tuple[None, ...]:  # type: ignore[override]
         """Sequence of N pictures, each drawn at its first access; without a render mode a warning and N times None."""
         pictures = self._pictures()

@@ -1,16 +1,19 @@
 """Proximal policy optimisation with an asymmetric critic and paired episodes. [Sch17], [Pin17], [Mao18]"""
 
+import itertools
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from uvms_gym import MLP
+from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.learner import Hyperparameters, Learner, step
 from uvms_gym.training.networks import Actor, Critic
 from uvms_gym.training.run import Settings
-from uvms_gym.training.twin import Episodes
 
 #: Bounds on the actor's learning rate, factor of its adaptation, and greatest norm of gradients.
 RATES, ADAPTATION, NORM = (1e-5, 3e-3), 1.5, 0.5
@@ -64,8 +67,9 @@ class AsymmetricPPO(Learner):
         super().__init__(settings, given, given.log_std)
         if self.replicas % 2 or self.num_envs % self.replicas:
             raise ValueError(f"replicas is {self.replicas}, but must be even and divide n_envs ({self.num_envs})")
-        self._adam = torch.optim.Adam(self.actor.parameters(), lr=given.learning_rate)
-        self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=given.critic_learning_rate)
+        self._beside = ThreadPoolExecutor(1)
+        self._adam = torch.optim.Adam(self.actor.parameters(), lr=given.learning_rate, fused=True)
+        self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=given.critic_learning_rate, fused=True)
         if settings.start is not None:
             policy = MLP.load(Path(settings.start), self.envs.inner)
             if policy.history != settings.history:
@@ -98,7 +102,7 @@ class AsymmetricPPO(Learner):
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Fit the critic, and improve the actor."""
-        given, inputs, alive = self.parameters, episodes.inputs, episodes.alive
+        given, alive = self.parameters, episodes.alive
         with torch.no_grad():
             values = self.critic(episodes.clean)
             advantages = self._estimate(values, episodes)
@@ -108,20 +112,34 @@ class AsymmetricPPO(Learner):
             advantages = (groups - groups.sum(dim=1, keepdim=True) / members).flatten(0, 1)
             advantages /= advantages[alive].std() + 1e-8
         instances, times = alive.nonzero().T
+        critic_epochs = FIRST_EPOCHS if self.iteration == 1 else given.n_epochs
+        batches = [
+            torch.split(torch.randperm(len(times), generator=generator), given.batch_size)
+            for _ in range(max(critic_epochs, given.n_epochs))
+        ]
+        fit = self._beside.submit(self._fit, episodes.clean, returns, instances, times, batches[:critic_epochs])
         divergences: list[Tensor] = []
-        for epoch in range(FIRST_EPOCHS if self.iteration == 1 else given.n_epochs):
-            for batch in torch.split(torch.randperm(len(times), generator=generator), given.batch_size):
+        for epoch in range(given.n_epochs):
+            for batch in batches[epoch]:
                 i, t = instances[batch], times[batch]
-                step(self._critic_adam, ((self.critic(episodes.clean[i, t]) - returns[i, t]) ** 2).mean())
-                if epoch >= given.n_epochs:
-                    continue
-                log_ratio = self.actor.log_prob(self.actor(inputs[i, t]), episodes.actions[i, t]) - more[i, t]
-                ratio, advantage = log_ratio.exp(), advantages[i, t]
+                actions, advantage = episodes.actions[i, t], advantages[i, t]
+                log_ratio = self.actor.log_prob(self.actor(episodes.select(i, t)), actions) - more[i, t]
+                ratio = log_ratio.exp()
                 clipped = ratio.clamp(1.0 - given.clip_range, 1.0 + given.clip_range)
                 step(self._adam, -torch.min(ratio * advantage, clipped * advantage).mean(), NORM)
                 if epoch == given.n_epochs - 1:
                     divergences.append((ratio - 1.0 - log_ratio).detach().mean())
+        fit.result()
         self._adapt(float(torch.stack(divergences).mean()))
+
+    def _fit(self, clean: Tensor, returns: Tensor, instances: Tensor, times: Tensor, epochs: list[Any]) -> None:
+        """Fit the critic to the returns (n, T), epochs of batches of time steps."""
+        steps = clean.shape[1]
+        observations = clean.flatten(0, 1)
+        for batch in itertools.chain.from_iterable(epochs):
+            i, t = instances[batch], times[batch]
+            values = self.critic(observations.index_select(0, i * steps + t))
+            step(self._critic_adam, ((values - returns[i, t]) ** 2).mean())
 
     def _estimate(self, values: Tensor, episodes: Episodes) -> Tensor:
         """Generalised advantage estimation, (n, T); a time limit does not end an episode."""

@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 
 from uvms_gym.controllers.registry import CLASSICAL, ControllerWarning, check_name, make_controller, names
+from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.learner import Hyperparameters, Learner, step
 from uvms_gym.training.networks import Actor
 from uvms_gym.training.run import Settings
-from uvms_gym.training.twin import Episodes
 
 #: Teacher of each task.
 TEACHERS = {"station-keep": "dob-delay", "ee-track": "resolved-dob", "dock": "dock-pd"}
@@ -37,8 +37,8 @@ class DistillationParameters(Hyperparameters):
 class Distillation(Learner):
     """Regression of the actor, which acts on the environment's observations, onto a teacher's actions.
 
-    The teacher is a classical controller with its tuned gains that sees the twin's observations, without compensation
-    of a delay that they do not have. It acts in the first iteration, the actor in all others.
+    The teacher is a classical controller with its tuned gains that sees the perfect observations, without
+    compensation of a delay that they do not have. It acts in the first iteration, the actor in all others.
 
     Raises
     ------
@@ -49,7 +49,7 @@ class Distillation(Learner):
     def __init__(self, settings: Settings) -> None:
         self.parameters = DistillationParameters.read(settings.hyperparameters)
         super().__init__(settings, self.parameters, 0.0)
-        self._adam = torch.optim.Adam(self.actor.layers.parameters(), lr=self.parameters.learning_rate)
+        self._adam = torch.optim.Adam(self.actor.layers.parameters(), lr=self.parameters.learning_rate, fused=True)
         inner = self.envs.inner
         self.teacher_name = settings.teacher or TEACHERS[inner.task]
         check_name(self.teacher_name, inner.task)
@@ -59,9 +59,9 @@ class Distillation(Learner):
         with warnings.catch_warnings():
             # Its delay is removed below.
             warnings.simplefilter("ignore", ControllerWarning)
-            teacher: Any = make_controller(self.teacher_name, self.envs.twin)
+            teacher: Any = make_controller(self.teacher_name, inner)
         if teacher.gains.get("delay"):
-            teacher = type(teacher)(self.envs.twin, **{**teacher.gains, "delay": 0})
+            teacher = type(teacher)(inner, **{**teacher.gains, "delay": 0})
         self.teacher = teacher
 
     @property
@@ -89,14 +89,14 @@ class Distillation(Learner):
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Regress the actor onto the teacher's actions in pairs of successive steps."""
-        given, targets, inputs = self.parameters, more, episodes.inputs
+        given, targets = self.parameters, more
         for group in self._adam.param_groups:
             # Not 0 in the last iteration.
             group["lr"] = given.learning_rate * max(self.left, 0.02)
         pairs = (episodes.alive[:, 1:]).nonzero()
         for _ in range(given.n_updates):
             i, t = pairs[torch.randint(len(pairs), (given.batch_size,), generator=generator)].T
-            before, now = self.actor(inputs[i, t]), self.actor(inputs[i, t + 1])
+            before, now = self.actor(episodes.select(i, t)), self.actor(episodes.select(i, t + 1))
             error = (before - targets[i, t]) ** 2 + (now - targets[i, t + 1]) ** 2
             step(self._adam, (0.5 * error + given.action_rate * (now - before) ** 2).mean())
 

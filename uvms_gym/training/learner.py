@@ -10,10 +10,10 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
+from uvms_gym.training.episodes import Episodes, TrainingEnvs
 from uvms_gym.training.hyperparameters import count
 from uvms_gym.training.networks import Actor
 from uvms_gym.training.run import SEED_STRIDE, Settings
-from uvms_gym.training.twin import Episodes, TwinEnvs
 
 #: Hyperparameters of the run, not of the learner.
 _OWN = ("n_timesteps", "n_envs", "env_kwargs", "frame_stack")
@@ -83,7 +83,7 @@ class Learner(ABC):
     def __init__(self, settings: Settings, parameters: Hyperparameters, log_std: float) -> None:
         self.settings, self.iteration, self.steps, self._first = settings, 0, 0, parameters.n_steps
         self.num_envs = count(settings.hyperparameters, "n_envs")
-        self.envs = TwinEnvs(settings.env, settings.kwargs, self.num_envs, settings.history)
+        self.envs = TrainingEnvs(settings.env, settings.kwargs, self.num_envs, settings.history)
         with torch.random.fork_rng(devices=()):
             torch.manual_seed(settings.seed)
             self.actor = Actor([settings.history * self.envs.size, *parameters.net_arch, self.envs.actions], log_std)

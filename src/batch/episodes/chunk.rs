@@ -144,7 +144,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
     /// Observations and metrics of the chosen instances at their current control instant.
     pub fn observe(&mut self, chosen: &[bool], out: &mut Outputs<'_>) {
         let isa = self.part.isa;
-        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, out });
+        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect: false, out });
     }
 
     fn blocks(&mut self) -> Blocks<'_, T, K> {

@@ -247,6 +247,8 @@ pub(super) struct ObserveKernel<'a, 'b, T: Real, K: TaskDefinition> {
     pub blocks: Blocks<'a, T, K>,
     /// Chosen instances of the blocks.
     pub chosen: &'a [bool],
+    /// True values in place of the sensors' readings.
+    pub perfect: bool,
     /// Observations and metrics of the chosen instances of the blocks.
     pub out: &'a mut Outputs<'b>,
 }
@@ -272,7 +274,12 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
             let (physics, memory) = self.blocks.group::<L>(first, &[0..0, 0..0]);
             let state = stage_state::<T, L>(layout, &physics);
             let error = kernel.error(&memory, &state);
-            kernel.observe(&memory, &state, &error, &mut page);
+            let measured = if self.perfect {
+                kernel.true_values(&memory, &state, &error)
+            } else {
+                kernel.measured(&memory, &state, &error)
+            };
+            kernel.observe_as(&memory, &state, &error, &measured, &mut page);
             let evaluation = kernel.current_metrics(&memory, &state, &error);
             let (metrics, own) = (evaluation.metrics.to_array(), evaluation.own);
             for k in 0..METRICS + K::METRICS.len() {

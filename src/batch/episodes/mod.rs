@@ -160,6 +160,18 @@ impl TaskBatch {
         (0..self.instances()).flat_map(of).collect()
     }
 
+    /// Observations of all instances, (N, d), of the true, present state: sensors without noise and delay. The integral of
+    /// errors is that of the measured ones.
+    ///
+    /// # Errors
+    /// [`TaskError::NotBegun`] before the first reset.
+    pub fn perfect_observations(&mut self) -> Result<Vec<f32>, TaskError> {
+        if let Some(instance) = self.slots.iter().position(|slot| !slot.begun) {
+            return Err(TaskError::NotBegun { instance });
+        }
+        Ok(self.observe(true).observations)
+    }
+
     /// Bytes of memory per instance.
     pub fn bytes_per_instance(&self) -> usize {
         self.simulator.bytes_per_instance() + self.storage.bytes_per_instance(self.instances())
@@ -210,7 +222,7 @@ impl TaskBatch {
             self.slots[i] = EpisodeSlot::of(key);
             self.storage.set_column(i, episode.numbers());
         }
-        Ok(self.observe())
+        Ok(self.observe(false))
     }
 
     /// One control period of all instances under `actions`, (N, action length) in [-1, 1]; beyond is clipped.
@@ -312,10 +324,10 @@ impl TaskBatch {
         Transition::blank(self.instances(), self.task.observation_len(), self.task.metric_names().len())
     }
 
-    /// Observations and metrics of all instances at their current control instant.
-    fn observe(&mut self) -> Beginning {
+    /// Observations, with perfect sensors if asked for, and metrics of all instances at their current control instant.
+    fn observe(&mut self, perfect: bool) -> Beginning {
         let mut transition = self.blank();
-        self.storage.observe(&mut self.simulator, &mut transition.outputs());
+        self.storage.observe(&mut self.simulator, perfect, &mut transition.outputs());
         Beginning { observations: transition.observations, info: transition.info }
     }
 }

@@ -35,8 +35,8 @@ pub(super) trait TaskStorage: Send + Sync {
         args: &RolloutArgs<'_>,
         rollout: &mut Rollout,
     ) -> Result<(), ControlError>;
-    /// Observations and metrics of all instances at their current control instant.
-    fn observe(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>);
+    /// Observations, with perfect sensors if asked for, and metrics of all instances at their current control instant.
+    fn observe(&mut self, simulator: &mut Simulator, perfect: bool, out: &mut Outputs<'_>);
     /// Numbers of the episode of instance `i`.
     fn column(&self, i: usize) -> Vec<f64>;
     /// Sets them.
@@ -159,11 +159,11 @@ impl<T: Real, K: TaskDefinition> TaskStorage for TaskBlocks<T, K> {
         failure.into_inner().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn observe(&mut self, simulator: &mut Simulator, out: &mut Outputs<'_>) {
+    fn observe(&mut self, simulator: &mut Simulator, perfect: bool, out: &mut Outputs<'_>) {
         let all = vec![true; out.len()];
         let (layout, isa, physics) = simulator.blocks::<T>().parts();
         let blocks = kernels::Blocks { kernel: &self.kernel, layout, physics, episodes: &mut self.episodes };
-        T::dispatch(isa, &mut kernels::ObserveKernel { blocks, chosen: &all, out });
+        T::dispatch(isa, &mut kernels::ObserveKernel { blocks, chosen: &all, perfect, out });
     }
 
     fn column(&self, i: usize) -> Vec<f64> {

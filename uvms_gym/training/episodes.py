@@ -1,4 +1,4 @@
-"""Episodes for training: an environment, and beside it its twin with perfect sensors."""
+"""Episodes for training, with observations of real and of perfect sensors."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from torch import Tensor
 from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.training.evaluation import episode_steps
 
-#: Actions (n, a) for the time step, stacked observations (n, h d) and the twin's observations (n, d).
+#: Actions (n, a) for the time step, stacked observations (n, h d) and perfect observations (n, d).
 Act = Callable[[int, Tensor, Tensor], Tensor]
 
 
@@ -23,7 +23,7 @@ class Episodes:
     observations: Tensor
     """Observations (n, h - 1 + T, d) after h - 1 rows of zeros."""
     clean: Tensor
-    """Observations of the twin (n, T + 1, d), that after the last step included."""
+    """Perfect observations (n, T + 1, d), that after the last step included."""
     actions: Tensor
     """Actions (n, T, a), not clipped."""
     rewards: Tensor
@@ -42,11 +42,16 @@ class Episodes:
         shape, strides = (n, rows - self.history + 1, self.history * d), (rows * d, d, 1)
         return self.observations.as_strided(shape, strides)
 
+    def select(self, instances: Tensor, times: Tensor) -> Tensor:
+        """Stacked observations (k, h d) of instances (k,) at times (k,)."""
+        n, rows, d = self.observations.shape
+        # Rows of this view reach across instances, too; those are not selected.
+        stacks = self.observations.as_strided((n * rows - self.history + 1, self.history * d), (d, 1))
+        return stacks.index_select(0, instances * rows + times)
 
-class TwinEnvs:
-    """An environment and its twin, whose sensors have neither noise nor delay.
 
-    Noise and delay act on observations alone: under the same actions and seeds both have the same states, bit for bit.
+class TrainingEnvs:
+    """Instances of an environment, whose episodes are run with perfect observations beside those of the sensors.
 
     Parameters
     ----------
@@ -72,10 +77,6 @@ class TwinEnvs:
         if not isinstance(inner, TaskVectorEnv):
             raise ValueError(f"{env} is no environment of uvms_gym")
         self.inner = inner
-        given = inner.options.disturbance
-        named = {"base": given} if isinstance(given, str) else given
-        perfect = None if named is None else {**named, "noise": None, "delay": None}
-        self.twin = gymnasium.make_vec(env, num_envs=num_envs, **{**env_kwargs, "disturbance": perfect})
         (self.size,) = inner.single_observation_space.shape or ()
         (self.actions,) = inner.single_action_space.shape or ()
 
@@ -95,20 +96,18 @@ class TwinEnvs:
         )
         inputs, alive = rows.inputs, np.ones(n, dtype=np.bool_)
         given: Any = list(seeds)
-        seen, clean = (env.reset(seed=given)[0] for env in (self.env, self.twin))
+        seen, _ = self.env.reset(seed=given)
         for t in range(steps):
-            rows.observations[:, h - 1 + t], rows.clean[:, t] = torch.from_numpy(seen), torch.from_numpy(clean)
+            rows.observations[:, h - 1 + t] = torch.from_numpy(seen)
+            rows.clean[:, t] = torch.from_numpy(self.inner.perfect_observations())
             rows.actions[:, t] = act(t, inputs[:, t], rows.clean[:, t])
-            actions = rows.actions[:, t].numpy()
-            seen, rewards, terminated, _, _ = self.env.step(actions)
-            clean = self.twin.step(actions)[0]
+            seen, rewards, terminated, _, _ = self.env.step(rows.actions[:, t].numpy())
             rows.rewards[:, t] = torch.from_numpy(rewards)
             rows.alive[:, t], rows.terminated[:, t] = torch.from_numpy(alive), torch.from_numpy(alive & terminated)
             alive = alive & ~terminated
-        rows.clean[:, steps] = torch.from_numpy(clean)
+        rows.clean[:, steps] = torch.from_numpy(self.inner.perfect_observations())
         return rows
 
     def close(self) -> None:
-        """Close both environments."""
+        """Close the environment."""
         self.env.close()
-        self.twin.close()
