@@ -23,13 +23,13 @@ class _Tanh(torch.autograd.Function):
     """tanh(x) = 2 / (1 + exp(-2 x)) - 1: a third of the time of `torch.tanh` on CPU."""
 
     @staticmethod
-    def forward(ctx: Any, x: Tensor) -> Tensor:  # type: ignore[override]
+    def forward(ctx: Any, x: Tensor) -> Tensor:
         y = torch.sigmoid(2.0 * x).mul_(2.0).sub_(1.0)
         ctx.save_for_backward(y)
         return y
 
     @staticmethod
-    def backward(ctx: Any, grad: Tensor) -> Tensor:  # type: ignore[override]
+    def backward(ctx: Any, grad: Tensor) -> Tensor:
         (y,) = ctx.saved_tensors
         return torch.ops.aten.tanh_backward(grad, y)  # type: ignore[no-any-return]
 
@@ -39,7 +39,8 @@ class Tanh(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Apply it to all elements."""
-        return _Tanh.apply(x)  # type: ignore[no-any-return, no-untyped-call]
+        y: Tensor = _Tanh.apply(x)
+        return y
 
 
 def layers(sizes: Sequence[int], last: float) -> nn.Sequential:
