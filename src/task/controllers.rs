@@ -69,8 +69,8 @@ impl Task {
     /// A classical controller with these gains; defaults for those that are null or not given.
     ///
     /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque over the diagonal of the nominal
-    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors, but for DOB, where `null` stands
-    /// for it, and resolved motion, which have 0; the others by their structs.
+    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors, but for DOB and resolved motion, where
+    /// `null` stands for it and the default is 0; the others by their structs.
     ///
     /// # Errors
     /// `TaskError` for a controller of another task, actions that are corrections to a controller, a gain that is
@@ -84,7 +84,8 @@ impl Task {
         }
         self.refuse_residual()?;
         if kind == ControllerKind::ResolvedMotion {
-            return Ok(Arc::new(self.resolved_motion(merge(&ResolvedMotionGains::default(), given)?)?));
+            let gains = ResolvedMotionGains { delay: self.told_delay(given), ..ResolvedMotionGains::default() };
+            return Ok(Arc::new(self.resolved_motion(merge(&gains, given)?)?));
         }
         if kind == ControllerKind::DockPd {
             let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given)?;
@@ -107,8 +108,7 @@ impl Task {
                 Arc::new(Pid::new(vehicle, gains, actions, period)?)
             }
             ControllerKind::Dob => {
-                let delay = if given.get("delay").is_some_and(serde_json::Value::is_null) { self.delay() } else { 0 };
-                let observer = ObserverGains { delay, ..ObserverGains::default() };
+                let observer = ObserverGains { delay: self.told_delay(given), ..ObserverGains::default() };
                 let gains = merge(&FeedbackGains::new(self.servo(given)?, observer), given)?;
                 Arc::new(ModelBased::new(LawGains::Dob(gains), indices, scene, actions, period)?)
             }
@@ -165,6 +165,11 @@ impl Task {
                 Arc::new(DockPd::new(self.dock_indices()?, gains, self.actions().clone())?)
             }
         }))
+    }
+
+    /// Delay of the task's sensors where it is given as `null`, else 0.
+    fn told_delay(&self, given: &GainMap) -> usize {
+        if given.get("delay").is_some_and(serde_json::Value::is_null) { self.delay() } else { 0 }
     }
 
     /// Least and greatest age of the sensors' measurements, control periods.

@@ -1,5 +1,6 @@
 """Controllers by name: tuned gains, shipped policies, and what is said where they do not fit."""
 
+import itertools
 import json
 import warnings
 from pathlib import Path
@@ -14,7 +15,10 @@ import uvms_gym
 from uvms_gym import MLP, PD, PID, Residual, ResolvedMotion
 from uvms_gym.cli import main
 from uvms_gym.controllers import NoControl, registry
+from uvms_gym.controllers.base import ClassicalController
 from uvms_gym.controllers.registry import Unavailable, available, make_controller, names, seeds
+from uvms_gym.studies.comparison.metrics import pose_rms
+from uvms_gym.training.evaluation import run_episodes
 
 STORM = "UVMS-StationKeep-Storm-v0"
 OPTIONS: dict[str, Any] = {"scene": SMALL, "substeps": 10}
@@ -165,25 +169,54 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
 
 
 @pytest.mark.parametrize(
-    ("name", "delay", "warns"),
+    ("name", "delay", "warning"),
     [
-        ("pd", 0, False),
-        ("pd", 1, False),
-        ("pd", 2, True),
-        ("resolved-dob", 0, True),
-        ("ppo", 0, True),
-        ("dob-calm", 3, True),
+        ("pd", 0, None),
+        ("pd", 1, None),
+        ("pd", 2, "default gains take the place of tuned ones"),
+        ("resolved-pid", 3, "default gains take the place of tuned ones"),
+        # They predict over it.
+        ("resolved-dob", 0, None),
+        ("dob-calm", 3, None),
+        ("mpc", 2, None),
+        # 1 period by the mean of those drawn.
+        ("dob-calm", (0, 3), "it may be unstable"),
+        ("ppo", 0, "it may be unstable"),
+        ("ppo-distilled-wide", 3, None),
     ],
 )
-def test_a_delay_that_a_controller_was_not_tuned_for_is_warned_of(name: str, delay: int, warns: bool) -> None:
+def test_a_delay_that_a_controller_was_not_tuned_for_is_warned_of(name: str, delay: Any, warning: str | None) -> None:
     env = "UVMS-EETrack-Storm-v0" if "resolved" in name else STORM
-    envs = gymnasium.make_vec(env, num_envs=2, disturbance={"base": "storm", "delay": {"periods": delay}})
+    given = {"time": [0.1 * n for n in delay]} if isinstance(delay, tuple) else {"periods": delay}
+    envs = gymnasium.make_vec(env, num_envs=2, disturbance={"base": "storm", "delay": given})
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        make_controller(name, envs)
+        made = make_controller(name, envs)
     said = [str(w.message) for w in caught if issubclass(w.category, uvms_gym.ControllerWarning)]
-    assert len(said) == warns
-    assert not warns or f"measurements 1 control periods old; here they are {delay}: it may be unstable" in said[0]
+    assert len(said) == (warning is not None)
+    found = " to ".join(map(str, np.atleast_1d(delay)))
+    assert not said or f"measurements 1 control periods old; here they are {found}: {warning}" in said[0]
+    if isinstance(made, ClassicalController):
+        shipped = registry.tuned(name, envs)
+        assert shipped is not None
+        tuned = all(np.array_equal(made.gains[key], value) for key, value in shipped["gains"].items())
+        assert tuned == ("default" not in str(warning))
+
+
+@pytest.mark.parametrize("task", ["station-keep", "ee-track"])
+def test_classical_controllers_are_no_worse_tuned_than_untuned_at_any_delay(task: str) -> None:
+    env = f"{registry.TASKS[task]}-Storm-v0"
+    dt = {"station-keep": 0.025, "ee-track": 0.01}[task]
+    for level, delay in itertools.product(("calm", "storm"), (0, 2, 3)):
+        disturbance = {"base": level, "delay": {"periods": delay}}
+        envs = gymnasium.make_vec(env, num_envs=16, disturbance=disturbance, dt=dt, substeps=round(0.1 / dt))
+        for name in (name for name in registry.rivals(task) if name in registry.CLASSICAL and name != "none"):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                pair = [make_controller(name, envs, gains=gains) for gains in ("tuned", "scene")]
+                errors = [float(np.median(pose_rms(run_episodes(envs, c, 5_000_000, 200), task))) for c in pair]
+            # In calm water both are within millimetres.
+            assert errors[0] <= 1.05 * errors[1] + 0.005, (name, level, delay, errors)
 
 
 def test_gains_are_for_their_scene_task_and_period_alone(shipped: Path) -> None:

@@ -146,7 +146,8 @@ class ResolvedMotion(ClassicalController):
         Bandwidths of the disturbance observer, rad/s: of forces and of moments on the vehicle, and of torques on
         joints; 0 estimates nothing there. 0 by default.
     delay : int or None
-        Age of measurements in control periods, which is compensated, 0 to 10. 0 by default.
+        Age of measurements in control periods, which is compensated, 0 to 10. 0 by default; None: that of the
+        environment's sensors.
     """
 
     kind = "resolved-motion"

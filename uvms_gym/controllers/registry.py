@@ -56,7 +56,7 @@ class LearnedEntry(NamedTuple):
     base: str | None = None
 
 
-_RESOLVED_DOB = {"observer_bandwidth": (4.0, 4.0, 8.0), "delay": 1}
+_RESOLVED_DOB = {"observer_bandwidth": (4.0, 4.0, 8.0), "delay": None}
 CLASSICAL: dict[str, ClassicalEntry] = {
     "none": ClassicalEntry(NoControl, _ALL),
     "pd": ClassicalEntry(PD),
@@ -132,7 +132,8 @@ def make_controller(
         Environment of the controller.
     gains : {"tuned", "scene"}
         Gains of classical controllers. "tuned": those shipped for this task, scene and control period, the class's
-        defaults where none are; "scene": the class's defaults, which are the scene's `kp` and `kd`.
+        defaults where none are, or where measurements are older than in tuning and the controller does not predict over
+        that; "scene": the class's defaults, which are the scene's `kp` and `kd`.
     seed : int or None
         Training seed of the policy; None: the first shipped one.
     **options
@@ -141,7 +142,7 @@ def make_controller(
     Warns
     -----
     ControllerWarning
-        Measurements are older than those the controller was tuned or trained with; or younger, and it predicts.
+        Measurements are older than those the controller was tuned or trained with, or for a policy younger.
 
     Raises
     ------
@@ -280,28 +281,32 @@ def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
         made = entry.kind(**{**entry.gains, **stored["gains"]}, **given)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
-    if entry.role != "bound":
-        _warn_of_delay(name, stored.get("tuning", {}).get("env"), given)
-    return made
+    if entry.role == "bound":
+        return made
+    late = _warn_of_delay(name, stored.get("tuning", {}).get("env"), given, made.gains.get("delay"))
+    return entry.kind(**entry.gains, **given) if late else made
 
 
-def _warn_of_delay(name: str, env: str | None, given: dict[str, Any]) -> None:
-    """Warn where sensors are later than in the environment that a controller was tuned or trained in.
+def _warn_of_delay(name: str, env: str | None, given: dict[str, Any], bridged: int | None = None) -> bool:
+    """Warn of measurements whose age differs from those that a controller was tuned or trained with, in `env`.
 
-    Predictions of a fixed length, and policies, do not stand earlier ones either.
+    Later ones make controllers unstable but those that predict over them: over `bridged` control periods. Policies do
+    not stand earlier ones either. True where a classical controller should have its default gains, which are lower.
     """
     if env not in gymnasium.registry:
-        return
+        return False
     (low, high), (least, most) = _delays(env), native(given).delays
-    predicts = name in LEARNED or isinstance(CLASSICAL[name].gains.get("delay"), int)
-    if most > high or (predicts and least < low):
-        designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (least, most)))
-        warnings.warn(
-            f"{name} was tuned or trained in {env}, for measurements {designed} control periods old; "
-            f"here they are {found}: it may be unstable",
-            ControllerWarning,
-            stacklevel=4,
-        )
+    if bridged == least == most or (most <= high and (least >= low or name in CLASSICAL)):
+        return False
+    defaults = name in CLASSICAL and least == most
+    designed, found = (f"{a} to {b}" if a < b else f"{a}" for a, b in ((low, high), (least, most)))
+    warnings.warn(
+        f"{name} was tuned or trained in {env}, for measurements {designed} control periods old; here they are "
+        f"{found}: {'default gains take the place of tuned ones' if defaults else 'it may be unstable'}",
+        ControllerWarning,
+        stacklevel=4,
+    )
+    return defaults
 
 
 @functools.cache
