@@ -50,10 +50,11 @@ class ClassicalEntry(NamedTuple):
 
 
 class LearnedEntry(NamedTuple):
-    """Learned controller: tasks, and the base controller of residual policies."""
+    """Learned controller: tasks, the base controller of residual policies, and its role as that of a classical one."""
 
     tasks: tuple[str, ...]
     base: str | None = None
+    role: Literal["rival", "frontier"] = "rival"
 
 
 _RESOLVED_DOB = {"observer_bandwidth": (4.0, 4.0, 8.0), "delay": None}
@@ -81,8 +82,16 @@ CLASSICAL: dict[str, ClassicalEntry] = {
 }
 LEARNED: dict[str, LearnedEntry] = {
     "ppo": LearnedEntry(_ALL),
+    "ppo-still": LearnedEntry(_STATION, role="frontier"),
+    "ppo-calm": LearnedEntry(_STATION, role="frontier"),
+    "ppo-medium": LearnedEntry(_STATION, role="frontier"),
+    "ppo-free": LearnedEntry(_STATION, role="frontier"),
+    "ppo-wide": LearnedEntry(_TRACK),
     "ppo-distilled": LearnedEntry(_STATION),
+    "ppo-distilled-still": LearnedEntry(_STATION, role="frontier"),
     "ppo-distilled-calm": LearnedEntry(_STATION),
+    "ppo-distilled-medium": LearnedEntry(_STATION, role="frontier"),
+    "ppo-distilled-free": LearnedEntry(_STATION, role="frontier"),
     "ppo-distilled-wide": LearnedEntry(_STATION),
     "ppo-pd": LearnedEntry(_STATION, "pd"),
     "ppo-dob": LearnedEntry(_STATION, "dob-delay"),
@@ -90,6 +99,21 @@ LEARNED: dict[str, LearnedEntry] = {
 }
 #: All controllers of all tasks, without `mlp:FILE`.
 NAMES = (*CLASSICAL, *LEARNED)
+#: Families along the frontier: a controller under several limits on its commands, or prices of them.
+FAMILIES = {
+    "observer": ("dob-still", "dob-calm", "dob-medium", "dob-delay", "dob-free"),
+    "PPO": ("ppo-still", "ppo-calm", "ppo-medium", "ppo", "ppo-free"),
+    "PPO, distilled": (
+        "ppo-distilled-still",
+        "ppo-distilled-calm",
+        "ppo-distilled-medium",
+        "ppo-distilled",
+        "ppo-distilled-free",
+    ),
+}
+
+
+_ENTRIES: dict[str, ClassicalEntry | LearnedEntry] = {**CLASSICAL, **LEARNED}
 
 
 class Unavailable(ValueError):
@@ -107,13 +131,12 @@ def is_bound(name: str) -> bool:
 
 def rivals(task: str) -> tuple[str, ...]:
     """Names of the controllers of a task, without variants along the frontier and bounds."""
-    return tuple(name for name in names(task) if name not in CLASSICAL or CLASSICAL[name].role == "rival")
+    return tuple(name for name in names(task) if _ENTRIES[name].role == "rival")
 
 
 def names(task: str | None = None) -> tuple[str, ...]:
     """Names of the controllers of a task, such as "station-keep", or of all tasks."""
-    entries: dict[str, ClassicalEntry | LearnedEntry] = {**CLASSICAL, **LEARNED}
-    return tuple(name for name, entry in entries.items() if task is None or task in entry.tasks)
+    return tuple(name for name, entry in _ENTRIES.items() if task is None or task in entry.tasks)
 
 
 def make_controller(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uvms_gym.controllers.registry import is_bound
+from uvms_gym.controllers.registry import FAMILIES, is_bound
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.study import Comparison
 from uvms_gym.studies.comparison.summary import Summary, is_learned
@@ -21,7 +21,8 @@ Results = Sequence[tuple[Comparison, Summary]]
 #: Metrics of the bar charts.
 _BARS = ("pose", "position", "attitude", "end_effector", "power", "variation", "recovery", "within")
 #: Colours of learned controllers, which stand out, and of classical ones.
-_LEARNED = (VERMILION, ORANGE, PURPLE, "#7a1f00", "#e7298a", "#b8860b", "#ff9896", "#6a0d4f")
+_LEARNED: tuple[str, ...] = (VERMILION, ORANGE, PURPLE, "#7a1f00", "#e7298a", "#b8860b", "#ff9896", "#6a0d4f")
+_LEARNED += ("#ffb347", "#a0522d", "#c71585", "#ffd24d", "#8b0000", "#d98880")
 _CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
 _CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _NONE = "#bdbdbd"
@@ -145,7 +146,7 @@ def _plain_ticks(axes: "Axes") -> None:
 def plot_frontier(path: Path, results: Results) -> None:
     """Error of every controller against the variation of its commands and against its effort, by comparison.
 
-    Lines join the classical and the learned controllers that no other of their kind is better than in both.
+    Lines join the members of a family, in the order of their costs.
     """
     with picture(path, 12.5, 5.2 * len(results)) as figure:
         for row, (comparison, summary) in zip(figure.subplots(len(results), 2, squeeze=False), results, strict=True):
@@ -170,11 +171,10 @@ def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
             x, y, yerr=[[max(0.0, y - low)], [max(0.0, high - y)]], fmt="o", ms=4.5, color=colour, capsize=2.5
         )
         axes.annotate(short_name(name), (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
-    for learned, colour in kinds.items():
-        points = sorted((estimate(n, cost)[0], estimate(n, HEADLINE)[0]) for n in rivals if is_learned(n) is learned)
-        best = [point for k, point in enumerate(points) if all(point[1] < other[1] for other in points[:k])]
-        label = "learned" if learned else "classical"
-        axes.plot(*zip(*best, strict=True), "-", color=colour, lw=1.2, label=label) if best else None
+    for (label, members), style in zip(FAMILIES.items(), ("-", "--", "-"), strict=True):
+        points = sorted((estimate(n, cost)[0], estimate(n, HEADLINE)[0]) for n in rivals if n in members)
+        if len(points) > 1:
+            axes.plot(*np.transpose(points), style, color=kinds[is_learned(members[0])], lw=1.2, label=label)
     for name in bounds:
         axes.axhline(estimate(name, HEADLINE)[0], ls=":", color=BLACK, lw=1.2, label=f"{name}: true, present state")
     axes.set(xscale="log", xlabel=METRICS[cost].label, ylabel="RMS " + METRICS[HEADLINE].label, ylim=(0.0, None))
