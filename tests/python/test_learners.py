@@ -25,7 +25,7 @@ from uvms_gym.training.evaluation import evaluate
 from uvms_gym.training.export import TOLERANCE
 from uvms_gym.training.hyperparameters import SHIPPED, read_hyperparameters
 from uvms_gym.training.native import LEARNERS, load, make_learner, save, train
-from uvms_gym.training.networks import Actor
+from uvms_gym.training.networks import Actor, Tanh
 from uvms_gym.training.run import CURVE, POLICY, Settings, latest_checkpoint
 
 pytestmark = pytest.mark.learning
@@ -83,6 +83,19 @@ def test_perfect_observations_are_those_of_an_environment_without_noise_and_dela
     # The sensors of the environment itself have noise and delay.
     assert (rows[:, 5, place] != episodes.clean[:, 5, place]).all()
     assert episodes.alive.all() and not episodes.terminated.any()
+
+
+def test_stacked_observations_are_selected_by_instance_and_time() -> None:
+    envs = TrainingEnvs(ENV, {"max_episode_steps": 8}, 3, 4)
+    episodes = envs.run([0, 1, 2], lambda t, inputs, clean: torch.zeros(3, 6))
+    i, t = torch.ones(3, 8).nonzero().T
+    assert torch.equal(episodes.select(i, t), episodes.inputs.flatten(0, 1))
+
+
+def test_hyperbolic_tangent_and_its_gradient() -> None:
+    x = torch.linspace(-12.0, 12.0, 101, dtype=torch.float64, requires_grad=True)
+    torch.testing.assert_close(Tanh()(x), torch.tanh(x), rtol=0.0, atol=1e-15)
+    assert torch.autograd.gradcheck(Tanh(), x)
 
 
 def test_episodes_of_one_seed_are_paired_with_opposite_noise() -> None:

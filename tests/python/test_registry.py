@@ -177,6 +177,7 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
         ("resolved-pid", 3, "default gains take the place of tuned ones"),
         # They predict over it.
         ("resolved-dob", 0, None),
+        ("resolved-dob", 3, None),
         ("dob-calm", 3, None),
         ("mpc", 2, None),
         # 1 period by the mean of those drawn.
