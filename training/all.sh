@@ -14,11 +14,21 @@ policy() {
     [ -e "$file" ] || uvms train --env "$env" --seed "$seed" --export "$file" "$@"
 }
 
-# distilled NAME SEED TEACHER REWARD: the teacher's imitation, and its improvement under a price on effort and variation
+# distilled NAME SEED ENVIRONMENT TEACHER EFFORT RATE [OPTION...]: the teacher's imitation, improved under prices of effort and variation
 distilled() {
-    start=out/train/$1-$2-start.safetensors
-    [ -e "$start" ] || uvms train --algo distill --teacher "$3" --seed "$2" --export "$start"
-    policy "$1" "$2" UVMS-StationKeep-Storm-v0 --algo asymmetric-ppo --start "$start" --env-kwargs "reward:$4"
+    start=out/train/$1-$2-start.safetensors env=$3
+    [ -e "$start" ] || uvms train --algo distill --env "$env" --teacher "$4" --seed "$2" --export "$start"
+    reward="reward:{'effort':$5,'action_rate':$6}" name=$1 of=$2
+    shift 6
+    policy "$name" "$of" "$env" --algo asymmetric-ppo --start "$start" --env-kwargs "$reward" "$@"
+}
+
+# scratch NAME SEED ENVIRONMENT EFFORT RATE [OPTION...]: PPO without a teacher
+scratch() {
+    reward="reward:{'effort':$4,'action_rate':$5}" name=$1 of=$2 env=$3
+    shift 5
+    policy "$name" "$of" "$env" --algo asymmetric-ppo -params "net_arch:[128,128]" -params "critic_arch:[128,128]" \
+        --env-kwargs "$reward" "$@"
 }
 
 mkdir -p out/train
@@ -31,16 +41,17 @@ for name in resolved resolved-pid resolved-dob resolved-informed; do
 done
 tune --controller resolved-wide --env UVMS-EETrack-Wide-v0
 
+keep=UVMS-StationKeep-Storm-v0
 for seed in 0 1 2 3 4; do
-    distilled ppo-distilled $seed dob-delay "{'effort':0.1,'action_rate':0.1}"
-    distilled ppo-distilled-calm $seed dob-calm "{'effort':0.5,'action_rate':0.45}"
-    policy ppo $seed UVMS-EETrack-Storm-v0 --env-kwargs dt:0.01 --env-kwargs substeps:10
+    distilled ppo-distilled $seed $keep dob-delay 0.1 0.06
+    distilled ppo-distilled-calm $seed $keep dob-calm 0.55 0.4 -n 2500000
+    distilled ppo-distilled-medium $seed $keep dob-medium 0.25 0.09 -n 2500000
+    distilled ppo-distilled-wide $seed UVMS-StationKeep-Wide-v0 dob-wide 0.05 0.1 --n-envs 512 -n 4000000
+    scratch ppo $seed UVMS-EETrack-Storm-v0 0.2 0.3 -n 5000000 -params frame_stack:6
+    scratch ppo-wide $seed UVMS-EETrack-Wide-v0 0.1 0.2 -n 4000000 --n-envs 512 -params frame_stack:10
 done
-start=out/train/ppo-distilled-wide-0-start.safetensors
-[ -e "$start" ] || uvms train --algo distill --env UVMS-StationKeep-Wide-v0 --teacher dob-wide --seed 0 --export "$start"
-policy ppo-distilled-wide 0 UVMS-StationKeep-Wide-v0 --algo asymmetric-ppo --start "$start" --n-envs 512 -n 6000000 \
-    --env-kwargs "reward:{'effort':0.05,'action_rate':0.1}"
-policy ppo 0 UVMS-StationKeep-Storm-v0
-policy ppo-pd 0 UVMS-StationKeep-Storm-v0 --base pd -n 3000000
-policy ppo-dob 0 UVMS-StationKeep-Storm-v0 --base dob-delay
+scratch ppo 0 $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
+# Corrections to classical controllers, by PPO of Stable-Baselines3.
+policy ppo-pd 0 $keep --base pd -n 3000000
+policy ppo-dob 0 $keep --base dob-delay
 policy ppo-resolved-dob 0 UVMS-EETrack-Storm-v0 --base resolved-dob -n 3000000 --env-kwargs dt:0.01 --env-kwargs substeps:10
