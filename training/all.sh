@@ -43,9 +43,9 @@ tune --controller resolved-wide --env UVMS-EETrack-Wide-v0
 
 keep=UVMS-StationKeep-Storm-v0
 for seed in 0 1 2 3 4; do
-    distilled ppo-distilled $seed $keep dob-delay 0.1 0.06
-    distilled ppo-distilled-calm $seed $keep dob-calm 0.55 0.4 -n 2500000
-    distilled ppo-distilled-medium $seed $keep dob-medium 0.25 0.09 -n 2500000
+    distilled ppo-distilled $seed $keep dob-delay 0.08 0.035 -n 5000000
+    distilled ppo-distilled-calm $seed $keep dob-calm 0.52 0.34 -n 3000000
+    distilled ppo-distilled-medium $seed $keep dob-medium 0.25 0.07
     distilled ppo-distilled-wide $seed UVMS-StationKeep-Wide-v0 dob-wide 0.05 0.1 --n-envs 512 -n 4000000
     scratch ppo $seed UVMS-EETrack-Storm-v0 0.2 0.3 -n 5000000 -params frame_stack:6
     scratch ppo-wide $seed UVMS-EETrack-Wide-v0 0.1 0.2 -n 4000000 --n-envs 512 -params frame_stack:10

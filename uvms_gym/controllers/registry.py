@@ -82,16 +82,10 @@ CLASSICAL: dict[str, ClassicalEntry] = {
 }
 LEARNED: dict[str, LearnedEntry] = {
     "ppo": LearnedEntry(_ALL),
-    "ppo-still": LearnedEntry(_STATION, role="frontier"),
-    "ppo-calm": LearnedEntry(_STATION, role="frontier"),
-    "ppo-medium": LearnedEntry(_STATION, role="frontier"),
-    "ppo-free": LearnedEntry(_STATION, role="frontier"),
     "ppo-wide": LearnedEntry(_TRACK),
     "ppo-distilled": LearnedEntry(_STATION),
-    "ppo-distilled-still": LearnedEntry(_STATION, role="frontier"),
     "ppo-distilled-calm": LearnedEntry(_STATION),
     "ppo-distilled-medium": LearnedEntry(_STATION, role="frontier"),
-    "ppo-distilled-free": LearnedEntry(_STATION, role="frontier"),
     "ppo-distilled-wide": LearnedEntry(_STATION),
     "ppo-pd": LearnedEntry(_STATION, "pd"),
     "ppo-dob": LearnedEntry(_STATION, "dob-delay"),
@@ -102,14 +96,7 @@ NAMES = (*CLASSICAL, *LEARNED)
 #: Families along the frontier: a controller under several limits on its commands, or prices of them.
 FAMILIES = {
     "observer": ("dob-still", "dob-calm", "dob-medium", "dob-delay", "dob-free"),
-    "PPO": ("ppo-still", "ppo-calm", "ppo-medium", "ppo", "ppo-free"),
-    "PPO, distilled": (
-        "ppo-distilled-still",
-        "ppo-distilled-calm",
-        "ppo-distilled-medium",
-        "ppo-distilled",
-        "ppo-distilled-free",
-    ),
+    "PPO, distilled": ("ppo-distilled-calm", "ppo-distilled-medium", "ppo-distilled"),
 }
 
 

@@ -22,7 +22,7 @@ Results = Sequence[tuple[Comparison, Summary]]
 _BARS = ("pose", "position", "attitude", "end_effector", "power", "variation", "recovery", "within")
 #: Colours of learned controllers, which stand out, and of classical ones.
 _LEARNED: tuple[str, ...] = (VERMILION, ORANGE, PURPLE, "#7a1f00", "#e7298a", "#b8860b", "#ff9896", "#6a0d4f")
-_LEARNED += ("#ffb347", "#a0522d", "#c71585", "#ffd24d", "#8b0000", "#d98880")
+_LEARNED += ("#ffb347", "#a0522d")
 _CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
 _CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _NONE = "#bdbdbd"
@@ -171,10 +171,10 @@ def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
             x, y, yerr=[[max(0.0, y - low)], [max(0.0, high - y)]], fmt="o", ms=4.5, color=colour, capsize=2.5
         )
         axes.annotate(short_name(name), (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
-    for (label, members), style in zip(FAMILIES.items(), ("-", "--", "-"), strict=True):
+    for label, members in FAMILIES.items():
         points = sorted((estimate(n, cost)[0], estimate(n, HEADLINE)[0]) for n in rivals if n in members)
         if len(points) > 1:
-            axes.plot(*np.transpose(points), style, color=kinds[is_learned(members[0])], lw=1.2, label=label)
+            axes.plot(*np.transpose(points), color=kinds[is_learned(members[0])], lw=1.2, label=label)
     for name in bounds:
         axes.axhline(estimate(name, HEADLINE)[0], ls=":", color=BLACK, lw=1.2, label=f"{name}: true, present state")
     axes.set(xscale="log", xlabel=METRICS[cost].label, ylabel="RMS " + METRICS[HEADLINE].label, ylim=(0.0, None))
