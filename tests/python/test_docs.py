@@ -26,7 +26,7 @@ PAGES = [
 ]
 TEXTS = [
     ROOT / "README.md",
-    ROOT / "PYPI.md",
+    ROOT / "src" / "python" / "README.md",
     ROOT / "CONTRIBUTING.md",
     ROOT / "training" / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),

@@ -10,7 +10,7 @@ import pytest
 from uvms_gym.cli import main
 
 ROOT = Path(__file__).parents[2]
-TEXT, PYPI = ((ROOT / name).read_text() for name in ("README.md", "PYPI.md"))
+TEXT, PYPI = ((ROOT / name).read_text() for name in ("README.md", "src/python/README.md"))
 BLOCKS = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
 
