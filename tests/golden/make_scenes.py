@@ -217,7 +217,7 @@ FROZEN = ("petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov")
 
 
 def coupled(scene, seed):
-    """With off-diagonal entries in all added masses: at most half of what would cost them their definiteness."""
+    """Scene with off-diagonal entries in all added masses, at most half of what would cost them their definiteness."""
     scene = copy.deepcopy(scene)
     rng = np.random.default_rng(seed)
     for body in bodies(scene):

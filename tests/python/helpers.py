@@ -31,7 +31,7 @@ def assert_same(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> None:
 
 
 def is_fixed(simulator: Simulator) -> bool:
-    """Whether the scene holds the vehicle."""
+    """True if the scene holds the vehicle."""
     return bool(simulator.scene["vehicle"]["fixed"])
 
 

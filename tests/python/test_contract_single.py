@@ -1,4 +1,4 @@
-"""What Gymnasium expects of single environments, for every id."""
+"""Contract of Gymnasium for single environments, for every id."""
 
 import copy
 import json

@@ -1,4 +1,4 @@
-"""What disturbs episodes: named, seeded, scriptable, and the same however they are run."""
+"""Disturbances of episodes: named, seeded, scriptable, and the same however they are run."""
 
 import json
 import pickle
@@ -168,7 +168,7 @@ def test_delay_shifts_what_is_measured_and_nothing_else():
 
 
 def test_a_drawn_delay_is_one_age_per_episode():
-    """Of 0 to 3 periods, each as often: 0.5 of a period at either end rounds to the ends."""
+    """Ages of 0 to 3 periods, each as often: 0.5 of a period at either end rounds to the ends."""
     n, period = 600, 0.05
     late, plain = (StationKeepVectorEnv(n, scene=SMALL, disturbance=d) for d in ({"delay": [0, 3 * period]}, "calm"))
     seen, truth = [late.reset(seed=3)[0]], [plain.reset(seed=3)[0]]

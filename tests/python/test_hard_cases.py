@@ -163,7 +163,7 @@ def test_the_dead_band_chatters() -> None:
 
 
 def test_a_wrong_grasp_would_show(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With unchanged velocities the payload would gain impulse and energy."""
+    """The payload would gain impulse and energy if velocities did not change."""
     contact.PAYLOAD_CASE.reference()
     monkeypatch.setattr(contact, "grasp_velocity", lambda mass, joined, velocity: velocity)
     wrong = evaluate(contact.PAYLOAD_CASE, MK4, "float64").errors

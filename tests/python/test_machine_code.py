@@ -22,7 +22,7 @@ LANES = {"avx512": "6avx512", "avx2": "4avx2", "neon": "4neon", "fma": "3fma", "
 
 
 class Architecture(NamedTuple):
-    """How to disassemble it, its calls, its jumps, those by a register or memory, stubs, and its lanes."""
+    """Architecture: disassembler, mnemonics of calls, jumps, indirect jumps, stubs, and lanes."""
 
     disassembler: tuple[int, int]
     calls: set[str]
@@ -150,7 +150,7 @@ class Module:
         assert end == function.start + len(function.code), f"{function.name}: no instruction at {end:#x}"
 
     def indirect_jumps(self, function: Function) -> list[str]:
-        """Its jumps by a register or memory: mostly through a table of addresses."""
+        """Jumps of a function by a register or memory: mostly through a table of addresses."""
         code = self.instructions(function.start, function.code)
         jumps = (f"{mnemonic} {operand}" for _, _, mnemonic, operand in code)
         return [jump for jump in jumps if self.architecture.indirect.fullmatch(jump)]
@@ -168,7 +168,7 @@ def kernels(dtype: str, lanes: str) -> list[Function]:
 
 
 def steps(dtype: str, lanes: str) -> list[Function]:
-    """Those that step: one for numbers of single instances; of wide lanes one for shared ones, and one of duals."""
+    """Kernels that step: one for numbers of single instances; of wide lanes one for shared ones, and one of duals."""
     return [function for function in kernels(dtype, lanes) if any(map(MEMORY.search, module().calls(function)))]
 
 
@@ -183,7 +183,7 @@ def plans(function: Function) -> bool:
 
 
 def others(function: Function, allowed: dict[str, str]) -> dict[str, int]:
-    """How often it calls what it may not."""
+    """Calls of a function beyond the allowed ones, with their counts."""
     calls = Counter(module().calls(function))
     return {call: count for call, count in calls.items() if not any(re.search(name, call) for name in allowed)}
 
@@ -203,7 +203,7 @@ def test_where_instances_are_stepped_nothing_is_called(dtype: str, lanes: str) -
 @pytest.mark.parametrize("dtype", PRECISIONS)
 @pytest.mark.parametrize("lanes", LANES)
 def test_where_instances_are_stepped_no_jump_goes_by_a_table(dtype: str, lanes: str) -> None:
-    """Built with RUSTFLAGS in the environment, which take the place of those in .cargo/config.toml, some do."""
+    """Jump tables are off by .cargo/config.toml; RUSTFLAGS in the environment take its place, and bring them back."""
     of_steps = (routine for routine in routines() if re.search(STEP, routine.name))
     for step in [*steps(dtype, lanes), *of_steps]:
         assert module().indirect_jumps(step) == [], step.name
@@ -227,7 +227,7 @@ def test_routines_are_inlined_too() -> None:
 
 
 def test_calls_are_seen() -> None:
-    """Of all kinds, in the functions that choose the lanes."""
+    """Calls of all kinds, in the functions that choose the lanes."""
     choice = re.compile("8dispatch6(single|double).*4Real(8dispatch|15dispatch_narrow)")
     choosing = [function for function in module().functions if choice.search(function.name)]
     called = {call for function in choosing for call in module().calls(function)}

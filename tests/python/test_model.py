@@ -201,7 +201,7 @@ def test_allocation_keeps_limits_and_direction() -> None:
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_jacobian_moves_the_end_effector(scene: Any) -> None:
-    """By central differences of the pose along [V; q']."""
+    """Central differences of the pose along [V; q']."""
     s = moving(scene)
     step = 1e-6
     poses = []

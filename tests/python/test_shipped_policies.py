@@ -1,4 +1,4 @@
-"""What the package ships: tuned gains, policies, and the results that are stored beside them."""
+"""Files in the package: tuned gains, policies, and the results that are stored beside them."""
 
 import json
 from collections.abc import Iterator

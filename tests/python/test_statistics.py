@@ -23,7 +23,7 @@ def resamples(draws: Draws, scores: np.ndarray) -> list[np.ndarray]:
 
 
 def trimmed(scores: np.ndarray, share: float) -> float:
-    """What scipy.stats.trim_mean says."""
+    """Trimmed mean, as scipy.stats.trim_mean defines it."""
     ordered = sorted(scores.tolist())
     cut = int(share * len(ordered))
     middle = ordered[cut : len(ordered) - cut]

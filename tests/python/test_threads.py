@@ -34,7 +34,7 @@ def stepped(s: Simulator, substeps: int = 2) -> dict[str, np.ndarray]:
 
 
 def child(work: Callable[[], Any], patience: float = 20.0) -> Any:
-    """What a forked child makes of `work`, given time to; None if it does not come to an end."""
+    """Result of `work` in a forked child; None if it does not end within `patience` (s)."""
     receiver, sender = multiprocessing.Pipe(duplex=False)
     with warnings.catch_warnings():
         # Python warns of threads, whosesoever they are.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-PYTHON = ["uvms_gym", "training"]
+PYTHON = ["uvms_gym", "training", "tests", "docs"]
 OPENERS = re.compile(r"(What|Such|Those|Likewise|Of|Whether)\b")
 #: Functions whose keyword `help` is shown to users.
 COMMAND_LINE = {"Option", "Argument", "Typer", "command", "callback", "add_argument"}

@@ -33,7 +33,7 @@ class Settings:
     env: str
     """Gymnasium's id of a UVMS environment."""
     hyperparameters: dict[str, Any]
-    """In rl_zoo3's format: `n_timesteps`, `n_envs` and those of the algorithm."""
+    """Hyperparameters in rl_zoo3's format: `n_timesteps`, `n_envs` and those of the algorithm."""
     env_kwargs: dict[str, Any] = field(default_factory=dict)
     """Arguments of the environment."""
     seed: int = 0
