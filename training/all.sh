@@ -1,11 +1,15 @@
 #!/bin/sh
-# Tune and train all that is shipped: hours on two cores. Interrupted searches resume, and finished policies are kept.
+# Tune and train all that is shipped: hours on two cores. Interrupted searches resume; finished gains and policies stay.
 #     pip install 'uvms-gym[cli,train]'; sh training/all.sh [FOLDER of the package's pretrained/]
 set -eu
 to=${1:-$(python -c "from uvms_gym.controllers.registry import PRETRAINED; print(PRETRAINED)")}
 here=$(dirname "$0")
 
-tune() { python "$here/tune.py" --policies "$to" "$@"; }
+# tune NAME ENVIRONMENT
+tune() {
+    grep -qs "^ \"$1\": {" "$to/${2%-*-v0}/petasus-pum/0.1s/gains.json" ||
+        python "$here/tune.py" --policies "$to" --controller "$1" --env "$2"
+}
 
 # policy NAME SEED ENVIRONMENT [OPTION...]
 policy() {
@@ -33,13 +37,13 @@ scratch() {
 
 mkdir -p out/train
 for name in pd pid pd-restoring dob dob-delay dob-still dob-calm dob-medium dob-free computed-torque mpc dob-informed; do
-    tune --controller $name
+    tune $name UVMS-StationKeep-Storm-v0
 done
-tune --controller dob-wide --env UVMS-StationKeep-Wide-v0
+tune dob-wide UVMS-StationKeep-Wide-v0
 for name in resolved resolved-pid resolved-dob resolved-informed; do
-    tune --controller $name --env UVMS-EETrack-Storm-v0
+    tune $name UVMS-EETrack-Storm-v0
 done
-tune --controller resolved-wide --env UVMS-EETrack-Wide-v0
+tune resolved-wide UVMS-EETrack-Wide-v0
 
 keep=UVMS-StationKeep-Storm-v0
 for seed in 0 1 2 3 4; do

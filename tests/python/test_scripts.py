@@ -1,13 +1,94 @@
-"""Scripts in training/ compile, also those whose packages are not installed."""
+"""Scripts in training/: they compile, also without their packages, and all.sh makes all that is shipped."""
 
+import json
+import os
 import py_compile
+import re
+import subprocess
 from pathlib import Path
 
 import pytest
 
-SCRIPTS = sorted((Path(__file__).parents[2] / "training").glob("*.py"))
+from uvms_gym.controllers.registry import PRETRAINED
+
+TRAINING = Path(__file__).parents[2] / "training"
+SCRIPTS = sorted(TRAINING.glob("*.py"))
+
+#: Stand-in for `uvms` and `python`: notes its arguments, makes the file or the entry in gains.json, and fails with exit
+#: status 130 at a call that has `$FAILING` in its arguments.
+STUB = """#!/bin/sh
+echo "$@" >>calls
+case "$*" in *"$FAILING"*) exit 130 ;; esac
+while [ $# -gt 0 ]; do
+    case $1 in
+        --export) mkdir -p "${2%/*}" && echo policy >"$2" ;;
+        --policies) to=$2 ;;
+        --controller) name=$2 ;;
+        --env) task=${2%-*-v0} ;;
+    esac
+    shift
+done
+[ -z "${to-}" ] && exit
+mkdir -p "$to/$task/petasus-pum/0.1s"
+printf ' "%s": {\\n' "$name" >>"$to/$task/petasus-pum/0.1s/gains.json"
+"""
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.name)
 def test_a_script_compiles(script: Path, tmp_path: Path) -> None:
     py_compile.compile(str(script), cfile=str(tmp_path / "compiled"), doraise=True)
+
+
+def run_all(folder: Path, failing: str = "nothing") -> tuple[int, list[str]]:
+    """Exit status of all.sh in a folder, and the calls of `uvms` and `python`; one with `failing` in it fails."""
+    (folder / "bin").mkdir(exist_ok=True)
+    for name in ("uvms", "python"):
+        (folder / "bin" / name).write_text(STUB)
+        (folder / "bin" / name).chmod(0o755)
+    (folder / "calls").write_text("")
+    path = os.pathsep.join([str(folder / "bin"), os.environ["PATH"]])
+    ended = subprocess.run(
+        ["sh", str(TRAINING / "all.sh"), "made"], cwd=folder, env=os.environ | {"PATH": path, "FAILING": failing}
+    )
+    return ended.returncode, (folder / "calls").read_text().splitlines()
+
+
+def made(folder: Path) -> set[str]:
+    """Policies, by file, and tuned controllers, by task, in a folder like `pretrained`."""
+    policies = {str(path.relative_to(folder)) for path in folder.rglob("*.safetensors")}
+    gains = {
+        f"{path.relative_to(folder)}: {name}"
+        for path in folder.rglob("gains.json")
+        for name in re.findall(r'^ "([\w-]+)": \{$', path.read_text(), re.MULTILINE)
+    }
+    return policies | gains
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """Folder of a run without interruption, and its calls."""
+    folder = tmp_path_factory.mktemp("whole")
+    status, calls = run_all(folder)
+    assert status == 0
+    return folder, calls
+
+
+def test_all_that_is_shipped_is_made_once_and_kept(whole: tuple[Path, list[str]]) -> None:
+    folder, calls = whole
+    shipped = made(PRETRAINED)
+    assert sum(":" in name for name in shipped) == sum(
+        len(json.loads(path.read_text())) for path in PRETRAINED.rglob("gains.json")
+    )
+    assert shipped <= made(folder / "made")
+    assert len(calls) == len(set(calls))
+    assert run_all(folder) == (0, [])
+
+
+@pytest.mark.parametrize("failing", ["--controller resolved ", "ppo-distilled-calm-2-start"])
+def test_an_interrupted_run_resumes_where_it_ended(failing: str, whole: tuple[Path, list[str]], tmp_path: Path) -> None:
+    _, calls = whole
+    status, first = run_all(tmp_path, failing)
+    assert status == 130
+    assert failing in first[-1]
+    status, rest = run_all(tmp_path)
+    assert (status, first[:-1] + rest) == (0, calls)
