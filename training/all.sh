@@ -40,6 +40,7 @@ for name in pd pid pd-restoring dob dob-delay dob-still dob-calm dob-medium dob-
     tune $name UVMS-StationKeep-Storm-v0
 done
 tune dob-wide UVMS-StationKeep-Wide-v0
+tune dob-adaptive UVMS-StationKeep-Wide-v0
 for name in resolved resolved-pid resolved-dob resolved-informed; do
     tune $name UVMS-EETrack-Storm-v0
 done

@@ -48,6 +48,12 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         Parameter("wave_frequency", 0.3, 4.0, absolute=True),
         Parameter("acceleration_noise", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
     )
+    adaptive = (
+        Parameter("delay_schedule", 0.1, 30.0, ((0,), (1,)), absolute=True, floor=True),
+        Parameter("thrust_factors", 0.3, 3.0, ((0,), (1,), (2,)), absolute=True),
+        Parameter("innovation", 0.01, 3.0, ((0,), (1,)), absolute=True),
+        Parameter("memory_time", 0.3, 30.0, absolute=True),
+    )
     weights = (
         Parameter("velocity", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
         Parameter("effort", 1e-6, 0.1, ((0,), (1,)), absolute=True, floor=True),
@@ -63,6 +69,7 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
         "dob": (*pd, observer, *expected),
         **dict.fromkeys(_DOBS, (*pd, observer, *expected, horizon)),
+        "dob-adaptive": (*pd, observer, *expected, horizon, *adaptive),
         "computed-torque": (*pd, observer, *expected, horizon),
         "mpc": (*weights, observer, *expected),
         "resolved": resolved,

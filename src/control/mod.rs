@@ -13,6 +13,7 @@ mod kalman;
 mod mlp;
 mod model_based;
 pub mod mpc;
+mod multiple_model;
 mod observer;
 mod pd;
 mod pd_restoring;
@@ -33,6 +34,7 @@ pub use indices::{ATTITUDE_LEVER, BlockIndices, ModelIndices, ObservationIndices
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 pub use model_based::{LawGains, ModelBased};
 pub use mpc::MpcGains;
+pub use multiple_model::AdaptiveGains;
 pub use observer::{Observer, ObserverGains};
 pub use pd::Pd;
 pub use pd_restoring::PdRestoring;

@@ -1,4 +1,5 @@
-//! Feedback on a disturbance observer's estimate: the shell of DOB, computed torque and MPC.
+//! Feedback on a disturbance observer's estimate: the shell of DOB, alone or on a bank of
+//! observers, computed torque and MPC.
 
 use nalgebra::DVector;
 use serde::Serialize;
@@ -9,8 +10,9 @@ use super::dob::{Dob, FeedbackGains};
 use super::gains::{self, GainMap};
 use super::indices::ModelIndices;
 use super::mpc::{self, Mpc, MpcGains};
+use super::multiple_model::{AdaptiveGains, Bank};
 use super::observer::Observer;
-use super::rows::{achieved_wrench, load, read, reset_diverged, rows_of, store, write_action, write_actions};
+use super::rows::{WIDEST, achieved_wrench, lanes_of, load, read, reset_diverged, rows_of, store, write_actions};
 use super::{ActionMap, Actuation};
 use crate::description::Scene;
 use crate::dynamics::CompositeBody;
@@ -26,6 +28,8 @@ use crate::spatial::SpatialInertia;
 pub enum LawGains {
     /// PD with a disturbance observer.
     Dob(FeedbackGains),
+    /// The same on a bank of observers.
+    Adaptive(AdaptiveGains),
     /// Computed torque.
     ComputedTorque(FeedbackGains),
     /// Model-predictive control.
@@ -36,6 +40,8 @@ pub enum LawGains {
 #[derive(Debug, Clone, PartialEq)]
 enum Law {
     Dob(Dob),
+    /// One per model.
+    Adaptive(AdaptiveGains, Vec<Dob>),
     ComputedTorque(ComputedTorque),
     Mpc(Box<Mpc>),
 }
@@ -44,20 +50,20 @@ impl Law {
     /// Number of composite bodies that it needs: at the estimate, and a control period later.
     fn bodies(&self) -> usize {
         match self {
-            Law::Dob(_) => 1,
+            Law::Dob(_) | Law::Adaptive(..) => 1,
             Law::ComputedTorque(_) | Law::Mpc(_) => 2,
         }
     }
 }
 
-/// A controller with a model: an observer and a control law.
+/// A controller with a model: a bank of observers, mostly one, and a control law.
 ///
 /// One kernel for all laws: compile time goes into the observer, which is then instantiated once per instruction set.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelBased {
     law: Law,
     indices: ModelIndices,
-    observer: Observer,
+    bank: Bank,
     actions: ActionMap,
     actuation: Actuation<f64>,
 }
@@ -66,7 +72,8 @@ impl ModelBased {
     /// For a checked scene, acting every `period` s.
     ///
     /// # Errors
-    /// `ControlError::Gain` for a gain that is not finite or is negative.
+    /// `ControlError` for a gain that is not finite or is negative; on a bank, also for a delay beyond
+    /// [`MAX_DELAY`](super::MAX_DELAY) and for a factor or a deviation of 0.
     pub fn new(
         gains: LawGains,
         indices: ModelIndices,
@@ -74,36 +81,47 @@ impl ModelBased {
         actions: ActionMap,
         period: f64,
     ) -> Result<Self, ControlError> {
-        gains::check(&gains)?;
-        let (observer, horizon) = match &gains {
-            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => (gains.observer, gains.prediction_horizon),
-            LawGains::Mpc(gains) => (gains.observer, 0.0),
+        match &gains {
+            LawGains::Adaptive(gains) => gains.check()?,
+            gains => gains::check(gains)?,
+        }
+        let bank = match &gains {
+            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => {
+                Bank::of(Observer::new(gains.observer, gains.prediction_horizon, scene, period))
+            }
+            LawGains::Adaptive(gains) => Bank::new(gains, scene, period),
+            LawGains::Mpc(gains) => Bank::of(Observer::new(gains.observer, 0.0, scene, period)),
         };
-        let observer = Observer::new(observer, horizon, scene, period);
+        let observer = bank.observer();
         let law = match gains {
-            LawGains::Dob(gains) => Law::Dob(Dob::new(gains, &observer)),
-            LawGains::ComputedTorque(gains) => Law::ComputedTorque(ComputedTorque::new(gains, &observer)),
-            LawGains::Mpc(gains) => Law::Mpc(Box::new(Mpc::new(gains, scene, &observer, &actions))),
+            LawGains::Dob(gains) => Law::Dob(Dob::new(gains, observer)),
+            LawGains::Adaptive(gains) => {
+                let laws = gains.models(period).into_iter().map(|(gains, _)| Dob::new(gains, observer)).collect();
+                Law::Adaptive(gains, laws)
+            }
+            LawGains::ComputedTorque(gains) => Law::ComputedTorque(ComputedTorque::new(gains, observer)),
+            LawGains::Mpc(gains) => Law::Mpc(Box::new(Mpc::new(gains, scene, observer, &actions))),
         };
-        Ok(Self { law, indices, observer, actuation: Actuation::new(&actions), actions })
+        Ok(Self { law, indices, bank, actuation: Actuation::new(&actions), actions })
     }
 }
 
 impl Controller for ModelBased {
     fn widths(&self) -> Widths {
-        Widths { observation: self.indices.vehicle.width, memory: self.observer.memory(), action: self.actions.len() }
+        Widths { observation: self.indices.vehicle.width, memory: self.bank.memory(), action: self.actions.len() }
     }
 
     fn gains(&self) -> GainMap {
         match &self.law {
             Law::Dob(dob) => gains::to_map(dob.gains()),
+            Law::Adaptive(gains, _) => gains::to_map(gains),
             Law::ComputedTorque(computed_torque) => gains::to_map(computed_torque.gains()),
             Law::Mpc(mpc) => gains::to_map(mpc.gains()),
         }
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {
-        self.observer.memory_layout()
+        self.bank.memory_layout()
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
@@ -123,10 +141,12 @@ struct Rows<'a> {
 impl Kernel<f64> for Rows<'_> {
     #[inline(always)]
     fn run<L: Lane<Real = f64>>(&mut self) {
-        let ModelBased { law, indices, observer, actions: map, actuation } = self.control;
+        let ModelBased { law, indices, bank, actions: map, actuation } = self.control;
         let Widths { observation, memory: width, action } = self.control.widths();
         let mut scratch = Scratch::new();
         let mut memory = vec![L::zero(); width];
+        let mut wrenches = vec![Vector6::zero(); bank.len()];
+        let (plant, period) = (bank.observer().plant(), bank.observer().period());
         let count = self.observations.len() / observation;
         for first in (0..count).step_by(L::LANES) {
             let lanes = L::LANES.min(count - first);
@@ -135,27 +155,33 @@ impl Kernel<f64> for Rows<'_> {
             let actions = &mut self.actions[first * action..][..lanes * action];
             load(remembered, width, &mut memory);
             let measured = read::<L>(indices, rows);
-            let estimate = observer.observe(&measured, &mut memory, &mut scratch);
-            let mut bodies =
-                [CompositeBody { inertia: SpatialInertia::zero(), momentum: Vector6::zero(), force: Vector6::zero() };
-                    2];
-            for k in 0..law.bodies() {
-                bodies[k] = observer.plant().composite_body(&estimate.motion, &estimate.arms[k], &mut scratch);
-            }
-            match law {
-                Law::Dob(dob) => write_actions(map, dob.wrench(&estimate, &bodies[0]), actions),
-                Law::ComputedTorque(law) => {
-                    write_actions(map, law.wrench(&estimate, &bodies, observer.period()), actions);
+            for model in 0..bank.len() {
+                let estimate = bank.observe(model, &measured, &mut memory, &mut scratch);
+                let mut bodies = [CompositeBody {
+                    inertia: SpatialInertia::zero(),
+                    momentum: Vector6::zero(),
+                    force: Vector6::zero(),
+                }; 2];
+                for k in 0..law.bodies() {
+                    bodies[k] = plant.composite_body(&estimate.motion, &estimate.arms[k], &mut scratch);
                 }
-                Law::Mpc(mpc) => {
-                    let parameters = rows_of(&mpc::parameters(&estimate, &bodies, observer.period()));
-                    for lane in 0..lanes {
-                        let parameters = DVector::from_column_slice(parameters[lane].as_flattened());
-                        write_action(map, &mpc.plan(&parameters), &mut actions[lane * action..][..action]);
+                wrenches[model] = match law {
+                    Law::Dob(dob) => dob.wrench(&estimate, &bodies[0]),
+                    Law::Adaptive(_, laws) => laws[model].wrench(&estimate, &bodies[0]),
+                    Law::ComputedTorque(law) => law.wrench(&estimate, &bodies, period),
+                    Law::Mpc(mpc) => {
+                        let parameters = rows_of(&mpc::parameters(&estimate, &bodies, period));
+                        let mut plans = [[0.0; 6]; WIDEST];
+                        for lane in 0..lanes {
+                            let parameters = DVector::from_column_slice(parameters[lane].as_flattened());
+                            plans[lane] = mpc.plan(&parameters).into();
+                        }
+                        lanes_of(&plans)
                     }
-                }
+                };
             }
-            observer.remember(&measured, achieved_wrench(actuation, actions), &mut memory);
+            write_actions(map, bank.mix(&wrenches, &mut memory), actions);
+            bank.remember(&measured, achieved_wrench(actuation, actions), &mut memory);
             store(&memory, remembered, width);
             reset_diverged(remembered, width);
         }

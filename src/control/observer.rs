@@ -66,6 +66,10 @@ pub struct Estimate<L> {
     pub thrust: Vector6<L>,
     /// Disturbing wrench.
     pub disturbance: Disturbance<L>,
+    /// Measured twist less the predicted one.
+    pub innovation: Vector6<L>,
+    /// Measured arm less its reference for the instant of the measurement.
+    pub arm_innovation: ArmMotion<L>,
 }
 
 /// Wrench that the model does not explain, at an instant.
@@ -165,6 +169,16 @@ impl Observer {
         self.period
     }
 
+    /// Age of measurements, control periods.
+    pub(super) fn delay(&self) -> usize {
+        self.delay
+    }
+
+    /// Control periods since the episode began, up to one more than the delay.
+    pub(super) fn periods<L: Lane>(&self, memory: &[L]) -> L {
+        memory[COUNT]
+    }
+
     /// Numbers of memory per instance.
     pub fn memory(&self) -> usize {
         self.references() + (self.delay + 1) * 2 * self.plant.joints()
@@ -227,6 +241,7 @@ impl Observer {
         let ahead = measured.reference.less(&reference).scale_add(L::c(1.0), &measured.arm);
 
         // To the instant of the measurement, period by period to the present, and by the horizon beyond.
+        let mut innovation = Vector6::zero();
         let legs = self.delay + 1 + usize::from(self.horizon > 0.0);
         for leg in 0..legs {
             let beyond = leg > self.delay;
@@ -258,6 +273,7 @@ impl Observer {
                 thrust = or(begun, predicted.thrust, thrust);
                 disturbance = carried.or(begun, &disturbance);
             } else {
+                innovation = measured.motion.twist - predicted.motion.twist;
                 let (corrected, updated) = self.correct(measured, &predicted, &carried);
                 motion = corrected.or(later, &measured.motion);
                 thrust = or(later, predicted.thrust, thrust);
@@ -273,7 +289,16 @@ impl Observer {
         }
         let arms =
             if self.horizon > 0.0 { [next, ahead.less(&arm).scale_add(L::c(1.0), &next)] } else { [next, ahead] };
-        Estimate { motion, arms, command: load(memory, self.commands()), thrust, disturbance }
+        let arm_innovation = measured.arm.less(&reference);
+        Estimate {
+            motion,
+            arms,
+            command: load(memory, self.commands()),
+            thrust,
+            disturbance,
+            innovation,
+            arm_innovation,
+        }
     }
 
     /// Correction of a prediction by a measurement.

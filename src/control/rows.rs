@@ -10,7 +10,7 @@ use crate::lie::Vector6;
 use crate::system::JOINTS;
 
 /// Upper bound of the lanes of f64.
-const WIDEST: usize = 16;
+pub(super) const WIDEST: usize = 16;
 
 /// Measurement at a row of observations.
 #[derive(Debug, Clone, Copy)]
@@ -114,6 +114,20 @@ pub(super) fn rows_of<L: Lane<Real = f64>, const K: usize>(lanes: &[[L; 6]; K]) 
         }
     }
     rows
+}
+
+/// Rows of six numbers as a vector of lanes.
+#[inline(always)]
+pub(super) fn lanes_of<L: Lane<Real = f64>>(rows: &[[f64; 6]; WIDEST]) -> Vector6<L> {
+    let mut lanes = [L::zero(); 6];
+    for i in 0..6 {
+        let mut all = [0.0; WIDEST];
+        for lane in 0..L::LANES {
+            all[lane] = rows[lane][i];
+        }
+        lanes[i] = L::load(&all);
+    }
+    Vector6::from_array(lanes)
 }
 
 /// Writes the action of a wrench, 0 where a prediction has diverged.

@@ -7,9 +7,9 @@ use super::ee_track::EETrack;
 use super::registry::TaskKind;
 use super::scene_task::Task;
 use crate::control::{
-    ActionKind, ActionMap, BlockIndices, Controller, DockPd, DockPdGains, FeedbackGains, GainMap, LawGains, ModelBased,
-    ModelIndices, MpcGains, NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant,
-    PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
+    ActionKind, ActionMap, AdaptiveGains, BlockIndices, Controller, DockPd, DockPdGains, FeedbackGains, GainMap,
+    LawGains, ModelBased, ModelIndices, MpcGains, NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid,
+    PidGains, Plant, PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
@@ -27,6 +27,8 @@ pub enum ControllerKind {
     Pid,
     /// PD with a disturbance observer.
     Dob,
+    /// PD with a bank of disturbance observers.
+    DobAdaptive,
     /// Computed torque with a disturbance observer.
     ComputedTorque,
     /// Model-predictive control with a disturbance observer.
@@ -39,12 +41,13 @@ pub enum ControllerKind {
 
 impl ControllerKind {
     /// All kinds by name.
-    pub const ALL: [(&'static str, Self); 9] = [
+    pub const ALL: [(&'static str, Self); 10] = [
         ("none", Self::None),
         ("pd", Self::Pd),
         ("pd-restoring", Self::PdRestoring),
         ("pid", Self::Pid),
         ("dob", Self::Dob),
+        ("dob-adaptive", Self::DobAdaptive),
         ("computed-torque", Self::ComputedTorque),
         ("mpc", Self::Mpc),
         ("resolved-motion", Self::ResolvedMotion),
@@ -58,6 +61,7 @@ impl ControllerKind {
             Self::Pd | Self::PdRestoring => gain_names(&VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }),
             Self::Pid => gain_names(&PidGains::default()),
             Self::Dob | Self::ComputedTorque => gain_names(&FeedbackGains::default()),
+            Self::DobAdaptive => gain_names(&AdaptiveGains::default()),
             Self::Mpc => gain_names(&MpcGains::default()),
             Self::ResolvedMotion => gain_names(&ResolvedMotionGains::default()),
             Self::DockPd => gain_names(&DockPdGains::default()),
@@ -69,8 +73,8 @@ impl Task {
     /// A classical controller with these gains; defaults for those that are null or not given.
     ///
     /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque over the diagonal of the nominal
-    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors, but for DOB and resolved motion, where
-    /// `null` stands for it and the default is 0; the others by their structs.
+    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the greatest for the adaptive DOB), but
+    /// for DOB and resolved motion, where `null` stands for it and the default is 0; the others by their structs.
     ///
     /// # Errors
     /// `TaskError` for a controller of another task, actions that are corrections to a controller, a gain that is
@@ -111,6 +115,11 @@ impl Task {
                 let observer = ObserverGains { delay: self.told_delay(given), ..ObserverGains::default() };
                 let gains = merge(&FeedbackGains::new(self.servo(given)?, observer), given)?;
                 Arc::new(ModelBased::new(LawGains::Dob(gains), indices, scene, actions, period)?)
+            }
+            ControllerKind::DobAdaptive => {
+                let [_, delay] = self.delays();
+                let gains = merge(&AdaptiveGains::new(self.servo(given)?, delay), given)?;
+                Arc::new(ModelBased::new(LawGains::Adaptive(gains), indices, scene, actions, period)?)
             }
             ControllerKind::ComputedTorque => {
                 let mut servo = self.servo(given)?;

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym.controllers import DOB, MPC, PD, ComputedTorque, PDRestoring
+from uvms_gym.controllers import DOB, MPC, PD, AdaptiveDOB, ComputedTorque, PDRestoring
 from uvms_gym.envs.station_keep import StationKeepVectorEnv
 
 OBSERVING: list[Any] = [DOB, ComputedTorque, MPC]
-KINDS: list[Any] = [PDRestoring, *OBSERVING]
+KINDS: list[Any] = [PDRestoring, AdaptiveDOB, *OBSERVING]
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]
 FILTERED = {"wave_acceleration": [0.3, 0.3], "acceleration_noise": [0.05, 0.3], "observer_bandwidth": [8.0, 8.0]}
 
@@ -142,7 +142,8 @@ def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
     observation, _ = env.reset(seed=2)
     assert again.predict(observation)[0].tobytes() == controller.predict(observation)[0].tobytes()
     feedback = ("kp", "kd", "prediction_horizon")
-    own = {DOB: feedback, ComputedTorque: feedback, MPC: ("velocity", "effort", "change")}
+    bank = ("delay_schedule", "thrust_factors", "innovation", "joint_innovation", "memory_time")
+    own = {DOB: feedback, AdaptiveDOB: (*feedback, *bank), ComputedTorque: feedback, MPC: ("velocity", "effort", "change")}
     if kind is PDRestoring:
         np.testing.assert_array_equal([again.kp, again.kd], [controller.kp, controller.kd])
     else:
@@ -156,7 +157,7 @@ def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
         with pytest.raises(ValueError, match=r"gain observer_bandwidth is \[1.0\], but must be 2 numbers"):
             kind(env, observer_bandwidth=[1.0])
         with pytest.raises(ValueError, match="state has shape"):
-            controller.disturbance(np.zeros(3))
+            (controller.probabilities if kind is AdaptiveDOB else controller.disturbance)(np.zeros(3))
     name, length = ("effort", 2) if kind is MPC else ("kp", 6)
     with pytest.raises(ValueError, match=rf"gain {name}\[1\]"):
         kind(env, **{name: [1.0, float("inf"), *[1.0] * (length - 2)]})

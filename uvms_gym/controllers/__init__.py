@@ -3,7 +3,7 @@
 from uvms_gym.controllers.base import Controller, StateWarning
 from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP, Residual
-from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque, ResolvedMotion
+from uvms_gym.controllers.model_based import DOB, MPC, AdaptiveDOB, ComputedTorque, ResolvedMotion
 
 __all__ = [
     "DOB",
@@ -11,6 +11,7 @@ __all__ = [
     "MPC",
     "PD",
     "PID",
+    "AdaptiveDOB",
     "ComputedTorque",
     "Controller",
     "DockPD",

@@ -1,4 +1,4 @@
-"""Control with the scene's nominal model: disturbance observer, computed torque, MPC, resolved motion."""
+"""Control with the scene's nominal model: disturbance observers, computed torque, MPC, resolved motion."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -62,6 +62,57 @@ class DOB(ModelBased):
     """
 
     kind = "dob"
+
+
+class AdaptiveDOB(ClassicalController):
+    """DOBs on a bank of models, weighed by the likelihood of their innovations: multiple-model adaptive control. [Mag65]
+
+    The models differ in the measurements' delay, 0 to `delay` control periods, and in a factor b on the thrust, which
+    stands for thrust over inertia. Each has an observer of `DOB` under b times the commanded wrench. The log-likelihood
+    of its innovations fades with `memory_time`, `l = exp(-T / memory_time) l - sum (innovation / deviation)^2 / 2`:
+    innovations of the vehicle's twist, which tell the thrust, and of the joints about their references, which are not
+    delayed and so tell the delay. The wrench is the mean of the models' `F / b` by their weights `exp(l)`.
+
+    Gains of feedback decrease with a model's delay, `kp / (1 + a[0] tau)` and `kd / (1 + a[1] tau)` with `a` for
+    `delay_schedule`. Weights are equal until all models have predicted a measurement.
+
+    Parameters
+    ----------
+    env, kp, kd, **options
+        As for `DOB`, as are errors.
+    observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon
+        As for `DOB`, for all models.
+    delay : int or None
+        Greatest delay of the bank, control periods, 0 to 10. By default the greatest of the environment's sensors.
+    delay_schedule : array_like (2,) or None
+        Decrease of `kp` and `kd` with the delay, 1/s. 3 and 1 by default.
+    thrust_factors : array_like (3,) or None
+        Factors on the thrust, above 0. 0.5, 1 and 2 by default.
+    innovation : array_like (2,) or None
+        Standard deviation of innovations of the twist, m/s and rad/s, above 0. 0.1 and 0.2 by default.
+    joint_innovation : array_like (2,) or None
+        Standard deviation of joint coordinates (rad or m) and rates about their references, above 0. 0.01 and 0.05 by
+        default.
+    memory_time : float or None
+        Time constant of forgetting, s; 0: nothing is forgotten. 10 by default.
+    """
+
+    kind = "dob-adaptive"
+
+    def probabilities(self, state: ArrayLike) -> NDArray[np.float64]:
+        """Probabilities (..., delay + 1, 3) of the models in a state (..., m) of `predict`: delays, thrust factors.
+
+        Raises
+        ------
+        ValueError
+            A state of another shape.
+        """
+        memory, width = np.asarray(state, dtype=np.float64), self.native.widths[1]
+        if memory.ndim not in (1, 2) or memory.shape[-1] != width:
+            raise ValueError(f"state has shape {memory.shape}, but must have (n, {width})")
+        weights = np.exp(memory[..., self.memory_layout["log_weights"]])
+        weights /= weights.sum(axis=-1, keepdims=True)
+        return weights.reshape(*memory.shape[:-1], -1, 3)
 
 
 class ComputedTorque(ModelBased):

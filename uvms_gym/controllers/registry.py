@@ -19,7 +19,7 @@ from uvms_gym._task.options import native
 from uvms_gym.controllers.base import ClassicalController, Controller, options_of
 from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP, Residual
-from uvms_gym.controllers.model_based import DOB, MPC, ComputedTorque, ResolvedMotion
+from uvms_gym.controllers.model_based import DOB, MPC, AdaptiveDOB, ComputedTorque, ResolvedMotion
 
 #: Folder of shipped policies and tuned gains.
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
@@ -70,6 +70,7 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "dob-medium": ClassicalEntry(DOB, gains={"delay": None}, role="frontier"),
     "dob-free": ClassicalEntry(DOB, gains={"delay": None}, role="frontier"),
     "dob-wide": ClassicalEntry(DOB, gains={"delay": None}),
+    "dob-adaptive": ClassicalEntry(AdaptiveDOB),
     "dob-informed": ClassicalEntry(DOB, role="bound"),
     "computed-torque": ClassicalEntry(ComputedTorque),
     "mpc": ClassicalEntry(MPC),

@@ -1,0 +1,227 @@
+//! Multiple-model estimation: a bank of observers, weighed by the likelihood of their innovations. `[Mag65]`
+
+use serde::{Deserialize, Serialize};
+
+use super::dob::FeedbackGains;
+use super::gains;
+use super::observer::{Estimate, Observer, ObserverGains};
+use super::plant::ArmMotion;
+use super::resolved_motion::MAX_DELAY;
+use super::rows::Measurement;
+use crate::description::{Scene, VehicleServo};
+use crate::dynamics::aba::Scratch;
+use crate::error::ControlError;
+use crate::lane::{Lane, exp};
+use crate::lie::Vector6;
+
+/// Least logarithm of a weight over the greatest one: where [`exp`] ends.
+const FLOOR: f64 = -20.0;
+
+/// Gains of the adaptive DOB; pairs are linear and angular.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AdaptiveGains {
+    /// Gains of each model's DOB without delay. `delay` is the greatest of the bank, which begins at 0.
+    #[serde(flatten)]
+    pub feedback: FeedbackGains,
+    /// Decrease of `kp` and of `kd` with a model's delay tau: gains over `1 + a tau`, 1/s.
+    pub delay_schedule: [f64; 2],
+    /// Motion per command over the nominal model's.
+    pub thrust_factors: [f64; 3],
+    /// Standard deviation of innovations of the twist, m/s and rad/s.
+    pub innovation: [f64; 2],
+    /// Standard deviation of joints' coordinates and rates about the reference, rad and rad/s, or m and m/s.
+    pub joint_innovation: [f64; 2],
+    /// Time constant of forgetting, s; 0: none.
+    pub memory_time: f64,
+}
+
+impl Default for AdaptiveGains {
+    fn default() -> Self {
+        Self::new(VehicleServo { kp: [0.0; 6], kd: [0.0; 6] }, 0)
+    }
+}
+
+impl AdaptiveGains {
+    /// Default gains beside those of a PD, for measurements up to `delay` control periods old.
+    pub fn new(servo: VehicleServo, delay: usize) -> Self {
+        Self {
+            feedback: FeedbackGains::new(servo, ObserverGains { delay, ..ObserverGains::default() }),
+            delay_schedule: [3.0, 1.0],
+            thrust_factors: [0.5, 1.0, 2.0],
+            innovation: [0.1, 0.2],
+            joint_innovation: [0.01, 0.05],
+            memory_time: 10.0,
+        }
+    }
+
+    /// Refuses gains that are not finite or are negative, delays beyond [`MAX_DELAY`], and factors and deviations
+    /// of 0.
+    pub(super) fn check(&self) -> Result<(), ControlError> {
+        gains::check(self)?;
+        let periods = self.feedback.observer.delay;
+        if periods > MAX_DELAY {
+            return Err(ControlError::Delay { periods, most: MAX_DELAY });
+        }
+        let positive: [(&str, &[f64]); 3] = [
+            ("thrust_factors", &self.thrust_factors),
+            ("innovation", &self.innovation),
+            ("joint_innovation", &self.joint_innovation),
+        ];
+        for (name, values) in positive {
+            if values.contains(&0.0) {
+                let (name, value) = (name.to_owned(), format!("{values:?}"));
+                return Err(ControlError::GainShape { name, value, expected: "above 0".to_owned() });
+            }
+        }
+        Ok(())
+    }
+
+    /// Gains of the models' DOBs: by delay, and by factor on the thrust.
+    pub(super) fn models(&self, period: f64) -> Vec<(FeedbackGains, f64)> {
+        let of_delay = |delay: usize| {
+            let mut gains = self.feedback.clone();
+            gains.observer.delay = delay;
+            let [p, d] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * delay as f64 * period));
+            (gains.kp, gains.kd) = (gains.kp.map(|k| k * p), gains.kd.map(|k| k * d));
+            gains
+        };
+        (0..=self.feedback.observer.delay)
+            .flat_map(|delay| self.thrust_factors.map(|factor| (of_delay(delay), factor)))
+            .collect()
+    }
+}
+
+/// Observer of a bank, its factor on the thrust, and its place in a row of memory.
+#[derive(Debug, Clone, PartialEq)]
+struct Model {
+    observer: Observer,
+    thrust: f64,
+    place: usize,
+}
+
+/// Bank of observers. One alone has no weights.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Bank {
+    models: Vec<Model>,
+    /// Half the inverse variances of innovations: of the twist, linear and angular; of joints' coordinates and rates.
+    precision: [[f64; 2]; 2],
+    /// Share of a log-likelihood that remains after a control period.
+    retention: f64,
+}
+
+impl Bank {
+    /// A bank of one observer.
+    pub fn of(observer: Observer) -> Self {
+        let models = vec![Model { observer, thrust: 1.0, place: 0 }];
+        Self { models, precision: [[0.0; 2]; 2], retention: 1.0 }
+    }
+
+    /// For a checked scene that is measured and acted on every `period` s, by checked gains.
+    pub fn new(gains: &AdaptiveGains, scene: &Scene, period: f64) -> Self {
+        let (all, horizon) = (gains.models(period), gains.feedback.prediction_horizon);
+        let (mut models, mut place): (Vec<Model>, _) = (Vec::new(), all.len());
+        for (gains, thrust) in all {
+            let observer = match models.last() {
+                Some(last) if last.observer.delay() == gains.observer.delay => last.observer.clone(),
+                _ => Observer::new(gains.observer, horizon, scene, period),
+            };
+            let width = observer.memory();
+            models.push(Model { observer, thrust, place });
+            place += width;
+        }
+        let precision = [gains.innovation, gains.joint_innovation].map(|pair| pair.map(|s| 0.5 / (s * s)));
+        let retention = if gains.memory_time > 0.0 { (-period / gains.memory_time).exp() } else { 1.0 };
+        Self { models, precision, retention }
+    }
+
+    /// Number of models.
+    pub fn len(&self) -> usize {
+        self.models.len()
+    }
+
+    /// Model with the greatest delay.
+    fn last(&self) -> &Model {
+        &self.models[self.models.len() - 1]
+    }
+
+    /// Observer with the greatest delay.
+    pub fn observer(&self) -> &Observer {
+        &self.last().observer
+    }
+
+    /// Numbers of memory per instance.
+    pub fn memory(&self) -> usize {
+        self.last().place + self.observer().memory()
+    }
+
+    /// Names and lengths of the blocks of memory.
+    pub fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        match self.len() {
+            1 => self.observer().memory_layout(),
+            n => vec![("log_weights", n), ("models", self.memory() - n)],
+        }
+    }
+
+    /// Updates a model's estimate and its weight by a measurement, and predicts the present. Weights wait until all
+    /// models have predictions of measurements.
+    #[inline(always)]
+    pub fn observe<L: Lane<Real = f64>>(
+        &self,
+        k: usize,
+        measured: &Measurement<L>,
+        memory: &mut [L],
+        scratch: &mut Scratch<L>,
+    ) -> Estimate<L> {
+        let Model { observer, place, .. } = &self.models[k];
+        let estimate = observer.observe(measured, &mut memory[*place..][..observer.memory()], scratch);
+        if self.len() > 1 {
+            let told = L::c(self.observer().delay() as f64).lt(self.observer().periods(&memory[self.last().place..]));
+            let gain = L::select(told, self.log_likelihood(&estimate, observer.plant().joints()), L::zero());
+            memory[k] = memory[k].mul_add(L::c(self.retention), gain);
+        }
+        estimate
+    }
+
+    /// Log-likelihood of innovations, up to what all models share.
+    #[inline(always)]
+    fn log_likelihood<L: Lane<Real = f64>>(&self, at: &Estimate<L>, joints: usize) -> L {
+        let [[linear, angular], [coordinate, rate]] = self.precision;
+        let Vector6 { linear: v, angular: w } = at.innovation;
+        let ArmMotion { q, qd } = at.arm_innovation;
+        let mut sum = v.dot(v).mul_add(L::c(linear), w.dot(w) * L::c(angular));
+        for i in 0..joints {
+            sum = (q[i] * q[i]).mul_add(L::c(coordinate), sum);
+            sum = (qd[i] * qd[i]).mul_add(L::c(rate), sum);
+        }
+        -sum
+    }
+
+    /// Mean of the models' wrenches by their weights, over their factors on the thrust.
+    #[inline(always)]
+    pub fn mix<L: Lane<Real = f64>>(&self, wrenches: &[Vector6<L>], memory: &mut [L]) -> Vector6<L> {
+        if self.len() == 1 {
+            return wrenches[0];
+        }
+        let mut greatest = memory[0];
+        for k in 1..self.len() {
+            greatest = greatest.max(memory[k]);
+        }
+        let (mut total, mut sum) = (L::zero(), Vector6::zero());
+        for k in 0..self.len() {
+            memory[k] = (memory[k] - greatest).max(L::c(FLOOR));
+            let weight = exp(memory[k]);
+            total += weight;
+            sum = wrenches[k].scale_add(weight * L::c(1.0 / self.models[k].thrust), sum);
+        }
+        sum.scale(L::c(1.0) / total)
+    }
+
+    /// Stores the commanded wrench and the arm's reference.
+    #[inline(always)]
+    pub fn remember<L: Lane<Real = f64>>(&self, measured: &Measurement<L>, command: Vector6<L>, memory: &mut [L]) {
+        for Model { observer, thrust, place } in &self.models {
+            let memory = &mut memory[*place..][..observer.memory()];
+            observer.remember(measured, command.scale(L::c(*thrust)), memory);
+        }
+    }
+}
