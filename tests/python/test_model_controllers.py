@@ -143,7 +143,12 @@ def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
     assert again.predict(observation)[0].tobytes() == controller.predict(observation)[0].tobytes()
     feedback = ("kp", "kd", "prediction_horizon")
     bank = ("delay_schedule", "thrust_factors", "innovation", "joint_innovation", "memory_time")
-    own = {DOB: feedback, AdaptiveDOB: (*feedback, *bank), ComputedTorque: feedback, MPC: ("velocity", "effort", "change")}
+    own = {
+        DOB: feedback,
+        AdaptiveDOB: (*feedback, *bank),
+        ComputedTorque: feedback,
+        MPC: ("velocity", "effort", "change"),
+    }
     if kind is PDRestoring:
         np.testing.assert_array_equal([again.kp, again.kd], [controller.kp, controller.kd])
     else:
