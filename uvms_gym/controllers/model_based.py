@@ -65,7 +65,7 @@ class DOB(ModelBased):
 
 
 class AdaptiveDOB(ClassicalController):
-    """DOBs on a bank of models, weighed by the likelihood of their innovations: multiple-model adaptive control. [Mag65]
+    """DOBs on a bank of models, weighed by the likelihood of their innovations. [Mag65]
 
     The models differ in the measurements' delay, 0 to `delay` control periods, and in a factor b on the thrust, which
     stands for thrust over inertia. Each has an observer of `DOB` under b times the commanded wrench. The log-likelihood
