@@ -276,6 +276,7 @@ def test_conditions_are_compared_side_by_side(
     assert "ppo" not in fast["controllers"] and "ppo" in calm["controllers"]
     assert np.load(tmp_path / "scores.npz")[f"{STORM}, {SMALL}, calm/ppo/pose/whole"].shape == (2, 4)
     printed = capsys.readouterr().out
+    assert "of the gap" not in printed
     assert "no policy" in printed and "Winners" in printed and "against pid" in printed
     for picture in ("compare.png", "profiles.png", "off-design.png"):
         assert (tmp_path / picture).read_bytes().startswith(PNG)

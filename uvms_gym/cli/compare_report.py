@@ -23,8 +23,7 @@ NOTES = (
     "that resample both; p95 is the 95th percentile. P(better) is the probability that an episode has a smaller error "
     "than one of the baseline (rliable's probability of improvement). Power is the mean of |T/T_max|^1.5; variation "
     "the mean squared change of the action between steps; recovery the duration of the last stay outside the "
-    "tolerance; success the share of episodes that end within it. Bounds are shown the true, present state; of "
-    "the gap between the baseline and the best of them each controller closes a share."
+    "tolerance; success the share of episodes that end within it."
 )
 
 
@@ -82,14 +81,19 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
             ]
         else:
             row += ["", "", "1", "1", "1"]
-        share = closed_share(summary, name)
-        rows.append([*row, "" if share is None else f"{100.0 * share:.0f} %"])
-    header = ("controller", METRICS[HEADLINE].label, "p95, mm", f"against {first}", "P(better)")
-    table(
-        "Pose error and its costs",
-        (*header, f"p95 / {first}", f"power / {first}", f"variation / {first}", "of the gap"),
-        rows,
-    )
+        rows.append(row)
+    header = ["controller", METRICS[HEADLINE].label, "p95, mm", f"against {first}", "P(better)"]
+    header += [f"{cost} / {first}" for cost in ("p95", "power", "variation")]
+    bounds = [name for name in names if is_bound(name)]
+    if bounds:
+        header.append("of the gap")
+        for row in rows:
+            share = closed_share(summary, row[0])
+            row.append("" if share is None else f"{100.0 * share:.0f} %")
+    table("Pose error and its costs", header, rows)
+    if bounds:
+        line(f"of the gap: share of the gap between {first} and the best bound that a controller closes;")
+        line(f"bounds, shown the true, present state: {', '.join(bounds)}")
 
 
 def _mean(summary: Summary, name: str, metric: str, part: str = "whole") -> str:

@@ -175,22 +175,21 @@ def make_controller(
     check_name(name, task)
     if name in CLASSICAL:
         return _classical(name, given, gains)
-    file = policy_file(name, seed, **given)
+    made = native(given)
+    file = _policy_file(name, seed, given, _folder(given, made))
     base = LEARNED[name].base
+    policy = MLP.load(file, residual=base is not None, **given)
+    _warn_of_delay(name, policy.notes.get("environment"), made)
     if base is None:
-        policy = MLP.load(file, **given)
-        _warn_of_delay(name, policy.notes.get("environment"), given)
         return policy
-    correction = MLP.load(file, residual=True, **given)
-    _warn_of_delay(name, correction.notes.get("environment"), given)
-    said = correction.notes.get("base", base)
+    said = policy.notes.get("base", base)
     if said != base:
         raise ValueError(f"{file}: its base is {said}, but must be {base}")
     try:
         # The gains of its training, not those tuned since.
         entry = CLASSICAL[base]
-        corrected = entry.kind(**{**entry.gains, **json.loads(correction.notes.get("base_gains", "{}"))}, **given)
-        return Residual(corrected, correction, float(correction.notes.get("limit", LIMIT)))
+        corrected = entry.kind(**{**entry.gains, **json.loads(policy.notes.get("base_gains", "{}"))}, **given)
+        return Residual(corrected, policy, float(policy.notes.get("limit", LIMIT)))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{file}: {error}") from None
 
@@ -212,20 +211,25 @@ def seeds(name: str, env: Any = None, **options: Any) -> tuple[int, ...]:
     """Training seeds of a learned controller's shipped policies for an environment; none for classical ones."""
     if name not in LEARNED:
         return ()
-    return _shipped(options_of("controller", env, options)).get(name, ())
+    given = options_of("controller", env, options)
+    return _shipped(given, folder(**given)).get(name, ())
 
 
 def available(env: Any = None, **options: Any) -> tuple[str, ...]:
     """Controllers available for this task (gains or policy shipped)."""
     given = options_of("controller", env, options)
-    shipped = _shipped(given)
+    shipped = _shipped(given, folder(**given))
     return tuple(name for name in names(given.get("task", "station-keep")) if name in CLASSICAL or name in shipped)
 
 
 def folder(env: Any = None, **options: Any) -> Path:
     """Folder of shipped gains and policies for an environment; it may not exist."""
     given = options_of("controller", env, options)
-    made, task = native(given), TASKS[given.get("task", "station-keep")]
+    return _folder(given, native(given))
+
+
+def _folder(given: dict[str, Any], made: _core.Task) -> Path:
+    task = TASKS[given.get("task", "station-keep")]
     return PRETRAINED / task / made.snapshot().scene_name / f"{made.control_period:.6g}s"
 
 
@@ -239,7 +243,10 @@ def tuned(name: str, env: Any = None, **options: Any) -> dict[str, Any] | None:
     OSError, ValueError
         The file cannot be read or is malformed.
     """
-    file = folder(env, **options) / "gains.json"
+    return _tuned(name, folder(env, **options) / "gains.json")
+
+
+def _tuned(name: str, file: Path) -> dict[str, Any] | None:
     if not file.exists():
         return None
     try:
@@ -265,7 +272,11 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
         None is shipped; the message names those that are.
     """
     given = options_of("controller", env, options)
-    place, shipped = folder(**given), _shipped(given)
+    return _policy_file(name, seed, given, folder(**given))
+
+
+def _policy_file(name: str, seed: int | None, given: dict[str, Any], place: Path) -> Path:
+    shipped = _shipped(given, place)
     task, scene, period = place.parts[-3:]
     where = (
         f"{task}, scene {scene}, control period {period.removesuffix('s')} s, actions {given.get('action', 'wrench')}"
@@ -282,7 +293,11 @@ def policy_file(name: str, seed: int | None = None, env: Any = None, **options: 
 
 def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
     entry = CLASSICAL[name]
-    stored = tuned(name, **given) if gains == "tuned" else None
+    if gains == "scene":
+        return entry.kind(**entry.gains, **given)
+    task = native(given)
+    file = _folder(given, task) / "gains.json"
+    stored = _tuned(name, file)
     if stored is None:
         return entry.kind(**entry.gains, **given)
     try:
@@ -291,14 +306,14 @@ def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
             raise TypeError(f"unknown gain {min(unknown)!r}")
         made = entry.kind(**{**entry.gains, **stored["gains"]}, **given)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{folder(**given) / 'gains.json'}: {name}: {error}") from None
+        raise ValueError(f"{file}: {name}: {error}") from None
     if entry.role == "bound":
         return made
-    late = _warn_of_delay(name, stored.get("tuning", {}).get("env"), given, made.gains.get("delay"))
+    late = _warn_of_delay(name, stored.get("tuning", {}).get("env"), task, made.gains.get("delay"))
     return entry.kind(**entry.gains, **given) if late else made
 
 
-def _warn_of_delay(name: str, env: str | None, given: dict[str, Any], bridged: int | None = None) -> bool:
+def _warn_of_delay(name: str, env: str | None, made: _core.Task, bridged: int | None = None) -> bool:
     """Warn of measurements whose age differs from those that a controller was tuned or trained with, in `env`.
 
     Later ones make controllers unstable but those that predict over them: over `bridged` control periods. Policies do
@@ -306,7 +321,7 @@ def _warn_of_delay(name: str, env: str | None, given: dict[str, Any], bridged: i
     """
     if env not in gymnasium.registry:
         return False
-    (low, high), (least, most) = _delays(env), native(given).delays
+    (low, high), (least, most) = _delays(env), made.delays
     if bridged == least == most or (most <= high and (least >= low or name in CLASSICAL)):
         return False
     defaults = name in CLASSICAL and least == most
@@ -328,9 +343,8 @@ def _delays(env: str) -> tuple[int, int]:
     return native({"task": task, **{k: v for k, v in spec.kwargs.items() if k != "reward"}}).delays
 
 
-def _shipped(given: dict[str, Any]) -> dict[str, tuple[int, ...]]:
-    """Training seeds of the policies shipped for these options, by controller."""
-    place = folder(**given)
+def _shipped(given: dict[str, Any], place: Path) -> dict[str, tuple[int, ...]]:
+    """Training seeds of the policies in a folder that are for these options, by controller."""
     found: dict[str, list[int]] = {}
     # Policies are trained on wrenches.
     for file in os.listdir(place) if place.is_dir() and given.get("action", "wrench") == "wrench" else ():

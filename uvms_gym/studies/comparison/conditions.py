@@ -218,7 +218,8 @@ def _spec(env: str) -> tuple[str, int, Options]:
         spec = gymnasium.spec(env)
     except gymnasium.error.Error as error:
         raise ValueError(str(error)) from None
-    task = next((task for task, name in TASKS.items() if spec.name in (name, *map(name.__add__, VARIANTS))), None)
+    ids = {f"{name}{variant}": task for task, name in TASKS.items() for variant in ("", *VARIANTS)}
+    task = ids.get(spec.name)
     if task is None:
         raise ValueError(f"{env!r} is no environment of uvms_gym, such as UVMS-StationKeep-Storm-v0")
     return task, spec.max_episode_steps or EPISODE_STEPS, dict(spec.kwargs)
