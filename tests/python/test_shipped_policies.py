@@ -77,6 +77,23 @@ def test_policies_say_what_they_are_for_and_where_they_come_from(path: Path) -> 
 
 
 @pytest.mark.learning
+@pytest.mark.parametrize("folder", sorted({path.parent for path in FILES}), ids=named)
+def test_a_model_card_says_whose_settings_it_lists(folder: Path) -> None:
+    pytest.importorskip("torch")
+    from uvms_gym.training.export import card
+
+    text = (folder / "README.md").read_text()
+    assert text == card(folder)
+    for path in folder.glob("*.safetensors"):
+        (listed,) = [
+            part
+            for part in text.partition("## Training")[2].split("\n\n`")
+            if f"{path.name}`" in part.partition(":\n")[0]
+        ]
+        assert listed.count("- Commit: ") == 1 and MLP.load(path, residual=True).notes["commit"] in listed
+
+
+@pytest.mark.learning
 @pytest.mark.parametrize("path", FILES, ids=named)
 def test_val_a_policy_is_what_torch_makes_of_its_file(path: Path) -> None:
     torch = pytest.importorskip("torch")

@@ -152,11 +152,7 @@ def card(folder: Path) -> str:
         episodes=found[first]["episodes"],
         seed=found[first]["seed"],
         comparison=_COMPARISON if (folder / "results.json").exists() else "",
-        training="\n".join(
-            f"- {title}: {_plain(value)}"
-            for title, key in _TRAINING.items()
-            for value in dict.fromkeys(note.get(key, "unknown") for note in notes.values())
-        ),
+        training=_training(notes),
         tail=tails[worst],
         worst=worst,
         **cast(Any, files[first].spec),
@@ -183,6 +179,15 @@ def _row(file: str, notes: Mapping[str, str], found: Mapping[str, Any]) -> str:
         f"| `{file}` | {learned} | {notes['seed']} | {int(notes['steps']):,} | {notes['seconds']} s | "
         f"{found['pose']:.3f} m | {found['pose_95']:.3f} m | {found['effort']:.3f} | {found['diverged']:.1%} |"
     )
+
+
+def _training(notes: Mapping[str, Mapping[str, str]]) -> str:
+    """Settings of the training, one list per group of policies that share all of them."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for file, note in notes.items():
+        settings = tuple(f"- {title}: {_plain(note.get(key, 'unknown'))}" for title, key in _TRAINING.items())
+        groups.setdefault(settings, []).append(f"`{file}`")
+    return "\n\n".join("\n".join([f"{', '.join(files)}:\n", *lines]) for lines, files in groups.items())
 
 
 def _plain(value: str) -> str:
