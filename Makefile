@@ -68,7 +68,7 @@ docs: $(VENV)/docs $(VENV)/wheel ## documentation site into out/docs; executes i
 
 wheel: $(VENV)/zig ## wheel for any Linux with glibc 2.17 (CPython 3.11 and later) and source distribution, into dist/
 	rm -rf dist
-	PATH="$(abspath $(BIN)):$$PATH" maturin build --release --quiet --zig --compression-level 9 --compatibility manylinux2014 --interpreter "$(abspath $(BIN)/python)" \
+	PATH="$(abspath $(BIN)):$$PATH" maturin build --release --strip --quiet --zig --compression-level 9 --compatibility manylinux2014 --interpreter "$(abspath $(BIN)/python)" \
 		--target "$$(rustc -vV | sed -n 's/^host: //p')" --out dist
 	$(BIN)/maturin sdist --out dist
 	ls -l dist
