@@ -381,16 +381,6 @@ impl<L: Lane> VehicleMotion<L> {
 
 impl<L: Lane> ArmMotion<L> {
     #[inline(always)]
-    fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
-        let mut arm = *no;
-        for i in 0..JOINTS {
-            arm.q[i] = L::select(mask, yes.q[i], no.q[i]);
-            arm.qd[i] = L::select(mask, yes.qd[i], no.qd[i]);
-        }
-        arm
-    }
-
-    #[inline(always)]
     fn load(memory: &[L], place: usize, n: usize) -> Self {
         let mut arm = Self { q: [L::zero(); JOINTS], qd: [L::zero(); JOINTS] };
         for i in 0..n {

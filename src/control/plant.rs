@@ -48,6 +48,17 @@ impl<L: Lane> ArmMotion<L> {
     pub fn less(&self, b: &Self) -> Self {
         b.scale_add(L::c(-1.0), self)
     }
+
+    /// `yes` where the mask holds, else `no`.
+    #[inline(always)]
+    pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
+        let mut arm = *no;
+        for i in 0..JOINTS {
+            arm.q[i] = L::select(mask, yes.q[i], no.q[i]);
+            arm.qd[i] = L::select(mask, yes.qd[i], no.qd[i]);
+        }
+        arm
+    }
 }
 
 /// Wrenches on the vehicle over a time step, N and N m.
