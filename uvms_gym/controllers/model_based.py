@@ -74,7 +74,8 @@ class AdaptiveDOB(ClassicalController):
     delayed and so tell the delay. The wrench is the mean of the models' `F / b` by their weights `exp(l)`.
 
     Gains of feedback decrease with a model's delay, `kp / (1 + a[0] tau)` and `kd / (1 + a[1] tau)` with `a` for
-    `delay_schedule`. Weights are equal until all models have predicted a measurement.
+    `delay_schedule`. Weights are equal until all models have predicted a measurement. A
+    control period costs what as many DOBs as models cost.
 
     Parameters
     ----------
