@@ -293,16 +293,37 @@ def test_products_are_those_of_the_jacobians() -> None:
     np.testing.assert_allclose(left, np.einsum("ni,nij->nj", weights, jacobian), rtol=1e-13, atol=1e-13)
 
 
+@pytest.mark.parametrize("integrator", PRODUCTION)
+@pytest.mark.parametrize("name", [*scenes(), "dead band"])
+def test_products_from_both_sides_agree(name: str, integrator: str) -> None:
+    scene = with_thruster_dynamics(lag=0.15, dead_band=5.0) if name == "dead band" else scenes()[name]
+    s, _, inputs = case(scene, {"integrator": integrator}, 5)
+    if s.num_thrusters:
+        inputs["thrust"][:2] = 1.5 * s.thruster_limits[:2, 1]  # saturated
+    arguments: dict[str, Any] = {"substeps": 3, "parameters": PARAMETERS}
+    arguments |= {key: value[None] for key, value in inputs.items()}
+    weights = np.random.default_rng(6).normal(size=(1, s.state_size))
+    left = s.step_vjp(weights, **arguments)
+    tangents = {key: np.random.default_rng(7).normal(size=rows.shape[1]) for key, rows in left.items()}
+    product = s.step_jvp(tangents, **arguments)
+    terms = [left[key] * tangents[key] for key in left] + [-weights * product]
+    assert abs(sum(term.sum() for term in terms)) < 1e-12 * sum(np.abs(term).sum() for term in terms)
+
+
 def test_derivatives_depend_on_no_other_instance_nor_on_threads_and_step_nothing() -> None:
     many, inputs = moving(37, threads=2)
     before = many.__getstate__()[:, :21]
     jacobians = many.step_jacobians(**inputs, parameters=PARAMETERS)
+    weights = np.random.default_rng(8).normal(size=(37, many.state_size))
+    products = many.step_vjp(weights, **inputs, parameters=PARAMETERS)
     assert np.array_equal(many.__getstate__()[:, :21], before)
     for count, threads in ((1, 1), (9, 1), (37, 1)):
         s, _ = moving(count, threads)
         few = {name: rows[:count] for name, rows in inputs.items()}
         for name, jacobian in s.step_jacobians(**few, parameters=PARAMETERS).items():
             assert jacobian.tobytes() == jacobians[name][:count].tobytes(), (name, count)
+        for name, product in s.step_vjp(weights[:count], **few, parameters=PARAMETERS).items():
+            assert product.tobytes() == products[name][:count].tobytes(), (name, count)
 
 
 def test_instances_with_scenes_of_their_own_have_their_derivatives() -> None:
