@@ -53,7 +53,6 @@ for seed in 0 1 2 3 4; do
     distilled ppo-distilled-medium $seed $keep dob-medium 0.25 0.07
     distilled ppo-distilled-wide $seed UVMS-StationKeep-Wide-v0 dob-wide 0.05 0.1 --n-envs 512 -n 4000000
     scratch ppo $seed UVMS-EETrack-Storm-v0 0.2 0.3 -n 5000000 -params frame_stack:6
-    scratch ppo-wide $seed UVMS-EETrack-Wide-v0 0.1 0.2 -n 4000000 --n-envs 512 -params frame_stack:10
 done
 scratch ppo 0 $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
 # Corrections to classical controllers, by PPO of Stable-Baselines3.

@@ -83,7 +83,6 @@ CLASSICAL: dict[str, ClassicalEntry] = {
 }
 LEARNED: dict[str, LearnedEntry] = {
     "ppo": LearnedEntry(_ALL),
-    "ppo-wide": LearnedEntry(_TRACK),
     "ppo-distilled": LearnedEntry(_STATION),
     "ppo-distilled-calm": LearnedEntry(_STATION),
     "ppo-distilled-medium": LearnedEntry(_STATION, role="frontier"),
