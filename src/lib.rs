@@ -17,6 +17,8 @@
 //! control       thruster allocation; policies: PD, PID, feedback on the nominal model, resolved motion, neural networks
 //! task          tasks: sampling, observation, reward
 //! batch         blocks of lanes, threads, closed loops
+//! optimize      box-constrained differential dynamic programming
+//! planning      trajectory optimisation on the steps of a simulator
 //! python        the Python module: a crate on top of this one
 //! ```
 //!
@@ -32,6 +34,8 @@ pub mod hydro;
 pub mod integrate;
 pub mod lane;
 pub mod lie;
+pub mod optimize;
+pub mod planning;
 pub mod render;
 pub mod spatial;
 pub mod system;

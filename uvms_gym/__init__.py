@@ -45,6 +45,7 @@ from uvms_gym.controllers.registry import ControllerWarning, make_controller
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import register_envs
 from uvms_gym.logs import Log, LogError, LogMap
+from uvms_gym.planning import Trajectory, optimize_trajectory
 from uvms_gym.robots import import_urdf
 from uvms_gym.rollouts import Rollout
 
@@ -71,6 +72,7 @@ __all__ = [
     "Simulator",
     "StateWarning",
     "StepWarning",
+    "Trajectory",
     "__version__",
     "disturbance_levels",
     "dump_scene",
@@ -80,6 +82,7 @@ __all__ = [
     "lint_scene",
     "load_scene",
     "make_controller",
+    "optimize_trajectory",
     "scene_names",
     "scene_template",
 ]

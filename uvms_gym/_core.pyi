@@ -27,10 +27,12 @@ __all__ = [
     "integrators",
     "lint_scene",
     "load_scene",
+    "optimize_trajectory",
     "scene_names",
     "scene_template",
     "task_defaults",
     "tasks",
+    "trajectory_inputs",
 ]
 
 _Scene: TypeAlias = str | PathLike[str] | dict[str, Any]
@@ -109,6 +111,21 @@ def import_urdf(
 
 def gain_names(kind: str) -> list[str]:
     """Names of the gains of a classical controller."""
+
+def trajectory_inputs(simulator: Simulator, names: Sequence[str]) -> list[int]:
+    """Widths of inputs that a trajectory chooses; ValueError for one that the scene does not have."""
+
+def optimize_trajectory(
+    simulator: Simulator,
+    inputs: Sequence[str],
+    arrays: dict[str, _Floats],
+    *,
+    horizon: int,
+    substeps: int,
+    iterations: int,
+    tolerance: float,
+) -> dict[str, Any]:
+    """Trajectories of least cost; see `uvms_gym.optimize_trajectory`."""
 
 def integrators() -> list[_Integrator]:
     """Integrators that a `Simulator` may use, the default first."""

@@ -2,6 +2,7 @@
 
 mod control;
 mod dynamics;
+mod planning;
 mod policy;
 mod render;
 mod scene;
@@ -10,6 +11,7 @@ mod task;
 
 pub use control::ControlError;
 pub use dynamics::DynamicsError;
+pub use planning::PlanningError;
 pub use policy::PolicyError;
 pub use render::RenderError;
 pub use scene::{DescriptionError, Numbers, Problem};

@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
 use uvms_gym::error::{
-    ControlError, DescriptionError, DynamicsError, PolicyError, RenderError, SimulatorError, TaskError,
+    ControlError, DescriptionError, DynamicsError, PlanningError, PolicyError, RenderError, SimulatorError, TaskError,
 };
 
 create_exception!(
@@ -58,7 +58,7 @@ macro_rules! value_errors {
     )*};
 }
 
-value_errors!(DynamicsError, ControlError, PolicyError, RenderError, SimulatorError);
+value_errors!(DynamicsError, ControlError, PlanningError, PolicyError, RenderError, SimulatorError);
 
 /// Calls out of order raise Gymnasium's `ResetNeeded`, all other errors a `ValueError`.
 impl IntoPyErr for TaskError {

@@ -17,6 +17,7 @@ mod model;
 mod motion;
 mod outputs;
 mod parameters;
+mod planning;
 mod renderer;
 mod robots;
 mod rollout;
@@ -40,6 +41,8 @@ mod core {
     use super::errors::{SceneError, StepWarning};
     #[pymodule_export]
     use super::integrators::integrators;
+    #[pymodule_export]
+    use super::planning::{optimize_trajectory, trajectory_inputs};
     #[pymodule_export]
     use super::renderer::Renderer;
     #[pymodule_export]

@@ -112,6 +112,12 @@ def test_randomization_spreads_the_errors() -> None:
     assert all(not np.array_equal(errors["none"], error) for name, error in errors.items() if name != "none")
 
 
+def test_a_reach_with_the_arm_saves_thrust() -> None:
+    results = example("reach").main()
+    (distance, impulse), (_, held) = results.values()
+    assert distance < 0.01 and impulse < 0.5 * held
+
+
 def test_the_regulator_is_stable_and_holds_closer_than_the_pd() -> None:
     lqr = example("lqr")
     errors = lqr.main(num_envs=8, steps=200)

@@ -12,7 +12,14 @@ import uvms_gym
 LAYERS = (
     ("uvms_gym._core",),
     ("uvms_gym._task", "uvms_gym._step"),
-    ("uvms_gym.controllers", "uvms_gym.envs", "uvms_gym.disturbances", "uvms_gym.logs", "uvms_gym.robots"),
+    (
+        "uvms_gym.controllers",
+        "uvms_gym.envs",
+        "uvms_gym.disturbances",
+        "uvms_gym.logs",
+        "uvms_gym.planning",
+        "uvms_gym.robots",
+    ),
     ("uvms_gym.rollouts",),
     ("uvms_gym",),
     ("uvms_gym.sb3", "uvms_gym.torch", "uvms_gym.jax", "uvms_gym.identification"),

@@ -9,7 +9,7 @@ use super::modules::Module;
 use super::{files, source};
 
 /// Each layer, lowest first, and what it may import. Every layer may import `error`.
-const LAYERS: [(&str, &[&str]); 16] = [
+const LAYERS: [(&str, &[&str]); 18] = [
     ("lane", &[]),
     ("error", &["lane"]),
     ("lie", &["lane"]),
@@ -28,9 +28,13 @@ const LAYERS: [(&str, &[&str]); 16] = [
         "batch",
         &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "integrate", "control", "task"],
     ),
+    ("optimize", &[]),
+    ("planning", &["lane", "lie", "system", "batch", "optimize"]),
     (
         "python",
         &[
+            "optimize",
+            "planning",
             "lane",
             "lie",
             "spatial",

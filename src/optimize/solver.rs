@@ -1,0 +1,87 @@
+//! Iterations: model, backward pass, line search.
+
+use super::backward::{Expansion, Policy, Ranges, backward};
+
+/// Step sizes that a line search tries at once, the greatest first.
+pub const STEP_SIZES: [f64; 8] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125];
+/// Least part of the expected decrease of an accepted step.
+const SUFFICIENT: f64 = 1e-4;
+/// Damping after the first failure, and the greatest.
+const DAMPING: [f64; 2] = [1e-3, 1e9];
+
+/// Problem about its present trajectory.
+pub trait Problem {
+    /// Quadratic model.
+    fn expand(&mut self) -> Expansion;
+    /// Least and greatest change of the inputs.
+    fn ranges(&self) -> Ranges;
+    /// Costs of trajectories under the policies, one for each of [`STEP_SIZES`]; the present inputs without.
+    fn search(&mut self, policies: Option<&[Policy]>) -> [f64; STEP_SIZES.len()];
+    /// Makes a trajectory of the last search the present one.
+    fn accept(&mut self, candidate: usize);
+}
+
+/// Limits of the iterations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Greatest number of iterations.
+    pub iterations: usize,
+    /// Decrease of the cost expected of an undamped step, over the cost, at which the iterations end.
+    pub tolerance: f64,
+}
+
+/// Result of the iterations.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// Costs, that of the first inputs first: each less than the one before.
+    pub costs: Vec<f64>,
+    /// Policies about the last trajectory.
+    pub policies: Vec<Policy>,
+    /// Decrease expected of another step, over the cost.
+    pub decrement: f64,
+    /// True where that is within the tolerance.
+    pub converged: bool,
+}
+
+/// Minimises the cost from the present inputs on. None where their cost is not finite.
+pub fn solve(problem: &mut impl Problem, settings: &Settings) -> Option<Solution> {
+    let mut cost = problem.search(None)[0];
+    if !cost.is_finite() {
+        return None;
+    }
+    problem.accept(0);
+    let (mut costs, mut damping) = (vec![cost], 0.0);
+    let mut solution = Solution { costs: Vec::new(), policies: Vec::new(), decrement: f64::INFINITY, converged: false };
+    'iterations: loop {
+        let (model, ranges) = (problem.expand(), problem.ranges());
+        loop {
+            if let Some(pass) = backward(&model, &ranges, damping) {
+                // A damped step is shorter by about that factor, and expects less.
+                let expected = -(pass.slope + 0.5 * pass.curvature) * (1.0 + damping);
+                solution.decrement = if expected <= 0.0 { 0.0 } else { expected / cost.abs().max(f64::MIN_POSITIVE) };
+                solution.converged = solution.decrement <= settings.tolerance;
+                solution.policies = pass.policies;
+                if solution.converged || costs.len() > settings.iterations {
+                    break 'iterations;
+                }
+                let trials = problem.search(Some(&solution.policies));
+                let enough = |k: &usize| {
+                    let size = STEP_SIZES[*k];
+                    cost - trials[*k] >= -SUFFICIENT * size * (pass.slope + 0.5 * size * pass.curvature)
+                };
+                if let Some(k) = (0..STEP_SIZES.len()).find(enough) {
+                    problem.accept(k);
+                    cost = trials[k];
+                    costs.push(cost);
+                    damping = if damping > DAMPING[0] { 0.1 * damping } else { 0.0 };
+                    continue 'iterations;
+                }
+            }
+            damping = (10.0 * damping).max(DAMPING[0]);
+            if damping > DAMPING[1] {
+                break 'iterations;
+            }
+        }
+    }
+    Some(Solution { costs, ..solution })
+}

@@ -1,0 +1,197 @@
+//! Tracking problem of one instance: its motion under chosen inputs, and the models of that motion.
+
+use nalgebra as na;
+
+use super::cost::{StateCost, reference_width, residuals};
+use super::tangent::difference;
+use crate::batch::{Argument, Inputs, Simulator};
+use crate::error::SimulatorError;
+use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES};
+use crate::system::State;
+
+/// Trajectories that a search tries at once.
+const TRIALS: usize = STEP_SIZES.len();
+
+/// Numbers of one problem, by knots.
+#[derive(Clone, Copy)]
+pub struct Numbers<'a> {
+    pub references: &'a [f64],
+    pub weights: &'a [f64],
+    pub input_references: &'a [f64],
+    pub input_weights: &'a [f64],
+    pub lower: &'a [f64],
+    pub upper: &'a [f64],
+}
+
+/// Trajectory: inputs of all knots, states, and every number of the simulator before each knot.
+#[derive(Debug, Clone, Default)]
+pub struct Trajectory {
+    pub inputs: Vec<f64>,
+    pub states: Vec<State>,
+    pub saved: Vec<f64>,
+}
+
+/// Tracking problem of one instance.
+pub struct Tracking<'a> {
+    pub numbers: Numbers<'a>,
+    pub cost: StateCost<'a>,
+    pub arguments: &'a [(Argument, usize)],
+    pub substeps: usize,
+    /// Simulators of the instance, [`STEP_SIZES`] and the knots many.
+    pub trials: Simulator,
+    pub knots: Simulator,
+    /// Every number of the instance at the start.
+    pub start: Vec<f64>,
+    /// The present trajectory; at first inputs alone.
+    pub present: Trajectory,
+    pub candidates: Vec<Trajectory>,
+    /// First error of the simulators.
+    pub error: Option<SimulatorError>,
+}
+
+/// Inputs (rows, w) of each argument from rows of all inputs.
+fn split(arguments: &[(Argument, usize)], rows: &[f64]) -> Vec<(Argument, Vec<f64>)> {
+    let all: usize = arguments.iter().map(|(_, width)| width).sum();
+    let mut first = 0;
+    let part = |&(argument, width): &(Argument, usize)| {
+        let part = rows.chunks_exact(all).flat_map(|row| &row[first..first + width]).copied().collect();
+        first += width;
+        (argument, part)
+    };
+    arguments.iter().map(part).collect()
+}
+
+fn inputs(parts: &[(Argument, Vec<f64>)]) -> Inputs<'_> {
+    let of = |wanted| parts.iter().find(|(argument, _)| *argument == wanted).map(|(_, rows)| &rows[..]);
+    Inputs {
+        thrust: of(Argument::Thrust),
+        fin: of(Argument::Fin),
+        wrench: of(Argument::Wrench),
+        joint_torque: of(Argument::JointTorque),
+        joint_target: of(Argument::JointTarget),
+        ..Inputs::default()
+    }
+}
+
+impl Tracking<'_> {
+    /// Entries of the inputs of a knot.
+    fn width(&self) -> usize {
+        self.arguments.iter().map(|(_, width)| width).sum()
+    }
+
+    fn horizon(&self) -> usize {
+        self.knots.instances()
+    }
+
+    /// Cost of the inputs of a knot.
+    fn input_cost(&self, knot: usize, inputs: &[f64]) -> f64 {
+        let (w, at) = (self.width(), knot * self.width());
+        let numbers = self.numbers.input_weights[at..at + w].iter().zip(&self.numbers.input_references[at..at + w]);
+        inputs.iter().zip(numbers).map(|(u, (weight, d))| 0.5 * weight * (u - d) * (u - d)).sum()
+    }
+
+    /// Reference and weights of the state at a knot.
+    fn numbers_at(&self, knot: usize) -> (&[f64], &[f64]) {
+        let n = self.cost.joints;
+        let (reference, weights) = (reference_width(n), residuals(n));
+        let Numbers { references, weights: all, .. } = self.numbers;
+        (&references[knot * reference..][..reference], &all[knot * weights..][..weights])
+    }
+
+    /// Inputs of a knot by a policy from a state.
+    fn policy_inputs(&self, knot: usize, policy: &Policy, size: f64, state: &State) -> Vec<f64> {
+        let StateCost { joints, thrusters, .. } = self.cost;
+        let change = &policy.feedforward * size
+            + &policy.gain * difference(&self.present.states[knot], state, joints, thrusters);
+        let (w, at) = (self.width(), knot * self.width());
+        let new = |k: usize| {
+            let moved = self.present.inputs[at + k] + change[k];
+            // A trajectory that diverges keeps the inputs that are numbers.
+            let moved = if moved.is_finite() { moved } else { self.present.inputs[at + k] };
+            moved.clamp(self.numbers.lower[at + k], self.numbers.upper[at + k])
+        };
+        (0..w).map(new).collect()
+    }
+
+    fn try_search(&mut self, policies: Option<&[Policy]>) -> Result<[f64; TRIALS], SimulatorError> {
+        let (mut costs, w, horizon) = ([0.0; TRIALS], self.width(), self.horizon());
+        self.trials.load(&self.start.repeat(TRIALS))?;
+        let mut found = vec![Trajectory::default(); TRIALS];
+        for knot in 0..=horizon {
+            let (saved, mut rows) = (self.trials.save(), Vec::with_capacity(TRIALS * w));
+            for (k, trajectory) in found.iter_mut().enumerate() {
+                let state = self.trials.state(k);
+                let (reference, weights) = self.numbers_at(knot);
+                costs[k] += self.cost.value(&state, reference, weights);
+                if knot < horizon {
+                    let chosen = match policies {
+                        Some(policies) => self.policy_inputs(knot, &policies[knot], STEP_SIZES[k], &state),
+                        None => self.present.inputs[knot * w..][..w].to_vec(),
+                    };
+                    costs[k] += self.input_cost(knot, &chosen);
+                    rows.extend_from_slice(&chosen);
+                    trajectory.inputs.extend(chosen);
+                    trajectory.saved.extend_from_slice(&saved[k * self.start.len()..][..self.start.len()]);
+                }
+                trajectory.states.push(state);
+            }
+            if knot < horizon {
+                self.trials.step(&inputs(&split(self.arguments, &rows)), self.substeps)?;
+            }
+        }
+        self.candidates = found;
+        Ok(costs)
+    }
+
+    fn try_expand(&mut self) -> Result<Vec<Knot>, SimulatorError> {
+        self.knots.load(&self.present.saved)?;
+        let parts = split(self.arguments, &self.present.inputs);
+        let jacobians = self.knots.step_jacobians(&inputs(&parts), self.substeps, &[])?;
+        let (w, s) = (self.width(), jacobians.size);
+        let knot = |(knot, rows): (usize, &[f64])| {
+            let (reference, weights) = self.numbers_at(knot);
+            let (by_state, of_state) = self.cost.expand(&self.present.states[knot], reference, weights);
+            let (mut gradient, mut hessian) = (na::DVector::zeros(s + w), na::DMatrix::zeros(s + w, s + w));
+            gradient.rows_mut(0, s).copy_from(&by_state);
+            hessian.view_mut((0, 0), (s, s)).copy_from(&of_state);
+            for k in 0..w {
+                let (at, weights) = (knot * w + k, self.numbers.input_weights);
+                gradient[s + k] = weights[at] * (self.present.inputs[at] - self.numbers.input_references[at]);
+                hessian[(s + k, s + k)] = weights[at];
+            }
+            Knot { dynamics: na::DMatrix::from_row_slice(s, s + w, rows), gradient, hessian }
+        };
+        Ok(jacobians.numbers.chunks_exact(s * (s + w)).enumerate().map(knot).collect())
+    }
+}
+
+impl Problem for Tracking<'_> {
+    fn expand(&mut self) -> Expansion {
+        let knots = self.try_expand().unwrap_or_else(|error| {
+            self.error.get_or_insert(error);
+            Vec::new()
+        });
+        let (reference, weights) = self.numbers_at(self.horizon());
+        let end = self.cost.expand(&self.present.states[self.horizon()], reference, weights);
+        Expansion { knots, end }
+    }
+
+    fn ranges(&self) -> Ranges {
+        let w = self.width();
+        let less = |bounds: &[f64], knot: usize| {
+            na::DVector::from_fn(w, |k, _| bounds[knot * w + k] - self.present.inputs[knot * w + k])
+        };
+        (0..self.horizon()).map(|knot| [less(self.numbers.lower, knot), less(self.numbers.upper, knot)]).collect()
+    }
+
+    fn search(&mut self, policies: Option<&[Policy]>) -> [f64; TRIALS] {
+        self.try_search(policies).unwrap_or_else(|error| {
+            self.error.get_or_insert(error);
+            [f64::NAN; TRIALS]
+        })
+    }
+
+    fn accept(&mut self, candidate: usize) {
+        self.present = self.candidates.swap_remove(candidate);
+    }
+}
