@@ -18,10 +18,11 @@ def plan(arm_weight: float) -> tuple[Trajectory, np.ndarray]:
         sim,
         horizon=PERIODS,
         substeps=round(PERIOD / sim.dt),
-        weights={"end_effector": 10.0, "twist": 1.0, "qd": 0.01, "q": arm_weight},
+        weights={"end_effector": 10.0, "twist": 1.0, "qd": 0.1, "q": arm_weight},
         terminal_weights={"end_effector": 1e4, "twist": 100.0, "qd": 1.0},
         references={"end_effector": target},
-        input_weights={"thrust": 1e-3, "joint_torque": 1e-5},
+        input_weights={"thrust": 1e-3, "joint_torque": 1e-4},
+        tolerance=1e-4,
     )
     return trajectory, target
 

@@ -46,8 +46,10 @@ pub fn backward(model: &Expansion, ranges: &Ranges, damping: f64) -> Option<Pass
     let states = v.len();
     let mut policies = Vec::with_capacity(model.knots.len());
     for (knot, [lower, upper]) in model.knots.iter().zip(ranges).rev() {
-        let q = &knot.gradient + knot.dynamics.tr_mul(&v);
-        let hessian = &knot.hessian + knot.dynamics.tr_mul(&(&value * &knot.dynamics));
+        // Products of transposes are several times as fast as `tr_mul`.
+        let transposed = knot.dynamics.transpose();
+        let q = &knot.gradient + &transposed * &v;
+        let hessian = &knot.hessian + transposed * (&value * &knot.dynamics);
         let inputs = q.len() - states;
         let (q_x, q_u) = (q.rows(0, states), q.rows(states, inputs).into_owned());
         let (q_xx, q_ux) = (hessian.view((0, 0), (states, states)), hessian.view((states, 0), (inputs, states)));
@@ -65,8 +67,7 @@ pub fn backward(model: &Expansion, ranges: &Ranges, damping: f64) -> Option<Pass
         slope += feedforward.dot(&q_u);
         curvature += feedforward.dot(&curve);
         v = q_x + gain.tr_mul(&(&curve + &q_u)) + q_ux.tr_mul(&feedforward);
-        let mixed = gain.tr_mul(&(&q_uu * &gain + q_ux));
-        let full = q_xx + mixed + q_ux.tr_mul(&gain);
+        let full = q_xx + gain.transpose() * (&q_uu * &gain + q_ux) + q_ux.transpose() * &gain;
         value = (&full + full.transpose()) * 0.5;
         policies.push(Policy { feedforward, gain });
     }

@@ -2,7 +2,7 @@
 
 use super::backward::{Expansion, Policy, Ranges, backward};
 
-/// Step sizes that a line search tries at once, the greatest first.
+/// Step sizes of a line search: the first alone, then the others at once.
 pub const STEP_SIZES: [f64; 8] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125];
 /// Least part of the expected decrease of an accepted step.
 const SUFFICIENT: f64 = 1e-4;
@@ -15,8 +15,8 @@ pub trait Problem {
     fn expand(&mut self) -> Expansion;
     /// Least and greatest change of the inputs.
     fn ranges(&self) -> Ranges;
-    /// Costs of trajectories under the policies, one for each of [`STEP_SIZES`]; the present inputs without.
-    fn search(&mut self, policies: Option<&[Policy]>) -> [f64; STEP_SIZES.len()];
+    /// Costs of trajectories under the policies, one for each of these step sizes; under the present inputs without policies.
+    fn search(&mut self, policies: Option<&[Policy]>, sizes: &[f64]) -> Vec<f64>;
     /// Makes a trajectory of the last search the present one.
     fn accept(&mut self, candidate: usize);
 }
@@ -45,7 +45,7 @@ pub struct Solution {
 
 /// Minimises the cost from the present inputs on. None where their cost is not finite.
 pub fn solve(problem: &mut impl Problem, settings: &Settings) -> Option<Solution> {
-    let mut cost = problem.search(None)[0];
+    let mut cost = problem.search(None, &STEP_SIZES[..1])[0];
     if !cost.is_finite() {
         return None;
     }
@@ -64,17 +64,19 @@ pub fn solve(problem: &mut impl Problem, settings: &Settings) -> Option<Solution
                 if solution.converged || costs.len() > settings.iterations {
                     break 'iterations;
                 }
-                let trials = problem.search(Some(&solution.policies));
-                let enough = |k: &usize| {
-                    let size = STEP_SIZES[*k];
-                    cost - trials[*k] >= -SUFFICIENT * size * (pass.slope + 0.5 * size * pass.curvature)
-                };
-                if let Some(k) = (0..STEP_SIZES.len()).find(enough) {
-                    problem.accept(k);
-                    cost = trials[k];
-                    costs.push(cost);
-                    damping = if damping > DAMPING[0] { 0.1 * damping } else { 0.0 };
-                    continue 'iterations;
+                for sizes in [&STEP_SIZES[..1], &STEP_SIZES[1..]] {
+                    let trials = problem.search(Some(&solution.policies), sizes);
+                    let enough = |k: &usize| {
+                        let size = sizes[*k];
+                        cost - trials[*k] >= -SUFFICIENT * size * (pass.slope + 0.5 * size * pass.curvature)
+                    };
+                    if let Some(k) = (0..sizes.len()).find(enough) {
+                        problem.accept(k);
+                        cost = trials[k];
+                        costs.push(cost);
+                        damping = if damping > DAMPING[0] { 0.1 * damping } else { 0.0 };
+                        continue 'iterations;
+                    }
                 }
             }
             damping = (10.0 * damping).max(DAMPING[0]);

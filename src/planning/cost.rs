@@ -54,23 +54,32 @@ impl StateCost<'_> {
     /// Gradient and Hessian of Gauss and Newton, in the coordinates of the steps' Jacobians.
     pub fn expand(&self, state: &State, reference: &[f64], weights: &[f64]) -> (na::DVector<f64>, na::DMatrix<f64>) {
         let n = self.joints;
-        let errors = self.differences(state, reference);
-        let mut jacobian = na::DMatrix::zeros(residuals(n), 12 + 2 * n + self.thrusters);
-        let pose = pose_error_jacobian(&errors.fixed_rows::<6>(0).into_owned());
-        jacobian.fixed_view_mut::<6, 6>(0, 0).copy_from(&pose);
-        (6..12 + 2 * n).for_each(|k| jacobian[(k, k)] = 1.0);
-        if weights[12 + 2 * n..].iter().any(|w| *w > 0.0) {
-            let mut rows = jacobian.fixed_rows_mut::<3>(12 + 2 * n);
+        let (errors, s) = (self.differences(state, reference), 12 + 2 * n);
+        let (mut gradient, mut hessian) =
+            (na::DVector::zeros(s + self.thrusters), na::DMatrix::zeros(s + self.thrusters, s + self.thrusters));
+        let error = errors.fixed_rows::<6>(0).into_owned();
+        let pose = pose_error_jacobian(&error);
+        let weighted = na::Matrix6::from_diagonal(&na::Vector6::from_column_slice(&weights[..6])) * pose;
+        gradient.fixed_rows_mut::<6>(0).copy_from(&weighted.tr_mul(&error));
+        hessian.fixed_view_mut::<6, 6>(0, 0).copy_from(&pose.tr_mul(&weighted));
+        for k in 6..s {
+            gradient[k] = weights[k] * errors[k];
+            hessian[(k, k)] = weights[k];
+        }
+        if weights[s..].iter().any(|w| *w > 0.0) {
+            let mut rows = na::Matrix3xX::zeros(6 + n);
             let turn = -state.rotation * self.end_effector.pose(&state.q).1.cross_matrix();
             rows.fixed_columns_mut::<3>(0).copy_from(&state.rotation);
             rows.fixed_columns_mut::<3>(3).copy_from(&turn);
             for k in 0..n {
                 rows.set_column(6 + k, &(state.rotation * self.end_effector_rate(state, k)));
             }
+            let weighted = na::Matrix3::from_diagonal(&na::Vector3::from_column_slice(&weights[s..])) * &rows;
+            let (mut by_pose, mut of_pose) = (gradient.rows_mut(0, 6 + n), hessian.view_mut((0, 0), (6 + n, 6 + n)));
+            by_pose += weighted.tr_mul(&errors.fixed_rows::<3>(s));
+            of_pose += rows.tr_mul(&weighted);
         }
-        let mut weighted = jacobian.clone();
-        weighted.row_iter_mut().zip(weights).for_each(|(mut row, w)| row *= *w);
-        (weighted.tr_mul(&errors), jacobian.tr_mul(&weighted))
+        (gradient, hessian)
     }
 
     /// Derivative of the end effector's position in the vehicle frame by joint k.

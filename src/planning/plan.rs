@@ -153,7 +153,7 @@ fn optimize_one(
         cost,
         arguments,
         substeps: problems.substeps,
-        trials: copies(STEP_SIZES.len())?,
+        trials: [copies(1)?, copies(STEP_SIZES.len() - 1)?],
         knots: copies(horizon)?,
         start,
         present,

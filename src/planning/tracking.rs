@@ -6,11 +6,8 @@ use super::cost::{StateCost, reference_width, residuals};
 use super::tangent::difference;
 use crate::batch::{Argument, Inputs, Simulator};
 use crate::error::SimulatorError;
-use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES};
+use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges};
 use crate::system::State;
-
-/// Trajectories that a search tries at once.
-const TRIALS: usize = STEP_SIZES.len();
 
 /// Numbers of one problem, by knots.
 #[derive(Clone, Copy)]
@@ -37,8 +34,8 @@ pub struct Tracking<'a> {
     pub cost: StateCost<'a>,
     pub arguments: &'a [(Argument, usize)],
     pub substeps: usize,
-    /// Simulators of the instance, [`STEP_SIZES`] and the knots many.
-    pub trials: Simulator,
+    /// Simulators of the instance: of the first step size, of the others, and of the knots.
+    pub trials: [Simulator; 2],
     pub knots: Simulator,
     /// Every number of the instance at the start.
     pub start: Vec<f64>,
@@ -113,19 +110,20 @@ impl Tracking<'_> {
         (0..w).map(new).collect()
     }
 
-    fn try_search(&mut self, policies: Option<&[Policy]>) -> Result<[f64; TRIALS], SimulatorError> {
-        let (mut costs, w, horizon) = ([0.0; TRIALS], self.width(), self.horizon());
-        self.trials.load(&self.start.repeat(TRIALS))?;
-        let mut found = vec![Trajectory::default(); TRIALS];
+    fn try_search(&mut self, policies: Option<&[Policy]>, sizes: &[f64]) -> Result<Vec<f64>, SimulatorError> {
+        let (mut costs, w, horizon) = (vec![0.0; sizes.len()], self.width(), self.horizon());
+        let which = usize::from(sizes.len() > 1);
+        self.trials[which].load(&self.start.repeat(sizes.len()))?;
+        let mut found = vec![Trajectory::default(); sizes.len()];
         for knot in 0..=horizon {
-            let (saved, mut rows) = (self.trials.save(), Vec::with_capacity(TRIALS * w));
+            let (saved, mut rows) = (self.trials[which].save(), Vec::with_capacity(sizes.len() * w));
             for (k, trajectory) in found.iter_mut().enumerate() {
-                let state = self.trials.state(k);
+                let state = self.trials[which].state(k);
                 let (reference, weights) = self.numbers_at(knot);
                 costs[k] += self.cost.value(&state, reference, weights);
                 if knot < horizon {
                     let chosen = match policies {
-                        Some(policies) => self.policy_inputs(knot, &policies[knot], STEP_SIZES[k], &state),
+                        Some(policies) => self.policy_inputs(knot, &policies[knot], sizes[k], &state),
                         None => self.present.inputs[knot * w..][..w].to_vec(),
                     };
                     costs[k] += self.input_cost(knot, &chosen);
@@ -136,7 +134,7 @@ impl Tracking<'_> {
                 trajectory.states.push(state);
             }
             if knot < horizon {
-                self.trials.step(&inputs(&split(self.arguments, &rows)), self.substeps)?;
+                self.trials[which].step(&inputs(&split(self.arguments, &rows)), self.substeps)?;
             }
         }
         self.candidates = found;
@@ -184,10 +182,10 @@ impl Problem for Tracking<'_> {
         (0..self.horizon()).map(|knot| [less(self.numbers.lower, knot), less(self.numbers.upper, knot)]).collect()
     }
 
-    fn search(&mut self, policies: Option<&[Policy]>) -> [f64; TRIALS] {
-        self.try_search(policies).unwrap_or_else(|error| {
+    fn search(&mut self, policies: Option<&[Policy]>, sizes: &[f64]) -> Vec<f64> {
+        self.try_search(policies, sizes).unwrap_or_else(|error| {
             self.error.get_or_insert(error);
-            [f64::NAN; TRIALS]
+            vec![f64::NAN; sizes.len()]
         })
     }
 

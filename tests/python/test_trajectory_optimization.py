@@ -34,9 +34,10 @@ def test_val_optima_are_those_of_ipopt_to_1e_6(problem: dict[str, Any]) -> None:
     assert plan.converged[0]
     assert plan.cost[0] == pytest.approx(problem["cost"], rel=1e-9)
     assert np.abs(found - expected).max() < 1e-6 * upper.max()
-    # Bounds hold exactly, and matter.
+    # Bounds hold exactly, and matter; those of actuators are met up to a rounding.
     assert ((lower <= found) & (found <= upper)).all()
-    assert ((found == lower) | (found == upper))[:, lower < upper].any()
+    active = (found <= np.nextafter(lower, np.inf)) | (found >= np.nextafter(upper, -np.inf))
+    assert 0.01 < active[:, lower < upper].mean() < 0.9
     # A coarse tolerance gives another answer.
     coarse = np.concatenate([*plan_golden(problem, tolerance=1e-2).inputs.values()], axis=-1)[0]
     assert np.abs(coarse - expected).max() > 1e-5 * upper.max()
@@ -56,10 +57,10 @@ def riccati(sim: Simulator, horizon: int, q: np.ndarray, r: np.ndarray) -> tuple
 
 def test_one_iteration_of_a_linear_problem_is_the_discrete_riccati_recursion() -> None:
     sim = Simulator("free-body", dt=0.05)
-    weights = {"position": [1.0, 2.0, 3.0], "attitude": 4.0, "twist": 0.5}
+    weights = {"position": 2.0, "attitude": 4.0, "twist": 0.5}
     problem: dict[str, Any] = {"horizon": 15, "substeps": 2, "weights": weights, "input_weights": {"wrench": 0.1}}
-    gains, p = riccati(sim, 15, np.diag([1.0, 2.0, 3.0, 4.0, 4.0, 4.0] + [0.5] * 6), 0.1 * np.eye(6))
-    # Translations of a level body are linear.
+    gains, p = riccati(sim, 15, np.diag([2.0] * 3 + [4.0] * 3 + [0.5] * 6), 0.1 * np.eye(6))
+    # Translations of a level body are linear, where weights are the same along all axes.
     start = np.array([0.3, -0.2, 0.5])
     sim.set_state(position=start)
     plan = optimize_trajectory(sim, references={"position": [0.0] * 3}, **problem)
