@@ -15,7 +15,9 @@ import pytest
 import typer
 
 import uvms_gym
+from uvms_gym.cli import main
 from uvms_gym.cli.app import app
+from uvms_gym.controllers.registry import policy_file
 
 ROOT = Path(__file__).parents[2]
 #: Pages with snippets; those of notebooks run when the site is built, README's in test_readme.
@@ -31,6 +33,8 @@ TEXTS = [
     ROOT / "training" / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
+#: Commands of the pages in `docs` that are run, with what makes them quick.
+QUICK = {"scenes": [], "compare": ["--episodes", "2"]}
 #: Code that a page's snippets continue.
 BEFORE = {"add-a-task.md": "from uvms_gym.envs import *"}
 
@@ -73,6 +77,18 @@ def test_the_commands_of_a_text_exist(text: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.chdir(ROOT)
     for arguments in commands(text.read_text()):
         parse(arguments)
+
+
+@pytest.mark.parametrize("page", ["scenes.md", "scoreboard.md"])
+def test_the_quick_commands_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copy(policy_file("ppo", scene="petasus-pum", dt=0.02, substeps=5), tmp_path / "policy.safetensors")
+    shutil.copy(ROOT / "tests" / "golden" / "alpha5.urdf", tmp_path / "arm.urdf")
+    (tmp_path / "controller.py").write_text("from uvms_gym import PID as Controller\n")
+    monkeypatch.chdir(tmp_path)
+    run = [arguments for arguments in commands((ROOT / "docs" / page).read_text()) if arguments[0] in QUICK]
+    assert run
+    for arguments in run:
+        assert main([*arguments, *QUICK[arguments[0]]]) == 0, arguments
 
 
 def test_other_commands_would_show() -> None:
