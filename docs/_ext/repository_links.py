@@ -28,6 +28,8 @@ PAGES = {
     "training/README.md": "training",
     "training/README.md#ray": "training",
     "training/own_task.py": "examples",
+    "training/ray_evaluate.py": "examples",
+    "training/ray_train.py": "examples",
 }
 _LINK = re.compile(r"(?P<picture>!?)\[(?P<text>(?:[^\[\]]|\[[^\]]*\])*)\]\((?P<target>[^()\s]+)\)")
 
