@@ -63,7 +63,7 @@ test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluatio
 	.venv-ray/bin/python training/ray_train.py --frames 16384 --out $(OUT)/ray.safetensors
 	.venv-ray/bin/python training/ray_evaluate.py --controller pd --controller mlp:$(OUT)/ray.safetensors --episodes 32
 
-docs: $(VENV)/docs $(VENV)/wheel ## documentation site into out/docs; executes its tutorials
+docs: $(VENV)/docs $(VENV)/learning $(VENV)/wheel ## documentation site into out/docs; executes its tutorials; downloads torch
 	nice -n 10 $(BIN)/sphinx-build -W --keep-going -q docs $(OUT)/docs
 
 wheel: $(VENV)/zig ## wheel for any Linux with glibc 2.17 (CPython 3.11 and later) and source distribution, into dist/

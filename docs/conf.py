@@ -4,12 +4,16 @@ import logging
 import sys
 from pathlib import Path
 
+from nbclient import NotebookClient
+
 import uvms_gym
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 
 # One line per notebook.
 logging.getLogger("traitlets").setLevel(logging.WARNING)
+# Kernels warn that their connection, local TCP, is not encrypted.
+NotebookClient.extra_arguments.default_args = (["--log-level=ERROR"],)
 
 project = "uvms_gym"
 author = "uvms_gym contributors"
@@ -34,7 +38,7 @@ source_suffix = {".md": "myst-nb"}
 # Tutorials run whenever they are read; an exception ends the build.
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
-nb_execution_timeout = 120
+nb_execution_timeout = 600
 nb_merge_streams = True
 
 myst_enable_extensions = ["deflist"]
