@@ -51,9 +51,12 @@ for seed in 0 1 2 3 4; do
     distilled ppo-distilled $seed $keep dob-delay 0.08 0.035 -n 5000000
     distilled ppo-distilled-calm $seed $keep dob-calm 0.52 0.34 -n 3000000
     distilled ppo-distilled-medium $seed $keep dob-medium 0.25 0.07
-    distilled ppo-distilled-wide $seed UVMS-StationKeep-Wide-v0 dob-wide 0.05 0.1 --n-envs 512 -n 4000000
     scratch ppo $seed UVMS-EETrack-Storm-v0 0.2 0.3 -n 5000000 -params frame_stack:6
 done
+start=out/train/ppo-distilled-wide-0-start.safetensors wide=UVMS-StationKeep-Wide-v0
+[ -e "$start" ] || uvms train --algo distill --env $wide --teacher dob-adaptive -n 2400000 --seed 0 --export "$start"
+policy ppo-distilled-wide 0 $wide --algo asymmetric-ppo --start "$start" --n-envs 512 -n 4000000 \
+    --env-kwargs "reward:{'effort':0.05,'action_rate':0.1}"
 scratch ppo 0 $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
 # Corrections to classical controllers, by PPO of Stable-Baselines3.
 policy ppo-pd 0 $keep --base pd -n 3000000
