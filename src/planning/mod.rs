@@ -7,3 +7,4 @@ mod tracking;
 
 pub use cost::{reference_width, residuals};
 pub use plan::{Plan, Problems, input_argument, input_width, optimize};
+pub use tracking::{Numbers, Trajectory};

@@ -22,16 +22,8 @@ pub struct Problems<'a> {
     pub substeps: usize,
     /// Inputs to choose, in the order of [`input_argument`]; entries of all of them: w.
     pub inputs: &'a [Argument],
-    /// (N, horizon + 1, [`reference_width`]).
-    pub references: &'a [f64],
-    /// (N, horizon + 1, [`residuals`]), at least 0.
-    pub weights: &'a [f64],
-    /// (N, horizon, w); weights greater than 0.
-    pub input_references: &'a [f64],
-    pub input_weights: &'a [f64],
-    /// (N, horizon, w); may be infinite. Limits of the scene's actuators hold besides.
-    pub lower: &'a [f64],
-    pub upper: &'a [f64],
+    /// Numbers of all problems. Limits of the scene's actuators hold besides the bounds.
+    pub numbers: Numbers<'a>,
     /// (N, horizon, w): inputs at the start, within bounds or not.
     pub start: &'a [f64],
     pub settings: Settings,
@@ -134,12 +126,12 @@ fn optimize_one(
     };
     let of_states = |all, width: usize| part(all, (horizon + 1) * width, i);
     let of_inputs = |all| part(all, horizon * w, i);
-    let joints = simulator.joints();
+    let (joints, all) = (simulator.joints(), problems.numbers);
     let numbers = Numbers {
-        references: of_states(problems.references, reference_width(joints)),
-        weights: of_states(problems.weights, residuals(joints)),
-        input_references: of_inputs(problems.input_references),
-        input_weights: of_inputs(problems.input_weights),
+        references: of_states(all.references, reference_width(joints)),
+        weights: of_states(all.weights, residuals(joints)),
+        input_references: of_inputs(all.input_references),
+        input_weights: of_inputs(all.input_weights),
         lower: of_inputs(lower),
         upper: of_inputs(upper),
     };
@@ -196,13 +188,14 @@ fn check(
     let weight: Allowed = ("finite and at least 0", |x| x.is_finite() && x >= 0.0);
     let input_weight: Allowed = ("finite and greater than 0", |x| x.is_finite() && x > 0.0);
     let bound: Allowed = ("a number", |x| !x.is_nan());
+    let all = problems.numbers;
     let arrays = [
-        ("references", problems.references, states, reference_width(joints), finite),
-        ("weights", problems.weights, states, residuals(joints), weight),
-        ("input references", problems.input_references, steps, w, finite),
-        ("input weights", problems.input_weights, steps, w, input_weight),
-        ("lower bounds", problems.lower, steps, w, bound),
-        ("upper bounds", problems.upper, steps, w, bound),
+        ("references", all.references, states, reference_width(joints), finite),
+        ("weights", all.weights, states, residuals(joints), weight),
+        ("input references", all.input_references, steps, w, finite),
+        ("input weights", all.input_weights, steps, w, input_weight),
+        ("lower bounds", all.lower, steps, w, bound),
+        ("upper bounds", all.upper, steps, w, bound),
         ("initial inputs", problems.start, steps, w, finite),
     ];
     for (name, values, knots, width, (allowed, holds)) in arrays {
@@ -215,7 +208,7 @@ fn check(
             return Err(PlanningError::Number { name, problem, knot, entry, value: values[at], allowed });
         }
     }
-    let (mut lower, mut upper) = (problems.lower.to_vec(), problems.upper.to_vec());
+    let (mut lower, mut upper) = (all.lower.to_vec(), all.upper.to_vec());
     let entries: Vec<_> = arguments.iter().flat_map(|(name, width)| (0..*width).map(move |k| (*name, k))).collect();
     for at in 0..lower.len() {
         let (problem, knot, (argument, entry)) = (at / (steps * w), at / w % steps, entries[at % w]);

@@ -9,13 +9,17 @@ use crate::error::SimulatorError;
 use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges};
 use crate::system::State;
 
-/// Numbers of one problem, by knots.
+/// Numbers of one problem, or of N problems one after another; entries of all inputs: w.
 #[derive(Clone, Copy)]
 pub struct Numbers<'a> {
+    /// (N, horizon + 1, [`reference_width`]).
     pub references: &'a [f64],
+    /// (N, horizon + 1, [`residuals`]), at least 0.
     pub weights: &'a [f64],
+    /// (N, horizon, w); weights greater than 0.
     pub input_references: &'a [f64],
     pub input_weights: &'a [f64],
+    /// (N, horizon, w); may be infinite.
     pub lower: &'a [f64],
     pub upper: &'a [f64],
 }

@@ -9,7 +9,7 @@ use super::errors::OrRaise;
 use super::simulator::Simulator;
 use uvms_gym::batch::Argument;
 use uvms_gym::optimize::Settings;
-use uvms_gym::planning::{Plan, Problems, input_argument, input_width, optimize};
+use uvms_gym::planning::{Numbers, Plan, Problems, input_argument, input_width, optimize};
 use uvms_gym::system::State;
 
 fn arguments(simulator: &Simulator, names: &[String]) -> PyResult<Vec<Argument>> {
@@ -50,12 +50,14 @@ pub fn optimize_trajectory<'py>(
         horizon,
         substeps,
         inputs: &chosen,
-        references: &references,
-        weights: &weights,
-        input_references: &input_references,
-        input_weights: &input_weights,
-        lower: &lower,
-        upper: &upper,
+        numbers: Numbers {
+            references: &references,
+            weights: &weights,
+            input_references: &input_references,
+            input_weights: &input_weights,
+            lower: &lower,
+            upper: &upper,
+        },
         start: &start,
         settings: Settings { iterations, tolerance },
     };
