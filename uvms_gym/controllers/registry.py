@@ -98,8 +98,6 @@ FAMILIES = {
     "observer": ("dob-still", "dob-calm", "dob-medium", "dob-delay", "dob-free"),
     "PPO, distilled": ("ppo-distilled-calm", "ppo-distilled-medium", "ppo-distilled"),
 }
-
-
 _ENTRIES: dict[str, ClassicalEntry | LearnedEntry] = {**CLASSICAL, **LEARNED}
 
 

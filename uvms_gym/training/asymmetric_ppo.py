@@ -1,7 +1,6 @@
 """Proximal policy optimisation with an asymmetric critic and paired episodes. [Sch17], [Pin17], [Mao18]"""
 
 import itertools
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,7 +66,6 @@ class AsymmetricPPO(Learner):
         super().__init__(settings, given, given.log_std)
         if self.replicas % 2 or self.num_envs % self.replicas:
             raise ValueError(f"replicas is {self.replicas}, but must be even and divide n_envs ({self.num_envs})")
-        self._beside = ThreadPoolExecutor(1)
         self._adam = torch.optim.Adam(self.actor.parameters(), lr=given.learning_rate, fused=True)
         self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=given.critic_learning_rate, fused=True)
         if settings.start is not None:
@@ -117,7 +115,7 @@ class AsymmetricPPO(Learner):
             torch.split(torch.randperm(len(times), generator=generator), given.batch_size)
             for _ in range(max(critic_epochs, given.n_epochs))
         ]
-        fit = self._beside.submit(self._fit, episodes.clean, returns, instances, times, batches[:critic_epochs])
+        fit = self._threads.submit(self._fit, episodes.clean, returns, instances, times, batches[:critic_epochs])
         divergences: list[Tensor] = []
         for epoch in range(given.n_epochs):
             for batch in batches[epoch]:

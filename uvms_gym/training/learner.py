@@ -90,7 +90,7 @@ class Learner(ABC):
             self.modules: dict[str, nn.Module] = {"actor": self.actor, **self.make_modules()}
         self.behaviour = copy.deepcopy(self.actor)
         self._pending: Future[tuple[Episodes, Tensor]] | None = None
-        self._thread = ThreadPoolExecutor(1)
+        self._threads = ThreadPoolExecutor(2)
 
     def make_modules(self) -> dict[str, nn.Module]:
         """Make further networks."""
@@ -167,12 +167,12 @@ class Learner(ABC):
         return {}
 
     def close(self) -> None:
-        """Wait for the thread, and close the environments."""
-        self._thread.shutdown()
+        """Wait for the threads, and close the environments."""
+        self._threads.shutdown()
         self.envs.close()
 
     def _begin(self) -> Future[tuple[Episodes, Tensor]]:
-        return self._thread.submit(self.collect, self.behaviour, self.iteration, self.horizon)
+        return self._threads.submit(self.collect, self.behaviour, self.iteration, self.horizon)
 
 
 def step(optimizer: torch.optim.Optimizer, loss: Tensor, limit: float | None = None) -> None:
