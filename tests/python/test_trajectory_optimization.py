@@ -55,6 +55,28 @@ def riccati(sim: Simulator, horizon: int, q: np.ndarray, r: np.ndarray) -> tuple
     return np.array(gains[::-1]), p
 
 
+def test_optima_are_stationary_under_weights_that_differ_by_axis() -> None:
+    # Only such weights couple the position's error, in body axes, with the attitude.
+    sim = Simulator("free-body", dt=0.05)
+    turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    problem: dict[str, Any] = {
+        "horizon": 10,
+        "substeps": 2,
+        "references": {"position": [1.0, 0.5, -0.3], "rotation": turned},
+        "weights": {"position": [1.0, 20.0, 5.0], "attitude": [2.0, 0.5, 1.0], "twist": 0.1},
+        "input_weights": {"wrench": 0.01},
+    }
+    plan = optimize_trajectory(sim, tolerance=1e-15, max_iterations=300, **problem)
+    assert plan.converged[0]
+    change = 1e-3 * np.random.default_rng(0).normal(size=plan.inputs["wrench"].shape)
+
+    def cost(sign: int) -> float:
+        initial = {"wrench": plan.inputs["wrench"] + sign * change}
+        return float(optimize_trajectory(sim, initial=initial, max_iterations=0, **problem).cost[0])
+
+    assert abs(cost(1) - cost(-1)) < 1e-3 * (cost(1) + cost(-1) - 2.0 * plan.cost[0])
+
+
 def test_one_iteration_of_a_linear_problem_is_the_discrete_riccati_recursion() -> None:
     sim = Simulator("free-body", dt=0.05)
     weights = {"position": 2.0, "attitude": 4.0, "twist": 0.5}
