@@ -539,6 +539,15 @@ class Task:
         """Privileged information: true state, flow, parameters and target, (N, m)."""
     def perfect_observations(self) -> NDArray[np.float32]:
         """Observations of the true, present state, (N, d): sensors without noise and delay."""
+    def record(
+        self, actor: Mlp, noise: NDArray[np.float32], teacher: Controller | None = None, *, teacher_acts: bool = False
+    ) -> dict[str, NDArray[Any]]:
+        """Episodes of all instances for training, T control periods under `actor` with noise (N, T, a) on its actions.
+
+        Returns observations (N, h - 1 + T, d) after h - 1 rows of zeros, h the actor's history; perfect observations
+        (N, T + 1, d); actions (N, T, a), not clipped; rewards, alive and terminated (N, T); with a teacher its actions
+        on perfect observations, targets (N, T, a), which are taken in place of the actor's if it acts.
+        """
     def reset(
         self, seeds: list[int | None], mask: NDArray[np.bool_] | None = None, **given: Any
     ) -> tuple[NDArray[np.float32], _Floats]:

@@ -13,7 +13,8 @@ pub mod stepping;
 pub mod storage;
 
 pub use episodes::{
-    Autoreset, Beginning, Final, Outputs, Rollout, RolloutStats, Saved, StepResult, TaskBatch, Trace, Transition,
+    Autoreset, Beginning, Final, Outputs, Recorder, Recording, Rollout, RolloutStats, Saved, StepResult, TaskBatch,
+    Teacher, Trace, Transition,
 };
 pub use monitoring::error_estimate::ErrorEstimate;
 pub use monitoring::modal_analysis::{ModalAnalysis, Mode, UnstableStep, stabilities};

@@ -95,6 +95,11 @@ impl Mlp {
         let mlp = Arc::new(mlp);
         PyClassInitializer::from(Controller { inner: mlp.clone() }).add_subclass(Self { mlp })
     }
+
+    /// The policy.
+    pub(super) fn mlp(&self) -> &Arc<control::Mlp> {
+        &self.mlp
+    }
 }
 
 #[pymethods]

@@ -18,6 +18,7 @@ mod motion;
 mod outputs;
 mod parameters;
 mod planning;
+mod recording;
 mod renderer;
 mod robots;
 mod rollout;

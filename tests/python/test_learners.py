@@ -61,10 +61,72 @@ def test_every_environment_has_hyperparameters_that_make_a_learner(algo: str, en
     make_learner(small).close()
 
 
+def random(*shape: int) -> torch.Tensor:
+    return torch.randn(*shape, generator=torch.Generator().manual_seed(0))
+
+
+def idle(envs: TrainingEnvs, history: int) -> MLP:
+    """Network whose actions are 0."""
+    return MLP(
+        weights=[np.zeros((envs.actions, history * envs.size))], biases=[np.zeros(envs.actions)], history=history
+    )
+
+
+@pytest.mark.parametrize("teacher_acts", [False, True])
+def test_recorded_episodes_are_those_of_the_environment(teacher_acts: bool) -> None:
+    options: dict[str, Any] = {"max_episode_steps": 10, "dtype": "float32"}
+    envs, other = TrainingEnvs(ENV, options, 3, 2), TrainingEnvs(ENV, options, 3, 2)
+    policy = MLP(weights=[0.3 * random(6, 2 * envs.size)], biases=[random(6)], history=2)
+    teacher, noise = Distillation(settings("distill")).teacher, 0.1 * random(3, 12, 6)
+    episodes = envs.run([5, 6, 7], policy, noise, teacher, teacher_acts=teacher_acts)
+    seen, _ = other.env.reset(seed=[5, 6, 7])
+    memories: list[Any] = [None, None]
+    for t in range(10):
+        np.testing.assert_array_equal(episodes.observations[:, t + 1], seen)
+        np.testing.assert_array_equal(episodes.perfect[:, t], other.inner.perfect_observations())
+        targets, memories[0] = teacher.predict(episodes.perfect[:, t], memories[0], np.full(3, t == 0))
+        np.testing.assert_array_equal(episodes.targets[:, t], targets)
+        actions, memories[1] = policy.predict(seen, memories[1], np.full(3, t == 0))
+        acted = episodes.actions[:, t] - noise[:, t]
+        np.testing.assert_allclose(targets if teacher_acts else actions, acted.clamp(-1.0, 1.0), atol=1e-6)
+        seen, rewards, _, _, _ = other.env.step(episodes.actions[:, t].numpy())
+        np.testing.assert_array_equal(episodes.rewards[:, t], rewards.astype(np.float32))
+    np.testing.assert_array_equal(episodes.perfect[:, 10], other.inner.perfect_observations())
+    # The mean is not clipped.
+    assert teacher_acts or (episodes.actions.abs() > 1.2).any()
+    assert episodes.alive[:, :10].all() and not episodes.alive[:, 10:].any() and not episodes.terminated.any()
+
+
+def test_recorded_episodes_end_where_the_task_ends_them() -> None:
+    envs = TrainingEnvs("UVMS-StationKeep-v0", {"max_episode_steps": 1000}, 2, 1)
+    ahead = MLP(weights=[np.zeros((envs.actions, envs.size))], biases=[np.eye(envs.actions)[0]])
+    noise = torch.zeros(2, 600, envs.actions)
+    # The second stays.
+    noise[1, :, 0] = -1.0
+    episodes = envs.run([0, 1], ahead, noise)
+    (instance,), (end,) = episodes.terminated.nonzero(as_tuple=True)
+    assert instance == 0 and episodes.alive[1].all()
+    assert episodes.alive[0, : end + 1].all() and not episodes.alive[0, end + 1 :].any()
+
+
+def test_bad_recordings_are_refused() -> None:
+    envs = TrainingEnvs(ENV, {}, 2, 1)
+    network = idle(envs, 1)
+    noise = torch.zeros(2, 4, 6)
+    for shape in ((3, 4, 6), (2, 6, 4)):
+        with pytest.raises(ValueError, match=r"noise has shape .*, but must have \(2, T, 6\)"):
+            envs.run([0, 1], network, torch.zeros(shape))
+    noise[1, 2, 3] = torch.nan
+    with pytest.raises(ValueError, match="action 3 of instance 1 is NaN"):
+        envs.run([0, 1], network, noise)
+    with pytest.raises(ValueError, match="gives 7 action entries, but the environment has 44 and 6"):
+        envs.run([0, 1], MLP(weights=[np.zeros((7, envs.size))], biases=[np.zeros(7)]), torch.zeros(2, 4, 6))
+
+
 def test_perfect_observations_are_those_of_an_environment_without_noise_and_delay() -> None:
     envs = TrainingEnvs(ENV, {"max_episode_steps": 20}, 4, 3)
-    noise = torch.rand(20, 4, 6, generator=torch.Generator().manual_seed(0)) - 0.5
-    episodes = envs.run([5, 6, 7, 8], lambda t, inputs, clean: noise[t])
+    noise = 0.3 * random(4, 20, 6)
+    episodes = envs.run([5, 6, 7, 8], idle(envs, 3), noise)
     options = {"disturbance": {"base": "storm", "noise": None, "delay": None}, "max_episode_steps": 20}
     perfect: Any = gymnasium.make_vec(ENV, num_envs=4, **options)
     places = {block.name: block.slice for block in envs.inner.layout}
@@ -72,22 +134,22 @@ def test_perfect_observations_are_those_of_an_environment_without_noise_and_dela
     seen, _ = perfect.reset(seed=[5, 6, 7, 8])
     for t in range(20):
         # The integral of errors is that of measured ones.
-        np.testing.assert_array_equal(episodes.clean[:, t, :first].numpy(), seen[:, :first])
-        seen = perfect.step(noise[t].numpy())[0]
-    np.testing.assert_array_equal(episodes.clean[:, 20, :first].numpy(), seen[:, :first])
+        np.testing.assert_array_equal(episodes.perfect[:, t, :first].numpy(), seen[:, :first])
+        seen = perfect.step(noise[:, t].numpy())[0]
+    np.testing.assert_array_equal(episodes.perfect[:, 20, :first].numpy(), seen[:, :first])
     assert first == envs.size - 6
     place = places["position_error"]
     rows = episodes.observations[:, 2:]
     assert (episodes.inputs[:, 0, : 2 * envs.size] == 0.0).all()
     assert torch.equal(episodes.inputs[:, 9].reshape(4, 3, -1), rows[:, 7:10])
     # The sensors of the environment itself have noise and delay.
-    assert (rows[:, 5, place] != episodes.clean[:, 5, place]).all()
+    assert (rows[:, 5, place] != episodes.perfect[:, 5, place]).all()
     assert episodes.alive.all() and not episodes.terminated.any()
 
 
 def test_stacked_observations_are_selected_by_instance_and_time() -> None:
     envs = TrainingEnvs(ENV, {"max_episode_steps": 8}, 3, 4)
-    episodes = envs.run([0, 1, 2], lambda t, inputs, clean: torch.zeros(3, 6))
+    episodes = envs.run([0, 1, 2], idle(envs, 4), torch.zeros(3, 8, 6))
     i, t = torch.ones(3, 8).nonzero().T
     assert torch.equal(episodes.select(i, t), episodes.inputs.flatten(0, 1))
 
@@ -104,7 +166,7 @@ def test_episodes_of_one_seed_are_paired_with_opposite_noise() -> None:
     mean = learner.actor(episodes.inputs[:, 0])
     noise = (episodes.actions[:, 0] - mean).reshape(2, 2, 2, 6)
     assert torch.allclose(noise[:, :, 0], -noise[:, :, 1], atol=1e-6) and (noise != 0.0).all()
-    first = episodes.clean[:, 0].reshape(2, 4, -1)
+    first = episodes.perfect[:, 0].reshape(2, 4, -1)
     assert (first == first[:, :1]).all() and (first[0] != first[1]).any()
 
 

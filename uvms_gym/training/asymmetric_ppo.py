@@ -91,18 +91,18 @@ class AsymmetricPPO(Learner):
 
     def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run episodes with noise on the actions; returns the logarithms of the actions' densities (n, T), too."""
-        shape = (steps, self.num_envs // 2, self.envs.actions)
+        shape = (self.num_envs // 2, steps, self.envs.actions)
         half = torch.randn(shape, generator=self.generator(iteration, "collect"))
-        unit, log_std = torch.stack([half, -half], dim=2).flatten(1, 2), actor.log_std.detach()
-        noise = unit * log_std.exp()
-        episodes = self.envs.run(self.seeds(iteration), lambda t, inputs, clean: actor(inputs) + noise[t], steps)
-        return episodes, -(0.5 * unit**2 + log_std).sum(dim=-1).T
+        unit, log_std = torch.stack([half, -half], dim=1).flatten(0, 1), actor.log_std.detach()
+        network = actor.network(self.settings.history)
+        episodes = self.envs.run(self.seeds(iteration), network, unit * log_std.exp())
+        return episodes, -(0.5 * unit**2 + log_std).sum(dim=-1)
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Fit the critic, and improve the actor."""
         given, alive = self.parameters, episodes.alive
         with torch.no_grad():
-            values = self.critic(episodes.clean)
+            values = self.critic(episodes.perfect)
             advantages = self._estimate(values, episodes)
             returns = advantages + values[:, :-1]
             groups = (advantages * alive).view(-1, self.replicas, alive.shape[1])
@@ -115,7 +115,7 @@ class AsymmetricPPO(Learner):
             torch.split(torch.randperm(len(times), generator=generator), given.batch_size)
             for _ in range(max(critic_epochs, given.n_epochs))
         ]
-        fit = self._threads.submit(self._fit, episodes.clean, returns, instances, times, batches[:critic_epochs])
+        fit = self._threads.submit(self._fit, episodes.perfect, returns, instances, times, batches[:critic_epochs])
         divergences: list[Tensor] = []
         for epoch in range(given.n_epochs):
             for batch in batches[epoch]:
@@ -130,10 +130,10 @@ class AsymmetricPPO(Learner):
         fit.result()
         self._adapt(float(torch.stack(divergences).mean()))
 
-    def _fit(self, clean: Tensor, returns: Tensor, instances: Tensor, times: Tensor, epochs: list[Any]) -> None:
+    def _fit(self, perfect: Tensor, returns: Tensor, instances: Tensor, times: Tensor, epochs: list[Any]) -> None:
         """Fit the critic to the returns (n, T), epochs of batches of time steps."""
-        steps = clean.shape[1]
-        observations = clean.flatten(0, 1)
+        steps = perfect.shape[1]
+        observations = perfect.flatten(0, 1)
         for batch in itertools.chain.from_iterable(epochs):
             i, t = instances[batch], times[batch]
             values = self.critic(observations.index_select(0, i * steps + t))

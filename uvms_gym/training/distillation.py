@@ -4,7 +4,6 @@ import warnings
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -71,21 +70,13 @@ class Distillation(Learner):
 
     def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
         """Run episodes; returns the teacher's actions (n, T, a), too."""
-        n, first = self.num_envs, iteration == 0
-        generator = self.generator(iteration, "collect")
-        targets = torch.zeros(n, steps, self.envs.actions)
-        memory: Any = None
-
-        def act(t: int, inputs: Tensor, clean: Tensor) -> Tensor:
-            nonlocal memory
-            actions, memory = self.teacher.predict(clean.numpy(), memory, np.full(n, t == 0))
-            targets[:, t] = torch.from_numpy(actions)
-            if first:
-                return targets[:, t]
-            mean: Tensor = actor(inputs)
-            return mean + self.parameters.noise * torch.randn(mean.shape, generator=generator)
-
-        return self.envs.run(self.seeds(iteration), act, steps), targets
+        first, network = iteration == 0, actor.network(self.settings.history)
+        shape = (self.num_envs, steps, self.envs.actions)
+        noise = torch.randn(shape, generator=self.generator(iteration, "collect"))
+        noise *= 0.0 if first else self.parameters.noise
+        episodes = self.envs.run(self.seeds(iteration), network, noise, self.teacher, teacher_acts=first)
+        assert episodes.targets is not None
+        return episodes, episodes.targets
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Regress the actor onto the teacher's actions in pairs of successive steps."""

@@ -1,19 +1,17 @@
 """Episodes for training, with observations of real and of perfect sensors."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
-import numpy as np
 import torch
 from torch import Tensor
 
+from uvms_gym import MLP
+from uvms_gym.controllers import Controller
 from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.training.evaluation import episode_steps
-
-#: Actions (n, a) for the time step, stacked observations (n, h d) and perfect observations (n, d).
-Act = Callable[[int, Tensor, Tensor], Tensor]
 
 
 @dataclass(frozen=True)
@@ -22,7 +20,7 @@ class Episodes:
 
     observations: Tensor
     """Observations (n, h - 1 + T, d) after h - 1 rows of zeros."""
-    clean: Tensor
+    perfect: Tensor
     """Perfect observations (n, T + 1, d), that after the last step included."""
     actions: Tensor
     """Actions (n, T, a), not clipped."""
@@ -34,6 +32,8 @@ class Episodes:
     """True for the step that ended it, other than by its time limit (n, T)."""
     history: int
     """Number of stacked observations h."""
+    targets: Tensor | None = None
+    """Actions of a teacher on the perfect observations (n, T, a)."""
 
     @property
     def inputs(self) -> Tensor:
@@ -80,33 +80,38 @@ class TrainingEnvs:
         (self.size,) = inner.single_observation_space.shape or ()
         (self.actions,) = inner.single_action_space.shape or ()
 
-    @torch.no_grad()
-    def run(self, seeds: Sequence[int], act: Act, steps: int | None = None) -> Episodes:
-        """Run the first `steps` of an episode (None: all) of every instance."""
-        n, h, d = self.inner.num_envs, self.history, self.size
-        steps = self.steps if steps is None else steps
-        rows = Episodes(
-            observations=torch.zeros(n, h - 1 + steps, d),
-            clean=torch.zeros(n, steps + 1, d),
-            actions=torch.zeros(n, steps, self.actions),
-            rewards=torch.zeros(n, steps),
-            alive=torch.zeros(n, steps, dtype=torch.bool),
-            terminated=torch.zeros(n, steps, dtype=torch.bool),
-            history=h,
-        )
-        inputs, alive = rows.inputs, np.ones(n, dtype=np.bool_)
+    def run(
+        self,
+        seeds: Sequence[int],
+        actor: MLP,
+        noise: Tensor,
+        teacher: Controller | None = None,
+        teacher_acts: bool = False,
+    ) -> Episodes:
+        """Run the first T steps of an episode of every instance, natively.
+
+        Parameters
+        ----------
+        seeds : sequence of int (n,)
+        actor : MLP
+            Policy; its actions are taken before they are clipped.
+        noise : Tensor (n, T, a)
+            Noise on the actions.
+        teacher : Controller or None
+            Controller on the perfect observations, whose actions become `targets`.
+        teacher_acts : bool
+            The teacher's actions are taken in place of the actor's.
+
+        Raises
+        ------
+        ValueError
+            The actor or the teacher is for other observations or actions.
+        """
         given: Any = list(seeds)
-        seen, _ = self.env.reset(seed=given)
-        for t in range(steps):
-            rows.observations[:, h - 1 + t] = torch.from_numpy(seen)
-            rows.clean[:, t] = torch.from_numpy(self.inner.perfect_observations())
-            rows.actions[:, t] = act(t, inputs[:, t], rows.clean[:, t])
-            seen, rewards, terminated, _, _ = self.env.step(rows.actions[:, t].numpy())
-            rows.rewards[:, t] = torch.from_numpy(rewards)
-            rows.alive[:, t], rows.terminated[:, t] = torch.from_numpy(alive), torch.from_numpy(alive & terminated)
-            alive = alive & ~terminated
-        rows.clean[:, steps] = torch.from_numpy(self.inner.perfect_observations())
-        return rows
+        self.env.reset(seed=given)
+        native = None if teacher is None else teacher.native
+        rows = self.inner._native.record(actor.native, noise.numpy(), native, teacher_acts=teacher_acts)
+        return Episodes(history=actor.history, **{name: torch.from_numpy(array) for name, array in rows.items()})
 
     def close(self) -> None:
         """Close the environment."""

@@ -85,17 +85,21 @@ class Actor(nn.Module):
         scaled = (actions - mean) * torch.exp(-self.log_std)
         return -(0.5 * scaled**2 + self.log_std).sum(dim=-1)
 
+    def network(self, history: int, env: Any = None, notes: Mapping[str, str] | None = None) -> MLP:
+        """Policy without torch, of the mean action."""
+        state = {name: array.detach().numpy() for name, array in self.layers.state_dict().items()}
+        state["0.weight"] = state["0.weight"] * np.float32(GAIN)
+        return MLP.from_state_dict(state, env, history=history, notes=notes)
+
     def policy(self, env: Any, history: int, notes: Mapping[str, str] | None = None) -> MLP:
-        """Policy without torch, of the mean action.
+        """`network`, checked.
 
         Raises
         ------
         RuntimeError
             Its actions are not the actor's.
         """
-        state = {name: array.detach().numpy() for name, array in self.layers.state_dict().items()}
-        state["0.weight"] = state["0.weight"] * np.float32(GAIN)
-        policy = MLP.from_state_dict(state, env, history=history, notes=notes)
+        policy = self.network(history, env, notes)
         size = policy.sizes[0] // history
         rows = np.random.default_rng(0).normal(size=(256, history * size), scale=1.0 / GAIN).astype(np.float32)
         with torch.no_grad():

@@ -147,6 +147,14 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
         T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect: false, out });
     }
 
+    /// Observations (n, d) of the true, present state.
+    pub fn observe_perfect(&mut self, observations: &mut [f32]) {
+        let (isa, all) = (self.part.isa, [true; CHUNK]);
+        let chosen = &all[..self.slots.len()];
+        let out = &mut Outputs { observations, ..Outputs::default() };
+        T::dispatch(isa, &mut ObserveKernel { blocks: self.blocks(), chosen, perfect: true, out });
+    }
+
     fn blocks(&mut self) -> Blocks<'_, T, K> {
         Blocks {
             kernel: self.context.kernel,

@@ -249,7 +249,7 @@ pub(super) struct ObserveKernel<'a, 'b, T: Real, K: TaskDefinition> {
     pub chosen: &'a [bool],
     /// True values in place of the sensors' readings.
     pub perfect: bool,
-    /// Observations and metrics of the chosen instances of the blocks.
+    /// Observations of the chosen instances of the blocks, and metrics where there are rows for them.
     pub out: &'a mut Outputs<'b>,
 }
 
@@ -258,7 +258,8 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
     fn run<L: Lane<Real = T>>(&mut self) {
         let layout = self.blocks.layout;
         let kernel = self.blocks.kernel;
-        let (count, width) = (self.out.len(), kernel.observation_len());
+        let (count, width) = (self.chosen.len(), kernel.observation_len());
+        let metrics = if self.out.info[0].is_empty() { 0 } else { METRICS + K::METRICS.len() };
         let mut page = [0.0; LONGEST * WIDEST];
         let mut all = [0.0; WIDEST];
         for first in (0..count).step_by(L::LANES) {
@@ -280,14 +281,16 @@ impl<T: Real, K: TaskDefinition> Kernel<T> for ObserveKernel<'_, '_, T, K> {
                 kernel.measured(&memory, &state, &error)
             };
             kernel.observe_as(&memory, &state, &error, &measured, &mut page);
-            let evaluation = kernel.current_metrics(&memory, &state, &error);
-            let (metrics, own) = (evaluation.metrics.to_array(), evaluation.own);
-            for k in 0..METRICS + K::METRICS.len() {
-                let x = if k < METRICS { metrics[k] } else { own[k - METRICS] };
-                x.store_double(&mut all);
-                for lane in 0..lanes {
-                    if chosen[lane] {
-                        self.out.info[k][first + lane] = all[lane];
+            if metrics > 0 {
+                let evaluation = kernel.current_metrics(&memory, &state, &error);
+                let common = evaluation.metrics.to_array();
+                for k in 0..metrics {
+                    let x = if k < METRICS { common[k] } else { evaluation.own[k - METRICS] };
+                    x.store_double(&mut all);
+                    for lane in 0..lanes {
+                        if chosen[lane] {
+                            self.out.info[k][first + lane] = all[lane];
+                        }
                     }
                 }
             }

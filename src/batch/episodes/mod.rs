@@ -6,6 +6,7 @@ mod episode_slot;
 mod kernels;
 mod outputs;
 mod payload;
+mod recording;
 mod rollout;
 mod storage;
 
@@ -26,8 +27,9 @@ pub use autoreset::Autoreset;
 use chunk::Rules;
 use episode_slot::EpisodeSlot;
 pub use outputs::{Final, Outputs, StepResult, Transition};
+pub use recording::{Recorder, Recording, Teacher};
 pub use rollout::{Rollout, RolloutStats, Trace};
-use storage::{RolloutArgs, StepArgs, TaskBlocks, TaskStorage};
+use storage::{RecordArgs, RolloutArgs, StepArgs, TaskBlocks, TaskStorage};
 
 /// Result of a reset.
 #[derive(Debug, Clone, PartialEq)]
@@ -166,9 +168,7 @@ impl TaskBatch {
     /// # Errors
     /// [`TaskError::NotBegun`] before the first reset.
     pub fn perfect_observations(&mut self) -> Result<Vec<f32>, TaskError> {
-        if let Some(instance) = self.slots.iter().position(|slot| !slot.begun) {
-            return Err(TaskError::NotBegun { instance });
-        }
+        self.check_begun()?;
         Ok(self.observe(true).observations)
     }
 
@@ -263,23 +263,61 @@ impl TaskBatch {
     /// # Errors
     /// `TaskError` for a controller or a rollout of other sizes, and before the first reset; nothing has changed then.
     pub fn run(&mut self, controller: &dyn Controller, rollout: &mut Rollout, steps: u32) -> Result<(), TaskError> {
-        let (expected, takes) = (self.task.observation_len(), self.task.action_len());
-        let Widths { observation: got, memory, action: gives } = controller.widths();
-        if (got, gives) != (expected, takes) {
-            return Err(ControlError::Widths { got, gives, expected, takes }.into());
-        }
+        let memory = self.check_widths(controller)?.memory;
         let n = self.instances();
         for (what, got, expected) in [("stats", rollout.stats.len(), n), ("memory", rollout.memory.len(), n * memory)] {
             if got != expected {
                 return Err(ControlError::Shape { what, got, expected }.into());
             }
         }
-        if let Some(instance) = self.slots.iter().position(|slot| !slot.begun) {
-            return Err(TaskError::NotBegun { instance });
-        }
+        self.check_begun()?;
         let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
         let args = RolloutArgs { task: &self.task, rules, base: self.base.as_deref(), controller, steps };
         Ok(self.storage.run(&mut self.simulator, &mut self.slots, &args, rollout)?)
+    }
+
+    /// Control periods of all instances under a network with noise on its actions, recorded, from their current states: as
+    /// many as there is noise for. An instance whose episode is over waits.
+    ///
+    /// # Errors
+    /// `TaskError` for an actor or a teacher of other sizes, noise of the wrong length or not finite, and before the first
+    /// reset; nothing has changed then.
+    pub fn record(&mut self, recorder: Recorder<'_>) -> Result<Recording, TaskError> {
+        let (n, noise) = (self.instances(), recorder.noise);
+        let row = n * self.check_widths(recorder.actor)?.action;
+        if let Some(teacher) = recorder.teacher {
+            self.check_widths(teacher.controller)?;
+        }
+        if !noise.len().is_multiple_of(row) {
+            let expected = noise.len().next_multiple_of(row);
+            return Err(ControlError::Shape { what: "noise", got: noise.len(), expected }.into());
+        }
+        if let Some(at) = noise.iter().position(|x| !x.is_finite()) {
+            let (instance, index) = (at / (noise.len() / n), at % self.task.action_len());
+            return Err(TaskError::Action { instance, index, value: noise[at] });
+        }
+        self.check_begun()?;
+        let rules = Rules { autoreset: Autoreset::Disabled, ..self.rules };
+        let args = RecordArgs { task: &self.task, rules, base: self.base.as_deref(), recorder };
+        Ok(self.storage.record(&mut self.simulator, &mut self.slots, &args)?)
+    }
+
+    /// Refuses a controller for other observations or actions.
+    fn check_widths(&self, controller: &dyn Controller) -> Result<Widths, ControlError> {
+        let (expected, takes) = (self.task.observation_len(), self.task.action_len());
+        let widths @ Widths { observation: got, action: gives, .. } = controller.widths();
+        if (got, gives) == (expected, takes) {
+            return Ok(widths);
+        }
+        Err(ControlError::Widths { got, gives, expected, takes })
+    }
+
+    /// Refuses instances before their first reset.
+    fn check_begun(&self) -> Result<(), TaskError> {
+        match self.slots.iter().position(|slot| !slot.begun) {
+            Some(instance) => Err(TaskError::NotBegun { instance }),
+            None => Ok(()),
+        }
     }
 
     /// State of the batch, for [`Self::load`].

@@ -112,7 +112,7 @@ impl<'a> Iterator for Chunks<'a> {
 impl ExactSizeIterator for Chunks<'_> {}
 
 /// Takes the first `count` from a slice.
-fn split<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+pub(super) fn split<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let (first, rest) = std::mem::take(slice).split_at_mut(count);
     *slice = rest;
     first

@@ -6,6 +6,7 @@ use super::chunk::{Chunk, ChunkContext, Rules, column, set_column};
 use super::episode_slot::EpisodeSlot;
 use super::kernels;
 use super::outputs::{Final, Outputs};
+use super::recording::{Recorder, Recording};
 use super::rollout::{Rollout, RolloutChunk, take_before};
 use crate::batch::simulator::Simulator;
 use crate::batch::stepping::chunk::CHUNK;
@@ -35,6 +36,13 @@ pub(super) trait TaskStorage: Send + Sync {
         args: &RolloutArgs<'_>,
         rollout: &mut Rollout,
     ) -> Result<(), ControlError>;
+    /// Control periods of all instances, recorded for training; ended episodes stay as they are.
+    fn record(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [EpisodeSlot],
+        args: &RecordArgs<'_>,
+    ) -> Result<Recording, ControlError>;
     /// Observations, with perfect sensors if asked for, and metrics of all instances at their current control instant.
     fn observe(&mut self, simulator: &mut Simulator, perfect: bool, out: &mut Outputs<'_>);
     /// Numbers of the episode of instance `i`.
@@ -66,6 +74,15 @@ pub(super) struct RolloutArgs<'a> {
     pub controller: &'a dyn Controller,
     /// Control periods.
     pub steps: u32,
+}
+
+/// Arguments of a recording.
+pub(super) struct RecordArgs<'a> {
+    pub task: &'a Task,
+    pub rules: Rules,
+    /// Base controller of residual actions.
+    pub base: Option<&'a dyn Controller>,
+    pub recorder: Recorder<'a>,
 }
 
 /// Episode memory in blocks of lanes.
@@ -157,6 +174,29 @@ impl<T: Real, K: TaskDefinition> TaskStorage for TaskBlocks<T, K> {
             }
         });
         failure.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn record(
+        &mut self,
+        simulator: &mut Simulator,
+        slots: &mut [EpisodeSlot],
+        args: &RecordArgs<'_>,
+    ) -> Result<Recording, ControlError> {
+        let &RecordArgs { task, rules, base, recorder } = args;
+        let context = ChunkContext { task, kernel: &self.kernel, rules, base, home: &self.home };
+        let (n, substeps) = (slots.len(), task.options().substeps as usize);
+        let mut recording = Recording::blank(&recorder, n);
+        let mut parts = recording.chunks(recorder, n, CHUNK);
+        let failure = Mutex::new(Ok(()));
+        let items =
+            slots.chunks_mut(CHUNK).zip(self.episodes.chunks_mut(CHUNK * self.kernel.rows().rows)).zip(&mut parts);
+        simulator.for_each_chunk::<T, _>(substeps, Self::LOADS, items, |part, ((slots, episodes), recording)| {
+            if let Err(error) = recording.run(&mut Chunk { context: &context, part, slots, episodes }) {
+                *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
+            }
+        });
+        failure.into_inner().unwrap_or_else(PoisonError::into_inner)?;
+        Ok(recording)
     }
 
     fn observe(&mut self, simulator: &mut Simulator, perfect: bool, out: &mut Outputs<'_>) {

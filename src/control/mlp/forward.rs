@@ -81,6 +81,8 @@ pub(super) struct Forward<'a> {
     packed: &'a Packed,
     observations: &'a [f32],
     actions: &'a mut [f32],
+    /// After the last layer, if anything.
+    output: Option<Output>,
     input: Vec<Panel>,
     result: Vec<Panel>,
 }
@@ -88,8 +90,13 @@ pub(super) struct Forward<'a> {
 impl<'a> Forward<'a> {
     /// Actions (n x outputs) for observations (n x inputs).
     pub fn new(packed: &'a Packed, observations: &'a [f32], actions: &'a mut [f32]) -> Self {
+        Self { output: Some(packed.output), ..Self::of_last_layer(packed, observations, actions) }
+    }
+
+    /// Numbers of the last layer (n x outputs) for observations (n x inputs).
+    pub fn of_last_layer(packed: &'a Packed, observations: &'a [f32], actions: &'a mut [f32]) -> Self {
         let panels = vec![Panel([0.0; PANEL]); packed.height()];
-        Self { packed, observations, actions, input: panels.clone(), result: panels }
+        Self { packed, observations, actions, output: None, input: panels.clone(), result: panels }
     }
 }
 
@@ -118,11 +125,12 @@ impl Kernel<f32> for Forward<'_> {
                     layer.multiply::<L>(&input[..layer.inputs], result, at);
                 }
                 let result_used = &mut result[..layer.biases.len() * TILE];
-                match (last, self.packed.activation, self.packed.output) {
-                    (false, Activation::Tanh, _) | (true, _, Output::Tanh) => each::<L, Tanh>(result_used, used),
+                match (last, self.packed.activation, self.output) {
+                    (false, Activation::Tanh, _) | (true, _, Some(Output::Tanh)) => each::<L, Tanh>(result_used, used),
                     (false, Activation::Relu, _) => each::<L, Relu>(result_used, used),
                     (false, Activation::Elu, _) => each::<L, Elu>(result_used, used),
-                    (true, _, Output::Clip) => each::<L, Clip>(result_used, used),
+                    (true, _, Some(Output::Clip)) => each::<L, Clip>(result_used, used),
+                    (true, _, None) => {}
                 }
                 (input, result) = (result, input);
             }

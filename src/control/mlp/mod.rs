@@ -69,6 +69,15 @@ impl Mlp {
         environment.check_widths(self.network.observation_len(), self.network.outputs())
     }
 
+    /// Numbers of the last layer (n x a), before they are clipped or squashed, for stacked observations (n x h d): the mean
+    /// of the actions in training.
+    ///
+    /// # Panics
+    /// Lengths are not those of n rows.
+    pub fn mean(&self, inputs: &[f32], mean: &mut [f32]) {
+        f32::dispatch(self.isa, &mut Forward::of_last_layer(&self.packed, inputs, mean));
+    }
+
     /// The same policy on lanes of `isa`.
     #[must_use]
     pub fn on(self, isa: Isa) -> Self {
