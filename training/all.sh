@@ -31,7 +31,8 @@ distilled() {
 scratch() {
     reward="reward:{'effort':$4,'action_rate':$5}" name=$1 of=$2 env=$3
     shift 5
-    policy "$name" "$of" "$env" --algo asymmetric-ppo -params "net_arch:[128,128]" -params "critic_arch:[128,128]" \
+    policy "$name" "$of" "$env" --algo asymmetric-ppo -params n_epochs:4 \
+        -params "net_arch:[128,128]" -params "critic_arch:[128,128]" \
         --env-kwargs "$reward" "$@"
 }
 
