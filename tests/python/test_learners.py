@@ -304,6 +304,17 @@ def test_teachers_are_tuned_controllers_without_delay() -> None:
             np.testing.assert_array_equal(learner.teacher.gains[name], tuned[name])
 
 
+def test_a_policy_on_perfect_observations_is_a_teacher(tmp_path: Path) -> None:
+    envs = TrainingEnvs(ENV, {}, 1, 2)
+    policy = MLP(envs.inner, weights=[0.1 * random(6, 2 * envs.size)], biases=[random(6)], history=2)
+    policy.save(tmp_path / "teacher.safetensors")
+    learner = Distillation(settings("distill", teacher=f"mlp:{tmp_path / 'teacher.safetensors'}"))
+    episodes, targets = learner.collect(learner.actor, 1, 12)
+    actions, _ = policy.predict(episodes.perfect[:, 5], episodes.perfect[:, 4])
+    np.testing.assert_array_equal(targets[:, 5], actions)
+    assert learner.notes() == {"teacher": "teacher.safetensors"}
+
+
 def command(algo: str, *arguments: str) -> list[str]:
     small = {key: value for key, value in (TINY | MORE[algo]).items() if key not in ("n_timesteps", "n_envs")}
     pairs = [part for key, value in small.items() for part in ("-params", f"{key}:{value}")]
@@ -335,7 +346,7 @@ def test_the_command_distills_goes_on_and_improves(tmp_path: Path, capsys: pytes
         (["--algo", "distill", "--device", "cpu"], "--device is for --algo ppo"),
         (["--algo", "distill", "--teacher", "fuzzy"], "unknown controller 'fuzzy'"),
         (["--algo", "distill", "--teacher", "resolved"], "controller 'resolved' is not for UVMS-StationKeep"),
-        (["--algo", "distill", "--teacher", "ppo"], "teacher is 'ppo', but must be classical: "),
+        (["--algo", "distill", "--teacher", "ppo"], "teacher is 'ppo', but must be mlp:FILE or classical: "),
         (["--algo", "distill", "-params", "gama:1"], "unknown hyperparameter 'gama'"),
         (["--algo", "distill", "-params", "n_updates:0"], "n_updates is 0"),
         (["--algo", "distill", "-params", "net_arch:big"], "net_arch is 'big', but must be a list of layer sizes"),

@@ -47,7 +47,7 @@ def train(
     ] = None,
     teacher: Annotated[
         str | None,
-        Option(metavar="CONTROLLER", help="Classical controller to distill. [default: the strongest of the task]"),
+        Option(metavar="CONTROLLER", help="Controller to distill: classical, or mlp:FILE. [default: the strongest]"),
     ] = None,
     start: Annotated[
         Path | None, Option(metavar="FILE", help="Policy (.safetensors) that asymmetric-ppo begins with.")

@@ -2,12 +2,20 @@
 
 import warnings
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from uvms_gym.controllers.registry import CLASSICAL, ControllerWarning, check_name, make_controller, names
+from uvms_gym.controllers.registry import (
+    CLASSICAL,
+    MLP_PREFIX,
+    ControllerWarning,
+    check_name,
+    make_controller,
+    names,
+)
 from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.learner import Hyperparameters, Learner, step
 from uvms_gym.training.networks import Actor
@@ -36,13 +44,14 @@ class DistillationParameters(Hyperparameters):
 class Distillation(Learner):
     """Regression of the actor, which acts on the environment's observations, onto a teacher's actions.
 
-    The teacher is a classical controller with its tuned gains that sees the perfect observations, without
-    compensation of a delay that they do not have. It acts in the first iteration, the actor in all others.
+    The teacher sees the perfect observations. It is a classical controller with its tuned gains, without compensation
+    of a delay that they do not have, or a policy (`mlp:FILE`) that was trained on such observations. It acts in the
+    first iteration, the actor in all others.
 
     Raises
     ------
     ValueError, TypeError, gymnasium.error.Error
-        A setting is unknown or out of range, or the teacher is not a classical controller of the task.
+        A setting is unknown or out of range, or the teacher is neither a policy nor a classical controller of the task.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -52,14 +61,15 @@ class Distillation(Learner):
         inner = self.envs.inner
         self.teacher_name = settings.teacher or TEACHERS[inner.task]
         check_name(self.teacher_name, inner.task)
-        if self.teacher_name not in CLASSICAL:
+        learned = self.teacher_name.startswith(MLP_PREFIX)
+        if not learned and self.teacher_name not in CLASSICAL:
             known = ", ".join(name for name in names(inner.task) if name in CLASSICAL)
-            raise ValueError(f"teacher is {self.teacher_name!r}, but must be classical: {known}")
+            raise ValueError(f"teacher is {self.teacher_name!r}, but must be {MLP_PREFIX}FILE or classical: {known}")
         with warnings.catch_warnings():
             # Its delay is removed below.
             warnings.simplefilter("ignore", ControllerWarning)
             teacher: Any = make_controller(self.teacher_name, inner)
-        if teacher.gains.get("delay"):
+        if not learned and teacher.gains.get("delay"):
             teacher = type(teacher)(inner, **{**teacher.gains, "delay": 0})
         self.teacher = teacher
 
@@ -93,4 +103,4 @@ class Distillation(Learner):
 
     def notes(self) -> dict[str, str]:
         """Teacher."""
-        return {"teacher": self.teacher_name}
+        return {"teacher": Path(self.teacher_name.removeprefix(MLP_PREFIX)).name}

@@ -17,7 +17,7 @@ pub struct Teacher<'a> {
     pub acts: bool,
 }
 
-/// What a recording is made with.
+/// Actor, noise and teacher of a recording.
 #[derive(Clone, Copy)]
 pub struct Recorder<'a> {
     /// Network on the environment's observations.
