@@ -12,8 +12,8 @@ import pytest
 
 from uvms_gym import Simulator, load_scene
 from uvms_gym.cli import main
-from uvms_gym.studies.speed import environment, equal_error, learning, peers, physics, timing
-from uvms_gym.studies.speed.rigid_chain import chain
+from uvms_gym.studies.speed import derivatives, environment, equal_error, learning, peers, physics, timing
+from uvms_gym.studies.speed.rigid_chain import chain, dry
 from uvms_gym.studies.speed.timing import Times
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -270,6 +270,29 @@ def test_val_a_rollout_is_the_motion_of_its_inputs() -> None:
         rolling.check()
 
 
+@pytest.mark.parametrize("scene", SCENES)
+def test_val_derivatives_of_pinocchio_are_those_of_linearize(scene: str) -> None:
+    pin = pytest.importorskip("pinocchio")
+    from uvms_gym.studies.speed import pinocchio_model
+
+    vacuum = dry(load_scene(scene))
+    simulator, model = Simulator(vacuum), pinocchio_model.build(vacuum)
+    state, wrench, torque = peers._random(np.random.default_rng(0), simulator)
+    simulator.set_state(**state)
+    A, B = (found[0] for found in simulator.linearize(wrench=wrench, joint_torque=torque))
+    rates = model.nv
+    viscous = np.zeros(rates)
+    viscous[6:] = [link.joint["friction"]["viscous"] for link in chain(vacuum)[1:] if link.joint]
+    place = pin.SE3ToXYZQUAT(pin.SE3(state["rotation"], state["position"]))
+    q, v = np.concatenate([place, state["q"]]), np.concatenate([state["twist"], state["qd"]])
+    tau = np.concatenate([wrench, torque]) - viscous * v
+    data = model.createData()
+    by_q, by_v, by_tau = pin.computeABADerivatives(model, data, q, v, tau)
+    expected = np.hstack([by_q, by_v - by_tau * viscous, by_tau])
+    ours = np.hstack([A[rates:], B[rates:]])
+    np.testing.assert_allclose(ours, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+
+
 def test_val_peers_are_timed_and_set_against_us(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -278,7 +301,7 @@ def test_val_peers_are_timed_and_set_against_us(
     monkeypatch.setattr(equal_error, "QUICK_LADDERS", {"RK4": (0.02, 0.01), "Euler": (0.002, 0.001)})
     monkeypatch.setattr(equal_error, "THEIRS", 1e-3)
     monkeypatch.setattr(equal_error, "TIME", 0.2)
-    monkeypatch.setattr(equal_error, "MOTIONS", 2)
+    monkeypatch.setattr(equal_error, "MOTIONS", 8)
     found = bench(tmp_path, "--peers", "--repeats", "1")["results"]["peers"]
     assert set(found["versions"]) == {"mujoco", "pinocchio"}
     (scene,) = found["scenes"].values()
@@ -292,6 +315,10 @@ def test_val_peers_are_timed_and_set_against_us(
     assert theirs["RK4"]["order"] == pytest.approx(4.0, abs=0.7)
     assert theirs["Euler"]["equal"]["float64"]["step"] < 1e-4 < theirs["RK4"]["equal"]["float64"]["step"]
     assert scene["equal_error"]["uncertainty"]["theirs"] < 1e-2 * min(theirs["RK4"]["errors"])
+    found_derivatives = scene["derivatives"]
+    assert set(found_derivatives["seconds"]) == set(derivatives.CASES)
+    assert all(seconds["least"] > 0.0 for seconds in found_derivatives["seconds"].values())
+    assert found_derivatives["errors"]["centred"] < found_derivatives["errors"]["one-sided"] < 1e-3
     (vector,) = found["vector"]
     assert (vector["threads"], vector["substeps"]) == (1, 5)
     assert set(vector["peers"]) == set(peers.VECTOR_MODELS)

@@ -16,7 +16,7 @@ from uvms_gym.cli import bench_report
 from uvms_gym.cli.common import check_list, check_range, fail, prepare, progress, read_scene, several, user_errors
 from uvms_gym.cli.output import Json, Out, write_results
 from uvms_gym.studies.records import circumstances
-from uvms_gym.studies.speed import environment, equal_error, learning, peers, physics, timing
+from uvms_gym.studies.speed import derivatives, environment, equal_error, learning, peers, physics, timing
 from uvms_gym.studies.speed.plots import plot_speed
 
 FILES = ("bench.json", "bench.png")
@@ -208,6 +208,8 @@ def _peers(compared: Sequence[dict[str, Any]], arguments: dict[str, Any], bar: A
             found["step"] = peers.step_study(scene, n, max(arguments["substeps"]), repeats, seed, tick)
         with _task(bar, f"{scene['name']}, equal error", equal_error.ticks(quick)) as tick:
             found["equal_error"] = equal_error.study(scene, seed, quick, tick)
+        with _task(bar, f"{scene['name']}, derivatives", derivatives.study_rounds(repeats)) as tick:
+            found["derivatives"] = derivatives.study(scene, repeats, seed, tick)
         result["scenes"][scene["name"]] = found
         if scene["vehicle"].get("thrusters"):
             total = peers.vector_rounds(len(arguments["threads"]), repeats)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from uvms_gym.cli.output import say, table
+from uvms_gym.studies.speed import derivatives
 from uvms_gym.studies.speed.peers import ABA
 from uvms_gym.studies.speed.physics import DT
 from uvms_gym.studies.speed.plots import SHORT
@@ -119,6 +120,7 @@ def _print_peers(found: dict[str, Any]) -> None:
             f"by {off['mujoco']:.0e} relative, those of Pinocchio's by {off['pinocchio']:.0e}, over random states."
         )
         _print_equal(scene, result["equal_error"], step["seconds"])
+        _print_derivatives(scene, result["derivatives"])
     if found["vector"]:
         rows = []
         for row in found["vector"]:
@@ -151,6 +153,21 @@ def _print_equal(scene: str, found: dict[str, Any], seconds: dict[str, Any]) -> 
         f"{found['time']:g} s of {found['motions']} motions (random initial twist, held thrusts, arm held by servos). "
         f"Doubling the references' steps changes them by {found['uncertainty']['ours']:.0e} m (ours) and "
         f"{found['uncertainty']['theirs']:.0e} m (MuJoCo's). *: extrapolated on the line through the nearest two steps."
+    )
+
+
+def _print_derivatives(scene: str, found: dict[str, Any]) -> None:
+    rows = []
+    for name, what in derivatives.CASES.items():
+        ratio = found["ratios"].get(name)
+        times = spread(found["seconds"][name], US, 1), "" if ratio is None else spread(ratio, 1.0, 2)
+        rows.append([name, *what, *times])
+    title = f"{scene}: us for all derivatives of a state, one thread"
+    table(title, ("program", "of", "water", "us", "times ours"), rows, text_columns=3)
+    errors = ", ".join(f"{error:.0e} {name}" for name, error in found["errors"].items())
+    say(
+        f"{derivatives.SCOPE} Errors of MuJoCo's, over the greatest derivative of a column: {errors}. Of Pinocchio's, "
+        f"{spread(found['call'], US, 1)} us of the call from Python are subtracted, as those of aba take."
     )
 
 

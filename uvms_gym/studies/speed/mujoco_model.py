@@ -21,6 +21,8 @@ VERSION = mujoco.__version__
 VISCOSITY = 1e-3
 #: Disabled features, which cost time without a function here. Energy and sensors are off by default, too.
 OFF = ("constraint", "contact", "limit", "equality", "frictionloss", "warmstart", "sensor", "autoreset")
+#: Width of a timed finite difference, and of a reference for its error.
+DIFFERENCE, WIDE = 1e-6, 1e-3
 #: Instances and steps of one rollout.
 BATCH, STEPS = 32, 10
 STATE = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
@@ -204,3 +206,44 @@ class Rolling(Case):
         if not np.isfinite(self.states).all():
             raise ValueError(f"{self.name}: MuJoCo's timed motion is not finite")
         self.start[:] = self.states[:, -1]
+
+
+class Transition(Case):
+    """Finite differences of a step by state and controls, `mjd_transitionFD`, at a moving state."""
+
+    def __init__(self, model: Any, seed: int, *, centred: bool = False) -> None:
+        self.work, self.model, self.data, self.centred = 1, model, mujoco.MjData(model), centred
+        rng = np.random.default_rng(seed)
+        mujoco.mj_integratePos(model, self.data.qpos, rng.uniform(-1.0, 1.0, model.nv), 1.0)
+        self.data.qvel[:] = 0.5 * rng.normal(size=model.nv)
+        self.data.ctrl[:] = rng.normal(size=model.nu)
+        self.A, self.B = np.zeros((2 * model.nv, 2 * model.nv)), np.zeros((2 * model.nv, model.nu))
+        self.calls = calls_per_sample(self.step)
+
+    def step(self) -> None:
+        """One call."""
+        self.differences(DIFFERENCE, self.centred)
+
+    def differences(self, width: float, centred: bool) -> Floats:
+        """Derivatives (2 nv, 2 nv + nu) by differences of a width."""
+        mujoco.mjd_transitionFD(self.model, self.data, width, centred, self.A, self.B, None, None)
+        return np.concatenate([self.A, self.B], axis=1)
+
+    def check(self) -> None:
+        """Raise ValueError if a derivative is not finite."""
+        if not np.isfinite(self.A).all():
+            raise ValueError("a timed derivative by MuJoCo is not finite")
+
+
+def difference_errors(model: Any, seed: int) -> dict[str, float]:
+    """Greatest errors of one-sided and centred differences, relative to the greatest derivative of their column.
+
+    The reference is Richardson's extrapolation of two wide centred differences.
+    """
+    step = Transition(model, seed)
+    exact = (4.0 * step.differences(WIDE, True) - step.differences(2.0 * WIDE, True)) / 3.0
+    scale = np.abs(exact).max(axis=0)
+    return {
+        name: float((np.abs(step.differences(DIFFERENCE, centred) - exact) / scale).max())
+        for name, centred in (("one-sided", False), ("centred", True))
+    }

@@ -81,3 +81,26 @@ class Dynamics(Case):
         """Raise ValueError if an acceleration is not finite."""
         if not np.isfinite(self.found).all():
             raise ValueError(f"{self.name}: a timed acceleration by Pinocchio is not finite")
+
+
+class Single(Case):
+    """Function of model, configuration, velocity and force, by one call from Python for each state."""
+
+    def __init__(self, scene: dict[str, Any], function: str, seed: int) -> None:
+        self.work, self.call, self.model = 1, getattr(pin, function), build(scene)
+        rng = np.random.default_rng(seed)
+        self.data, self.q = (
+            self.model.createData(),
+            pin.integrate(self.model, pin.neutral(self.model), rng.normal(size=self.model.nv)),
+        )
+        self.v, self.tau = (rng.normal(size=self.model.nv) for _ in range(2))
+        self.calls = calls_per_sample(self.step)
+
+    def step(self) -> None:
+        """One call."""
+        self.call(self.model, self.data, self.q, self.v, self.tau)
+
+    def check(self) -> None:
+        """Raise ValueError if a result is not finite."""
+        if not np.isfinite(self.data.ddq).all():
+            raise ValueError("a timed result by Pinocchio is not finite")
