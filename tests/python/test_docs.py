@@ -5,10 +5,12 @@ import math
 import re
 import shlex
 import shutil
+import socket
 import sys
 import warnings
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,8 +35,17 @@ TEXTS = [
     ROOT / "training" / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
-#: Commands of the pages in `docs` that are run, with what makes them quick.
-QUICK = {"scenes": [], "compare": ["--episodes", "2"]}
+#: What makes commands quick, after their own options, of which the last counts.
+QUICK = {
+    "scenes": [],
+    "compare": ["--episodes", "2"],
+    "accuracy": ["--episodes", "2"],
+    "validate": [],
+    "fit": ["--period", "0.5", "--no-balance"],
+    "train": ["-n", "1", "--eval-episodes", "2"],
+}
+#: Marks of texts with these commands. (Verification takes all episodes.)
+MARKS = {"train": pytest.mark.learning, "accuracy": pytest.mark.nightly, "verify": pytest.mark.nightly}
 #: Code that a page's snippets continue.
 BEFORE = {"add-a-task.md": "from uvms_gym.envs import *"}
 
@@ -79,16 +90,53 @@ def test_the_commands_of_a_text_exist(text: Path, monkeypatch: pytest.MonkeyPatc
         parse(arguments)
 
 
-@pytest.mark.parametrize("page", ["scenes.md", "scoreboard.md"])
-def test_the_quick_commands_of_a_page_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    "found",
+    [
+        pytest.param(found, id=str(text.relative_to(ROOT)), marks=[MARKS[a[0]] for a in found if a[0] in MARKS])
+        # Those of the README run in test_readme.
+        for text in TEXTS[1:]
+        if (found := commands(text.read_text()))
+    ],
+)
+def test_the_commands_of_a_text_run(found: list[list[str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copy(policy_file("ppo", scene="petasus-pum", dt=0.02, substeps=5), tmp_path / "policy.safetensors")
+    shutil.copy(Path(uvms_gym.__file__).parent / "scenes" / "petasus-pum.toml", tmp_path / "my-scene.toml")
     shutil.copy(ROOT / "tests" / "golden" / "alpha5.urdf", tmp_path / "arm.urdf")
     (tmp_path / "controller.py").write_text("from uvms_gym import PID as Controller\n")
+    (tmp_path / "tests").symlink_to(ROOT / "tests")
+    pool(tmp_path / "pool")
     monkeypatch.chdir(tmp_path)
-    run = [arguments for arguments in commands((ROOT / "docs" / page).read_text()) if arguments[0] in QUICK]
-    assert run
-    for arguments in run:
-        assert main([*arguments, *QUICK[arguments[0]]]) == 0, arguments
+    verified = any(arguments[0] == "verify" for arguments in found)
+    for arguments in found:
+        if arguments[0] == "play":
+            more = ["--port", str(port_of_short_viewers(monkeypatch))]
+        else:
+            more = [] if verified else QUICK[arguments[0]]
+        assert main([*arguments, *more]) == 0, arguments
+
+
+def pool(folder: Path) -> None:
+    """Make trials of the names that the documentation holds out, and two others, of the one that is kept."""
+    folder.mkdir()
+    for name in ("004-1", "007-1", "015-1", "025-1", "_alt_011-1", "026-1", "027-1"):
+        for file in (ROOT / "tests" / "data" / "pool").glob("*026-1*"):
+            (folder / file.name.replace("026-1", name)).symlink_to(file)
+
+
+def port_of_short_viewers(monkeypatch: pytest.MonkeyPatch) -> int:
+    """Free port, and viewers that Ctrl-C ends after ten pictures."""
+    server = pytest.importorskip("uvms_gym.viewer.server")
+
+    def run(viewer: Any) -> None:
+        for _ in range(10):
+            viewer.picture(0.05)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(server.Viewer, "run", run)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        return int(free.getsockname()[1])
 
 
 def test_other_commands_would_show() -> None:
