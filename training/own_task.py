@@ -1,14 +1,16 @@
-"""Task with another observation and reward on the same physics, in Python: stay level and drift with the water.
+"""Task with another observation and reward on the same physics: stay level and drift with the flow.
 
 ```python
 env = OwnTask(gymnasium.make("UVMS-StationKeep-v0"))
 envs = OwnTasks(gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=64))
-venv = NativeVecEnv(OwnTasks(gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=64, autoreset_mode="Disabled")))
+envs = gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=64, autoreset_mode="Disabled")
+venv = NativeVecEnv(OwnTasks(envs))
 ```
 
-`unwrapped.snapshot()` is a copy of the true state, one row per instance, and `info` the terms of the shipped reward.
-Both functions below accept any number of instances. Vector environments must be in `NextStep` or `Disabled` mode: with
-`SameStep` the simulator is already in the next episode when the step returns.
+`unwrapped.snapshot()` is a copy of the true state, one row per instance, and `info` the terms of
+the shipped reward. Both functions below accept any number of instances. Vector environments must be
+in `NextStep` or `Disabled` mode: with `SameStep` the simulator is already in the next episode when
+the step returns.
 """
 
 from collections.abc import Mapping
@@ -26,7 +28,7 @@ SPACE = gymnasium.spaces.Box(-100.0, 100.0, (9,), np.float32)
 
 
 def observe(simulator: uvms_gym.Simulator) -> np.ndarray:
-    """Observations (N, 9): direction of gravity, velocity of the water relative to the vehicle, rates; body axes.
+    """Observations (N, 9), body axes: direction of gravity, relative velocity of the water, rates.
 
     NaN in the state of a diverged run, which is `terminated`, becomes 0.
     """
@@ -37,12 +39,13 @@ def observe(simulator: uvms_gym.Simulator) -> np.ndarray:
 
 
 def reward(simulator: uvms_gym.Simulator, info: Mapping[str, Any]) -> np.ndarray:
-    """Rewards (N,): minus tilt and squared speed through the water, plus the shipped terms of effort (three times),
-    action rate and divergence.
+    """Rewards (N,): minus tilt and squared speed through the water, plus the shipped terms of
+    effort (three times), action rate and divergence.
     """
     seen = observe(simulator).astype(np.float64)
     tilt, speed = 1.0 + seen[:, 2], (seen[:, 3:6] ** 2).sum(axis=1)
-    return -tilt - speed + 3.0 * info["reward_effort"] + info["reward_action_rate"] + info["reward_diverged"]
+    shipped = 3.0 * info["reward_effort"] + info["reward_action_rate"] + info["reward_diverged"]
+    return shipped - tilt - speed
 
 
 class OwnTask(gymnasium.Wrapper, RecordConstructorArgs):
@@ -85,7 +88,7 @@ class OwnTasks(gymnasium.vector.VectorWrapper):
         self._over[slice(None) if mask is None else mask] = False
         return observe(self.unwrapped.snapshot()), infos
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+    def step(self, actions: np.ndarray) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One control period."""
         _, _, terminated, truncated, infos = self.env.step(actions)
         simulator = self.unwrapped.snapshot()

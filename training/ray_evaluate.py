@@ -1,10 +1,11 @@
 """Evaluation of controllers spread by Ray over the cores of one machine or a cluster.
 
 ```sh
-python training/ray_evaluate.py --controller none --controller pd --controller mlp:ray.safetensors --episodes 1024
+python training/ray_evaluate.py --controller pd --controller mlp:ray.safetensors --episodes 1024
 ```
 
-An episode depends on its seed alone: results are bit-identical whatever the blocks, workers and machines.
+An episode depends on its seed alone: results are bit-identical whatever the blocks, workers
+and machines.
 """
 
 import argparse
@@ -13,7 +14,8 @@ import gymnasium
 import numpy as np
 import ray
 
-import uvms_gym
+from uvms_gym import make_controller
+from uvms_gym.controllers import Controller
 from uvms_gym.studies.comparison.metrics import pose_rms
 from uvms_gym.studies.comparison.statistics import interquartile_mean
 from uvms_gym.training.evaluation import episode_steps, run_episodes
@@ -21,20 +23,25 @@ from uvms_gym.training.evaluation import episode_steps, run_episodes
 ENV = "UVMS-StationKeep-Storm-v0"
 
 
-def episodes_of(controller: uvms_gym.controllers.Controller, seed: int, episodes: int) -> dict[str, np.ndarray]:
-    """Run the episodes with seeds from `seed` on, on one thread: root mean square pose errors, m, and mean power."""
+def episodes_of(controller: Controller, seed: int, episodes: int) -> dict[str, np.ndarray]:
+    """Run the episodes with seeds from `seed` on, on one thread: RMS pose errors, m, mean power."""
     envs = gymnasium.make_vec(ENV, num_envs=episodes, threads=1)
     stats = run_episodes(envs, controller, seed, episode_steps(ENV, {}))
     return {"pose": pose_rms(stats, envs.unwrapped.task), "power": stats.mean("power")}
 
 
-def evaluate(names: list[str], episodes: int, seed: int, block: int) -> dict[str, dict[str, np.ndarray]]:
-    """Results of all episodes by controller; every block of episodes is a task of Ray on one core."""
+def evaluate(
+    names: list[str],
+    episodes: int,
+    seed: int,
+    block: int,
+) -> dict[str, dict[str, np.ndarray]]:
+    """Results of all episodes by controller; a block of episodes is a task of Ray on one core."""
     remote = ray.remote(num_cpus=1)(episodes_of)
     env = gymnasium.make(ENV)
     running = {
         name: [
-            remote.remote(uvms_gym.make_controller(name, env), seed + first, min(block, episodes - first))
+            remote.remote(make_controller(name, env), seed + first, min(block, episodes - first))
             for first in range(0, episodes, block)
         ]
         for name in names
@@ -48,7 +55,8 @@ def evaluate(names: list[str], episodes: int, seed: int, block: int) -> dict[str
 
 def main() -> None:
     """Evaluate, and print interquartile means."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("--controller", action="append", help="name or mlp:FILE; may be repeated")
     parser.add_argument("--episodes", type=int, default=1024)
     parser.add_argument("--seed", type=int, default=0)

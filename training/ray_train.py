@@ -5,8 +5,9 @@ pip install 'uvms-gym[rllib]'  # in an environment of its own: Ray pins Gymnasiu
 python training/ray_train.py --frames 3000000 --runners 4
 ```
 
-Each environment runner steps one vector environment on one thread. The policy is a `uvms_gym.MLP`, which runs without
-torch and Ray. RLlib keeps steps as Python objects, so RLlib, not the environment, limits the speed.
+Each environment runner steps one vector environment on one thread. The policy is a `uvms_gym.MLP`,
+which runs without torch and Ray. RLlib keeps steps as Python objects, so RLlib, not the
+environment, limits the speed.
 """
 
 import argparse
@@ -47,7 +48,7 @@ def make(config: dict[str, Any]) -> gymnasium.vector.VectorEnv:
 
 
 def configure(frames: int, runners: int, instances: int) -> PPOConfig:
-    """Configure PPO: discount per 0.1 s, 32 steps between updates, two tanh networks of 64 and 64."""
+    """Configure PPO: discount per 0.1 s, 32 steps between updates, networks of 64 and 64."""
     batch = 32 * instances * max(1, runners)
     network = DefaultModelConfig(
         fcnet_hiddens=[64, 64], fcnet_activation="tanh", vf_share_layers=False, free_log_std=True
@@ -83,15 +84,18 @@ def export(algorithm: Algorithm) -> uvms_gym.MLP:
     """Make a native policy of the learner's mean action."""
     weights = algorithm.learner_group.get_weights([DEFAULT_MODULE_ID])[DEFAULT_MODULE_ID]
     names = ("encoder.actor_encoder.net.mlp.0", "encoder.actor_encoder.net.mlp.2", "pi.net.mlp.0")
-    layers, biases = ([np.asarray(weights[f"{name}.{part}"]) for name in names] for part in ("weight", "bias"))
-    return uvms_gym.MLP(gymnasium.make(ENV), weights=layers, biases=biases, activation="tanh", output="clip")
+    layers = [np.asarray(weights[f"{name}.weight"]) for name in names]
+    biases = [np.asarray(weights[f"{name}.bias"]) for name in names]
+    env = gymnasium.make(ENV)
+    return uvms_gym.MLP(env, weights=layers, biases=biases, activation="tanh", output="clip")
 
 
 def main() -> None:
     """Train, and write the policy."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
     parser.add_argument("--frames", type=int, default=3_000_000)
-    parser.add_argument("--runners", type=int, default=0, help="processes that step environments; 0: this one")
+    parser.add_argument("--runners", type=int, default=0, help="runners; 0: this process")
     parser.add_argument("--instances", type=int, default=512, help="instances of each runner")
     parser.add_argument("--address", help="cluster, such as auto; default: this machine")
     parser.add_argument("--out", default="ray.safetensors")
@@ -103,7 +107,8 @@ def main() -> None:
     while frames < options.frames:
         result = algorithm.train()
         frames = int(result["num_env_steps_sampled_lifetime"])
-        print(f"{frames} frames: return {result['env_runners'].get('episode_return_mean', float('nan')):.2f}")
+        found = result["env_runners"].get("episode_return_mean", float("nan"))
+        print(f"{frames} frames: return {found:.2f}")
     export(algorithm).save(options.out)
     ray.shutdown()
 

@@ -1,7 +1,8 @@
 """LQR from `Simulator.linearize`: exact derivatives about the trim of a scene; needs SciPy.
 
-`linearize` gives z' = A z + B u for z = [xi; dq; dV; dq'] in local SE(3) coordinates and u = [dF; dtau]. Of a vehicle
-without an arm, z holds the pose error and the twist, as observations do.
+`linearize` gives z' = A z + B u for z = [xi; dq; dV; dq'] in local SE(3) coordinates and
+u = [dF; dtau]. Of a vehicle without an arm, z holds the pose error and the twist, as observations
+do.
 """
 
 from typing import Any
@@ -32,18 +33,24 @@ class LQR:
         self.scale = np.concatenate([block.scale for block in inner.layout[:4]])
 
     def predict(
-        self, observation: np.ndarray, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: np.ndarray,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
         """Actions for one observation (d,) or n of them (n, d)."""
         z = np.asarray(observation)[..., :12] * self.scale
-        return np.clip((self.trim - z @ self.gain.T) / self.limits, -1.0, 1.0).astype(np.float32), state
+        action = np.clip((self.trim - z @ self.gain.T) / self.limits, -1.0, 1.0)
+        return action.astype(np.float32), state
 
 
 def main(num_envs: int = 64, steps: int = 400) -> dict[str, float]:
     """Print and return the median RMS position error, m, of the LQR and of the scene's PD."""
     envs = gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=num_envs, scene=SCENE)
     regulator = LQR(envs, [0.05] * 3 + [0.1] * 3 + [0.2] * 3 + [0.5] * 3, [20.0] * 3 + [2.0] * 3)
-    print(f"slowest pole {regulator.poles.real.max():.2f} 1/s, fastest {regulator.poles.real.min():.2f} 1/s")
+    rates = regulator.poles.real
+    print(f"slowest pole {rates.max():.2f} 1/s, fastest {rates.min():.2f} 1/s")
     results = {}
     for name, controller in (("LQR", regulator), ("PD", uvms_gym.PD(envs))):
         observations, infos = envs.reset(seed=0)

@@ -1,7 +1,7 @@
 """A controller of one's own beside a shipped one, on the same seeds.
 
-The law is a PD with saturated error, `F = -kp sat(e) - kd V`: far off it approaches at a bounded speed. It reads the
-observation alone, by `env.unwrapped.layout`.
+The law is a PD with saturated error, `F = -kp sat(e) - kd V`: far off it approaches at a bounded
+speed. It reads the observation alone, by `env.unwrapped.layout`.
 """
 
 from typing import Any
@@ -20,7 +20,9 @@ class SaturatedPD:
     def __init__(self, env: Any, most: float = 0.3) -> None:
         inner = env.unwrapped
         servo = (
-            inner.options.scene if isinstance(inner.options.scene, dict) else uvms_gym.load_scene(inner.options.scene)
+            inner.options.scene
+            if isinstance(inner.options.scene, dict)
+            else uvms_gym.load_scene(inner.options.scene)
         )
         self.kp, self.kd = (np.asarray(servo["vehicle"]["servo"][gain]) for gain in ("kp", "kd"))
         self.limits = np.concatenate([block.high for block in inner.action_layout])
@@ -28,7 +30,11 @@ class SaturatedPD:
         self.most = most
 
     def predict(
-        self, observation: np.ndarray, state: Any = None, episode_start: Any = None, deterministic: bool = True
+        self,
+        observation: np.ndarray,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
     ) -> tuple[np.ndarray, Any]:
         """Actions for one observation (d,) or n of them (n, d)."""
         rows = np.atleast_2d(observation)

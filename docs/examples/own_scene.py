@@ -1,4 +1,4 @@
-"""A scene of one's own as a dict: a box with six thrusters and a two-joint arm, all numbers from shapes.
+"""A scene of one's own as a dict: a box with six thrusters and a two-joint arm, from shapes.
 
 `uvms_gym.estimate` derives mass, inertia, buoyancy, added mass and drag; `uvms scenes template`
 lists every key there is.
@@ -14,9 +14,9 @@ import uvms_gym
 
 def link(name: str, z: float, home: float) -> dict[str, Any]:
     """Cylinder of 0.35 m below a revolute joint."""
-    body = uvms_gym.estimate(
-        {"shapes": [{"cylinder": {"radius": 0.03, "length": 0.35, "axis": "z"}, "position": [0.0, 0.0, -0.175]}]}
-    )["body"]
+    cylinder = {"radius": 0.03, "length": 0.35, "axis": "z"}
+    shapes = [{"cylinder": cylinder, "position": [0.0, 0.0, -0.175]}]
+    body = uvms_gym.estimate({"shapes": shapes})["body"]
     joint = {
         "kind": "revolute",
         "frame": {"position": [0.0, 0.0, z]},
@@ -30,7 +30,8 @@ def link(name: str, z: float, home: float) -> dict[str, Any]:
 
 def scene() -> dict[str, Any]:
     """The scene; what it does not state is not modelled."""
-    vehicle = uvms_gym.estimate({"shapes": [{"box": [0.6, 0.5, 0.4], "perforation": 0.3, "displaced": 0.5}]})["body"]
+    box = {"box": [0.6, 0.5, 0.4], "perforation": 0.3, "displaced": 0.5}
+    vehicle = uvms_gym.estimate({"shapes": [box]})["body"]
     # A righting moment: buoyancy above weight.
     vehicle["center_of_mass"] = [0.0, 0.0, -0.05]
     thrusters = []
@@ -40,8 +41,8 @@ def scene() -> dict[str, Any]:
         ("heave", [0, 0, 1], [0.2, 0, 0]),
     ):
         for side, sign in (("a", 1.0), ("b", -1.0)):
-            position = [sign * float(x) for x in arm]
-            thrusters.append({"name": f"{name}-{side}", "position": position, "axis": axis, "limits": [-40.0, 40.0]})
+            thruster = {"name": f"{name}-{side}", "axis": axis, "limits": [-40.0, 40.0]}
+            thrusters.append(thruster | {"position": [sign * float(x) for x in arm]})
     return {
         "name": "box-with-arm",
         "summary": "A box with six thrusters and an arm of two joints, from shapes.",

@@ -1,8 +1,9 @@
 """PPO in one file, on `gymnasium.make_vec`; needs torch.
 
-With the default autoreset mode, `NextStep`, the step after an episode's end ignores the action and returns the next
-episode's first observation. Such steps are masked out of the losses; the observation before them is the episode's true
-last one, so a truncated episode is bootstrapped from its value without further care.
+With the default autoreset mode, `NextStep`, the step after an episode's end ignores the action and
+returns the next episode's first observation. Such steps are masked out of the losses; the
+observation before them is the episode's true last one, so a truncated episode is bootstrapped from
+its value without further care.
 """
 
 import gymnasium
@@ -12,10 +13,14 @@ from torch import nn
 
 import uvms_gym  # noqa: F401 (registers the environments)
 
+#: What is kept of every step.
+ROWS = "observation", "action", "log_prob", "value", "reward", "terminated", "ended", "valid"
+
 
 def mlp(inputs: int, outputs: int, scale: float) -> nn.Sequential:
     """Two hidden layers of 64; `scale` for the weights of the last one."""
-    layers = [nn.Linear(inputs, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh(), nn.Linear(64, outputs)]
+    layers = [nn.Linear(inputs, 64), nn.Tanh(), nn.Linear(64, 64), nn.Tanh()]
+    layers.append(nn.Linear(64, outputs))
     for layer, gain in ((layers[0], 2**0.5), (layers[2], 2**0.5), (layers[4], scale)):
         nn.init.orthogonal_(layer.weight, gain)
         nn.init.zeros_(layer.bias)
@@ -67,31 +72,29 @@ def main(
     history = []
     for iteration in range(iterations):
         optimiser.param_groups[0]["lr"] = rate * (1 - iteration / iterations)
-        rows = {
-            name: []
-            for name in ("observation", "action", "log_prob", "value", "reward", "terminated", "ended", "valid")
-        }
+        rows = {name: [] for name in ROWS}
         for _ in range(steps):
             with torch.no_grad():
                 policy = agent.policy(observation)
                 action = policy.sample()
-                now = (observation, action, policy.log_prob(action).sum(1), agent.value(observation)[:, 0])
-            following, reward, terminated, truncated, _ = envs.step(np.clip(action.numpy(), -1.0, 1.0))
-            terminated = torch.from_numpy(terminated)
+                log_prob, value = policy.log_prob(action).sum(1), agent.value(observation)[:, 0]
+            clipped = np.clip(action.numpy(), -1.0, 1.0)
+            following, reward, terminated, truncated, _ = envs.step(clipped)
+            reward, terminated = torch.from_numpy(reward).float(), torch.from_numpy(terminated)
             ended = terminated | torch.from_numpy(truncated)
             # A step that only resets ends nothing, but no advantage may pass it.
-            for row, value in zip(
-                rows.values(), (*now, torch.from_numpy(reward).float(), terminated, ended | fresh, ~fresh), strict=True
-            ):
-                row.append(value)
+            now = (observation, action, log_prob, value, reward, terminated, ended | fresh, ~fresh)
+            for row, part in zip(rows.values(), now, strict=True):
+                row.append(part)
             observation, fresh = torch.from_numpy(following), ended
         batch = {name: torch.stack(row) for name, row in rows.items()}
         with torch.no_grad():
             last = agent.value(observation)[:, 0]
-        gain = advantages(batch["reward"], batch["value"], last, batch["terminated"], batch["ended"], discount, 0.95)
+        ends = batch["terminated"], batch["ended"]
+        gain = advantages(batch["reward"], batch["value"], last, *ends, discount, 0.95)
         target = gain + batch["value"]
         valid = batch["valid"]
-        data = [x[valid] for x in (batch["observation"], batch["action"], batch["log_prob"], gain, target)]
+        data = [batch[name][valid] for name in ROWS[:3]] + [gain[valid], target[valid]]
         history.append(batch["reward"][valid].mean().item())
         for _ in range(epochs):
             for chosen in torch.randperm(len(data[0])).split(minibatch):
@@ -106,7 +109,8 @@ def main(
                 nn.utils.clip_grad_norm_(agent.parameters(), 0.5)
                 optimiser.step()
         if iteration % 10 == 0 or iteration == iterations - 1:
-            print(f"{(iteration + 1) * num_envs * steps:8} frames: reward per step {history[-1]:.4f}")
+            taken = (iteration + 1) * num_envs * steps
+            print(f"{taken:8} frames: reward per step {history[-1]:.4f}")
     return history
 
 

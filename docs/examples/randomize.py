@@ -1,7 +1,7 @@
-"""Domain randomization: parameters drawn anew in every episode, and what they do to a fixed controller.
+"""Domain randomization: parameters drawn anew in every episode, and their effect on a controller.
 
-`randomize=` takes factors on terms of all bodies, and any number of the scene by its key. All draws follow
-from the seed.
+`randomize=` takes factors on terms of all bodies, and any number of the scene by its key. All draws
+follow from the seed.
 """
 
 import gymnasium
@@ -26,8 +26,8 @@ def main(num_envs: int = 128, steps: int = 200) -> dict[str, np.ndarray]:
         rollout = uvms_gym.Rollout(envs, uvms_gym.PD(envs))
         rollout.run(steps)
         results[name] = rollout.pop_stats().rms("position_error")
-        low, median, high = np.quantile(results[name], [0.05, 0.5, 0.95])
-        print(f"{name:18} {100 * median:.1f} cm, 5 % to 95 % of the episodes {100 * low:.1f} to {100 * high:.1f} cm")
+        low, median, high = 100 * np.quantile(results[name], [0.05, 0.5, 0.95])
+        print(f"{name:18} {median:.1f} cm, 5 % to 95 % of the episodes {low:.1f} to {high:.1f} cm")
     return results
 
 

@@ -1,4 +1,7 @@
-"""Reach of the arm while the vehicle saves thrust: `optimize_trajectory` over both. A picture needs Matplotlib."""
+"""Reach of the arm while the vehicle saves thrust: `optimize_trajectory` over both.
+
+A picture needs Matplotlib.
+"""
 
 import sys
 
@@ -11,7 +14,7 @@ PERIOD, PERIODS = 0.1, 20  # s, over which inputs are held
 
 
 def plan(arm_weight: float) -> tuple[Trajectory, np.ndarray]:
-    """Trajectory of least cost, and its target; `arm_weight` is that of the joints' deviation from home."""
+    """Trajectory of least cost, and its target; `arm_weight` is that of the joints' deviation."""
     sim = Simulator("petasus-pum", dt=0.02)
     target = sim.end_effector_pose()[0, :3, 3] + OFFSET
     trajectory = optimize_trajectory(
@@ -43,14 +46,15 @@ def picture(file: str, plans: dict[str, tuple[Trajectory, np.ndarray]]) -> None:
 
 
 def main(file: str | None = None) -> dict[str, tuple[float, float]]:
-    """Print and return the last distance, m, and the impulse of all thrusters, N s, with the arm and with it held."""
+    """Print and return the last distance, m, and impulse of all thrusters, N s: arm free, held."""
     plans = {"vehicle and arm": plan(0.0), "vehicle, arm held": plan(1e4)}
     results = {}
     for name, (trajectory, target) in plans.items():
         distance = float(np.linalg.norm(trajectory.end_effector[0, -1] - target))
         impulse = float(PERIOD * np.abs(trajectory.inputs["thrust"]).sum())
         results[name] = distance, impulse
-        print(f"{name:18} {1000 * distance:5.1f} mm {impulse:7.1f} N s, {len(trajectory.costs[0]) - 1} iterations")
+        iterations = len(trajectory.costs[0]) - 1
+        print(f"{name:18} {1000 * distance:5.1f} mm {impulse:7.1f} N s, {iterations} iterations")
     if file is not None:
         picture(file, plans)
     return results

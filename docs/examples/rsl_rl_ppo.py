@@ -1,7 +1,7 @@
 """PPO of RSL-RL on the native vector environment; needs `rsl-rl-lib`.
 
-RSL-RL has a vector environment of its own on torch tensors: `RslRlVecEnv` adapts the native one. A time limit is told
-apart by `time_outs`, which RSL-RL bootstraps from.
+RSL-RL has a vector environment of its own on torch tensors: `RslRlVecEnv` adapts the native one. A
+time limit is told apart by `time_outs`, which RSL-RL bootstraps from.
 """
 
 from typing import Any
@@ -31,9 +31,13 @@ class RslRlVecEnv(VecEnv):
 
     def get_observations(self) -> TensorDict:
         """Present observations."""
-        return TensorDict({"policy": torch.from_numpy(self.observations)}, batch_size=[self.num_envs])
+        return TensorDict(
+            {"policy": torch.from_numpy(self.observations)}, batch_size=[self.num_envs]
+        )
 
-    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
+    def step(
+        self, actions: torch.Tensor
+    ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
         """One control period of all instances."""
         clipped = np.clip(actions.numpy(), -1.0, 1.0)
         self.observations, rewards, terminated, truncated, _ = self.envs.step(clipped)
@@ -45,7 +49,9 @@ class RslRlVecEnv(VecEnv):
 
 def main(frames: int = 1_000_000, num_envs: int = 256, folder: str | None = None) -> OnPolicyRunner:
     """Train, and return the runner; `runner.get_inference_policy()` is the policy."""
-    env = RslRlVecEnv(gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=num_envs, autoreset_mode="SameStep"))
+    env = RslRlVecEnv(
+        gymnasium.make_vec("UVMS-StationKeep-v0", num_envs=num_envs, autoreset_mode="SameStep")
+    )
     deviation = {"class_name": "GaussianDistribution", "init_std": 0.37, "std_type": "log"}
     config = {
         "num_steps_per_env": 32,

@@ -1,6 +1,7 @@
 """PPO of skrl on the native vector environment; needs `skrl` and torch.
 
-skrl's wrapper for Gymnasium takes the vector environment as it is, with `autoreset_mode="SameStep"`.
+skrl's wrapper for Gymnasium takes the vector environment as it is, with
+`autoreset_mode="SameStep"`.
 """
 
 from itertools import pairwise
@@ -59,7 +60,11 @@ def main(frames: int = 1_000_000, num_envs: int = 256, folder: str = "out/skrl")
         wrapper="gymnasium",
         verbose=False,
     )
-    spaces = {"observation_space": env.observation_space, "action_space": env.action_space, "device": env.device}
+    spaces = {
+        "observation_space": env.observation_space,
+        "action_space": env.action_space,
+        "device": env.device,
+    }
     agent = PPO(
         models={"policy": Policy(**spaces), "value": Value(**spaces)},
         memory=RandomMemory(memory_size=32, num_envs=num_envs, device=env.device),
@@ -76,7 +81,12 @@ def main(frames: int = 1_000_000, num_envs: int = 256, folder: str = "out/skrl")
     SequentialTrainer(
         env=env,
         agents=agent,
-        cfg={"timesteps": timesteps, "headless": True, "disable_progressbar": True, "close_environment_at_exit": False},
+        cfg={
+            "timesteps": timesteps,
+            "headless": True,
+            "disable_progressbar": True,
+            "close_environment_at_exit": False,
+        },
     ).train()
     return agent
 

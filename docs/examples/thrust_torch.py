@@ -10,8 +10,10 @@ def main(iterations: int = 60, num_envs: int = 4, periods: int = 10) -> list[flo
     """Descend by Adam over control periods of 0.1 s; the cost of each iteration."""
     sim = Simulator("bluerov2-heavy", num_envs, dt=0.02)
     start = state(sim)
-    start[:, 7:10] = torch.linspace(0.1, 0.4, num_envs)[:, None] * torch.tensor([1.0, 0.5, -0.5])  # m/s
-    thrust = torch.zeros(periods, num_envs, sim.num_thrusters, dtype=torch.float64, requires_grad=True)
+    speeds = torch.linspace(0.1, 0.4, num_envs)[:, None]  # m/s
+    start[:, 7:10] = speeds * torch.tensor([1.0, 0.5, -0.5])
+    thrust = torch.zeros(periods, num_envs, sim.num_thrusters, dtype=torch.float64)
+    thrust.requires_grad_()
     adam = torch.optim.Adam([thrust], lr=1.0)
     costs = []
     for _ in range(iterations):

@@ -30,11 +30,14 @@ PAGES = [
 ]
 TEXTS = [
     ROOT / "README.md",
+    ROOT / "src" / "NOTATION.md",
     ROOT / "src" / "python" / "README.md",
     ROOT / "CONTRIBUTING.md",
     ROOT / "training" / "README.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
+#: Width of code on the site, without scrolling.
+COLUMNS = 100
 #: What makes commands quick, after their own options, of which the last counts.
 QUICK = {
     "scenes": [],
@@ -137,6 +140,14 @@ def port_of_short_viewers(monkeypatch: pytest.MonkeyPatch) -> int:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         return int(free.getsockname()[1])
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_code_fits_its_column(text: Path) -> None:
+    found = text.read_text()
+    code = [block for _, block in re.findall(r"^```[^\n]*\n(---\n.*?^---\n)?(.*?)^```", found, re.M | re.S)]
+    code += [(text.parent / file).read_text() for file in re.findall(r"\{literalinclude\} (\S+)", found)]
+    assert [line for block in code for line in block.splitlines() if len(line) > COLUMNS] == []
 
 
 def test_other_commands_would_show() -> None:
