@@ -54,10 +54,13 @@ for seed in 0 1 2 3 4; do
     distilled ppo-distilled-medium $seed $keep dob-medium 0.25 0.07
     scratch ppo $seed UVMS-EETrack-Storm-v0 0.2 0.3 -n 5000000 -params frame_stack:6
 done
-start=out/train/ppo-distilled-wide-0-start.safetensors wide=UVMS-StationKeep-Wide-v0
-[ -e "$start" ] || uvms train --algo distill --env $wide --teacher dob-adaptive -n 2400000 --seed 0 --export "$start"
-policy ppo-distilled-wide 0 $wide --algo asymmetric-ppo --start "$start" --n-envs 512 -n 4000000 \
-    --env-kwargs "reward:{'effort':0.05,'action_rate':0.1}"
+wide=UVMS-StationKeep-Wide-v0
+for seed in 0 1 2 3 4; do
+    start=out/train/ppo-distilled-wide-$seed-start.safetensors
+    [ -e "$start" ] || uvms train --algo distill --env $wide --teacher dob-adaptive -n 2400000 --seed $seed --export "$start"
+    policy ppo-distilled-wide $seed $wide --algo asymmetric-ppo --start "$start" --n-envs 512 -n 24000000 \
+        --env-kwargs "reward:{'effort':0.05,'action_rate':0.05}"
+done
 scratch ppo 0 $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
 # Corrections to classical controllers, by PPO of Stable-Baselines3.
 policy ppo-pd 0 $keep --base pd -n 3000000
