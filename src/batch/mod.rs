@@ -23,6 +23,7 @@ pub use monitoring::step_quality::{ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, StepQu
 pub use options::{Precision, SimulatorOptions};
 pub use simulator::Simulator;
 pub use simulator::applied_loads::AppliedLoads;
-pub use simulator::derivatives::{Argument, StepJacobians, parameter};
+pub use simulator::coordinates::Argument;
+pub use simulator::derivatives::{StepJacobians, parameter};
 pub use simulator::states::States;
 pub use storage::inputs::Inputs;

@@ -16,7 +16,9 @@
 //! compiled `System`: each checks the other.
 
 pub mod aba;
+pub mod aba_adjoint;
 pub mod aba_implicit;
+mod body_adjoint;
 mod closed_form;
 mod composite_body;
 mod crba;
@@ -26,6 +28,7 @@ mod energy;
 mod fossen;
 mod inverse_dynamics;
 mod joint_torque;
+mod joint_torque_adjoint;
 mod kinematics;
 mod linearize;
 mod link;

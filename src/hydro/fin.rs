@@ -60,7 +60,7 @@ impl<P: Copy> Fin<P> {
 
     /// Components of the force along chord and normal, N, at the velocity components `u` and `w` through the water, m/s.
     #[inline(always)]
-    fn force<L: Lane>(&self, u: L, w: L) -> [L; 2]
+    pub(super) fn force<L: Lane>(&self, u: L, w: L) -> [L; 2]
     where
         P: Param<L>,
     {
@@ -91,7 +91,7 @@ pub(super) const MIN_SPEED_SQUARED: f64 = 1e-30;
 
 /// Chords and normals of the deflected fins.
 #[derive(Debug, Clone, Copy)]
-pub struct FinAxes<L>([[Vector3<L>; 2]; FINS]);
+pub struct FinAxes<L>(pub(super) [[Vector3<L>; 2]; FINS]);
 
 impl<L: Lane> FinAxes<L> {
     /// Zeros, to be overwritten.

@@ -2,15 +2,22 @@
 
 mod central_frame;
 mod damping;
+mod damping_adjoint;
 mod fin;
+mod fin_adjoint;
 mod implicit;
 mod restoring;
+mod restoring_adjoint;
 mod tether;
+mod tether_adjoint;
 mod thruster;
+mod thruster_adjoint;
 
 pub use central_frame::{CentralFrameTerms, FrameRotation};
 pub use damping::{CoefficientFrame, CoefficientMatrix, Damping};
+pub use damping_adjoint::{DampedMotion, DampedSums};
 pub use fin::{FINS, Fin, FinAxes};
 pub use restoring::Restoring;
 pub use tether::Tether;
 pub use thruster::{Branch, LagDecay, THRUSTERS, ThrustCourse, Thruster, ThrusterDynamics, Thrusts, thrust_wrench};
+pub use thruster_adjoint::{CommandCotangents, CourseCotangents, ThrusterCotangents};

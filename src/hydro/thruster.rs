@@ -113,8 +113,19 @@ impl<P: Copy> Thruster<P> {
     where
         P: Param<L>,
     {
+        if self.ambient_flow.is_none() {
+            return thrust;
+        }
+        self.reduced(thrust, Vector6::from_array(get_all(&self.along)).dot(twist))
+    }
+
+    /// Thrust reduced by the inflow at this speed along the axis, N.
+    #[inline(always)]
+    pub(super) fn reduced<L: Lane>(&self, thrust: L, speed: L) -> L
+    where
+        P: Param<L>,
+    {
         let Some(k) = self.ambient_flow else { return thrust };
-        let speed = Vector6::from_array(get_all(&self.along)).dot(twist);
         let forward = L::zero().lt(thrust);
         // As in `steady` and `Branch::at`: a thrust of 0 has the slope of still water.
         let size = L::select(forward, thrust, -thrust);
@@ -205,8 +216,8 @@ fn one_minus_exp<L: Lane>(x: L) -> L {
 pub struct ThrusterDynamics<L> {
     /// Thrust in still water, N: the state variable.
     pub thrust: [L; THRUSTERS],
-    steady: [L; THRUSTERS],
-    decay: [LagDecay<L>; THRUSTERS],
+    pub(super) steady: [L; THRUSTERS],
+    pub(super) decay: [LagDecay<L>; THRUSTERS],
 }
 
 impl<L: Lane> ThrusterDynamics<L> {

@@ -14,6 +14,7 @@
 
 use super::chart::Increment;
 use super::motion::Motion;
+use super::recorder::Recorder;
 use super::registry::Implicit;
 use super::step_estimates::StepEstimates;
 use super::{Derivative, Rates};
@@ -45,22 +46,22 @@ const LEAST_SHARE: f64 = 1.0 / 1024.0;
 
 /// Coordinates of a point within a step.
 #[derive(Debug, Clone)]
-struct Point<L, const N: usize> {
-    theta: Vector6<L>,
-    twist: Vector6<L>,
-    q: [L; N],
-    qd: [L; N],
+pub(super) struct Point<L, const N: usize> {
+    pub theta: Vector6<L>,
+    pub twist: Vector6<L>,
+    pub q: [L; N],
+    pub qd: [L; N],
 }
 
 impl<L: Lane, const N: usize> Point<L, N> {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let zero = [L::zero(); N];
         Self { theta: Vector6::zero(), twist: Vector6::zero(), q: zero, qd: zero }
     }
 
     /// Moves to the start. (Entry by entry: whole arrays would be copied by a call.)
     #[inline(always)]
-    fn start(&mut self, from: &Motion<L, N>, n: usize) {
+    pub(super) fn start(&mut self, from: &Motion<L, N>, n: usize) {
         self.theta = Vector6::zero();
         self.twist = from.twist;
         for k in 0..n {
@@ -72,7 +73,7 @@ impl<L: Lane, const N: usize> Point<L, N> {
     /// Euler's rule, each coordinate at the rate of its end; the velocity v in axes that do not turn, so that a spinning body in
     /// straight motion neither gains nor loses speed.
     #[inline(always)]
-    fn advance(&mut self, h: L, rates: &Rates<L, N>, n: usize) {
+    pub(super) fn advance(&mut self, h: L, rates: &Rates<L, N>, n: usize) {
         let Vector6 { linear: v, angular: omega } = self.twist;
         let angular = rates.twist.angular.scale_add(h, omega);
         let straight = omega.cross_add(v, rates.twist.linear).scale_add(h, v);
@@ -121,7 +122,7 @@ impl<L: Lane, const N: usize> Point<L, N> {
 
     /// Copies another. (Entry by entry: whole arrays would be copied by a call.)
     #[inline(always)]
-    fn copy(&mut self, other: &Self, n: usize) {
+    pub(super) fn copy(&mut self, other: &Self, n: usize) {
         (self.theta, self.twist) = (other.theta, other.twist);
         for k in 0..n {
             (self.q[k], self.qd[k]) = (other.q[k], other.qd[k]);
@@ -178,12 +179,13 @@ impl<L: Lane, const N: usize> Default for ImplicitStages<L, N> {
 /// One step of size `h`, which begins `elapsed` after the start of the interval; leaves its end in `stages.fine`. Returns the
 /// square of the greatest rotation within the step and the estimated error, m and rad.
 #[inline(always)]
-fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
+fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: usize>(
     order: usize,
     (h, elapsed): (L, L),
     from: &Motion<L, N>,
     stages: &mut ImplicitStages<L, N>,
     derivative: &mut D,
+    recorder: &mut R,
 ) -> (L, L) {
     let n = derivative.joints();
     let ImplicitStages { coarse, middle, fine, rates } = stages;
@@ -208,6 +210,7 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
         let at = Increment { start: &from.pose, theta: Some(point.theta) };
         let begin = elapsed + size * L::c(part);
         derivative.implicit_rates(&at, (begin, size), point.twist, &point.q, &point.qd, rates);
+        recorder.rates(rates, n);
         point.advance(size, rates, n);
         greatest = greatest.max(point.turn());
     }
@@ -229,13 +232,14 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
 /// Integrates over an interval of length `h`. Lanes that turn by more than the method allows within a sub-interval divide it into
 /// halves, quarters, and so on; lanes that have reached the end of the interval keep their state meanwhile.
 #[inline(always)]
-pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
+pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: usize>(
     method: &Implicit,
     h: L::Real,
     motion: &mut Motion<L, N>,
     estimates: &mut StepEstimates<L>,
     derivative: &mut D,
     stages: &mut ImplicitStages<L, N>,
+    recorder: &mut R,
 ) {
     let Implicit { order, greatest_turn } = *method;
     let n = derivative.joints();
@@ -245,12 +249,14 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, const N: usize>(
     let (mut share, mut left) = (one, one);
     let mut begun = false;
     loop {
-        let (turn, error) = extrapolated(order, (h * share, h * (one - left)), motion, stages, derivative);
+        let when = (h * share, h * (one - left));
+        let (turn, error) = extrapolated(order, when, motion, stages, derivative, recorder);
         let end = &stages.fine;
         let fine = L::select(turn.lt(limit), one, zero);
         let taken = L::select(zero.lt(left), fine, zero);
         let takes = half.lt(taken);
         estimates.record_errors(takes, order, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);
+        recorder.sub_interval(motion, n, when.into(), takes);
         motion.move_by(takes, end.theta, end.twist, (&end.q, &end.qd), n);
         left = share.neg_mul_add(taken, left);
         if !L::any(zero.lt(left)) {

@@ -3,9 +3,13 @@
 mod chart;
 mod euler_angles;
 mod explicit;
+mod explicit_adjoint;
 mod linearly_implicit;
+mod linearly_implicit_adjoint;
 mod motion;
+mod motion_adjoint;
 mod quaternion;
+mod recorder;
 mod registry;
 mod stability;
 mod stages;
@@ -14,8 +18,12 @@ mod sub_intervals;
 mod tableau;
 
 pub use chart::{Attitude, Chart, Correction};
+pub use explicit_adjoint::ExplicitAdjoint;
 pub use linearly_implicit::{ImplicitStages, LinearlyImplicit, implicit_interval};
+pub use linearly_implicit_adjoint::ImplicitAdjoint;
 pub use motion::Motion;
+pub use motion_adjoint::{DerivativeAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState};
+pub use recorder::{Recorder, StepRecord, SubInterval};
 pub use registry::{Entry, Explicit, Gains, Implicit, Integrator, Kind};
 pub use stability::{GROWTH, PASSING, Stability};
 pub use stages::Stages;

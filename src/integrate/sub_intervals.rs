@@ -3,9 +3,11 @@
 use super::Derivative;
 use super::explicit::{Report, explicit, move_to_end};
 use super::motion::Motion;
+use super::recorder::Recorder;
 use super::registry::{Explicit, LEAST_TOLERANCE};
 use super::stages::Stages;
 use super::step_estimates::StepEstimates;
+use super::tableau::STAGES;
 use crate::lane::{Lane, Real};
 
 /// Smallest sub-interval as a fraction of the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
@@ -20,13 +22,14 @@ const GREATEST_PLAN: f64 = 4.0;
 /// on. Lanes that have reached the end of the interval keep their state meanwhile. Without `BASELINES` only for methods on the exponential map
 /// ([`super::Integrator::needs_baseline_terms`] tells): the others' coordinates are then not compiled.
 #[inline(always)]
-pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize, const BASELINES: bool>(
+pub fn interval<L: Lane, D: Derivative<L, N>, R: Recorder<L, N>, const N: usize, const BASELINES: bool>(
     method: &Explicit,
     h: L::Real,
     motion: &mut Motion<L, N>,
     estimates: &mut StepEstimates<L>,
     derivative: &mut D,
     stages: &mut Stages<L, N>,
+    recorder: &mut R,
 ) {
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
@@ -61,6 +64,10 @@ pub fn interval<L: Lane, D: Derivative<L, N>, const N: usize, const BASELINES: b
             let sub_interval = (h * share, stage_error, turn);
             estimates.record_errors(taken, method.tableau.order, sub_interval, &motion.twist, to, n);
         }
+        for i in 0..method.tableau.stages.min(STAGES) {
+            recorder.rates(&stages.rates[i], n);
+        }
+        recorder.sub_interval(motion, n, [h * share, h * (one - left)], taken);
         move_to_end::<_, _, BASELINES>(method.chart, taken, &end, stages, motion, n);
         left = L::select(taken, left - share, left);
         if adaptive {

@@ -54,6 +54,26 @@ macro_rules! real {
                 }
             }
 
+            #[cfg(target_arch = "x86_64")]
+            fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+                // SAFETY: each branch is taken only where its features have been detected.
+                match isa {
+                    Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
+                    Isa::Avx2 if isa.detected() => unsafe { avx2::run(kernel) },
+                    _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
+                    _ => {}
+                }
+            }
+
+            #[cfg(not(target_arch = "x86_64"))]
+            fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
+                match isa {
+                    #[cfg(target_arch = "aarch64")]
+                    Isa::Neon => neon::run(kernel),
+                    _ => fma::run(kernel),
+                }
+            }
+
             #[cfg(not(target_arch = "x86_64"))]
             fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K) {
                 #[cfg(target_arch = "aarch64")]

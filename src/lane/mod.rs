@@ -45,6 +45,7 @@ mod rows;
 mod scalar;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod simd;
+mod tape;
 mod transpose;
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -57,4 +58,5 @@ pub use param::{Param, Shared, get_all, get_option};
 pub use prefetch::prefetch_after;
 pub use rows::Rows;
 pub use scalar::Unfused;
+pub use tape::Tape;
 pub use transpose::{Entry, transpose};

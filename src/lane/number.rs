@@ -158,6 +158,8 @@ pub trait Real: Lane<Real = Self> + Default + PartialOrd + Send + Sync + 'static
     /// Runs a kernel on the lanes of AVX2 or NEON alone, for work that fills lanes with one instance; does nothing on machines
     /// without. (Kernels of dual numbers take half a minute each to compile; AVX-512 saved a sixth of the time.)
     fn dispatch_wide<K: Kernel<Self>>(kernel: &mut K);
+    /// Runs a kernel on the lanes of `isa`, with fused multiply-add in all of them; does nothing on machines without.
+    fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K);
 }
 
 /// Implements the compound assignment operators by the binary ones.

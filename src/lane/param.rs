@@ -2,6 +2,7 @@
 
 use std::mem::MaybeUninit;
 
+use super::dual::Dual;
 use super::number::Lane;
 
 /// A parameter of the system: shared by all lanes, or one number per lane.
@@ -19,6 +20,16 @@ impl<L: Lane> Param<L> for L {
     #[inline(always)]
     fn get(self) -> L {
         self
+    }
+}
+
+/// A number per lane, as a constant in differentiation.
+impl<L: Lane> Param<Dual<L>> for L {
+    const SHARED: bool = false;
+
+    #[inline(always)]
+    fn get(self) -> Dual<L> {
+        Dual::new(self, L::c(-0.0))
     }
 }
 

@@ -22,7 +22,7 @@ use crate::lane::{Lane, Real, first, horner, unroll};
 use crate::lie::Matrix3;
 
 /// Terms of each Taylor polynomial.
-const TERMS: usize = 15;
+pub(super) const TERMS: usize = 15;
 
 /// Factorials as f64, exact to rounding.
 const fn factorial(n: usize) -> f64 {
@@ -41,15 +41,15 @@ const fn sign(k: usize) -> f64 {
 }
 
 /// Coefficients of S, C, B, P, Q in z.
-struct Series {
-    s: [f64; TERMS],
-    c: [f64; TERMS],
-    b: [f64; TERMS],
-    p: [f64; TERMS],
-    q: [f64; TERMS],
+pub(super) struct Series {
+    pub s: [f64; TERMS],
+    pub c: [f64; TERMS],
+    pub b: [f64; TERMS],
+    pub p: [f64; TERMS],
+    pub q: [f64; TERMS],
 }
 
-const SERIES: Series = {
+pub(super) const SERIES: Series = {
     let zero = [0.0; TERMS];
     let mut series = Series { s: zero, c: zero, b: zero, p: zero, q: zero };
     let mut k = 0;
@@ -69,15 +69,15 @@ const SERIES: Series = {
 
 /// Taylor coefficients of A and A' in z, by Bernoulli's numbers: `|B_2k| / (2k)!`, k from 1 on.
 const BERNOULLI: [f64; 5] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0];
-const BERNOULLI_SLOPE: [f64; 4] = [BERNOULLI[1], 2.0 * BERNOULLI[2], 3.0 * BERNOULLI[3], 4.0 * BERNOULLI[4]];
+pub(super) const BERNOULLI_SLOPE: [f64; 4] = [BERNOULLI[1], 2.0 * BERNOULLI[2], 3.0 * BERNOULLI[3], 4.0 * BERNOULLI[4]];
 
 /// Squared rotation angle up to which fewer terms suffice: that of most steps.
-const SMALL: f64 = 0.02;
+pub(super) const SMALL: f64 = 0.02;
 
 /// Polynomials of the series, with as many terms as number type and angles need. The choice is made per lane, so that other
 /// lanes have no influence.
 #[inline(always)]
-fn series<L: Lane, const K: usize>(z: L, coefficients: [&[f64; TERMS]; K]) -> [L; K] {
+pub(super) fn series<L: Lane, const K: usize>(z: L, coefficients: [&[f64; TERMS]; K]) -> [L; K] {
     let mut values = [z; K];
     unroll!(k < K => {
         let c = coefficients[k];
@@ -133,7 +133,7 @@ pub enum DexpInverse {
 
 /// A and A' at z: see the module documentation.
 #[inline(always)]
-fn dexp_inverse_coefficients<L: Lane>(z: L) -> [L; 2] {
+pub(super) fn dexp_inverse_coefficients<L: Lane>(z: L) -> [L; 2] {
     let mut values = if const { L::Real::SINGLE } {
         [horner(z, first::<2>(&BERNOULLI)), horner(z, first::<1>(&BERNOULLI_SLOPE))]
     } else {

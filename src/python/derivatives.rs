@@ -194,7 +194,8 @@ impl Simulator {
         array(py, &[instances, self.inner.state_size()], product)
     }
     /// Product of a cotangent of the next state with the Jacobian of the step: the gradient of a scalar by state, inputs and
-    /// parameters from that by the next state. Its time is that of `step_jacobians`, its memory that of the result.
+    /// parameters from that by the next state. By the adjoint of the step, in a few times its time whatever the number of columns; the
+    /// record of the steps takes some 0.6 kB a step for each instance in the lanes.
     ///
     /// Parameters
     /// ----------

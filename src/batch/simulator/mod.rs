@@ -1,8 +1,10 @@
 //! The batched simulator of one scene, or of scenes of one structure, without a task.
 
 pub mod applied_loads;
+pub mod coordinates;
 pub mod derivatives;
 pub mod error_estimate;
+mod gradients;
 mod parameters;
 mod scenes;
 pub mod states;

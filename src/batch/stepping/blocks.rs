@@ -113,6 +113,7 @@ impl<T: Real> Blocks<T> {
             system_pool: ScratchPool::default(),
             dual_scratch_pool: ScratchPool::default(),
             dual_system_pool: ScratchPool::default(),
+            adjoint_pools: Default::default(),
             rigid,
         };
         let counts = [compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len()];

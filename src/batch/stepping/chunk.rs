@@ -56,6 +56,8 @@ pub(super) struct Parameters<T> {
     pub dual_scratch_pool: ScratchPool,
     /// See `dual_scratch_pool`.
     pub dual_system_pool: ScratchPool,
+    /// Both of the adjoint, and its own memory.
+    pub adjoint_pools: [ScratchPool; 3],
     /// The system without added mass, and the filter's weight, where added mass is a lagged force.
     pub rigid: Option<(System<Shared<T>>, f64)>,
 }

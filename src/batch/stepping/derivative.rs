@@ -31,11 +31,6 @@ pub struct DualColumn<'a> {
 }
 
 impl DualColumn<'_> {
-    /// Value in a row.
-    pub fn value(&self, row: usize) -> f64 {
-        self.values[row * COLUMNS + self.column]
-    }
-
     /// Value in a row before the steps.
     pub fn start(&self, row: usize) -> f64 {
         self.start.0[row * COLUMNS + self.start.1]
@@ -45,9 +40,26 @@ impl DualColumn<'_> {
     pub fn slope(&self, row: usize) -> f64 {
         self.slopes[row * COLUMNS + self.column]
     }
+}
 
+/// Slopes of the rows of an instance.
+pub trait Slopes<'a> {
+    /// Layout of the rows, and the links' frames.
+    fn table(&self) -> &'a Table;
+    /// Value in a row.
+    fn value(&self, row: usize) -> f64;
     /// Adds to the slope in a row.
-    pub fn add_slope(&mut self, row: usize, slope: f64) {
+    fn add_slope(&mut self, row: usize, slope: f64);
+}
+
+impl<'a> Slopes<'a> for DualColumn<'a> {
+    fn table(&self) -> &'a Table {
+        self.table
+    }
+    fn value(&self, row: usize) -> f64 {
+        self.values[row * COLUMNS + self.column]
+    }
+    fn add_slope(&mut self, row: usize, slope: f64) {
         self.slopes[row * COLUMNS + self.column] += slope;
     }
 }
@@ -204,7 +216,7 @@ pub fn step_pairs<L: Lane<Real = f64>>(step: &Step<f64>, rows: &mut [f64]) {
         } else {
             instances.system.apply_factors(step.unscaled, &factors, body_frame_terms);
         }
-        step.step_group::<_, _, false>(&instances.system, &[], &mut columns, &mut memory);
+        step.step_group::<_, _, _, false>(&instances.system, &[], &mut columns, &mut memory, &mut ());
     }
     step.return_memory(memory, ManuallyDrop::into_inner(instances));
 }

@@ -20,6 +20,11 @@ pub struct JointSums<L> {
 }
 
 impl<L: Lane> JointSums<L> {
+    /// Zeros.
+    pub fn zero() -> Self {
+        Self { base: [L::zero(); JOINTS], rest: [L::zero(); JOINTS] }
+    }
+
     /// Begins a step of `n` joints.
     #[inline(always)]
     pub fn begin(&mut self, motion: &mut Motion<L, JOINTS>, n: usize) {

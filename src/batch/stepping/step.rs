@@ -16,7 +16,8 @@ use crate::batch::storage::own_numbers::OwnColumns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::hydro::{FinAxes, ThrusterDynamics};
 use crate::integrate::{
-    Explicit, Implicit, ImplicitStages, Integrator, Motion, Stages, StepEstimates, implicit_interval, interval,
+    Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, implicit_interval,
+    interval,
 };
 use crate::lane::{Kernel, Lane, Param, Real, Routine, Shared, get_all, prefetch_after};
 use crate::lie::{Matrix3, Vector3, Vector6};
@@ -113,38 +114,45 @@ impl<L: Lane> Memory<L> {
 }
 
 /// One step of an explicit method.
-struct ExplicitStep<'a, 'b, L: Lane, P, const BASELINES: bool> {
+struct ExplicitStep<'a, 'b, L: Lane, P, R> {
     method: &'a Explicit,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
     equations: &'a mut EquationsOfMotion<'b, L, P>,
     stages: &'a mut Stages<L, JOINTS>,
+    recorder: &'a mut R,
 }
 
-impl<L: Lane, P: Param<L>, const BASELINES: bool> Routine<L> for ExplicitStep<'_, '_, L, P, BASELINES> {
+/// The same, with the terms of baseline methods where `BASELINES` holds.
+struct WithBaselines<'a, S, const BASELINES: bool>(&'a mut S);
+
+impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>, const BASELINES: bool> Routine<L>
+    for WithBaselines<'_, ExplicitStep<'_, '_, L, P, R>, BASELINES>
+{
     #[inline(always)]
     fn run(&mut self) {
-        let Self { method, h, motion, estimates, equations, stages } = self;
-        interval::<_, _, _, BASELINES>(method, *h, motion, estimates, *equations, stages);
+        let ExplicitStep { method, h, motion, estimates, equations, stages, recorder } = &mut *self.0;
+        interval::<_, _, _, _, BASELINES>(method, *h, motion, estimates, *equations, stages, *recorder);
     }
 }
 
 /// One step of a linearly implicit method.
-struct ImplicitStep<'a, 'b, L: Lane, P> {
+struct ImplicitStep<'a, 'b, L: Lane, P, R> {
     method: &'a Implicit,
     h: L::Real,
     motion: &'a mut Motion<L, JOINTS>,
     estimates: &'a mut StepEstimates<L>,
     equations: &'a mut EquationsOfMotion<'b, L, P>,
     stages: &'a mut ImplicitStages<L, JOINTS>,
+    recorder: &'a mut R,
 }
 
-impl<L: Lane, P: Param<L>> Routine<L> for ImplicitStep<'_, '_, L, P> {
+impl<L: Lane, P: Param<L>, R: Recorder<L, JOINTS>> Routine<L> for ImplicitStep<'_, '_, L, P, R> {
     #[inline(always)]
     fn run(&mut self) {
-        let Self { method, h, motion, estimates, equations, stages } = self;
-        implicit_interval(method, *h, motion, estimates, *equations, stages);
+        let Self { method, h, motion, estimates, equations, stages, recorder } = self;
+        implicit_interval(method, *h, motion, estimates, *equations, stages, *recorder);
     }
 }
 
@@ -161,7 +169,8 @@ impl<T: Real> Kernel<T> for Step<'_, T> {
                 if L::LANES < T::BLOCK && k * T::BLOCK + first >= self.count {
                     break;
                 }
-                self.step_group::<_, _, false>(self.system, &[], &mut Columns { rows: &mut *rows, first }, &mut memory);
+                let columns = &mut Columns { rows: &mut *rows, first };
+                self.step_group::<_, _, _, false>(self.system, &[], columns, &mut memory, &mut ());
             }
         }
         self.return_memory(memory, None);
@@ -223,7 +232,7 @@ impl<'a, T: Real> Step<'a, T> {
                     (None, Some(shared)) => (shared, &[][..]),
                     (None, None) => continue,
                 };
-                self.step_group::<_, _, true>(system, unscaled, &mut columns, &mut memory);
+                self.step_group::<_, _, _, true>(system, unscaled, &mut columns, &mut memory, &mut ());
             }
         }
         self.return_memory(memory, ManuallyDrop::into_inner(instances));
@@ -231,7 +240,7 @@ impl<'a, T: Real> Step<'a, T> {
 
     /// Scratch memory. (A call, as are the next two functions: the steps themselves contain none.)
     #[inline(never)]
-    fn memory<L: Lane>(&self) -> Box<Memory<L>> {
+    pub(super) fn memory<L: Lane>(&self) -> Box<Memory<L>> {
         let mut memory = self.scratch_pool.take().unwrap_or_else(Memory::new);
         if cfg!(debug_assertions) {
             memory.poison();
@@ -271,12 +280,13 @@ impl<'a, T: Real> Step<'a, T> {
     /// Steps the instances of one column group. Terms of baseline methods, with the `unscaled` terms of the bodies, are compiled
     /// where `BASELINES` holds.
     #[inline(always)]
-    pub(super) fn step_group<L: Lane<Real = T>, P: Param<L>, const BASELINES: bool>(
+    pub(super) fn step_group<L: Lane<Real = T>, P: Param<L>, R: Recorder<L, JOINTS>, const BASELINES: bool>(
         &self,
         system: &System<P>,
         unscaled: &[UnscaledBodyTerms<P>],
         columns: &mut Columns<T>,
         memory: &mut Memory<L>,
+        recorder: &mut R,
     ) {
         let motion = &mut memory.motion;
         columns.motion::<_, BASELINES>(self.layout, motion);
@@ -317,6 +327,7 @@ impl<'a, T: Real> Step<'a, T> {
         for k in self.before..self.before + self.substeps {
             equations.time = L::splat(T::from_f64(k as f64) * self.h);
             equations.joints.prescribe(system, equations.loads, equations.time, motion);
+            recorder.step(&memory.propulsion.thrust, thrusters.len());
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
             if !thrusters.is_empty() {
                 let course = memory.propulsion.step(thrusters, motion.twist);
@@ -336,18 +347,17 @@ impl<'a, T: Real> Step<'a, T> {
                     let stages = &mut memory.stages;
                     // Scalar lanes have a step without baseline terms, too: it takes less time.
                     let h = self.h;
+                    let mut step = ExplicitStep { method, h, motion, estimates, equations, stages, recorder };
                     if L::SCALAR && !self.integrator.needs_baseline_terms() {
-                        L::call(&mut ExplicitStep::<_, _, false> { method, h, motion, estimates, equations, stages });
+                        L::call(&mut WithBaselines::<_, false>(&mut step));
                     } else {
-                        let mut step =
-                            ExplicitStep::<_, _, BASELINES> { method, h, motion, estimates, equations, stages };
-                        L::call(&mut step);
+                        L::call(&mut WithBaselines::<_, BASELINES>(&mut step));
                     }
                 }
                 Integrator::LinearlyImplicit(method) => {
                     let (estimates, equations) = (&mut estimates, &mut equations);
                     let stages = &mut memory.implicit_stages;
-                    L::call(&mut ImplicitStep { method, h: self.h, motion, estimates, equations, stages });
+                    L::call(&mut ImplicitStep { method, h: self.h, motion, estimates, equations, stages, recorder });
                 }
             }
             equations.joints.end(motion, joints);

@@ -5,7 +5,7 @@ use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::Vector3;
 use uvms_gym::batch::stepping::blocks::{Blocks, Storage};
 use uvms_gym::batch::stepping::chunk::StepSettings;
-use uvms_gym::batch::stepping::derivative::{Directions, DualColumn, Duals, Pairs, step_pairs};
+use uvms_gym::batch::stepping::derivative::{Directions, DualColumn, Duals, Pairs, Slopes, step_pairs};
 use uvms_gym::batch::stepping::step::Step;
 use uvms_gym::batch::storage::inputs::CheckedInputs;
 use uvms_gym::batch::storage::layout::Layout;
@@ -49,7 +49,7 @@ impl<F: Fn(usize, usize) -> Vec<(usize, f64)> + Sync> Directions for Rows<F> {
 }
 
 /// Instances of a scene in random states under all inputs that it takes, and the settings of their steps.
-fn with_case(
+pub fn with_case(
     scene: &Scene,
     (instances, substeps): (usize, usize),
     (name, tolerance, isa): (&str, f64, Isa),
@@ -102,12 +102,12 @@ fn with_case(
     check(&mut blocks, &settings, &inputs, &Layout::new::<f64>(counts, &adaptive));
 }
 
-fn production() -> impl Iterator<Item = &'static str> {
+pub fn production() -> impl Iterator<Item = &'static str> {
     Integrator::NAMES.into_iter().filter(|entry| entry.kind == Kind::Production).map(|entry| entry.name)
 }
 
 /// The shipped scenes, one with all terms of thrusters, one with prescribed joints, and random ones, with all terms of joints.
-fn scenes() -> Vec<Scene> {
+pub fn scenes() -> Vec<Scene> {
     let mut scenes: Vec<_> = Scene::shipped_names().into_iter().map(|name| Scene::shipped(name).unwrap()).collect();
     let mut dynamic = Scene::shipped("petasus-pum").unwrap();
     for (k, thruster) in dynamic.vehicle.thrusters.iter_mut().enumerate() {

@@ -1,5 +1,6 @@
 //! Many instances at once.
 
+mod adjoint;
 mod aligned;
 mod derivatives;
 mod error_estimate;

@@ -1,0 +1,199 @@
+//! Adjoint of steps: cotangents of state, inputs and parameters from those of the stepped state.
+//!
+//! The steps of a column group are taken and recorded, then reversed. A record holds the start of each sub-interval and the rates of
+//! its stages, for the instances of one column group at a time; all else is computed again.
+
+use std::mem::ManuallyDrop;
+use std::ops::Range;
+
+use super::blocks::Blocks;
+use super::chunk::StepSettings;
+use super::instance_numbers::LoadNumbers;
+use super::reverse::ReverseMemory;
+use super::scratch_pool::ScratchPool;
+use super::step::Step;
+use super::threads::for_each;
+use crate::batch::storage::columns::Columns;
+use crate::batch::storage::inputs::CheckedInputs;
+use crate::batch::storage::table::Table;
+use crate::lane::{Kernel, Lane, Real};
+use crate::system::{InstanceSystem, System};
+
+/// Columns of a block.
+const COLUMNS: usize = f64::BLOCK;
+
+/// An instance in rows of cotangents.
+pub struct CotangentColumn<'a> {
+    /// Layout of the rows, and the links' frames.
+    pub table: &'a Table,
+    /// Rows before the steps, with the inputs.
+    pub start: &'a [f64],
+    /// Rows after the steps.
+    pub end: &'a [f64],
+    /// Rows of cotangents.
+    pub cotangents: &'a mut [f64],
+    /// The instance's column.
+    pub column: usize,
+}
+
+impl CotangentColumn<'_> {
+    /// Number in a row of some of these rows.
+    pub fn get(&self, rows: &[f64], row: usize) -> f64 {
+        rows[row * COLUMNS + self.column]
+    }
+
+    /// Sets the cotangent of a row.
+    pub fn set(&mut self, row: usize, x: f64) {
+        self.cotangents[row * COLUMNS + self.column] = x;
+    }
+}
+
+/// Functions of the steps whose gradients are computed.
+pub trait Cotangents: Sync {
+    /// True where gradients by factors on the bodies are among them.
+    fn factors(&self) -> bool;
+    /// True where one by payloads is.
+    fn payload(&self) -> bool;
+    /// Sets the cotangents of the stepped state of instance `i`: of the rotation three, of delta in `R exp([delta])`, in its first
+    /// rows.
+    fn seed(&self, i: usize, column: &mut CotangentColumn);
+    /// Reads the gradient of instance `i` from the cotangents of state, inputs and factors.
+    fn read(&self, i: usize, column: &CotangentColumn, out: &mut [f64]);
+}
+
+impl Blocks<f64> {
+    /// Gradients of all instances under these inputs: `width` numbers of each. The instances are not stepped.
+    pub fn pull_back(
+        &self,
+        settings: &StepSettings,
+        inputs: &CheckedInputs,
+        cotangents: &impl Cotangents,
+        width: usize,
+    ) -> Vec<f64> {
+        let size = self.table.layout.rows * COLUMNS;
+        let mut out = vec![0.0; self.instances * width];
+        if width > 0 {
+            let items = self.rows.chunks_exact(size).zip(out.chunks_mut(COLUMNS * width)).enumerate();
+            for_each(items, settings.threads, |(block, (rows, out))| {
+                let first = block * COLUMNS;
+                let count = COLUMNS.min(self.instances - first);
+                let mut start = rows.to_vec();
+                self.table.apply(self.isa, &mut start, inputs, first, count);
+                self.pull_back_block(settings, cotangents, block, &start, out);
+            });
+        }
+        out
+    }
+
+    /// The same of one block, whose rows hold the inputs.
+    fn pull_back_block(
+        &self,
+        settings: &StepSettings,
+        cotangents: &impl Cotangents,
+        block: usize,
+        start: &[f64],
+        out: &mut [f64],
+    ) {
+        let (table, scene) = (&self.table, &self.scene);
+        let count = COLUMNS.min(self.instances - block * COLUMNS);
+        let width = out.len() / count;
+        let [_, with_payload] = table.scaled(start);
+        let payload = with_payload || cotangents.payload();
+        let mut rows = start.to_vec();
+        let step = Step {
+            system: &scene.system,
+            scalar_system: None,
+            unscaled: &scene.unscaled,
+            scaled: true,
+            own: self.own.as_ref().map(|own| own.columns()),
+            payload_attachment: payload.then_some(scene.payload_attachment),
+            scratch_pool: &scene.adjoint_pools[0],
+            system_pool: &scene.adjoint_pools[1],
+            lag_filter: None,
+            layout: &table.layout,
+            integrator: settings.integrator,
+            h: settings.h,
+            substeps: settings.substeps,
+            before: settings.before,
+            active: settings.active,
+            count,
+            blocks: &mut rows,
+        };
+        let mut of = vec![0.0; start.len()];
+        let seed = |of: &mut [f64], end: &[f64], columns: Range<usize>| {
+            for column in columns {
+                let i = block * COLUMNS + column;
+                cotangents.seed(i, &mut CotangentColumn { table, start, end, cotangents: of, column });
+            }
+        };
+        let (factors, pool) = (cotangents.factors(), &scene.adjoint_pools[2]);
+        let mut kernel = Reverse { step, block, of: &mut of, seed: &seed, factors, pool };
+        f64::dispatch_fused(self.isa, &mut kernel);
+        for (column, out) in out.chunks_exact_mut(width).enumerate() {
+            let column = CotangentColumn { table, start, end: &rows, cotangents: &mut of, column };
+            cotangents.read(block * COLUMNS + column.column, &column, out);
+        }
+    }
+}
+
+/// Kernel of the adjoint of a block. (Not generic: it takes a minute to compile.)
+struct Reverse<'s, 'a> {
+    step: Step<'a, f64>,
+    block: usize,
+    of: &'s mut [f64],
+    seed: &'s dyn Fn(&mut [f64], &[f64], Range<usize>),
+    factors: bool,
+    pool: &'s ScratchPool,
+}
+
+impl Kernel<f64> for Reverse<'_, '_> {
+    #[inline(always)]
+    fn run<L: Lane<Real = f64>>(&mut self) {
+        let step = &mut self.step;
+        let rows = std::mem::take(&mut step.blocks);
+        let mut memory = step.memory::<L>();
+        let mut reverse = self.pool.take().unwrap_or_else(make_memory::<L>);
+        let mut instances = ManuallyDrop::new(instances(step));
+        for first in (0..COLUMNS).step_by(L::LANES) {
+            if first >= step.count {
+                break;
+            }
+            let instances = &mut **instances;
+            let mut columns = Columns { rows: &mut *rows, first };
+            let factors = columns.factors(step.layout);
+            if let Some(own) = &step.own {
+                let (run_rows, block, factors) = (own.run_rows, own.block(self.block), &factors);
+                let body_frame_terms = true;
+                L::call(&mut LoadNumbers { instances, run_rows, block, first, factors, body_frame_terms });
+            } else {
+                instances.system.apply_factors(step.unscaled, &factors, true);
+            }
+            reverse.record.tape.clear();
+            reverse.record.sub_intervals.clear();
+            step.step_group::<_, _, _, false>(&instances.system, &[], &mut columns, &mut memory, &mut reverse.record);
+            (self.seed)(&mut *self.of, &*columns.rows, first..(first + L::LANES).min(step.count));
+            let of = &mut Columns { rows: &mut *self.of, first };
+            step.reverse_group(instances, &columns, of, &mut reverse, self.factors);
+        }
+        step.return_memory(memory, Some(ManuallyDrop::into_inner(instances)));
+        self.pool.put(reverse);
+    }
+}
+
+/// Memory of the reverse. (A call, as the next: the steps themselves contain none.)
+#[inline(never)]
+fn make_memory<L: Lane>() -> Box<ReverseMemory<L>> {
+    Box::new(ReverseMemory::new())
+}
+
+/// Memory for the systems of a column group, with the parts of their bodies.
+#[inline(never)]
+fn instances<L: Lane<Real = f64>>(step: &Step<f64>) -> Box<InstanceSystem<L>> {
+    let has_payload =
+        |system: &System<L>| system.joints.last().map_or(&system.vehicle, |joint| &joint.body).payload.is_some();
+    let fits = |pooled: &Box<InstanceSystem<L>>| has_payload(&pooled.system) == step.payload_attachment.is_some();
+    step.system_pool.take().filter(fits).unwrap_or_else(|| {
+        let system = step.system.allocate_scaled(step.unscaled, step.payload_attachment);
+        Box::new(InstanceSystem::allocate(system, step.unscaled, step.payload_attachment))
+    })
+}

@@ -1,0 +1,292 @@
+//! Reverse of recorded steps: from the cotangents of the state after them to those of the state before, inputs and parameters.
+
+use super::equations_of_motion::EquationsOfMotion;
+use super::equations_of_motion_adjoint::{EquationsAdjoint, InputCotangents};
+use super::joint_coordinates::JointSums;
+use super::step::Step;
+use crate::batch::storage::columns::Columns;
+use crate::dynamics::aba::{ArmLoads, Scratch};
+use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
+use crate::hydro::{FinAxes, THRUSTERS, ThrusterCotangents, ThrusterDynamics};
+use crate::integrate::{
+    Explicit, ExplicitAdjoint, Implicit, ImplicitAdjoint, Integrator, Motion, MotionCotangents, StepRecord,
+};
+use crate::lane::{Lane, Real, Routine, Tape};
+use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::system::{InstanceSystem, JOINTS, System};
+
+/// Memory of the reverse of a column group.
+pub(super) struct ReverseMemory<L: Lane> {
+    /// Record of the steps.
+    pub record: StepRecord<L>,
+    explicit: ExplicitAdjoint<L, JOINTS>,
+    implicit: ImplicitAdjoint<L, JOINTS>,
+    adjoint_scratch: AdjointScratch<L>,
+    scratch: Scratch<L>,
+    loads: ArmLoads<L>,
+    joints: JointSums<L>,
+    propulsion: ThrusterDynamics<L>,
+    surfaces: FinAxes<L>,
+    of_motion: MotionCotangents<L, JOINTS>,
+    of_instant: InstantCotangents<L>,
+    of: InputCotangents<L>,
+    of_thrusters: ThrusterCotangents<L>,
+}
+
+impl<L: Lane> ReverseMemory<L> {
+    /// Zeros.
+    pub fn new() -> Self {
+        Self {
+            record: StepRecord::new(),
+            explicit: ExplicitAdjoint::new(),
+            implicit: ImplicitAdjoint::new(),
+            adjoint_scratch: AdjointScratch::new(),
+            scratch: Scratch::new(),
+            loads: ArmLoads::none(),
+            joints: JointSums::zero(),
+            propulsion: ThrusterDynamics::blank(),
+            surfaces: FinAxes::blank(),
+            of_motion: MotionCotangents::zero(),
+            of_instant: InstantCotangents::blank(),
+            of: InputCotangents::zero(),
+            of_thrusters: ThrusterCotangents::zero(),
+        }
+    }
+}
+
+/// Reverse of a sub-interval of an explicit method, as a routine of its own.
+struct ExplicitReverse<'a, 'b, 'c, L: Lane> {
+    method: &'a Explicit,
+    tape: &'a mut Tape<L::Real>,
+    adjoint: &'a mut ExplicitAdjoint<L, JOINTS>,
+    equations: &'a mut EquationsAdjoint<'b, 'c, L>,
+    of_motion: &'a mut MotionCotangents<L, JOINTS>,
+}
+
+impl<L: Lane> Routine<L> for ExplicitReverse<'_, '_, '_, L> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { method, tape, adjoint, equations, of_motion } = self;
+        adjoint.reverse(method, tape, *equations, of_motion);
+    }
+}
+
+/// Reverse of a sub-interval of a linearly implicit method, as a routine of its own.
+struct ImplicitReverse<'a, 'b, 'c, L: Lane> {
+    method: &'a Implicit,
+    tape: &'a mut Tape<L::Real>,
+    adjoint: &'a mut ImplicitAdjoint<L, JOINTS>,
+    equations: &'a mut EquationsAdjoint<'b, 'c, L>,
+    of_motion: &'a mut MotionCotangents<L, JOINTS>,
+}
+
+impl<L: Lane> Routine<L> for ImplicitReverse<'_, '_, '_, L> {
+    #[inline(always)]
+    fn run(&mut self) {
+        let Self { method, tape, adjoint, equations, of_motion } = self;
+        adjoint.reverse(method, tape, *equations, of_motion);
+    }
+}
+
+/// Cotangent of a rotation from that of `R^T x`.
+#[inline(always)]
+fn turn_of<L: Lane>(rotation: &Matrix3<L>, x: Vector3<L>, of: Vector3<L>) -> Vector3<L> {
+    of.cross(rotation.apply_transposed(x))
+}
+
+/// Sets the cotangents of a rotation's entries that give this cotangent of delta in `R exp([delta])`: `R [turn] / 2`.
+#[inline(always)]
+fn set_rotation<L: Lane>(of: &mut Columns<L::Real>, row: usize, rotation: &Matrix3<L>, turn: Vector3<L>) {
+    for i in 0..3 {
+        of.set_all(row + 3 * i, &Vector3(rotation.0[i]).cross(turn).scale(L::c(0.5)).0, 3);
+    }
+}
+
+/// Joints that are prescribed follow their targets: their cotangents become those of the targets.
+#[inline(always)]
+fn prescribe_adjoint<L: Lane>(
+    system: &System<L>,
+    loads: &ArmLoads<L>,
+    time: L,
+    of: &mut MotionCotangents<L, JOINTS>,
+    of_loads: &mut ArmLoads<L>,
+) {
+    if system.prescribed && loads.terms > 0 {
+        for (i, joint) in system.chain().iter().enumerate() {
+            if joint.prescribed {
+                add_target(loads.terms, time, [of.q[i], of.qd[i]], &mut of_loads.target[i]);
+                (of.q[i], of.qd[i]) = (L::zero(), L::zero());
+            }
+        }
+    }
+}
+
+impl<T: Real> Step<'_, T> {
+    /// Reverses recorded steps. `columns` hold the numbers after the steps; `of` hold the cotangents of the state and receive those of
+    /// state, loads and factors before, in the same rows. Factors of the bodies have some where `of_factors` holds.
+    #[inline(always)]
+    pub(super) fn reverse_group<L: Lane<Real = T>>(
+        &self,
+        instances: &InstanceSystem<L>,
+        columns: &Columns<T>,
+        of_columns: &mut Columns<T>,
+        memory: &mut ReverseMemory<L>,
+        of_factors: bool,
+    ) {
+        let (layout, system) = (self.layout, &instances.system);
+        let n = system.chain().len();
+        let h = L::splat(self.h);
+        let mut ends = Motion::blank();
+        columns.place::<_, false>(layout, &mut ends);
+        let mut rotation = ends.pose.rotation;
+        let ReverseMemory {
+            record,
+            explicit,
+            implicit,
+            adjoint_scratch,
+            scratch,
+            loads,
+            joints,
+            propulsion,
+            surfaces,
+            of_motion,
+            of_instant,
+            of,
+            of_thrusters,
+        } = memory;
+        columns.loads(layout, self.active, loads);
+        let acceleration: Vector3<L> = columns.vector(layout.acceleration);
+        let gained = acceleration.scale(h);
+        let mut current: Vector3<L> = columns.vector(layout.current);
+        let station = if self.active.station { Some(columns.station(layout)) } else { None };
+        let thrusters = &system.thrusters[..];
+        if !thrusters.is_empty() {
+            columns.propulsion(layout, thrusters, self.h, propulsion);
+        }
+        if !system.fins.is_empty() {
+            columns.surfaces(layout, &system.fins, surfaces);
+        }
+        *of = InputCotangents::zero();
+        *of_thrusters = ThrusterCotangents::zero();
+        *of_motion = MotionCotangents::zero();
+        of_motion.position = of_columns.vector(layout.position);
+        of_motion.turn = of_columns.vector(layout.rotation);
+        of_motion.twist = of_columns.six(layout.twist);
+        of_columns.joints(layout.q, n, &mut of_motion.q);
+        of_columns.joints(layout.qd, n, &mut of_motion.qd);
+        for k in 0..thrusters.len().min(THRUSTERS) {
+            of_thrusters.thrust[k] = of_columns.get(layout.thrust + k);
+        }
+        let end = L::splat(T::from_f64((self.before + self.substeps) as f64) * self.h);
+        prescribe_adjoint(system, loads, end, of_motion, &mut of.loads);
+        let mut equations = EquationsOfMotion {
+            system,
+            loads,
+            gravity: Vector3(system.gravity) - acceleration,
+            acceleration,
+            wrench: Vector6::zero(),
+            thrust: None,
+            station,
+            surfaces,
+            joints,
+            time: L::zero(),
+            scratch,
+        };
+        let parts = if of_factors { &instances.unscaled[..] } else { &[] };
+        for k in (self.before..self.before + self.substeps).rev() {
+            let held = (of_motion.position, of_motion.turn);
+            if system.fixed {
+                of_motion.twist = Vector6::zero();
+                (of_motion.position, of_motion.turn) = (Vector3::zero(), Vector3::zero());
+            } else {
+                of_motion.turn = of_motion.turn + turn_of(&rotation, current, of_motion.twist.linear);
+            }
+            current = current - gained;
+            equations.set_current(current);
+            equations.time = L::splat(T::from_f64(k as f64) * self.h);
+            if !thrusters.is_empty() {
+                let course = ThrusterDynamics::blank().step(&thrusters[..0], Vector6::zero());
+                equations.thrust = Some((course, L::c(1.0) / h));
+            }
+            of.course = [Vector6::zero(); 3];
+            let count = record.sub_intervals.pop().unwrap_or(0);
+            for _ in 0..count {
+                let equations = &mut EquationsAdjoint {
+                    equations: &mut equations,
+                    parts,
+                    of: &mut *of,
+                    scratch: &mut *adjoint_scratch,
+                    of_instant: &mut *of_instant,
+                };
+                let (tape, of_motion) = (&mut record.tape, &mut *of_motion);
+                match &self.integrator {
+                    Integrator::Explicit(method) => {
+                        let adjoint = &mut *explicit;
+                        L::call(&mut ExplicitReverse { method, tape, adjoint, equations, of_motion });
+                        ends = *adjoint.start();
+                    }
+                    Integrator::LinearlyImplicit(method) => {
+                        let adjoint = &mut *implicit;
+                        L::call(&mut ImplicitReverse { method, tape, adjoint, equations, of_motion });
+                        ends = *adjoint.start();
+                    }
+                }
+            }
+            rotation = ends.pose.rotation;
+            let mut thrusts = [L::zero(); THRUSTERS];
+            record.tape.pop(&mut thrusts, thrusters.len());
+            if !thrusters.is_empty() {
+                let of_twist = propulsion.step_adjoint(thrusters, &thrusts, ends.twist, of.course, of_thrusters);
+                of_motion.twist = of_motion.twist + of_twist;
+            }
+            of_motion.turn = of_motion.turn - turn_of(&rotation, current, of_motion.twist.linear);
+            if system.fixed {
+                of_motion.position = of_motion.position + held.0;
+                of_motion.turn = of_motion.turn + held.1;
+                of_motion.twist = Vector6::zero();
+            }
+            prescribe_adjoint(system, equations.loads, equations.time, of_motion, &mut of.loads);
+        }
+        let EquationsOfMotion { loads, station, .. } = equations;
+        if !thrusters.is_empty() {
+            let factors = columns.factors(layout);
+            let (mut commands, mut gains, mut kept) =
+                ([L::zero(); THRUSTERS], [L::zero(); THRUSTERS], [L::zero(); THRUSTERS]);
+            for k in 0..layout.thrusters.min(THRUSTERS) {
+                commands[k] = columns.get(layout.command + k);
+                kept[k] = L::c(1.0) - columns.get::<L>(layout.loss + k);
+                gains[k] = kept[k] * factors.thrust;
+            }
+            let sums =
+                propulsion.command_adjoint(thrusters, &commands, &gains, (h, factors.thruster_lag), of_thrusters);
+            of_columns.set_all(layout.command, &sums.commands, layout.thrusters);
+            of_columns.set_all(layout.thrust, &of_thrusters.thrust, layout.thrusters);
+            for k in 0..layout.thrusters.min(THRUSTERS) {
+                of.factors.thrust = kept[k].mul_add(sums.gains[k], of.factors.thrust);
+            }
+            of.factors.thruster_lag = sums.lag;
+        }
+        if !system.fins.is_empty() {
+            let of_fins = surfaces.deflect_adjoint(&of.surfaces, layout.fins);
+            of_columns.set_all(layout.fin, &of_fins, layout.fins);
+        }
+        set_rotation(of_columns, layout.rotation, &rotation, of_motion.turn);
+        of_columns.set_all(layout.position, &of_motion.position.0, 3);
+        of_columns.set_all(layout.twist, &of_motion.twist.to_array(), 6);
+        of_columns.set_all(layout.q, &of_motion.q, n);
+        of_columns.set_all(layout.qd, &of_motion.qd, n);
+        of_columns.set_all(layout.wrench, &of.wrench.to_array(), 6);
+        of_columns.set_all(layout.torque, &of.loads.torque, n);
+        for k in 0..n {
+            of_columns.set_all(layout.target + 4 * k, &of.loads.target[k], 4);
+            if loads.on_links {
+                of_columns.set_all(layout.links + 6 * k, &of.loads.links[k].to_array(), 6);
+            }
+        }
+        of_columns.set_all(layout.factors, &of.factors.to_array(), 8);
+        if let Some(station) = station {
+            set_rotation(of_columns, layout.station, &station.target.rotation, of.station.turn);
+            of_columns.set_all(layout.station + 9, &of.station.position.0, 3);
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! Adjoint of a sub-interval of a linearly implicit method: reverse differentiation of its solves.
+
+use super::Rates;
+use super::linearly_implicit::{Point, extrapolation_weights};
+use super::motion::Motion;
+use super::motion_adjoint::{DerivativeAdjoint, MotionCotangents, PoseCotangents, StageCotangents, StageState};
+use super::recorder::SubInterval;
+use super::registry::Implicit;
+use crate::lane::{Lane, Tape};
+use crate::lie::{DexpInverse, Vector3, Vector6, dexp_inverse_adjoint, rotate_back_adjoint};
+
+/// Solves of a step: of one, two and three parts.
+const SOLVES: usize = 6;
+
+/// Memory of the adjoint: rates of the solves, and the points of one division of the step.
+#[derive(Debug, Clone)]
+pub struct ImplicitAdjoint<L, const N: usize> {
+    rates: [Rates<L, N>; SOLVES],
+    points: [Point<L, N>; 4],
+    of_point: Point<L, N>,
+    of_end: Point<L, N>,
+    of_rates: Rates<L, N>,
+    of_stage: StageCotangents<L, N>,
+    part: SubInterval<L, N>,
+    of_start: MotionCotangents<L, N>,
+}
+
+impl<L: Lane, const N: usize> ImplicitAdjoint<L, N> {
+    /// Zeroed memory.
+    pub fn new() -> Self {
+        let rates = Rates { twist: Vector6::zero(), qd: [L::zero(); N] };
+        Self {
+            rates: [rates; SOLVES],
+            points: std::array::from_fn(|_| Point::new()),
+            of_point: Point::new(),
+            of_end: Point::new(),
+            of_rates: rates,
+            of_stage: StageCotangents::blank(),
+            part: SubInterval::blank(),
+            of_start: MotionCotangents::zero(),
+        }
+    }
+
+    /// Start of the sub-interval that was reversed last.
+    #[inline(always)]
+    pub fn start(&self) -> &Motion<L, N> {
+        &self.part.from
+    }
+
+    /// Cotangents of the start of the last sub-interval of a record from those of its end, in the lanes that took it. Removes it.
+    #[inline(always)]
+    pub fn reverse<D: DerivativeAdjoint<L, N>>(
+        &mut self,
+        method: &Implicit,
+        tape: &mut Tape<L::Real>,
+        derivative: &mut D,
+        of: &mut MotionCotangents<L, N>,
+    ) {
+        let n = derivative.joints();
+        let Self { rates, points, of_point, of_end, of_rates, of_stage, part, of_start } = self;
+        let weights = extrapolation_weights(method.order);
+        let divisions = weights.len().min(3);
+        let first = |parts: usize| parts * (parts - 1) / 2;
+        part.pop(tape, n);
+        for solve in (0..first(divisions + 1)).rev() {
+            rates[solve].pop(tape, n);
+            rates[solve].keep_where(L::c(0.5).lt(part.taken), n);
+        }
+        // Lanes that did not take it have neither rates nor cotangents.
+        let takes = L::c(0.5).lt(part.taken);
+        part.h = L::select(takes, part.h, L::zero());
+        let kept = *of;
+        *of = MotionCotangents::zero();
+        of.set_where(takes, &kept, n);
+        let SubInterval { from, h, elapsed, .. } = &*part;
+
+        // Theta of the end: the ends of all divisions.
+        let mut theta = Vector6::zero();
+        for parts in 1..=divisions {
+            points[0].start(from, n);
+            let size = *h * L::c(1.0 / parts as f64);
+            for k in 0..parts {
+                points[0].advance(size, &rates[first(parts) + k], n);
+            }
+            theta = points[0].theta.scale_add(L::c(weights[parts - 1]), theta);
+        }
+        *of_start = MotionCotangents::zero();
+        let of_pose = PoseCotangents { position: Some(of.position), turn: of.turn };
+        of_end.theta = of_pose.pull_back(theta, &from.pose, of_start);
+        of_end.twist = of.twist;
+        for k in 0..n {
+            (of_end.q[k], of_end.qd[k]) = (of.q[k], of.qd[k]);
+        }
+        for parts in 1..=divisions {
+            let (size, weight) = (*h * L::c(1.0 / parts as f64), L::c(weights[parts - 1]));
+            points[0].start(from, n);
+            for k in 0..parts {
+                let (before, after) = points.split_at_mut(k + 1);
+                if let (Some(before), Some(after)) = (before.last(), after.first_mut()) {
+                    after.copy(before, n);
+                    after.advance(size, &rates[first(parts) + k], n);
+                }
+            }
+            of_point.theta = of_end.theta.scale(weight);
+            of_point.twist = of_end.twist.scale(weight);
+            for k in 0..n {
+                (of_point.q[k], of_point.qd[k]) = (of_end.q[k] * weight, of_end.qd[k] * weight);
+            }
+            for k in (0..parts).rev() {
+                let (point, rates) = (&points[k], &rates[first(parts) + k]);
+                of_point.advance_adjoint(size, rates, point, &points[k + 1], of_rates, n);
+                let Point { theta, twist, q, qd } = point;
+                let at = StageState { start: &from.pose, theta: *theta, twist: *twist, q, qd };
+                let begin = size.mul_add(L::c(k as f64), *elapsed);
+                derivative.rates_adjoint(&at, (begin, Some(size)), rates, of_rates, of_stage);
+                let of_theta = of_stage.pose.pull_back(*theta, &from.pose, of_start);
+                of_point.theta = of_point.theta + of_theta;
+                of_point.twist = of_point.twist + of_stage.twist;
+                for k in 0..n {
+                    of_point.q[k] += of_stage.q[k];
+                    of_point.qd[k] += of_stage.qd[k];
+                }
+            }
+            // Theta is 0 at the start.
+            of_start.twist = of_start.twist + of_point.twist;
+            for k in 0..n {
+                of_start.q[k] += of_point.q[k];
+                of_start.qd[k] += of_point.qd[k];
+            }
+        }
+        *of = kept;
+        of.set_where(takes, of_start, n);
+    }
+}
+
+impl<L: Lane, const N: usize> Default for ImplicitAdjoint<L, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<L: Lane, const N: usize> Point<L, N> {
+    /// Cotangents of a point, in place of those of the point that [`Point::advance`] makes of it, and of the rates.
+    #[inline(always)]
+    fn advance_adjoint(
+        &mut self,
+        h: L,
+        rates: &Rates<L, N>,
+        before: &Self,
+        after: &Self,
+        of_rates: &mut Rates<L, N>,
+        n: usize,
+    ) {
+        let Vector6 { linear: v, angular: omega } = before.twist;
+        let form = DexpInverse::Truncated;
+        let (of_theta, of_twist) = dexp_inverse_adjoint(form, before.theta, after.twist, self.theta.scale(h));
+        self.theta = self.theta + of_theta;
+        let of_twist = self.twist + of_twist;
+        let straight = omega.cross_add(v, rates.twist.linear).scale_add(h, v);
+        let (of_turn, of_straight) = rotate_back_adjoint(after.twist.angular.scale(h), straight, of_twist.linear);
+        let of_angular: Vector3<L> = of_turn.scale_add(h, of_twist.angular);
+        let of_change = of_straight.scale(h);
+        of_rates.twist = Vector6 { linear: of_change, angular: of_angular.scale(h) };
+        self.twist =
+            Vector6 { linear: of_change.cross_add(omega, of_straight), angular: v.cross_add(of_change, of_angular) };
+        for k in 0..n {
+            self.qd[k] = self.q[k].mul_add(h, self.qd[k]);
+            of_rates.qd[k] = self.qd[k] * h;
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Cotangents of a step's state, and of a pose within a step.
+
+use super::Rates;
+use crate::lane::{Lane, unroll};
+use crate::lie::{Pose, Vector3, Vector6, increment_adjoint};
+
+/// Cotangents of a [`super::Motion`].
+#[derive(Debug, Clone, Copy)]
+pub struct MotionCotangents<L, const N: usize> {
+    /// Cotangent of the position, world axes.
+    pub position: Vector3<L>,
+    /// Cotangent of the rotation: of delta in `R exp([delta])`, body axes.
+    pub turn: Vector3<L>,
+    /// Cotangent of the twist.
+    pub twist: Vector6<L>,
+    /// Cotangent of q.
+    pub q: [L; N],
+    /// Cotangent of q'.
+    pub qd: [L; N],
+}
+
+impl<L: Lane, const N: usize> MotionCotangents<L, N> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let (three, zero) = (Vector3::zero(), [L::zero(); N]);
+        Self { position: three, turn: three, twist: Vector6::zero(), q: zero, qd: zero }
+    }
+
+    /// Sets these to others where the mask holds.
+    #[inline(always)]
+    pub(super) fn set_where(&mut self, mask: L::Mask, other: &Self, n: usize) {
+        unroll!(k in 0 1 2 => {
+            self.position.0[k] = L::select(mask, other.position.0[k], self.position.0[k]);
+            self.turn.0[k] = L::select(mask, other.turn.0[k], self.turn.0[k]);
+            self.twist.linear.0[k] = L::select(mask, other.twist.linear.0[k], self.twist.linear.0[k]);
+            self.twist.angular.0[k] = L::select(mask, other.twist.angular.0[k], self.twist.angular.0[k]);
+        });
+        for k in 0..n {
+            self.q[k] = L::select(mask, other.q[k], self.q[k]);
+            self.qd[k] = L::select(mask, other.qd[k], self.qd[k]);
+        }
+    }
+}
+
+/// Cotangents of a pose: of its position, world axes, where it has any, and of its rotation, its own axes.
+#[derive(Debug, Clone, Copy)]
+pub struct PoseCotangents<L> {
+    /// Cotangent of the position.
+    pub position: Option<Vector3<L>>,
+    /// Cotangent of the rotation.
+    pub turn: Vector3<L>,
+}
+
+impl<L: Lane> PoseCotangents<L> {
+    /// Cotangent of theta in this pose, `T exp(theta)`; adds those of T.
+    #[inline(always)]
+    pub(super) fn pull_back<const N: usize>(
+        &self,
+        theta: Vector6<L>,
+        start: &Pose<L>,
+        of_start: &mut MotionCotangents<L, N>,
+    ) -> Vector6<L> {
+        let position = if let Some(position) = self.position {
+            of_start.position = of_start.position + position;
+            Some(start.rotation.apply_transposed(position))
+        } else {
+            None
+        };
+        let (of_theta, turn) = increment_adjoint(theta, position, self.turn);
+        of_start.turn = of_start.turn + turn;
+        of_theta
+    }
+}
+
+/// Pose and velocities of a stage, for the adjoint of the right-hand side.
+#[derive(Debug, Clone, Copy)]
+pub struct StageState<'a, L, const N: usize> {
+    /// Start of the step.
+    pub start: &'a Pose<L>,
+    /// Theta of the pose `T exp(theta)`.
+    pub theta: Vector6<L>,
+    /// Twist.
+    pub twist: Vector6<L>,
+    /// q.
+    pub q: &'a [L; N],
+    /// q'.
+    pub qd: &'a [L; N],
+}
+
+/// Cotangents of a stage.
+#[derive(Debug, Clone, Copy)]
+pub struct StageCotangents<L, const N: usize> {
+    /// Cotangent of the pose.
+    pub pose: PoseCotangents<L>,
+    /// Cotangent of the twist.
+    pub twist: Vector6<L>,
+    /// Cotangent of q.
+    pub q: [L; N],
+    /// Cotangent of q'.
+    pub qd: [L; N],
+}
+
+impl<L: Lane, const N: usize> StageCotangents<L, N> {
+    /// Zeros, to be overwritten.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        let pose = PoseCotangents { position: None, turn: Vector3::zero() };
+        Self { pose, twist: Vector6::zero(), q: [L::zero(); N], qd: [L::zero(); N] }
+    }
+}
+
+/// Adjoint of a right-hand side.
+pub trait DerivativeAdjoint<L: Lane, const N: usize> {
+    /// Number of joints in use.
+    fn joints(&self) -> usize;
+    /// Cotangents of a stage from those of its rates, `[V'; q'']`; the rates are those of the right-hand side there. Those of inputs
+    /// and parameters are added up. `when` is the time of the stage after the start of the interval, and for linearly implicit
+    /// methods the size of the solve that begins there.
+    fn rates_adjoint(
+        &mut self,
+        at: &StageState<L, N>,
+        when: (L, Option<L>),
+        rates: &Rates<L, N>,
+        of_rates: &Rates<L, N>,
+        of_stage: &mut StageCotangents<L, N>,
+    );
+}

@@ -1,0 +1,141 @@
+//! Record of the sub-intervals of steps, from which their adjoint is computed.
+
+use super::Rates;
+use super::motion::Motion;
+use crate::lane::{Lane, Tape};
+use crate::lie::Vector6;
+
+/// Recorder of steps. `()` records nothing.
+pub trait Recorder<L: Lane, const N: usize> {
+    /// Records the start of a step, with further numbers of the state.
+    fn step(&mut self, numbers: &[L], count: usize);
+    /// Records the rates of a stage or of a solve.
+    fn rates(&mut self, rates: &Rates<L, N>, joints: usize);
+    /// Records a sub-interval: its start, its size and the time before it (s), and the lanes that took it. Its rates come before it.
+    fn sub_interval(&mut self, from: &Motion<L, N>, joints: usize, when: [L; 2], taken: L::Mask);
+}
+
+impl<L: Lane, const N: usize> Recorder<L, N> for () {
+    #[inline(always)]
+    fn step(&mut self, _: &[L], _: usize) {}
+    #[inline(always)]
+    fn rates(&mut self, _: &Rates<L, N>, _: usize) {}
+    #[inline(always)]
+    fn sub_interval(&mut self, _: &Motion<L, N>, _: usize, _: [L; 2], _: L::Mask) {}
+}
+
+/// Sub-interval read from a record.
+#[derive(Debug, Clone)]
+pub struct SubInterval<L, const N: usize> {
+    /// Start, without the rounding error of the position.
+    pub from: Motion<L, N>,
+    /// Size, s.
+    pub h: L,
+    /// Time before it in the interval, s.
+    pub elapsed: L,
+    /// 1 in lanes that took it, else 0.
+    pub taken: L,
+}
+
+impl<L: Lane, const N: usize> SubInterval<L, N> {
+    /// Memory to read one into.
+    #[inline(always)]
+    pub fn blank() -> Self {
+        Self { from: Motion::blank(), h: L::zero(), elapsed: L::zero(), taken: L::zero() }
+    }
+
+    /// Reads the last one of a record and removes it.
+    #[inline(always)]
+    pub fn pop(&mut self, tape: &mut Tape<L::Real>, joints: usize) {
+        let from = &mut self.from;
+        let mut last = [L::zero(); 3];
+        tape.pop(&mut last, 3);
+        [self.h, self.elapsed, self.taken] = last;
+        tape.pop(&mut from.qd, joints);
+        tape.pop(&mut from.q, joints);
+        pop_twist(tape, &mut from.twist);
+        tape.pop(&mut from.pose.position.0, 3);
+        tape.pop(from.pose.rotation.0.as_flattened_mut(), 9);
+    }
+}
+
+#[inline(always)]
+fn pop_twist<L: Lane>(tape: &mut Tape<L::Real>, twist: &mut Vector6<L>) {
+    let mut numbers = [L::zero(); 6];
+    tape.pop(&mut numbers, 6);
+    *twist = Vector6::from_array(numbers);
+}
+
+impl<L: Lane, const N: usize> Rates<L, N> {
+    /// Sets these to 0 except where the mask holds.
+    #[inline(always)]
+    pub(super) fn keep_where(&mut self, mask: L::Mask, joints: usize) {
+        let (zero, twist) = (L::zero(), &mut self.twist);
+        for k in 0..3 {
+            twist.linear.0[k] = L::select(mask, twist.linear.0[k], zero);
+            twist.angular.0[k] = L::select(mask, twist.angular.0[k], zero);
+        }
+        for k in 0..joints {
+            self.qd[k] = L::select(mask, self.qd[k], zero);
+        }
+    }
+
+    /// Reads the last rates of a record and removes them.
+    #[inline(always)]
+    pub(super) fn pop(&mut self, tape: &mut Tape<L::Real>, joints: usize) {
+        tape.pop(&mut self.qd, joints);
+        pop_twist(tape, &mut self.twist);
+    }
+}
+
+/// Record of steps in lanes: numbers, and how many sub-intervals each step has.
+#[derive(Debug, Clone)]
+pub struct StepRecord<L: Lane> {
+    /// The numbers.
+    pub tape: Tape<L::Real>,
+    /// Sub-intervals of each step.
+    pub sub_intervals: Vec<usize>,
+}
+
+impl<L: Lane> StepRecord<L> {
+    /// Empty record.
+    pub fn new() -> Self {
+        Self { tape: Tape::new(), sub_intervals: Vec::new() }
+    }
+}
+
+impl<L: Lane> Default for StepRecord<L> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<L: Lane, const N: usize> Recorder<L, N> for StepRecord<L> {
+    #[inline(always)]
+    fn step(&mut self, numbers: &[L], count: usize) {
+        self.tape.reserve::<L>(count);
+        self.tape.push(numbers, count);
+        self.sub_intervals.push(0);
+    }
+
+    #[inline(always)]
+    fn rates(&mut self, rates: &Rates<L, N>, joints: usize) {
+        self.tape.reserve::<L>(6 + joints);
+        self.tape.push(&rates.twist.to_array(), 6);
+        self.tape.push(&rates.qd, joints);
+    }
+
+    #[inline(always)]
+    fn sub_interval(&mut self, from: &Motion<L, N>, joints: usize, [h, elapsed]: [L; 2], taken: L::Mask) {
+        self.tape.reserve::<L>(21 + 2 * joints);
+        self.tape.push(from.pose.rotation.0.as_flattened(), 9);
+        self.tape.push(&from.pose.position.0, 3);
+        self.tape.push(&from.twist.to_array(), 6);
+        self.tape.push(&from.q, joints);
+        self.tape.push(&from.qd, joints);
+        self.tape.push(&[h, elapsed, L::select(taken, L::c(1.0), L::zero())], 3);
+        if let Some(count) = self.sub_intervals.last_mut() {
+            *count += 1;
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! Adjoint of steps: gradients are the cotangent times the Jacobian by dual numbers.
+
+use crate::batch::derivatives::{production, scenes, with_case};
+use crate::random_scene::{Random, random_state};
+use nalgebra::Vector3;
+use uvms_gym::batch::stepping::adjoint::{CotangentColumn, Cotangents};
+use uvms_gym::batch::stepping::blocks::Storage;
+use uvms_gym::batch::{Inputs, Simulator, SimulatorOptions};
+use uvms_gym::description::Scene;
+use uvms_gym::integrate::Gains;
+use uvms_gym::lane::Isa;
+use uvms_gym::system::{FACTORS, Factors, Flow};
+
+/// Simulator of a scene in random states, and numbers for all of its inputs.
+struct Case {
+    simulator: Simulator,
+    thrust: Vec<f64>,
+    fin: Vec<f64>,
+    wrench: Vec<f64>,
+    torque: Vec<f64>,
+    target: Vec<f64>,
+    external: Vec<f64>,
+    pose: Vec<f64>,
+    follows: bool,
+    servo: bool,
+}
+
+impl Case {
+    fn new(scene: &Scene, instances: usize, integrator: &str, threads: usize) -> Self {
+        let options =
+            SimulatorOptions { instances, integrator: integrator.into(), threads: Some(threads), ..Default::default() };
+        let mut simulator = Simulator::new(scene.clone(), options).unwrap();
+        let (joints, thrusters) = (scene.joints().count(), scene.vehicle.thrusters.len());
+        let mut random = Random::new(7);
+        // Numbers of an instance do not depend on how many there are.
+        let mut numbers = |count: usize, size: f64| -> Vec<f64> {
+            let seed = random.bits();
+            let row = |i: usize| {
+                let mut random = Random::new(seed ^ i as u64);
+                (0..count).map(|_| random.between(-size, size)).collect::<Vec<_>>()
+            };
+            (0..instances).flat_map(row).collect()
+        };
+        let (thrust, fin) = (numbers(thrusters, 20.0), numbers(scene.vehicle.fins.len(), 0.4));
+        let (wrench, torque) = (numbers(6, 5.0), numbers(joints, 3.0));
+        let (target, external) = (numbers(3 * joints, 0.3), numbers(6 * (joints + 1), 0.1));
+        let mut pose = Vec::new();
+        let flow = Flow { velocity: Vector3::new(0.1, -0.2, 0.05), acceleration: Vector3::new(0.02, 0.01, -0.03) };
+        let mut factors = Vec::new();
+        for i in 0..instances {
+            let mut state = random_state(i as u64, scene);
+            state.thrust.iter_mut().take(simulator.state_size() - 12 - 2 * joints).for_each(|x| *x = 1.5);
+            simulator.set_state(i, &state);
+            simulator.set_flow(i, flow);
+            factors.push(Factors::from_array(std::array::from_fn(|k| 0.8 + 0.05 * (k + i % 3) as f64)));
+            let target = random_state(100 + i as u64, scene);
+            pose.extend(target.position.iter().chain(target.rotation.transpose().iter()));
+        }
+        simulator.set_factors(&factors).unwrap();
+        let follows = scene.joints().any(|joint| joint.servo.is_some() || joint.prescribed);
+        let servo = scene.vehicle.servo.is_some();
+        Self { simulator, thrust, fin, wrench, torque, target, external, pose, follows, servo }
+    }
+
+    /// Gradients of all instances, and the cotangents times their Jacobians with the sums of magnitudes.
+    fn gradients(&mut self, substeps: usize, jacobians: bool) -> (Vec<f64>, Vec<(f64, f64)>) {
+        let inputs = Inputs {
+            thrust: Some(&self.thrust),
+            fin: Some(&self.fin),
+            wrench: Some(&self.wrench),
+            joint_torque: Some(&self.torque),
+            joint_target: self.follows.then_some(&self.target),
+            external: Some(&self.external),
+            pose_target: self.servo.then_some(&self.pose),
+        };
+        let (size, parameters): (_, Vec<usize>) = (self.simulator.state_size(), (0..FACTORS).collect());
+        let row = |i: u64| {
+            let mut random = Random::new(i);
+            (0..size).map(move |_| random.between(-1.0, 1.0))
+        };
+        let of: Vec<f64> = (0..self.simulator.instances() as u64).flat_map(row).collect();
+        let gradients = self.simulator.step_vjp(&inputs, substeps, &parameters, &of).unwrap();
+        let mut expected = Vec::new();
+        if jacobians {
+            let all = self.simulator.step_jacobians(&inputs, substeps, &parameters).unwrap();
+            let width: usize = all.arguments.iter().map(|(_, width)| width).sum();
+            for (of, jacobian) in of.chunks_exact(size).zip(all.numbers.chunks_exact(size * width)) {
+                for k in 0..width {
+                    let terms = (0..size).map(|row| of[row] * jacobian[row * width + k]);
+                    expected.push(terms.fold((0.0, 0.0), |(sum, size), x| (sum + x, size + f64::abs(x))));
+                }
+            }
+        }
+        (gradients, expected)
+    }
+}
+
+#[test]
+fn gradients_are_cotangents_times_jacobians() {
+    for scene in scenes() {
+        for name in production() {
+            let mut case = Case::new(&scene, 3, name, 1);
+            let (gradients, expected) = case.gradients(3, true);
+            for (k, (got, (sum, size))) in gradients.iter().zip(&expected).enumerate() {
+                let error = (got - sum).abs() / size.max(1e-6);
+                assert!(
+                    error < 1e-10 || got.is_nan() && sum.is_nan(),
+                    "{} {name} entry {k}: {got} {sum} {size}",
+                    scene.name
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn gradients_have_the_same_bits_for_any_number_of_instances_and_threads() {
+    for scene in scenes() {
+        for name in ["mk4", "ros2", "mk54"] {
+            let [one, more, most] = [(1, 1), (3, 1), (65, 2)].map(|(instances, threads)| {
+                let bits = |x: f64| x.to_bits();
+                let gradients = Case::new(&scene, instances, name, threads).gradients(2, false).0;
+                gradients.into_iter().map(bits).collect::<Vec<_>>()
+            });
+            assert_eq!(one, more[..one.len()], "{} {name}", scene.name);
+            assert_eq!(more, most[..more.len()], "{} {name}", scene.name);
+        }
+    }
+}
+
+/// Cotangents by random numbers; all rows are read.
+struct RandomCotangents;
+
+impl Cotangents for RandomCotangents {
+    fn factors(&self) -> bool {
+        true
+    }
+    fn payload(&self) -> bool {
+        true
+    }
+    fn seed(&self, i: usize, column: &mut CotangentColumn) {
+        let (table, mut random) = (column.table, Random::new(i as u64));
+        let layout = &table.layout;
+        let parts = [
+            (layout.position, 3),
+            (layout.rotation, 3),
+            (layout.q, layout.joints),
+            (layout.twist, 6),
+            (layout.qd, layout.joints),
+            (layout.thrust, layout.thrusters),
+        ];
+        for row in parts.into_iter().flat_map(|(row, count)| row..row + count) {
+            column.set(row, random.between(-1.0, 1.0));
+        }
+    }
+    fn read(&self, _: usize, column: &CotangentColumn, out: &mut [f64]) {
+        out.iter_mut().enumerate().for_each(|(row, out)| *out = column.get(column.cotangents, row));
+    }
+}
+
+#[test]
+fn gradients_have_the_same_bits_in_all_lanes() {
+    for scene in scenes() {
+        for name in production() {
+            let [fma, others @ ..] = [Isa::Fma, Isa::Avx2, Isa::Avx512].map(|isa| {
+                let mut bits = Vec::new();
+                with_case(&scene, (9, 2), (name, Gains::DEFAULT.tolerance, isa), |blocks, settings, inputs, _| {
+                    let gradients = blocks.pull_back(settings, inputs, &RandomCotangents, blocks.column_len());
+                    bits = gradients.into_iter().map(f64::to_bits).collect();
+                });
+                bits
+            });
+            for other in others {
+                assert_eq!(fma, other, "{} {name}", scene.name);
+            }
+        }
+    }
+}
