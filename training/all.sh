@@ -46,6 +46,7 @@ for name in resolved resolved-pid resolved-dob resolved-informed; do
     tune $name UVMS-EETrack-Storm-v0
 done
 tune resolved-wide UVMS-EETrack-Wide-v0
+tune resolved-adaptive UVMS-EETrack-Wide-v0
 
 keep=UVMS-StationKeep-Storm-v0
 for seed in 0 1 2 3 4; do

@@ -48,10 +48,10 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         Parameter("wave_frequency", 0.3, 4.0, absolute=True),
         Parameter("acceleration_noise", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
     )
-    adaptive = (
-        Parameter("delay_schedule", 0.1, 30.0, ((0,), (1,)), absolute=True, floor=True),
+    schedule = Parameter("delay_schedule", 0.1, 30.0, ((0,), (1,)), absolute=True, floor=True)
+    innovation = Parameter("innovation", 0.01, 3.0, ((0,), (1,)), absolute=True)
+    bank = (
         Parameter("thrust_factors", 0.3, 3.0, ((0,), (1,), (2,)), absolute=True),
-        Parameter("innovation", 0.01, 3.0, ((0,), (1,)), absolute=True),
         Parameter("memory_time", 0.3, 30.0, absolute=True),
     )
     weights = (
@@ -63,20 +63,25 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         *(Parameter(name, 0.1, 10.0) for name in ("pose_gain", "twist_gain", "joint_gain")),
         *(Parameter(name, 0.02, 20.0) for name in ("posture_gain", "levelling_gain", "arm_weight")),
     )
+    three: Groups = ((0,), (1,), (2,))
+    resolved_dob = (*resolved, observer._replace(groups=three), horizon._replace(name="lag_compensation"))
     return {
         "pd": pd,
         "pd-restoring": pd,
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
         "dob": (*pd, observer, *expected),
         **dict.fromkeys(_DOBS, (*pd, observer, *expected, horizon)),
-        "dob-adaptive": (*pd, observer, *expected, horizon, *adaptive),
+        "dob-adaptive": (*pd, observer, *expected, horizon, schedule, innovation, *bank),
         "computed-torque": (*pd, observer, *expected, horizon),
         "mpc": (*weights, observer, *expected),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral_gain", 0.01, 10.0, absolute=True)),
-        **dict.fromkeys(
-            _RESOLVED,
-            (*resolved, observer._replace(groups=((0,), (1,), (2,))), horizon._replace(name="lag_compensation")),
+        **dict.fromkeys(_RESOLVED, resolved_dob),
+        "resolved-adaptive": (
+            *resolved_dob,
+            schedule._replace(low=0.01, high=3.0),
+            innovation._replace(groups=three),
+            *bank,
         ),
     }
 

@@ -10,7 +10,7 @@ The objective is the pose error of the comparison. CMA-ES (`pycma`) searches in 
 candidates of a generation run the same episodes; every generation has new ones, none of them of the comparison. The
 finalists run on fresh episodes, and the best is written to the package's `gains.json` with a record of the search. The
 base (PD in station keeping) is tuned for its errors alone; the others start from its gains, where they have the same,
-with a penalty for effort beyond `LIMIT` times the base's in the same episodes.
+or from those in `STARTS`, with a penalty for effort beyond `LIMIT` times the base's in the same episodes.
 
 In the storm the score of 64 episodes has a standard deviation of 4 %, but the difference between neighbours on the same
 episodes has 1.2 %, and 0.3 % with the 1024 episodes of finalists.
@@ -59,6 +59,10 @@ STEPS = {"station-keep": 0.025, "ee-track": 0.01}
 
 #: Episodes of each finalist.
 FINAL_EPISODES = 1024
+
+
+#: Tuned controllers whose gains are the start of others' searches, beside the others' own defaults.
+STARTS = {"resolved-adaptive": "resolved-wide"}
 
 
 class Limits(NamedTuple):
@@ -144,15 +148,17 @@ class Tuner:
             gains[parameter.name] = np.vectorize(rounded)(scaled).tolist()
         return gains
 
-    def factors(self, gains: dict[str, Any]) -> dict[str, Floats]:
-        """Gains over the controller's defaults."""
-        return {name: np.asarray(value) / self._own[name] for name, value in gains.items()}
+    def factors(self, gains: dict[str, Any] | None = None) -> dict[str, Floats]:
+        """Gains as they are tuned: values, or factors on the controller's defaults; None: those of the defaults."""
+        numbers = self._own if gains is None else gains
+        return {p.name: np.asarray(numbers[p.name]) / (1.0 if p.absolute else self._own[p.name]) for p in self._sought}
 
     def start(self, factors: dict[str, Floats]) -> Floats:
         """Start of the search: known factors, NaN elsewhere."""
         numbers: list[Any] = []
         for parameter in self._sought:
             known = factors.get(parameter.name, np.full_like(self._own[parameter.name], np.nan))
+            known = np.maximum(known, parameter.low)
             numbers += [known[list(group)].mean() for group in parameter.groups] or [known]
         return np.array(numbers, dtype=np.float64)
 
@@ -303,12 +309,12 @@ def main(
         ours = Tuner(arena, name, known[name])
         gains, start = None, None
         if name != base:
-            try:
-                gains = json.loads(file.read_text())[base]["gains"]
-            except (OSError, ValueError, LookupError):
-                raise fail(f"{file} has no gains of {base}, whose effort is the limit: tune {base} first") from None
+            gains = _stored(file, base, "whose effort is the limit")
             theirs = Tuner(arena, base, known[base])
             ours.limiting, start = theirs.controller(gains), ours.start(theirs.factors(gains))
+        if origin := STARTS.get(name):
+            theirs = Tuner(arena, origin, known[origin])
+            start = ours.start(ours.factors() | theirs.factors(_stored(file, origin, "where the search starts")))
         settings = {
             "env": env,
             "scene": arena.options["scene"],
@@ -340,6 +346,14 @@ def main(
         store(file, name, gains, record)
         _tell(name, gains, record)
     line(str(file))
+
+
+def _stored(file: Path, name: str, role: str) -> dict[str, Any]:
+    try:
+        gains: dict[str, Any] = json.loads(file.read_text())[name]["gains"]
+    except (OSError, ValueError, LookupError):
+        raise fail(f"{file} has no gains of {name}, {role}: tune {name} first") from None
+    return gains
 
 
 def _arena(env: str, scene: str, period: float | None, threads: int | None, informed: bool) -> Arena:

@@ -51,6 +51,17 @@ pub(super) fn check(gains: &impl Serialize) -> Result<(), ControlError> {
     Ok(())
 }
 
+/// Refuses lists of gains, by name, that hold a 0.
+pub(super) fn check_positive(lists: &[(&str, &[f64])]) -> Result<(), ControlError> {
+    match lists.iter().find(|(_, values)| values.contains(&0.0)) {
+        Some((name, values)) => {
+            let (name, value) = ((*name).to_owned(), format!("{values:?}"));
+            Err(ControlError::GainShape { name, value, expected: "above 0".to_owned() })
+        }
+        None => Ok(()),
+    }
+}
+
 /// `gains` with those replaced that are given, checked.
 ///
 /// # Errors

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::dob::FeedbackGains;
 use super::gains;
+use super::likelihood::{Likelihood, normalise};
 use super::observer::{Estimate, Observer, ObserverGains};
 use super::plant::ArmMotion;
 use super::resolved_motion::MAX_DELAY;
@@ -13,9 +14,6 @@ use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Lane, exp};
 use crate::lie::Vector6;
-
-/// Least logarithm of a weight over the greatest one: where [`exp`] ends.
-const FLOOR: f64 = -20.0;
 
 /// Gains of the adaptive DOB; pairs are linear and angular.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -62,18 +60,11 @@ impl AdaptiveGains {
         if periods > MAX_DELAY {
             return Err(ControlError::Delay { periods, most: MAX_DELAY });
         }
-        let positive: [(&str, &[f64]); 3] = [
+        gains::check_positive(&[
             ("thrust_factors", &self.thrust_factors),
             ("innovation", &self.innovation),
             ("joint_innovation", &self.joint_innovation),
-        ];
-        for (name, values) in positive {
-            if values.contains(&0.0) {
-                let (name, value) = (name.to_owned(), format!("{values:?}"));
-                return Err(ControlError::GainShape { name, value, expected: "above 0".to_owned() });
-            }
-        }
-        Ok(())
+        ])
     }
 
     /// Gains of the models' DOBs: by delay, and by factor on the thrust.
@@ -103,17 +94,15 @@ struct Model {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Bank {
     models: Vec<Model>,
-    /// Half the inverse variances of innovations: of the twist, linear and angular; of joints' coordinates and rates.
-    precision: [[f64; 2]; 2],
-    /// Share of a log-likelihood that remains after a control period.
-    retention: f64,
+    /// Likelihood of innovations: of the twist, linear and angular; of joints' coordinates and rates.
+    likelihood: Likelihood<4>,
 }
 
 impl Bank {
     /// A bank of one observer.
     pub fn of(observer: Observer) -> Self {
         let models = vec![Model { observer, thrust: 1.0, place: 0 }];
-        Self { models, precision: [[0.0; 2]; 2], retention: 1.0 }
+        Self { models, likelihood: Likelihood::new([f64::INFINITY; 4], 0.0, 0.0) }
     }
 
     /// For a checked scene that is measured and acted on every `period` s, by checked gains.
@@ -129,9 +118,8 @@ impl Bank {
             models.push(Model { observer, thrust, place });
             place += width;
         }
-        let precision = [gains.innovation, gains.joint_innovation].map(|pair| pair.map(|s| 0.5 / (s * s)));
-        let retention = if gains.memory_time > 0.0 { (-period / gains.memory_time).exp() } else { 1.0 };
-        Self { models, precision, retention }
+        let ([v, w], [q, qd]) = (gains.innovation, gains.joint_innovation);
+        Self { models, likelihood: Likelihood::new([v, w, q, qd], gains.memory_time, period) }
     }
 
     /// Number of models.
@@ -177,7 +165,7 @@ impl Bank {
         if self.len() > 1 {
             let told = L::c(self.observer().delay() as f64).lt(self.observer().periods(&memory[self.last().place..]));
             let gain = L::select(told, self.log_likelihood(&estimate, observer.plant().joints()), L::zero());
-            memory[k] = memory[k].mul_add(L::c(self.retention), gain);
+            self.likelihood.update(&mut memory[k], gain);
         }
         estimate
     }
@@ -185,7 +173,7 @@ impl Bank {
     /// Log-likelihood of innovations, up to what all models share.
     #[inline(always)]
     fn log_likelihood<L: Lane<Real = f64>>(&self, at: &Estimate<L>, joints: usize) -> L {
-        let [[linear, angular], [coordinate, rate]] = self.precision;
+        let [linear, angular, coordinate, rate] = self.likelihood.precision;
         let Vector6 { linear: v, angular: w } = at.innovation;
         let ArmMotion { q, qd } = at.arm_innovation;
         let mut sum = v.dot(v).mul_add(L::c(linear), w.dot(w) * L::c(angular));
@@ -202,13 +190,9 @@ impl Bank {
         if self.len() == 1 {
             return wrenches[0];
         }
-        let mut greatest = memory[0];
-        for k in 1..self.len() {
-            greatest = greatest.max(memory[k]);
-        }
+        normalise(&mut memory[..self.len()]);
         let (mut total, mut sum) = (L::zero(), Vector6::zero());
         for k in 0..self.len() {
-            memory[k] = (memory[k] - greatest).max(L::c(FLOOR));
             let weight = exp(memory[k]);
             total += weight;
             sum = wrenches[k].scale_add(weight * L::c(1.0 / self.models[k].thrust), sum);

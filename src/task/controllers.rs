@@ -7,9 +7,10 @@ use super::ee_track::EETrack;
 use super::registry::TaskKind;
 use super::scene_task::Task;
 use crate::control::{
-    ActionKind, ActionMap, AdaptiveGains, BlockIndices, Controller, DockPd, DockPdGains, FeedbackGains, GainMap,
-    LawGains, ModelBased, ModelIndices, MpcGains, NoControl, ObservationIndices, ObserverGains, Pd, PdRestoring, Pid,
-    PidGains, Plant, PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths, gain_names, merge,
+    ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPd, DockPdGains,
+    FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices, MpcGains, NoControl, ObservationIndices, ObserverGains,
+    Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths,
+    gain_names, merge,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
@@ -35,13 +36,15 @@ pub enum ControllerKind {
     Mpc,
     /// Resolved motion of the end effector.
     ResolvedMotion,
+    /// The same on a bank of models.
+    ResolvedAdaptive,
     /// PD docking with a limited approach speed.
     DockPd,
 }
 
 impl ControllerKind {
     /// All kinds by name.
-    pub const ALL: [(&'static str, Self); 10] = [
+    pub const ALL: [(&'static str, Self); 11] = [
         ("none", Self::None),
         ("pd", Self::Pd),
         ("pd-restoring", Self::PdRestoring),
@@ -51,6 +54,7 @@ impl ControllerKind {
         ("computed-torque", Self::ComputedTorque),
         ("mpc", Self::Mpc),
         ("resolved-motion", Self::ResolvedMotion),
+        ("resolved-adaptive", Self::ResolvedAdaptive),
         ("dock-pd", Self::DockPd),
     ];
 
@@ -64,6 +68,7 @@ impl ControllerKind {
             Self::DobAdaptive => gain_names(&AdaptiveGains::default()),
             Self::Mpc => gain_names(&MpcGains::default()),
             Self::ResolvedMotion => gain_names(&ResolvedMotionGains::default()),
+            Self::ResolvedAdaptive => gain_names(&AdaptiveMotionGains::default()),
             Self::DockPd => gain_names(&DockPdGains::default()),
         }
     }
@@ -73,7 +78,7 @@ impl Task {
     /// A classical controller with these gains; defaults for those that are null or not given.
     ///
     /// Default gains: `kp` and `kd` of the scene (`vehicle.servo`), for computed torque over the diagonal of the nominal
-    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the greatest for the adaptive DOB), but
+    /// inertia at home; `ki` by [`PidGains::from_pd`]; the delay of the task's sensors (the greatest for banks of models), but
     /// for DOB and resolved motion, where `null` stands for it and the default is 0; the others by their structs.
     ///
     /// # Errors
@@ -90,6 +95,11 @@ impl Task {
         if kind == ControllerKind::ResolvedMotion {
             let gains = ResolvedMotionGains { delay: self.told_delay(given), ..ResolvedMotionGains::default() };
             return Ok(Arc::new(self.resolved_motion(merge(&gains, given)?)?));
+        }
+        if kind == ControllerKind::ResolvedAdaptive {
+            let mut gains = AdaptiveMotionGains::default();
+            [_, gains.motion.delay] = self.delays();
+            return Ok(Arc::new(self.adaptive_motion(merge(&gains, given)?)?));
         }
         if kind == ControllerKind::DockPd {
             let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given)?;
@@ -134,9 +144,10 @@ impl Task {
                 let gains = merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?;
                 Arc::new(ModelBased::new(LawGains::Mpc(gains), indices, scene, actions, period)?)
             }
-            ControllerKind::None | ControllerKind::ResolvedMotion | ControllerKind::DockPd => {
-                unreachable!("returned above")
-            }
+            ControllerKind::None
+            | ControllerKind::ResolvedMotion
+            | ControllerKind::ResolvedAdaptive
+            | ControllerKind::DockPd => unreachable!("returned above"),
         })
     }
 
@@ -233,6 +244,16 @@ impl Task {
     }
 
     fn resolved_motion(&self, gains: ResolvedMotionGains) -> Result<ResolvedMotion, TaskError> {
+        let (indices, period) = (self.tracking_indices()?, self.options().control_period());
+        Ok(ResolvedMotion::new(self.scene(), indices, gains, self.actions().clone(), period)?)
+    }
+
+    fn adaptive_motion(&self, gains: AdaptiveMotionGains) -> Result<ResolvedMotion, TaskError> {
+        let (indices, period) = (self.tracking_indices()?, self.options().control_period());
+        Ok(ResolvedMotion::adaptive(self.scene(), indices, gains, self.actions().clone(), period)?)
+    }
+
+    fn tracking_indices(&self) -> Result<TrackingIndices, TaskError> {
         let TaskKind::EETrack(EETrack { preview, .. }) = &self.options().task else {
             return Err(self.unfit("resolved motion needs an end effector that follows a path: use the PD"));
         };
@@ -243,7 +264,7 @@ impl Task {
             .block("preview")
             .filter(|_| spacing > 0.0)
             .map(|block| (BlockIndices { offset: block.offset, scale: block.scale[..6].to_vec() }, spacing));
-        let indices = TrackingIndices {
+        Ok(TrackingIndices {
             width: self.observation_len(),
             error: block(&["position_error", "attitude_error"]),
             twist: block(&["linear_velocity", "angular_velocity"]),
@@ -252,9 +273,7 @@ impl Task {
             qd: block(&["joint_rate"]),
             reference: block(&["reference_twist"]),
             ahead,
-        };
-        let period = self.options().control_period();
-        Ok(ResolvedMotion::new(self.scene(), indices, gains, self.actions().clone(), period)?)
+        })
     }
 
     /// Indices of consecutive blocks.

@@ -185,7 +185,7 @@ def test_restoring_compensation_leaves_no_tilt() -> None:
     assert tilts[1] < 1e-3
 
 
-@pytest.mark.parametrize("kind", [*KINDS, uvms_gym.PID, uvms_gym.ResolvedMotion])
+@pytest.mark.parametrize("kind", [*KINDS, uvms_gym.PID, uvms_gym.ResolvedMotion, uvms_gym.AdaptiveResolvedMotion])
 def test_memory_has_names_and_gains_are_attributes(kind: Any) -> None:
     controller = kind(scene="petasus-pum")
     blocks = list(controller.memory_layout.values())

@@ -3,7 +3,14 @@
 from uvms_gym.controllers.base import Controller, StateWarning
 from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP, Residual
-from uvms_gym.controllers.model_based import DOB, MPC, AdaptiveDOB, ComputedTorque, ResolvedMotion
+from uvms_gym.controllers.model_based import (
+    DOB,
+    MPC,
+    AdaptiveDOB,
+    AdaptiveResolvedMotion,
+    ComputedTorque,
+    ResolvedMotion,
+)
 
 __all__ = [
     "DOB",
@@ -12,6 +19,7 @@ __all__ = [
     "PD",
     "PID",
     "AdaptiveDOB",
+    "AdaptiveResolvedMotion",
     "ComputedTorque",
     "Controller",
     "DockPD",

@@ -64,7 +64,26 @@ class DOB(ModelBased):
     kind = "dob"
 
 
-class AdaptiveDOB(ClassicalController):
+class MultipleModel(ClassicalController):
+    """Base class of controllers on a bank of models, weighed by the likelihood of their innovations. [Mag65]"""
+
+    def probabilities(self, state: ArrayLike) -> NDArray[np.float64]:
+        """Probabilities (..., delay + 1, 3) of the models in a state (..., m) of `predict`: delays, thrust factors.
+
+        Raises
+        ------
+        ValueError
+            A state of another shape.
+        """
+        memory, width = np.asarray(state, dtype=np.float64), self.native.widths[1]
+        if memory.ndim not in (1, 2) or memory.shape[-1] != width:
+            raise ValueError(f"state has shape {memory.shape}, but must have (n, {width})")
+        weights = np.exp(memory[..., self.memory_layout["log_weights"]])
+        weights /= weights.sum(axis=-1, keepdims=True)
+        return weights.reshape(*memory.shape[:-1], -1, 3)
+
+
+class AdaptiveDOB(MultipleModel):
     """DOBs on a bank of models, weighed by the likelihood of their innovations. [Mag65]
 
     The models differ in the measurements' delay, 0 to `delay` control periods, and in a factor b on the thrust, which
@@ -99,21 +118,6 @@ class AdaptiveDOB(ClassicalController):
     """
 
     kind = "dob-adaptive"
-
-    def probabilities(self, state: ArrayLike) -> NDArray[np.float64]:
-        """Probabilities (..., delay + 1, 3) of the models in a state (..., m) of `predict`: delays, thrust factors.
-
-        Raises
-        ------
-        ValueError
-            A state of another shape.
-        """
-        memory, width = np.asarray(state, dtype=np.float64), self.native.widths[1]
-        if memory.ndim not in (1, 2) or memory.shape[-1] != width:
-            raise ValueError(f"state has shape {memory.shape}, but must have (n, {width})")
-        weights = np.exp(memory[..., self.memory_layout["log_weights"]])
-        weights /= weights.sum(axis=-1, keepdims=True)
-        return weights.reshape(*memory.shape[:-1], -1, 3)
 
 
 class ComputedTorque(ModelBased):
@@ -203,4 +207,45 @@ class ResolvedMotion(ClassicalController):
     """
 
     kind = "resolved-motion"
+    _task = "ee-track"
+
+
+class AdaptiveResolvedMotion(MultipleModel):
+    """Resolved motion on a bank of models of delay and thrust, weighed by the likelihood of their innovations. [Mag65]
+
+    The models differ in the measurements' delay, 0 to `delay` control periods, and in a factor b on the thrust, which
+    stands for thrust over inertia. Each has an observer of `ResolvedMotion` under b times the commanded wrench. The
+    log-likelihood of its innovations fades with `memory_time`, `l = exp(-T / memory_time) l - sum (innovation /
+    deviation)^2 / 2`: innovations of the vehicle's twist, which tell the thrust, and of the joints' rates, which tell
+    the delay. Wrench and torques are the means of the models' own by their weights `exp(l)`, wrenches over b. What the
+    models lack, a payload's weight at the wrist among it, is in their observers' disturbances of vehicle and joints.
+
+    Gains of feedback may decrease with a model's delay, `pose_gain / (1 + a[0] tau)`, and `twist_gain` and `joint_gain`
+    over `1 + a[1] tau`, with `a` for `delay_schedule`. Weights are equal until all models have predicted a measurement.
+
+    All models take the mass matrix, the Jacobian and the bias force along the likeliest model's prediction, and models
+    with a weight below a thousandth of the greatest do not count: a control period costs about two of `ResolvedMotion`.
+
+    Parameters
+    ----------
+    env, **options
+        As for `ResolvedMotion`, as are errors.
+    pose_gain, twist_gain, joint_gain, posture_gain, levelling_gain, arm_weight, lag_compensation, integral_gain
+        As for `ResolvedMotion`, for all models.
+    observer_bandwidth : array_like (3,) or None
+        As for `ResolvedMotion`; (4, 4, 8) by default.
+    delay : int or None
+        Greatest delay of the bank, control periods, 0 to 10. By default the greatest of the environment's sensors.
+    delay_schedule : array_like (2,) or None
+        Decrease of gains with the delay, 1/s. 0 by default.
+    thrust_factors : array_like (3,) or None
+        Factors on the thrust, above 0. 0.6, 1 and 1.6 by default.
+    innovation : array_like (3,) or None
+        Standard deviation of innovations of the vehicle's twist, linear and angular, m/s and rad/s, and of joint rates,
+        rad/s or m/s, above 0. 0.1, 0.2 and 0.02 by default.
+    memory_time : float or None
+        Time constant of forgetting, s; 0: nothing is forgotten. 10 by default.
+    """
+
+    kind = "resolved-adaptive"
     _task = "ee-track"

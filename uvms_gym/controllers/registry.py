@@ -19,7 +19,14 @@ from uvms_gym._task.options import native
 from uvms_gym.controllers.base import ClassicalController, Controller, options_of
 from uvms_gym.controllers.feedback import PD, PID, DockPD, NoControl, PDRestoring
 from uvms_gym.controllers.mlp import MLP, Residual
-from uvms_gym.controllers.model_based import DOB, MPC, AdaptiveDOB, ComputedTorque, ResolvedMotion
+from uvms_gym.controllers.model_based import (
+    DOB,
+    MPC,
+    AdaptiveDOB,
+    AdaptiveResolvedMotion,
+    ComputedTorque,
+    ResolvedMotion,
+)
 
 #: Folder of shipped policies and tuned gains.
 PRETRAINED = Path(__file__).parents[1] / "pretrained"
@@ -78,6 +85,7 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "resolved-pid": ClassicalEntry(ResolvedMotion, _TRACK, {"integral_gain": 0.5}),
     "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
     "resolved-wide": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
+    "resolved-adaptive": ClassicalEntry(AdaptiveResolvedMotion, _TRACK),
     "resolved-informed": ClassicalEntry(ResolvedMotion, _TRACK, {**_RESOLVED_DOB, "delay": 0}, "bound"),
     "dock-pd": ClassicalEntry(DockPD, _DOCK),
 }

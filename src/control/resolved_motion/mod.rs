@@ -1,18 +1,22 @@
 //! End-effector tracking by resolved motion, from observations alone.
 
+mod adaptive;
+mod bank;
 mod gains;
 mod model;
 mod predictor;
 
 use nalgebra::{SMatrix, Vector3, Vector6};
 
+pub use adaptive::AdaptiveMotionGains;
+use bank::Bank;
 pub use gains::{MAX_DELAY, ResolvedMotionGains};
-use model::{NominalModel, TrackingState};
-use predictor::Predictor;
+use model::{ModelTerms, NominalModel, TrackingState};
 
 use super::controller::{Controller, Widths};
 use super::gains::{GainMap, to_map};
 use super::indices::BlockIndices;
+use super::likelihood::Likelihood;
 use super::{ACTIONS, ActionMap, Actuation};
 use crate::description::{JointLimits, Scene};
 use crate::dynamics::{EquationsOfMotion, VELOCITIES, Velocities};
@@ -55,14 +59,17 @@ pub struct TrackingIndices {
 /// the reference's acceleration into a wrench and torques, clipped to the actuators' limits.
 ///
 /// With `observer_bandwidth` the forces that the model lacks are estimated from the measured velocities, and compensated;
-/// with `delay` the law acts on a prediction of the present from delayed measurements.
+/// with `delay` the law acts on a prediction of the present from delayed measurements. [`Self::adaptive`] has one such
+/// observer per model of delay and thrust, and acts by the mean of their laws.
 pub struct ResolvedMotion {
     indices: TrackingIndices,
-    gains: ResolvedMotionGains,
+    given: GainMap,
+    /// Gains by model.
+    gains: Vec<ResolvedMotionGains>,
     actions: ActionMap,
     actuation: Actuation<f64>,
     model: NominalModel,
-    predictor: Option<Predictor>,
+    bank: Option<Bank>,
     home: Vec<f64>,
     limits: Vec<Option<JointLimits>>,
     /// 1 for the vehicle's actuated axes, else 0.
@@ -83,12 +90,42 @@ impl ResolvedMotion {
         period: f64,
     ) -> Result<Self, ControlError> {
         gains.check()?;
+        let likelihood = Likelihood::new([f64::INFINITY; 3], 0.0, period);
+        Self::on_models(scene, indices, to_map(&gains), &[(gains, 1.0)], likelihood, actions, period)
+    }
+
+    /// On a bank of models, as [`Self::new`].
+    ///
+    /// # Errors
+    /// Also for a factor or a deviation of 0.
+    pub fn adaptive(
+        scene: &Scene,
+        indices: TrackingIndices,
+        gains: AdaptiveMotionGains,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
+        gains.check()?;
+        let (models, likelihood) = (gains.models(period), gains.likelihood(period));
+        Self::on_models(scene, indices, to_map(&gains), &models, likelihood, actions, period)
+    }
+
+    fn on_models(
+        scene: &Scene,
+        indices: TrackingIndices,
+        given: GainMap,
+        models: &[(ResolvedMotionGains, f64)],
+        likelihood: Likelihood<3>,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
         let model = NominalModel::new(scene, period)?;
         let actuated = actions.allocation().wrench_limits().map(|limit| f64::from(u8::from(limit > 0.0)));
         let (home, limits) = scene.joints().map(|joint| (joint.home, joint.limits.clone())).unzip();
-        let predictor = gains.predicts().then(|| Predictor::new(&gains, scene, &actions, period));
-        let actuation = Actuation::new(&actions);
-        Ok(Self { indices, gains, actions, actuation, model, predictor, home, limits, actuated })
+        let needs_bank = models.len() > 1 || models[0].0.predicts();
+        let bank = needs_bank.then(|| Bank::new(models, likelihood, scene, &actions, period));
+        let (gains, actuation) = (models.iter().map(|(gains, _)| *gains).collect(), Actuation::new(&actions));
+        Ok(Self { indices, given, gains, actions, actuation, model, bank, home, limits, actuated })
     }
 
     fn read(&self, observation: &[f32]) -> TrackingState {
@@ -116,11 +153,12 @@ impl ResolvedMotion {
     /// Commanded accelerations, for an integral of the pose error.
     fn acceleration(
         &self,
+        gains: &ResolvedMotionGains,
         now: &TrackingState,
         terms: &EquationsOfMotion,
         integral: &Vector6<f64>,
     ) -> Option<Velocities> {
-        let (gains, n, q) = (&self.gains, self.home.len(), &now.q);
+        let (n, q) = (self.home.len(), &now.q);
         let jacobian = &terms.jacobian;
         // Mobilities: inverse weights.
         let mut mobility = Velocities::zeros();
@@ -160,38 +198,48 @@ impl ResolvedMotion {
         Some(acceleration)
     }
 
+    /// Effort without disturbances and lag.
+    fn effort(
+        &self,
+        gains: &ResolvedMotionGains,
+        now: &TrackingState,
+        terms: &ModelTerms,
+        integral: &Vector6<f64>,
+    ) -> Velocities {
+        let Some(acceleration) = self.acceleration(gains, now, &terms.motion, integral) else {
+            return Velocities::zeros();
+        };
+        let mut effort = terms.motion.mass * acceleration + terms.motion.bias;
+        for (k, passive) in terms.passive.iter().enumerate().take(self.home.len()) {
+            effort[6 + k] -= passive.torque;
+            if self.bank.is_some() {
+                // Implicit in the joint's damping: light joints come to rest well within a period.
+                effort[6 + k] += self.model.period * self.model.joint_damping(passive) * acceleration[6 + k];
+            }
+        }
+        effort
+    }
+
+    /// Number of integrals of the pose error.
+    fn integrals(&self) -> usize {
+        if self.gains[0].integral_gain > 0.0 { 6 } else { 0 }
+    }
+
     /// One action, and the memory that follows.
     fn control(&self, observation: &[f32], memory: &mut [f64], action: &mut [f32]) {
         let n = self.home.len();
         let mut now = self.read(observation);
-        let (integral, memory) = memory.split_at_mut(if self.gains.integral_gain > 0.0 { 6 } else { 0 });
-        let estimate =
-            self.predictor.as_ref().map(|predictor| (predictor, predictor.estimate(&self.model, &mut now, memory)));
-        let own;
-        let (terms, passive) = match &estimate {
-            Some((_, estimate)) => (&estimate.terms, &estimate.passive),
-            None => {
-                own = self.model.terms(&now);
-                (&own.0, &own.1)
-            }
-        };
+        let (integral, memory) = memory.split_at_mut(self.integrals());
         let mut sum = Vector6::zeros();
         integral.iter().zip(sum.iter_mut()).for_each(|(z, sum)| *sum = *z);
-        let mut effort = Velocities::zeros();
-        if let Some(acceleration) = self.acceleration(&now, terms, &sum) {
-            effort = terms.mass * acceleration + terms.bias;
-            for k in 0..n {
-                effort[6 + k] -= passive[k].torque;
-                if estimate.is_some() {
-                    // Implicit in the joint's damping: light joints come to rest well within a period.
-                    effort[6 + k] += self.model.period * self.model.joint_damping(&passive[k]) * acceleration[6 + k];
-                }
+        let estimates = self.bank.as_ref().map(|bank| (bank, bank.estimate(&self.model, &now, memory)));
+        let effort = match &estimates {
+            Some((bank, estimates)) => {
+                now.error = estimates.now().error;
+                bank.mean(estimates, |k, now, terms| self.effort(&self.gains[k], now, terms, &sum))
             }
-        }
-        if let Some((predictor, estimate)) = &estimate {
-            effort -= estimate.disturbance;
-            predictor.compensate_lag(estimate, &mut effort);
-        }
+            None => self.effort(&self.gains[0], &now, &self.model.terms(&now), &sum),
+        };
         self.actions.normalise_all(&effort.fixed_rows::<6>(0).into_owned(), &effort.as_slice()[6..6 + n], action);
         if self.widths().memory == 0 {
             return;
@@ -208,8 +256,8 @@ impl ResolvedMotion {
                 }
             }
         }
-        if let Some((predictor, estimate)) = &estimate {
-            predictor.remember(&self.model, &now, &reached, estimate, memory);
+        if let Some((bank, estimates)) = estimates {
+            bank.remember(&self.model, estimates, &reached, memory);
         }
     }
 
@@ -227,18 +275,17 @@ impl ResolvedMotion {
 
 impl Controller for ResolvedMotion {
     fn widths(&self) -> Widths {
-        let integral = if self.gains.integral_gain > 0.0 { 6 } else { 0 };
-        let memory = integral + self.predictor.as_ref().map_or(0, Predictor::memory);
+        let memory = self.integrals() + self.bank.as_ref().map_or(0, Bank::memory);
         Widths { observation: self.indices.width, memory, action: self.actions.len() }
     }
 
     fn gains(&self) -> GainMap {
-        to_map(&self.gains)
+        self.given.clone()
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {
-        let integral = (self.gains.integral_gain > 0.0).then_some(("integral", 6));
-        integral.into_iter().chain(self.predictor.iter().flat_map(Predictor::memory_layout)).collect()
+        let integral = (self.integrals() > 0).then_some(("integral", 6));
+        integral.into_iter().chain(self.bank.iter().flat_map(Bank::memory_layout)).collect()
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {

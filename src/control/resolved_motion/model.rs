@@ -1,9 +1,11 @@
 //! Nominal model of resolved motion: state, and terms of the equations of motion in still water.
 
-use nalgebra::{Vector3, Vector6};
+use std::cell::OnceCell;
+
+use nalgebra::{Cholesky, Const, Vector3, Vector6};
 
 use crate::description::Scene;
-use crate::dynamics::{EquationsOfMotion, PassiveTorque, SerialChain, Velocities};
+use crate::dynamics::{EquationsOfMotion, MassMatrix, PassiveTorque, SerialChain, VELOCITIES, Velocities};
 use crate::error::ControlError;
 use crate::system::{JOINTS, Joints};
 
@@ -22,10 +24,31 @@ pub(super) struct TrackingState {
     pub acceleration: Vector6<f64>,
 }
 
+/// Terms of the model at a state.
+pub(super) struct ModelTerms {
+    /// Equations of motion.
+    pub motion: EquationsOfMotion,
+    /// Passive torques of the joints.
+    pub passive: [PassiveTorque; JOINTS],
+    /// `M + T D` over a period T, D the decrease of the passive torques per rate.
+    pub inertia: MassMatrix,
+    /// Its factor, made when it is needed first; none where it is not positive definite, which does not happen.
+    factor: OnceCell<Option<Cholesky<f64, Const<VELOCITIES>>>>,
+}
+
+impl ModelTerms {
+    /// `(M + T D)^-1` times a force; 0 without a factor.
+    pub fn solve(&self, force: &Velocities) -> Velocities {
+        let factor = self.factor.get_or_init(|| self.inertia.cholesky());
+        factor.as_ref().map_or_else(Velocities::zeros, |factor| factor.solve(force))
+    }
+}
+
 /// The nominal model over a control period.
 pub(super) struct NominalModel {
     chain: SerialChain,
-    joints: usize,
+    /// Number of joints.
+    pub joints: usize,
     /// Control period, s.
     pub period: f64,
 }
@@ -36,14 +59,19 @@ impl NominalModel {
         Ok(Self { chain, joints: scene.joints().count(), period })
     }
 
-    /// Equations of motion, and the joints' passive torques.
-    pub fn terms(&self, now: &TrackingState) -> (EquationsOfMotion, [PassiveTorque; JOINTS]) {
+    /// Terms at a state.
+    pub fn terms(&self, now: &TrackingState) -> ModelTerms {
         let mut passive = [PassiveTorque::default(); JOINTS];
         for (k, passive) in passive.iter_mut().enumerate().take(self.joints) {
             *passive = self.chain.passive(k, now.q[k], now.velocities[6 + k]);
         }
         let up = now.up.try_normalize(0.0).unwrap_or_else(Vector3::z);
-        (self.chain.at(&up, &now.q, &now.velocities), passive)
+        let motion = self.chain.at(&up, &now.q, &now.velocities);
+        let mut inertia = motion.mass;
+        for k in 0..self.joints {
+            inertia[(6 + k, 6 + k)] += self.period * self.joint_damping(&passive[k]);
+        }
+        ModelTerms { motion, passive, inertia, factor: OnceCell::new() }
     }
 
     /// Decrease of a joint's passive torque per rate, over a period.

@@ -4,8 +4,8 @@ use std::rc::Rc;
 
 use nalgebra::{Rotation3, Vector3, Vector6};
 use uvms_gym::control::{
-    ACTIONS, ActionKind, ActionMap, Actuation, Allocation, BlockIndices, Controller, MAX_DELAY, ResolvedMotion,
-    ResolvedMotionGains, TrackingIndices, Widths,
+    ACTIONS, ActionKind, ActionMap, Actuation, AdaptiveMotionGains, Allocation, BlockIndices, Controller, MAX_DELAY,
+    ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths,
 };
 use uvms_gym::description::Scene;
 use uvms_gym::dynamics::{ClosedFormModel, Loads, SerialChain, Velocities};
@@ -43,6 +43,10 @@ fn actions() -> ActionMap {
 
 fn policy(gains: ResolvedMotionGains) -> Result<ResolvedMotion, ControlError> {
     ResolvedMotion::new(&scene(), reading(), gains, actions(), PERIOD)
+}
+
+fn adaptive(gains: AdaptiveMotionGains) -> Result<ResolvedMotion, ControlError> {
+    ResolvedMotion::adaptive(&scene(), reading(), gains, actions(), PERIOD)
 }
 
 fn gains() -> ResolvedMotionGains {
@@ -280,6 +284,42 @@ fn a_prediction_makes_up_for_the_delay() {
 }
 
 #[test]
+fn a_bank_of_models_alike_is_one_model() {
+    let motion = ResolvedMotionGains {
+        observer_bandwidth: [3.0, 3.0, 4.0],
+        lag_compensation: 0.5,
+        integral_gain: 0.3,
+        ..gains()
+    };
+    let bank = adaptive(AdaptiveMotionGains { motion, thrust_factors: [1.0; 3], ..AdaptiveMotionGains::default() });
+    let (bank, one) = (bank.unwrap(), policy(motion).unwrap());
+    let run = |policy: &ResolvedMotion| closed_loop(policy, Plant::at_home(), &load(), 0, 60);
+    let ((many, many_last, _), (single, last, _)) = (run(&bank), run(&one));
+    assert!((many - single).abs() < 1e-9 && (many_last - last).abs() < 1e-9, "{many} {single}");
+}
+
+#[test]
+fn weights_converge_to_the_model_of_the_plant() {
+    let slow = ResolvedMotionGains { pose_gain: 1.0, twist_gain: 2.5, joint_gain: 4.0, ..gains() };
+    let mut start = Plant::at_home();
+    start.now.error[1] = 0.3;
+    start.now.velocities[0] = 0.2;
+    for delay in [0, 2] {
+        for place in 0..3 {
+            // The plant's thrust is the nominal one: the factor that is 1 fits.
+            let thrust_factors = [[1.0, 2.0, 4.0], [0.5, 1.0, 2.0], [0.25, 0.5, 1.0]][place];
+            let motion = ResolvedMotionGains { delay: 3, observer_bandwidth: [2.0; 3], ..slow };
+            let innovation = [1e-3, 3e-3, 3e-3];
+            let gains = AdaptiveMotionGains { motion, thrust_factors, innovation, ..AdaptiveMotionGains::default() };
+            let (_, _, memory) = closed_loop(&adaptive(gains).unwrap(), start.clone(), &load(), delay, 80);
+            let logs = &memory[..12];
+            let found = (0..12).max_by(|a, b| logs[*a].total_cmp(&logs[*b])).unwrap();
+            assert_eq!(found, 3 * delay + place, "{logs:?}");
+        }
+    }
+}
+
+#[test]
 fn bad_gains_are_refused_by_name() {
     let refused = |gains| policy(gains).err().unwrap();
     let gain = |name: &str, index, value| ControlError::Gain { name: name.into(), index, value };
@@ -295,4 +335,6 @@ fn bad_gains_are_refused_by_name() {
         refused(ResolvedMotionGains { delay: 11, ..gains() }),
         ControlError::Delay { periods: 11, most: MAX_DELAY }
     );
+    let factors = AdaptiveMotionGains { thrust_factors: [1.0, 0.0, 2.0], ..AdaptiveMotionGains::default() };
+    assert!(matches!(adaptive(factors).err(), Some(ControlError::GainShape { name, .. }) if name == "thrust_factors"));
 }

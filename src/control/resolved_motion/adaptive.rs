@@ -1,0 +1,65 @@
+//! Gains of resolved motion on a bank of models.
+
+use serde::{Deserialize, Serialize};
+
+use super::gains::ResolvedMotionGains;
+use crate::control::gains;
+use crate::control::likelihood::Likelihood;
+use crate::error::ControlError;
+
+/// Gains of [`ResolvedMotion`](super::ResolvedMotion) on a bank of models of delay and thrust.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AdaptiveMotionGains {
+    /// Gains of each model's resolved motion without delay. `delay` is the greatest of the bank, which begins at 0.
+    #[serde(flatten)]
+    pub motion: ResolvedMotionGains,
+    /// Decrease of `pose_gain`, and of `twist_gain` and `joint_gain`, with a model's delay tau: gains over `1 + a tau`,
+    /// 1/s.
+    pub delay_schedule: [f64; 2],
+    /// Motion per commanded wrench over the nominal model's.
+    pub thrust_factors: [f64; 3],
+    /// Standard deviation of innovations of the velocities: linear, angular and of joints, m/s and rad/s.
+    pub innovation: [f64; 3],
+    /// Time constant of forgetting, s; 0: none.
+    pub memory_time: f64,
+}
+
+impl Default for AdaptiveMotionGains {
+    fn default() -> Self {
+        let motion = ResolvedMotionGains { observer_bandwidth: [4.0, 4.0, 8.0], ..ResolvedMotionGains::default() };
+        Self {
+            motion,
+            delay_schedule: [0.0; 2],
+            thrust_factors: [0.6, 1.0, 1.6],
+            innovation: [0.1, 0.2, 0.02],
+            memory_time: 10.0,
+        }
+    }
+}
+
+impl AdaptiveMotionGains {
+    pub(super) fn check(&self) -> Result<(), ControlError> {
+        gains::check(self)?;
+        self.motion.check()?;
+        gains::check_positive(&[("thrust_factors", &self.thrust_factors), ("innovation", &self.innovation)])
+    }
+
+    /// Gains of the models, by delay and by factor on the thrust, and the factors.
+    pub(super) fn models(&self, period: f64) -> Vec<(ResolvedMotionGains, f64)> {
+        let of_delay = |delay: usize| {
+            let [pose, rate] = self.delay_schedule.map(|a| 1.0 / (1.0 + a * delay as f64 * period));
+            ResolvedMotionGains {
+                pose_gain: self.motion.pose_gain * pose,
+                twist_gain: self.motion.twist_gain * rate,
+                joint_gain: self.motion.joint_gain * rate,
+                delay,
+                ..self.motion
+            }
+        };
+        (0..=self.motion.delay).flat_map(|delay| self.thrust_factors.map(|factor| (of_delay(delay), factor))).collect()
+    }
+
+    pub(super) fn likelihood(&self, period: f64) -> Likelihood<3> {
+        Likelihood::new(self.innovation, self.memory_time, period)
+    }
+}

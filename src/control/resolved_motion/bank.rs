@@ -1,0 +1,277 @@
+//! Bank of models of delay and thrust, each with its disturbance observer. `[Mag65]`
+
+use nalgebra::Vector6;
+
+use super::gains::ResolvedMotionGains;
+use super::model::{ModelTerms, NominalModel, TrackingState};
+use super::predictor::Predictor;
+use crate::control::ActionMap;
+use crate::control::likelihood::{Likelihood, normalise};
+use crate::description::Scene;
+use crate::dynamics::Velocities;
+use crate::lane::exp;
+
+/// Logarithm of a weight over the greatest one below which it counts as 0: that model's present is not predicted.
+const NEGLIGIBLE: f64 = -7.0;
+
+/// Delay of measurements in control periods, and factor on the commanded wrench.
+struct Model {
+    delay: usize,
+    thrust: f64,
+}
+
+/// Models with a state each. One alone has no weights.
+///
+/// Terms of the equations of motion are evaluated along the prediction of the likeliest model, and serve all of them:
+/// configurations are measured, and equal; velocities differ by corrections.
+pub(super) struct Bank {
+    predictor: Predictor,
+    models: Vec<Model>,
+    /// Velocities of vehicle and joints.
+    size: usize,
+    /// Greatest delay.
+    delay: usize,
+    likelihood: Likelihood<3>,
+}
+
+/// Estimate under one model.
+struct Estimate {
+    /// The present; of a model without weight that of an earlier time.
+    now: TrackingState,
+    /// Weight over the greatest one.
+    weight: f64,
+    /// Measured velocities less predicted ones.
+    innovation: Option<Velocities>,
+    disturbance: Velocities,
+    /// Wrench of the thrusters at the same time as `now`.
+    wrench: Vector6<f64>,
+    /// nu- and the wrench at the next measurement, where they are predicted already.
+    next: Option<(Velocities, Vector6<f64>)>,
+    /// Periods from the measurement's instant to the present.
+    past: usize,
+    /// Index of the terms at `now`.
+    terms: usize,
+}
+
+/// Estimates of all models.
+pub(super) struct Estimates {
+    models: Vec<Estimate>,
+    /// Terms at the measurement, and after each period since.
+    terms: Vec<ModelTerms>,
+    leader: usize,
+}
+
+impl Estimates {
+    /// The likeliest model's present.
+    pub fn now(&self) -> &TrackingState {
+        &self.models[self.leader].now
+    }
+}
+
+/// Parts of a row of memory.
+struct Memory<'a> {
+    /// Logarithms of weights; none for one model.
+    logs: &'a mut [f64],
+    /// Periods so far, at most one more than the greatest delay.
+    periods: &'a mut f64,
+    /// nu-, d and the wrench of the thrusters, per model.
+    states: &'a mut [f64],
+    /// Commanded efforts, the latest first.
+    efforts: &'a mut [f64],
+}
+
+impl Bank {
+    /// For models by their gains and factors on the thrust; `likelihood` is for several.
+    pub fn new(
+        models: &[(ResolvedMotionGains, f64)],
+        likelihood: Likelihood<3>,
+        scene: &Scene,
+        actions: &ActionMap,
+        period: f64,
+    ) -> Self {
+        Self {
+            predictor: Predictor::new(&models[0].0, scene, actions, period),
+            size: 6 + actions.torques().len(),
+            delay: models.iter().map(|(gains, _)| gains.delay).max().unwrap_or(0),
+            models: models.iter().map(|(gains, thrust)| Model { delay: gains.delay, thrust: *thrust }).collect(),
+            likelihood,
+        }
+    }
+
+    /// Number of weights.
+    fn weights(&self) -> usize {
+        if self.models.len() > 1 { self.models.len() } else { 0 }
+    }
+
+    /// Numbers of memory of a model.
+    fn width(&self) -> usize {
+        2 * self.size + 6
+    }
+
+    /// Numbers of memory per instance.
+    pub fn memory(&self) -> usize {
+        self.weights() + 1 + self.models.len() * self.width() + self.delay * self.size
+    }
+
+    /// Names and lengths of the blocks of memory.
+    pub fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        let (n, efforts) = (self.size, ("efforts", self.delay * self.size));
+        match self.models.len() {
+            1 => vec![("periods", 1), ("velocity", n), ("disturbance", n), ("thrust", 6), efforts],
+            k => vec![("log_weights", k), ("periods", 1), ("models", k * self.width()), efforts],
+        }
+    }
+
+    fn split<'a>(&self, memory: &'a mut [f64]) -> Memory<'a> {
+        let (logs, memory) = memory.split_at_mut(self.weights());
+        let (periods, memory) = memory.split_at_mut(1);
+        let (states, efforts) = memory.split_at_mut(self.models.len() * self.width());
+        Memory { logs, periods: &mut periods[0], states, efforts }
+    }
+
+    /// Updates estimates and weights by a measurement, and predicts from its instant to the present.
+    pub fn estimate(&self, model: &NominalModel, measured: &TrackingState, memory: &mut [f64]) -> Estimates {
+        let Memory { logs, periods, states, efforts } = self.split(memory);
+        let periods = *periods as usize;
+        let mut models: Vec<Estimate> = (self.models.iter().zip(states.chunks_exact(self.width())))
+            .map(|(Model { delay, .. }, state)| self.correct(measured, state, *delay, periods))
+            .collect();
+        let leader = likeliest(logs);
+        let mut terms = Vec::with_capacity(1 + self.delay);
+        terms.push(model.terms(&models[leader].now));
+        for (estimate, state) in models.iter_mut().zip(states.chunks_exact_mut(self.width())) {
+            let disturbance = &mut state[self.size..][..self.size];
+            if let Some(innovation) = &estimate.innovation {
+                self.predictor.disturb(&(terms[0].inertia * innovation / model.period), disturbance);
+            }
+            estimate.disturbance = padded(disturbance);
+        }
+        if periods > self.delay && !logs.is_empty() {
+            self.weigh(&mut models, logs);
+        }
+        let efforts: Vec<Velocities> = efforts.chunks_exact(self.size).map(padded).collect();
+        self.predict(model, leader, &efforts, &mut models[leader], &mut terms, true);
+        for k in (0..models.len()).filter(|k| *k != leader) {
+            self.predict(model, k, &efforts, &mut models[k], &mut terms, false);
+        }
+        Estimates { models, terms, leader: likeliest(logs) }
+    }
+
+    /// State at the measurement's instant, corrected by it if it was predicted.
+    fn correct(&self, measured: &TrackingState, state: &[f64], delay: usize, periods: usize) -> Estimate {
+        let mut now = measured.clone();
+        let innovation = (periods > delay).then(|| {
+            let innovation = measured.velocities - padded(&state[..self.size]);
+            self.predictor.correct(&state[..self.size], &innovation, &mut now.velocities);
+            innovation
+        });
+        let wrench = Vector6::from_column_slice(&state[2 * self.size..][..6]);
+        let (disturbance, past) = (Velocities::zeros(), periods.min(delay));
+        Estimate { now, weight: 1.0, innovation, disturbance, wrench, next: None, past, terms: 0 }
+    }
+
+    /// Updates the weights by the innovations.
+    fn weigh(&self, models: &mut [Estimate], logs: &mut [f64]) {
+        let [linear, angular, joints] = self.likelihood.precision;
+        for (log, innovation) in logs.iter_mut().zip(models.iter().filter_map(|estimate| estimate.innovation)) {
+            let square = |from: usize, count: usize| innovation.rows(from, count).norm_squared();
+            let sum = linear * square(0, 3) + angular * square(3, 3) + joints * square(6, self.size - 6);
+            self.likelihood.update(log, -sum);
+        }
+        normalise(logs);
+        for (estimate, log) in models.iter_mut().zip(logs.iter()) {
+            estimate.weight = if *log < NEGLIGIBLE { 0.0 } else { exp(*log) };
+        }
+    }
+
+    /// Predicts from a measurement to the present; without weight, only to the next measurement. The model that leads
+    /// evaluates the terms; past its present, the last ones serve the others.
+    fn predict(
+        &self,
+        model: &NominalModel,
+        k: usize,
+        efforts: &[Velocities],
+        estimate: &mut Estimate,
+        terms: &mut Vec<ModelTerms>,
+        leads: bool,
+    ) {
+        let steps = if leads || estimate.weight > 0.0 { estimate.past } else { estimate.past.min(1) };
+        for step in 0..steps {
+            let before = estimate.past - 1 - step;
+            let effort = self.models[k].scale(&efforts[before]);
+            let Estimate { now, wrench, disturbance, .. } = &mut *estimate;
+            let terms_now = &terms[step.min(terms.len() - 1)];
+            self.predictor.advance(model, terms_now, (now, wrench), [&effort, disturbance], before as f64 + 0.5);
+            if step == 0 {
+                estimate.next = Some((estimate.now.velocities, estimate.wrench));
+            }
+            if leads {
+                terms.push(model.terms(&estimate.now));
+            }
+        }
+        estimate.terms = steps.min(terms.len() - 1);
+    }
+
+    /// Mean effort of a law on the models' estimates, by their weights: each less its disturbance, with its lag
+    /// compensated, and over its factor on the thrust. The law's arguments are a model's index, present and terms.
+    pub fn mean(
+        &self,
+        estimates: &Estimates,
+        law: impl Fn(usize, &TrackingState, &ModelTerms) -> Velocities,
+    ) -> Velocities {
+        let (mut total, mut sum) = (0.0, Velocities::zeros());
+        for (k, estimate) in estimates.models.iter().enumerate().filter(|(_, estimate)| estimate.weight > 0.0) {
+            let mut effort = law(k, &estimate.now, &estimates.terms[estimate.terms]) - estimate.disturbance;
+            self.predictor.compensate_lag(&estimate.wrench, &mut effort);
+            effort.fixed_rows_mut::<6>(0).unscale_mut(self.models[k].thrust);
+            sum += effort * estimate.weight;
+            total += estimate.weight;
+        }
+        sum / total
+    }
+
+    /// Stores the commanded effort, and the predictions of the next measurement.
+    pub fn remember(&self, model: &NominalModel, estimates: Estimates, effort: &Velocities, memory: &mut [f64]) {
+        let (size, Memory { periods, states, efforts, .. }) = (self.size, self.split(memory));
+        let Estimates { models, terms, .. } = estimates;
+        for ((of, estimate), state) in self.models.iter().zip(models).zip(states.chunks_exact_mut(self.width())) {
+            let Estimate { mut now, mut wrench, disturbance, next, terms: at, .. } = estimate;
+            let (predicted, wrench) = next.unwrap_or_else(|| {
+                let effort = of.scale(effort);
+                self.predictor.advance(model, &terms[at], (&mut now, &mut wrench), [&effort, &disturbance], 0.0);
+                (now.velocities, wrench)
+            });
+            state[..size].copy_from_slice(&predicted.as_slice()[..size]);
+            // The next measurement is of a later time than this one.
+            if *periods as usize >= of.delay {
+                state[2 * size..].copy_from_slice(wrench.as_slice());
+            }
+        }
+        *periods = (*periods + 1.0).min((self.delay + 1) as f64);
+        if self.delay > 0 {
+            efforts.copy_within(..(self.delay - 1) * size, size);
+            efforts[..size].copy_from_slice(&effort.as_slice()[..size]);
+        }
+    }
+}
+
+impl Model {
+    /// Effort with the model's factor on the wrench.
+    fn scale(&self, effort: &Velocities) -> Velocities {
+        let mut scaled = *effort;
+        scaled.fixed_rows_mut::<6>(0).scale_mut(self.thrust);
+        scaled
+    }
+}
+
+/// Index of the greatest of these; the first of none.
+fn likeliest(logs: &[f64]) -> usize {
+    (0..logs.len()).fold(0, |best, k| if logs[k] > logs[best] { k } else { best })
+}
+
+/// Velocities or forces, padded with 0.
+fn padded(given: &[f64]) -> Velocities {
+    let mut all = Velocities::zeros();
+    all.iter_mut().zip(given).for_each(|(entry, x)| *entry = *x);
+    all
+}
