@@ -14,10 +14,10 @@
 //! dynamics      equations of motion: dynamical balance in closed form, ABA, RNEA, CRBA, linearization
 //! integrate     Munthe-Kaas methods, a linearly implicit one, baseline methods
 //! render        pictures
+//! optimize      box-constrained differential dynamic programming
 //! control       thruster allocation; policies: PD, PID, feedback on the nominal model, resolved motion, neural networks
 //! task          tasks: sampling, observation, reward
 //! batch         blocks of lanes, threads, closed loops
-//! optimize      box-constrained differential dynamic programming
 //! planning      trajectory optimisation on the steps of a simulator
 //! python        the Python module: a crate on top of this one
 //! ```

@@ -37,8 +37,8 @@ class Parameter(NamedTuple):
         return [f"{self.name}[{','.join(names[i] for i in group)}]" for group in self.groups] or [self.name]
 
 
-def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
-    """Parameters by the controller's name; gains on the vehicle have one factor per group of `axes`."""
+def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Parameter, ...]]:
+    """Parameters by the controller's name for a task; gains on the vehicle have one factor per group of `axes`."""
     pd = (Parameter("kp", 0.2, 20.0, axes), Parameter("kd", 0.2, 10.0, axes))
     horizon = Parameter("prediction_horizon", 0.01, 1.0, absolute=True, floor=True)
     observer = Parameter("observer_bandwidth", 0.2, 20.0, ((0,), (1,)), absolute=True)
@@ -65,6 +65,16 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
     )
     three: Groups = ((0,), (1,), (2,))
     resolved_dob = (*resolved, observer._replace(groups=three), horizon._replace(name="lag_compensation"))
+    nmpc = {
+        "station-keep": (*weights, observer, *expected),
+        "ee-track": (
+            *(weight._replace(groups=three) for weight in weights[:2]),
+            weights[2],
+            Parameter("posture", 1e-6, 0.01, absolute=True, floor=True),
+            Parameter("levelling", 1e-6, 0.1, absolute=True, floor=True),
+            observer._replace(groups=three),
+        ),
+    }
     return {
         "pd": pd,
         "pd-restoring": pd,
@@ -74,6 +84,7 @@ def parameters(axes: Groups) -> dict[str, tuple[Parameter, ...]]:
         "dob-adaptive": (*pd, observer, *expected, horizon, schedule, innovation, *bank),
         "computed-torque": (*pd, observer, *expected, horizon),
         "mpc": (*weights, observer, *expected),
+        "nmpc": nmpc.get(task, ()),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral_gain", 0.01, 10.0, absolute=True)),
         **dict.fromkeys(_RESOLVED, resolved_dob),

@@ -57,12 +57,13 @@ LIMIT = 1.1
 #: Physics step of the searches, s: certified (docs/certificates.md), tracking under resolved motion.
 STEPS = {"station-keep": 0.025, "ee-track": 0.01}
 
-#: Episodes of each finalist.
-FINAL_EPISODES = 1024
-
-
-#: Tuned controllers whose gains are the start of others' searches, beside the others' own defaults.
-STARTS = {"resolved-adaptive": "resolved-wide"}
+#: Tuned controllers whose gains are the start of others' searches, beside the others' own defaults, by the others' task
+#: and name.
+STARTS = {
+    ("station-keep", "nmpc"): "mpc",
+    ("ee-track", "nmpc"): "resolved",
+    ("ee-track", "resolved-adaptive"): "resolved-wide",
+}
 
 
 class Limits(NamedTuple):
@@ -80,6 +81,7 @@ LIMITS = {
     "dob-free": Limits(),
     "dob-informed": Limits(),
     "mpc": Limits(LIMIT, 4.8),
+    "nmpc": Limits(LIMIT, 4.8),
     "resolved-informed": Limits(),
 }
 
@@ -135,16 +137,17 @@ class Tuner:
 
     def controller(self, gains: dict[str, Any]) -> Controller:
         """Make the controller with given gains."""
-        return self._entry.kind(self._arena.batch(FINAL_EPISODES), **{**self._entry.gains, **gains})
+        return self._entry.kind(self._arena.batch(1), **{**self._entry.gains, **gains})
 
     def gains(self, values: Floats) -> dict[str, Any]:
         """Keyword arguments of the controller, to four digits."""
         gains, left = {}, iter(values)
         for parameter in self._sought:
             own = self._own[parameter.name]
-            scaled = np.ones_like(own) if parameter.absolute else own.copy()
+            scaled = own.copy()
             for group in map(list, parameter.groups) if parameter.groups else [...]:
-                scaled[group] *= next(left)
+                factor = next(left)
+                scaled[group] = factor if parameter.absolute else factor * own[group]
             gains[parameter.name] = np.vectorize(rounded)(scaled).tolist()
         return gains
 
@@ -180,6 +183,7 @@ class Budget(NamedTuple):
     generations: int
     population: int
     episodes: int
+    finals: int
 
 
 def tune(
@@ -226,11 +230,11 @@ def tune(
     )
     began = time.monotonic()
     first = SEEDS.start + budget.generations * budget.episodes
-    limits = tuner.limits(first, FINAL_EPISODES)
+    limits = tuner.limits(first, budget.finals)
     finals = []
     for values in found:
         gains = tuner.gains(values)
-        score = tuner.score(gains, first, FINAL_EPISODES)
+        score = tuner.score(gains, first, budget.finals)
         edges = [space.labels[i] for i, _ in space.edges(space.places(values))]
         # In this order: fewest edges, within the limits, objective.
         finals.append(((len(edges), not score.within(limits), score.objective(limits)), gains, edges, score))
@@ -244,14 +248,14 @@ def tune(
         "variation_limit": limits.variation,
         "diverged": score.diverged,
         "budget": {
-            "episodes": budget.generations * budget.population * budget.episodes + len(found) * FINAL_EPISODES,
+            "episodes": budget.generations * budget.population * budget.episodes + len(found) * budget.finals,
             "generations": budget.generations,
             "population": budget.population,
             "episodes_per_candidate": budget.episodes,
             "finalists": len(found),
-            "episodes_per_finalist": FINAL_EPISODES,
+            "episodes_per_finalist": budget.finals,
         },
-        "seeds": {"search": [SEEDS.start, first - 1], "final": [first, first + FINAL_EPISODES - 1], "optimizer": seed},
+        "seeds": {"search": [SEEDS.start, first - 1], "final": [first, first + budget.finals - 1], "optimizer": seed},
         "start": None if start is None else [None if np.isnan(x) else rounded(x) for x in start],
         "ranges": space.ranges,
         "widened": space.widened,
@@ -278,6 +282,7 @@ def main(
     generations: Annotated[int, typer.Option(help="Generations of the search, 1 to 1000.")] = 40,
     population: Annotated[int, typer.Option(help="Candidates of a generation, 4 to 1000.")] = 32,
     episodes: Annotated[int, typer.Option(help="Episodes of a candidate, 4 to 10000.")] = 64,
+    finals: Annotated[int, typer.Option(help="Episodes of a finalist, 4 to 10000.")] = 1024,
     seed: Annotated[int, typer.Option(help="Seed of the search.")] = 0,
     threads: Annotated[int | None, typer.Option(help="Most threads. [default: one per core]")] = None,
     policies: Annotated[Path, typer.Option(help="Folder for the gains.")] = PRETRAINED,
@@ -287,16 +292,17 @@ def main(
     check_range("--generations", generations, 1, 1000)
     check_range("--population", population, 4, 1000)
     check_range("--episodes", episodes, 4, 10_000)
-    budget = Budget(generations, population, episodes)
-    if generations * episodes + FINAL_EPISODES > len(SEEDS):
+    check_range("--finals", finals, 4, 10_000)
+    budget = Budget(generations, population, episodes, finals)
+    if generations * episodes + finals > len(SEEDS):
         raise fail(f"--generations times --episodes is {generations * episodes}, but must be below {len(SEEDS)}")
     bounds = {is_bound(name) for name in controller}
     if len(bounds) > 1:
         raise fail("bounds are tuned in a run of their own")
     arena = _arena(env, scene, period, threads, informed=True in bounds)
-    batch = arena.batch(FINAL_EPISODES)
+    batch = arena.batch(1)
     task, place = batch.unwrapped.task, folder(batch).relative_to(PRETRAINED)
-    known = parameters(EACH if axes == "each" else ALIKE)
+    known = parameters(EACH if axes == "each" else ALIKE, task)
     for name in controller:
         with user_errors():
             check_name(name, task)
@@ -312,7 +318,7 @@ def main(
             gains = _stored(file, base, "whose effort is the limit")
             theirs = Tuner(arena, base, known[base])
             ours.limiting, start = theirs.controller(gains), ours.start(theirs.factors(gains))
-        if origin := STARTS.get(name):
+        if origin := STARTS.get((task, name)):
             theirs = Tuner(arena, origin, known[origin])
             start = ours.start(ours.factors() | theirs.factors(_stored(file, origin, "where the search starts")))
         settings = {

@@ -15,6 +15,7 @@ mod mlp;
 mod model_based;
 pub mod mpc;
 mod multiple_model;
+pub mod nmpc;
 mod observer;
 mod pd;
 mod pd_restoring;
@@ -36,6 +37,7 @@ pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec
 pub use model_based::{LawGains, ModelBased};
 pub use mpc::MpcGains;
 pub use multiple_model::AdaptiveGains;
+pub use nmpc::{NmpcGains, TrackingNmpc};
 pub use observer::{Observer, ObserverGains};
 pub use pd::Pd;
 pub use pd_restoring::PdRestoring;

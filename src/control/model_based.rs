@@ -1,5 +1,5 @@
 //! Feedback on a disturbance observer's estimate: the shell of DOB, alone or on a bank of
-//! observers, computed torque and MPC.
+//! observers, computed torque, MPC and NMPC.
 
 use nalgebra::DVector;
 use serde::Serialize;
@@ -11,8 +11,12 @@ use super::gains::{self, GainMap};
 use super::indices::ModelIndices;
 use super::mpc::{self, Mpc, MpcGains};
 use super::multiple_model::{AdaptiveGains, Bank};
+use super::nmpc::NmpcGains;
+use super::nmpc::vehicle::{Present, VehicleNmpc};
 use super::observer::Observer;
-use super::rows::{WIDEST, achieved_wrench, lanes_of, load, read, reset_diverged, rows_of, store, write_actions};
+use super::rows::{
+    WIDEST, achieved_wrench, arm_of, lanes_of, load, read, reset_diverged, rows_of, store, write_actions,
+};
 use super::{ActionMap, Actuation};
 use crate::description::Scene;
 use crate::dynamics::CompositeBody;
@@ -34,6 +38,8 @@ pub enum LawGains {
     ComputedTorque(FeedbackGains),
     /// Model-predictive control.
     Mpc(MpcGains),
+    /// Nonlinear model-predictive control.
+    Nmpc(NmpcGains),
 }
 
 /// Control law on an estimate.
@@ -44,6 +50,7 @@ enum Law {
     Adaptive(AdaptiveGains, Vec<Dob>),
     ComputedTorque(ComputedTorque),
     Mpc(Box<Mpc>),
+    Nmpc(Box<VehicleNmpc>),
 }
 
 impl Law {
@@ -51,8 +58,13 @@ impl Law {
     fn bodies(&self) -> usize {
         match self {
             Law::Dob(_) | Law::Adaptive(..) => 1,
-            Law::ComputedTorque(_) | Law::Mpc(_) => 2,
+            Law::ComputedTorque(_) | Law::Mpc(_) | Law::Nmpc(_) => 2,
         }
+    }
+
+    /// Numbers of memory per instance, after those of the bank.
+    fn memory(&self) -> usize {
+        if let Law::Nmpc(nmpc) = self { nmpc.memory() } else { 0 }
     }
 }
 
@@ -72,8 +84,8 @@ impl ModelBased {
     /// For a checked scene, acting every `period` s.
     ///
     /// # Errors
-    /// `ControlError` for a gain that is not finite or is negative; on a bank, also for a delay beyond
-    /// [`MAX_DELAY`](super::MAX_DELAY) and for a factor or a deviation of 0.
+    /// `ControlError` for a gain that is not finite or is negative; on a bank and for NMPC, also for a delay beyond
+    /// [`MAX_DELAY`](super::MAX_DELAY); on a bank, for a factor or a deviation of 0.
     pub fn new(
         gains: LawGains,
         indices: ModelIndices,
@@ -83,6 +95,7 @@ impl ModelBased {
     ) -> Result<Self, ControlError> {
         match &gains {
             LawGains::Adaptive(gains) => gains.check()?,
+            LawGains::Nmpc(gains) => gains.check()?,
             gains => gains::check(gains)?,
         }
         let bank = match &gains {
@@ -91,6 +104,7 @@ impl ModelBased {
             }
             LawGains::Adaptive(gains) => Bank::new(gains, scene, period),
             LawGains::Mpc(gains) => Bank::of(Observer::new(gains.observer, 0.0, scene, period)),
+            LawGains::Nmpc(gains) => Bank::of(Observer::new(gains.observer(), 0.0, scene, period)),
         };
         let observer = bank.observer();
         let law = match gains {
@@ -101,6 +115,7 @@ impl ModelBased {
             }
             LawGains::ComputedTorque(gains) => Law::ComputedTorque(ComputedTorque::new(gains, observer)),
             LawGains::Mpc(gains) => Law::Mpc(Box::new(Mpc::new(gains, scene, observer, &actions))),
+            LawGains::Nmpc(gains) => Law::Nmpc(Box::new(VehicleNmpc::new(gains, scene, observer, &actions))),
         };
         Ok(Self { law, indices, bank, actuation: Actuation::new(&actions), actions })
     }
@@ -108,7 +123,8 @@ impl ModelBased {
 
 impl Controller for ModelBased {
     fn widths(&self) -> Widths {
-        Widths { observation: self.indices.vehicle.width, memory: self.bank.memory(), action: self.actions.len() }
+        let memory = self.bank.memory() + self.law.memory();
+        Widths { observation: self.indices.vehicle.width, memory, action: self.actions.len() }
     }
 
     fn gains(&self) -> GainMap {
@@ -117,11 +133,16 @@ impl Controller for ModelBased {
             Law::Adaptive(gains, _) => gains::to_map(gains),
             Law::ComputedTorque(computed_torque) => gains::to_map(computed_torque.gains()),
             Law::Mpc(mpc) => gains::to_map(mpc.gains()),
+            Law::Nmpc(nmpc) => gains::to_map(nmpc.gains()),
         }
     }
 
     fn memory_layout(&self) -> Vec<(&'static str, usize)> {
-        self.bank.memory_layout()
+        let mut layout = self.bank.memory_layout();
+        if self.law.memory() > 0 {
+            layout.push(("plan", self.law.memory()));
+        }
+        layout
     }
 
     fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
@@ -144,7 +165,7 @@ impl Kernel<f64> for Rows<'_> {
         let ModelBased { law, indices, bank, actions: map, actuation } = self.control;
         let Widths { observation, memory: width, action } = self.control.widths();
         let mut scratch = Scratch::new();
-        let mut memory = vec![L::zero(); width];
+        let mut memory = vec![L::zero(); bank.memory()];
         let mut wrenches = vec![Vector6::zero(); bank.len()];
         let (plant, period) = (bank.observer().plant(), bank.observer().period());
         let count = self.observations.len() / observation;
@@ -175,6 +196,21 @@ impl Kernel<f64> for Rows<'_> {
                         for lane in 0..lanes {
                             let parameters = DVector::from_column_slice(parameters[lane].as_flattened());
                             plans[lane] = mpc.plan(&parameters).into();
+                        }
+                        lanes_of(&plans)
+                    }
+                    Law::Nmpc(nmpc) => {
+                        let parameters = rows_of(&mpc::parameters(&estimate, &bodies, period));
+                        let slow = rows_of(&[estimate.disturbance.slow.to_array()]);
+                        let mut plans = [[0.0; 6]; WIDEST];
+                        for (lane, plan) in remembered.chunks_exact_mut(width).enumerate() {
+                            let [error, twist, thrust, _, steady, wave, rate] = parameters[lane];
+                            let present = Present {
+                                state: [error, twist, thrust],
+                                wrenches: [slow[lane][0], wave, rate, steady],
+                                arms: [arm_of(&estimate.arms[0], lane), arm_of(&estimate.arms[1], lane)],
+                            };
+                            plans[lane] = nmpc.plan(&present, &mut plan[bank.memory()..]);
                         }
                         lanes_of(&plans)
                     }

@@ -46,11 +46,11 @@ pub(super) fn reset_diverged(memory: &mut [f64], width: usize) {
     }
 }
 
-/// Rows of f64 as lanes.
+/// The first columns of rows of f64 as lanes.
 #[inline(always)]
 pub(super) fn load<L: Lane<Real = f64>>(rows: &[f64], width: usize, to: &mut [L]) {
     let last = rows.len() / width - 1;
-    for k in 0..width {
+    for k in 0..to.len() {
         let mut all = [0.0; WIDEST];
         for lane in 0..L::LANES {
             all[lane] = rows[lane.min(last) * width + k];
@@ -59,11 +59,11 @@ pub(super) fn load<L: Lane<Real = f64>>(rows: &[f64], width: usize, to: &mut [L]
     }
 }
 
-/// Lanes as rows of f64.
+/// Lanes as the first columns of rows of f64.
 #[inline(always)]
 pub(super) fn store<L: Lane<Real = f64>>(from: &[L], rows: &mut [f64], width: usize) {
     let count = rows.len() / width;
-    for k in 0..width {
+    for k in 0..from.len() {
         let mut all = [0.0; WIDEST];
         from[k].store(&mut all);
         for lane in 0..count {
@@ -128,6 +128,20 @@ pub(super) fn lanes_of<L: Lane<Real = f64>>(rows: &[[f64; 6]; WIDEST]) -> Vector
         lanes[i] = L::load(&all);
     }
     Vector6::from_array(lanes)
+}
+
+/// The arm in a lane.
+#[inline(always)]
+pub(super) fn arm_of<L: Lane<Real = f64>>(arm: &ArmMotion<L>, lane: usize) -> ArmMotion<f64> {
+    let mut row = ArmMotion { q: [0.0; JOINTS], qd: [0.0; JOINTS] };
+    for i in 0..JOINTS {
+        let mut all = [0.0; WIDEST];
+        arm.q[i].store(&mut all);
+        row.q[i] = all[lane];
+        arm.qd[i].store(&mut all);
+        row.qd[i] = all[lane];
+    }
+    row
 }
 
 /// Writes the action of a wrench, 0 where a prediction has diverged.

@@ -8,9 +8,9 @@ use super::registry::TaskKind;
 use super::scene_task::Task;
 use crate::control::{
     ActionKind, ActionMap, AdaptiveGains, AdaptiveMotionGains, BlockIndices, Controller, DockPd, DockPdGains,
-    FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices, MpcGains, NoControl, ObservationIndices, ObserverGains,
-    Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion, ResolvedMotionGains, TrackingIndices, Widths,
-    gain_names, merge,
+    FeedbackGains, GainMap, LawGains, ModelBased, ModelIndices, MpcGains, NmpcGains, NoControl, ObservationIndices,
+    ObserverGains, Pd, PdRestoring, Pid, PidGains, Plant, PolicySpec, ResolvedMotion, ResolvedMotionGains,
+    TrackingIndices, TrackingNmpc, Widths, gain_names, merge,
 };
 use crate::description::VehicleServo;
 use crate::error::TaskError;
@@ -34,6 +34,8 @@ pub enum ControllerKind {
     ComputedTorque,
     /// Model-predictive control with a disturbance observer.
     Mpc,
+    /// Nonlinear model-predictive control with a disturbance observer.
+    Nmpc,
     /// Resolved motion of the end effector.
     ResolvedMotion,
     /// The same on a bank of models.
@@ -44,7 +46,7 @@ pub enum ControllerKind {
 
 impl ControllerKind {
     /// All kinds by name.
-    pub const ALL: [(&'static str, Self); 11] = [
+    pub const ALL: [(&'static str, Self); 12] = [
         ("none", Self::None),
         ("pd", Self::Pd),
         ("pd-restoring", Self::PdRestoring),
@@ -53,6 +55,7 @@ impl ControllerKind {
         ("dob-adaptive", Self::DobAdaptive),
         ("computed-torque", Self::ComputedTorque),
         ("mpc", Self::Mpc),
+        ("nmpc", Self::Nmpc),
         ("resolved-motion", Self::ResolvedMotion),
         ("resolved-adaptive", Self::ResolvedAdaptive),
         ("dock-pd", Self::DockPd),
@@ -67,6 +70,7 @@ impl ControllerKind {
             Self::Dob | Self::ComputedTorque => gain_names(&FeedbackGains::default()),
             Self::DobAdaptive => gain_names(&AdaptiveGains::default()),
             Self::Mpc => gain_names(&MpcGains::default()),
+            Self::Nmpc => gain_names(&NmpcGains::default()),
             Self::ResolvedMotion => gain_names(&ResolvedMotionGains::default()),
             Self::ResolvedAdaptive => gain_names(&AdaptiveMotionGains::default()),
             Self::DockPd => gain_names(&DockPdGains::default()),
@@ -100,6 +104,12 @@ impl Task {
             let mut gains = AdaptiveMotionGains::default();
             [_, gains.motion.delay] = self.delays();
             return Ok(Arc::new(self.adaptive_motion(merge(&gains, given)?)?));
+        }
+        let tracks = self.options().task.base() == BaseController::ResolvedMotion;
+        if kind == ControllerKind::Nmpc && tracks {
+            let gains = merge(&NmpcGains::tracking(self.delay()), given)?;
+            let indices = self.tracking_indices()?;
+            return Ok(Arc::new(TrackingNmpc::new(self.scene(), indices, gains, actions, period)?));
         }
         if kind == ControllerKind::DockPd {
             let gains = merge(&DockPdGains::from_pd(self.servo(given)?), given)?;
@@ -143,6 +153,10 @@ impl Task {
             ControllerKind::Mpc => {
                 let gains = merge(&MpcGains::new(ObserverGains::filtering(self.delay())), given)?;
                 Arc::new(ModelBased::new(LawGains::Mpc(gains), indices, scene, actions, period)?)
+            }
+            ControllerKind::Nmpc => {
+                let gains = merge(&NmpcGains::station_keeping(self.delay()), given)?;
+                Arc::new(ModelBased::new(LawGains::Nmpc(gains), indices, scene, actions, period)?)
             }
             ControllerKind::None
             | ControllerKind::ResolvedMotion
@@ -263,7 +277,7 @@ impl Task {
             .layout()
             .block("preview")
             .filter(|_| spacing > 0.0)
-            .map(|block| (BlockIndices { offset: block.offset, scale: block.scale[..6].to_vec() }, spacing));
+            .map(|block| (BlockIndices { offset: block.offset, scale: block.scale.clone() }, spacing));
         Ok(TrackingIndices {
             width: self.observation_len(),
             error: block(&["position_error", "attitude_error"]),

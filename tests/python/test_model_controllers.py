@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import uvms_gym
-from uvms_gym.controllers import DOB, MPC, PD, AdaptiveDOB, ComputedTorque, PDRestoring
+from uvms_gym.controllers import DOB, MPC, NMPC, PD, AdaptiveDOB, ComputedTorque, PDRestoring
 from uvms_gym.envs.station_keep import StationKeepVectorEnv
 
 OBSERVING: list[Any] = [DOB, ComputedTorque, MPC]
@@ -60,7 +60,7 @@ def test_without_disturbance_nothing_is_observed_whatever_the_arm_does(kind: Any
     assert (greatest < [0.5, 0.5, 0.5, 0.2, 0.2, 0.2]).all(), greatest
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, NMPC])
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("action", ["wrench", "thrusters"])
 def test_a_current_is_held_against(kind: Any, scene: str, action: Any) -> None:
@@ -185,7 +185,7 @@ def test_restoring_compensation_leaves_no_tilt() -> None:
     assert tilts[1] < 1e-3
 
 
-@pytest.mark.parametrize("kind", [*KINDS, uvms_gym.PID, uvms_gym.ResolvedMotion, uvms_gym.AdaptiveResolvedMotion])
+@pytest.mark.parametrize("kind", [*KINDS, NMPC, uvms_gym.PID, uvms_gym.ResolvedMotion, uvms_gym.AdaptiveResolvedMotion])
 def test_memory_has_names_and_gains_are_attributes(kind: Any) -> None:
     controller = kind(scene="petasus-pum")
     blocks = list(controller.memory_layout.values())

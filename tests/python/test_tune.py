@@ -19,7 +19,8 @@ from uvms_gym.cli.app import run
 
 pytestmark = pytest.mark.learning
 
-TINY = ["--generations", "2", "--population", "4", "--episodes", "8", "--env", "UVMS-StationKeep-v0", "--threads", "1"]
+TINY = ["--generations", "2", "--population", "4", "--episodes", "8", "--finals", "8", "--threads", "1"]
+TINY += ["--env", "UVMS-StationKeep-v0"]
 
 
 def bowl(best, noise=0.0, seed=0):
@@ -99,9 +100,10 @@ def test_what_is_beyond_a_limit_and_divergence_cost():
 @pytest.mark.parametrize("axes", [ALIKE, EACH])
 def test_every_axis_is_tuned_once(axes):
     assert sorted(axis for group in axes for axis in group) == list(range(6))
-    for sought in parameters(axes).values():
-        labels = space_of(sought).labels
-        assert len(set(labels)) == len(labels)
+    for task in ("station-keep", "ee-track"):
+        for sought in parameters(axes, task).values():
+            labels = space_of(sought).labels
+            assert len(set(labels)) == len(labels)
 
 
 def test_an_entry_is_updated_and_the_others_stay(tmp_path):
@@ -121,8 +123,7 @@ def command(folder, *arguments):
     return run([*TINY, "--policies", str(folder / "p"), "--work", str(folder / "w"), *arguments], app, "tune.py")
 
 
-def test_the_command_tunes_and_goes_on_where_it_was(tmp_path, monkeypatch):
-    monkeypatch.setattr("tune.FINAL_EPISODES", 8)
+def test_the_command_tunes_and_goes_on_where_it_was(tmp_path):
     assert command(tmp_path, "--controller", "pd", "--controller", "pid") == 0
     file = tmp_path / "p" / "UVMS-StationKeep" / "petasus-pum" / "0.05s" / "gains.json"
     first = json.loads(file.read_text())

@@ -6,6 +6,7 @@ from uvms_gym.controllers.mlp import MLP, Residual
 from uvms_gym.controllers.model_based import (
     DOB,
     MPC,
+    NMPC,
     AdaptiveDOB,
     AdaptiveResolvedMotion,
     ComputedTorque,
@@ -16,6 +17,7 @@ __all__ = [
     "DOB",
     "MLP",
     "MPC",
+    "NMPC",
     "PD",
     "PID",
     "AdaptiveDOB",

@@ -1,4 +1,4 @@
-"""Control with the scene's nominal model: disturbance observers, computed torque, MPC, resolved motion."""
+"""Control with the scene's nominal model: disturbance observers, computed torque, MPC, NMPC, resolved motion."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -164,6 +164,53 @@ class MPC(ModelBased):
     """
 
     kind = "mpc"
+
+
+class NMPC(ClassicalController):
+    """Nonlinear model-predictive control of both tasks, by real-time iterations. [Die02]
+
+    It plans over the next control periods by the scene's nominal model in still water, with the estimated disturbance:
+    thrusts over 8 periods in station keeping, while servos move the arm along its reference, and thrusts and joint
+    torques over 10 periods in end-effector tracking, along the reference's points ahead. The cost sums the squares of
+    pose errors (1 rad as 0.5 m), of velocities, and, over their limits, of the efforts beyond the compensation of the
+    model's forces and of disturbances, and of the change of the thrusters' wrench. Beyond the plan, station keeping has
+    the cost of linear feedback, tracking five times the last pose error.
+
+    In each period the plan before, without its first inputs, is improved by one Gauss-Newton step within the bounds of
+    thrusts and torques: a motion of the nonlinear model, its derivatives at the present state for all periods, a
+    backward pass and a line search as in `optimize_trajectory`. The plan is part of the controller's state.
+
+    The present is predicted from delayed measurements, and the disturbance estimated, as by `DOB` in station keeping,
+    where waves continue, and as by `ResolvedMotion` in tracking.
+
+    Parameters
+    ----------
+    env, **options
+        As for `PD`, as are errors, but of `StationKeepEnv` or `EETrackEnv`; `dt`, `substeps`, `preview`,
+        `thruster_lag` and the delay of `disturbance` matter, too. A delay beyond 10 is a `ValueError`.
+    velocity : array_like (3,) or None
+        Weights on velocities: linear, angular and, in tracking, of joints, s2. 0.02 by default, in tracking
+        (0.05, 0.05, 0.01).
+    effort : array_like (3,) or None
+        Weights on efforts over their limits: forces, moments and, in tracking, joint torques, m2. (0.03, 0.06, 0.03) by
+        default, in tracking (0.003, 0.003, 0.02).
+    change : array_like (2,) or None
+        Weights on the wrench less that of the thrusters at the time, over its limits: forces and moments, m2.
+        (0.01, 0.02) by default, in tracking 0.003.
+    posture, levelling : float or None
+        Weights on the distance of joints from home and on the vehicle's tilt, 1 rad as 0.5 m. 1e-6 and 0.01 by
+        default. Tracking alone.
+    observer_bandwidth : array_like (3,) or None
+        Bandwidths of the observer, rad/s: of forces, moments and, in tracking, torques on joints. 8 by default, in
+        tracking (7, 7, 10).
+    wave_acceleration, wave_frequency, acceleration_noise
+        As for `ComputedTorque`. Station keeping alone.
+    delay : int or None
+        Age of measurements in control periods, which is compensated, 0 to 10. By default that of the environment's
+        sensors.
+    """
+
+    kind = "nmpc"
 
 
 class ResolvedMotion(ClassicalController):

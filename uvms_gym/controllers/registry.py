@@ -22,6 +22,7 @@ from uvms_gym.controllers.mlp import MLP, Residual
 from uvms_gym.controllers.model_based import (
     DOB,
     MPC,
+    NMPC,
     AdaptiveDOB,
     AdaptiveResolvedMotion,
     ComputedTorque,
@@ -87,6 +88,7 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "resolved-wide": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
     "resolved-adaptive": ClassicalEntry(AdaptiveResolvedMotion, _TRACK),
     "resolved-informed": ClassicalEntry(ResolvedMotion, _TRACK, {**_RESOLVED_DOB, "delay": 0}, "bound"),
+    "nmpc": ClassicalEntry(NMPC, (*_STATION, *_TRACK)),
     "dock-pd": ClassicalEntry(DockPD, _DOCK),
 }
 LEARNED: dict[str, LearnedEntry] = {

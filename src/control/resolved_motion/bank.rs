@@ -24,8 +24,8 @@ struct Model {
 ///
 /// Terms of the equations of motion are evaluated along the prediction of the likeliest model, and serve all of them:
 /// configurations are measured, and equal; velocities differ by corrections.
-pub(super) struct Bank {
-    predictor: Predictor,
+pub(in crate::control) struct Bank {
+    pub predictor: Predictor,
     models: Vec<Model>,
     /// Velocities of vehicle and joints.
     size: usize,
@@ -35,16 +35,16 @@ pub(super) struct Bank {
 }
 
 /// Estimate under one model.
-struct Estimate {
+pub(in crate::control) struct Estimate {
     /// The present; of a model without weight that of an earlier time.
-    now: TrackingState,
+    pub now: TrackingState,
     /// Weight over the greatest one.
     weight: f64,
     /// Measured velocities less predicted ones.
     innovation: Option<Velocities>,
-    disturbance: Velocities,
+    pub disturbance: Velocities,
     /// Wrench of the thrusters at the same time as `now`.
-    wrench: Vector6<f64>,
+    pub wrench: Vector6<f64>,
     /// nu- and the wrench at the next measurement, where they are predicted already.
     next: Option<(Velocities, Vector6<f64>)>,
     /// Periods from the measurement's instant to the present.
@@ -54,7 +54,7 @@ struct Estimate {
 }
 
 /// Estimates of all models.
-pub(super) struct Estimates {
+pub(in crate::control) struct Estimates {
     models: Vec<Estimate>,
     /// Terms at the measurement, and after each period since.
     terms: Vec<ModelTerms>,
@@ -65,6 +65,12 @@ impl Estimates {
     /// The likeliest model's present.
     pub fn now(&self) -> &TrackingState {
         &self.models[self.leader].now
+    }
+
+    /// The likeliest model's estimate, and the terms at its present.
+    pub fn likeliest(&self) -> (&Estimate, &ModelTerms) {
+        let estimate = &self.models[self.leader];
+        (estimate, &self.terms[estimate.terms])
     }
 }
 
@@ -81,6 +87,12 @@ struct Memory<'a> {
 }
 
 impl Bank {
+    /// One model alone.
+    pub fn single(gains: ResolvedMotionGains, scene: &Scene, actions: &ActionMap, period: f64) -> Self {
+        let likelihood = Likelihood::new([f64::INFINITY; 3], 0.0, period);
+        Self::new(&[(gains, 1.0)], likelihood, scene, actions, period)
+    }
+
     /// For models by their gains and factors on the thrust; `likelihood` is for several.
     pub fn new(
         models: &[(ResolvedMotionGains, f64)],

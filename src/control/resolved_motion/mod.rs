@@ -5,17 +5,18 @@ mod bank;
 mod gains;
 mod model;
 mod predictor;
+mod reading;
 
 use nalgebra::{SMatrix, Vector3, Vector6};
 
 pub use adaptive::AdaptiveMotionGains;
-use bank::Bank;
+pub(super) use bank::{Bank, Estimate};
 pub use gains::{MAX_DELAY, ResolvedMotionGains};
-use model::{ModelTerms, NominalModel, TrackingState};
+pub(super) use model::{ModelTerms, NominalModel, TrackingState};
+pub use reading::TrackingIndices;
 
 use super::controller::{Controller, Widths};
 use super::gains::{GainMap, to_map};
-use super::indices::BlockIndices;
 use super::likelihood::Likelihood;
 use super::{ACTIONS, ActionMap, Actuation};
 use crate::description::{JointLimits, Scene};
@@ -29,27 +30,6 @@ const MARGIN: f64 = 0.15;
 const DAMPING: f64 = 1e-3;
 /// Share of an actuator's limit beyond which a missing force counts as saturation: actions are rounded to f32.
 const MISSED: f64 = 1e-4;
-
-/// Indices of the observation's blocks that [`ResolvedMotion`] reads.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TrackingIndices {
-    /// Length of a row.
-    pub width: usize,
-    /// Both pose errors of the end effector, 6.
-    pub error: BlockIndices,
-    /// Body twist of the vehicle, 6.
-    pub twist: BlockIndices,
-    /// Direction against gravity, body axes, 3.
-    pub up: BlockIndices,
-    /// Joint coordinates relative to home, n.
-    pub q: BlockIndices,
-    /// Joint rates, n.
-    pub qd: BlockIndices,
-    /// Twist of the reference, end-effector axes, 6.
-    pub reference: BlockIndices,
-    /// Errors against the first point ahead, 6, and the time to it, s.
-    pub ahead: Option<(BlockIndices, f64)>,
-}
 
 /// Resolved motion and inverse dynamics. `[Whi69]`
 ///
@@ -126,28 +106,6 @@ impl ResolvedMotion {
         let bank = needs_bank.then(|| Bank::new(models, likelihood, scene, &actions, period));
         let (gains, actuation) = (models.iter().map(|(gains, _)| *gains).collect(), Actuation::new(&actions));
         Ok(Self { indices, given, gains, actions, actuation, model, bank, home, limits, actuated })
-    }
-
-    fn read(&self, observation: &[f32]) -> TrackingState {
-        let indices = &self.indices;
-        let six = |entries: &BlockIndices| Vector6::from_iterator(entries.read(observation));
-        let mut velocities = Velocities::zeros();
-        let rates = indices.twist.read(observation).chain(indices.qd.read(observation));
-        rates.zip(velocities.iter_mut()).for_each(|(x, velocity)| *velocity = x);
-        let mut q = [0.0; JOINTS];
-        for (k, x) in indices.q.read(observation).enumerate() {
-            q[k] = x + self.home[k];
-        }
-        let up = Vector3::from_iterator(indices.up.read(observation));
-        let (error, reference) = (six(&indices.error), six(&indices.reference));
-        // Constant acceleration of the reference to the first point ahead.
-        let acceleration = indices.ahead.as_ref().map_or_else(Vector6::zeros, |(ahead, time)| {
-            let moved = error - six(ahead);
-            let mut acceleration = (moved - reference * *time) * (2.0 / (time * time));
-            acceleration.fixed_rows_mut::<3>(3).fill(0.0);
-            acceleration
-        });
-        TrackingState { error, velocities, up, q, reference, acceleration }
     }
 
     /// Commanded accelerations, for an integral of the pose error.
@@ -228,7 +186,7 @@ impl ResolvedMotion {
     /// One action, and the memory that follows.
     fn control(&self, observation: &[f32], memory: &mut [f64], action: &mut [f32]) {
         let n = self.home.len();
-        let mut now = self.read(observation);
+        let mut now = self.indices.read(&self.home, observation);
         let (integral, memory) = memory.split_at_mut(self.integrals());
         let mut sum = Vector6::zeros();
         integral.iter().zip(sum.iter_mut()).for_each(|(z, sum)| *sum = *z);
@@ -244,7 +202,7 @@ impl ResolvedMotion {
         if self.widths().memory == 0 {
             return;
         }
-        let reached = self.reached(action);
+        let reached = reached(&self.actuation, action);
         if !integral.is_empty() {
             let limits = self.actions.allocation().wrench_limits();
             let missed = |k: usize, limit: f64| limit > 0.0 && (effort[k] - reached[k]).abs() > MISSED * limit;
@@ -260,17 +218,17 @@ impl ResolvedMotion {
             bank.remember(&self.model, estimates, &reached, memory);
         }
     }
+}
 
-    /// Wrench and torques of an action within the actuators' limits.
-    fn reached(&self, action: &[f32]) -> Velocities {
-        let mut entries = [0.0; ACTIONS];
-        entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
-        let actuated = self.actuation.act(&entries);
-        let mut reached = Velocities::zeros();
-        reached.fixed_rows_mut::<6>(0).copy_from_slice(&actuated.wrench.to_array());
-        reached.fixed_rows_mut::<JOINTS>(6).copy_from_slice(&actuated.torques);
-        reached
-    }
+/// Wrench and torques of an action within the actuators' limits.
+pub(super) fn reached(actuation: &Actuation<f64>, action: &[f32]) -> Velocities {
+    let mut entries = [0.0; ACTIONS];
+    entries.iter_mut().zip(action).for_each(|(entry, a)| *entry = f64::from(*a));
+    let actuated = actuation.act(&entries);
+    let mut reached = Velocities::zeros();
+    reached.fixed_rows_mut::<6>(0).copy_from_slice(&actuated.wrench.to_array());
+    reached.fixed_rows_mut::<JOINTS>(6).copy_from_slice(&actuated.torques);
+    reached
 }
 
 impl Controller for ResolvedMotion {

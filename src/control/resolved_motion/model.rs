@@ -11,7 +11,7 @@ use crate::system::{JOINTS, Joints};
 
 /// State of vehicle, arm and reference.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct TrackingState {
+pub(in crate::control) struct TrackingState {
     /// Pose error of the end effector, m and rad.
     pub error: Vector6<f64>,
     pub velocities: Velocities,
@@ -25,7 +25,7 @@ pub(super) struct TrackingState {
 }
 
 /// Terms of the model at a state.
-pub(super) struct ModelTerms {
+pub(in crate::control) struct ModelTerms {
     /// Equations of motion.
     pub motion: EquationsOfMotion,
     /// Passive torques of the joints.
@@ -45,7 +45,7 @@ impl ModelTerms {
 }
 
 /// The nominal model over a control period.
-pub(super) struct NominalModel {
+pub(in crate::control) struct NominalModel {
     chain: SerialChain,
     /// Number of joints.
     pub joints: usize,

@@ -20,7 +20,7 @@ const FASTEST: f64 = 20.0;
 /// where u is the commanded effort within the actuators' limits, behind the thrusters' nominal lag, h the bias force of
 /// the nominal system in still water, d the disturbing generalized force, and nu_m the measured velocity.
 /// Both poles of the observer are `exp(-w T)` at a bandwidth w: `l1 = 1 - p^2`, `l2 = (1 - p)^2`.
-pub(super) struct Predictor {
+pub(in crate::control) struct Predictor {
     /// l1 and l2 of each velocity.
     corrections: [[f64; 2]; VELOCITIES],
     /// Bounds on disturbances.

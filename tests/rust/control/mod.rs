@@ -3,4 +3,5 @@
 mod actions;
 mod mlp;
 mod mpc;
+mod nmpc;
 mod resolved_motion;

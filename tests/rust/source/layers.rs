@@ -22,13 +22,13 @@ const LAYERS: [(&str, &[&str]); 18] = [
     ("dynamics", &["lane", "lie", "spatial", "hydro", "description", "system"]),
     ("integrate", &["lane", "lie"]),
     ("render", &["lane", "lie", "description", "system"]),
-    ("control", &["lane", "lie", "spatial", "description", "system", "dynamics"]),
+    ("optimize", &[]),
+    ("control", &["lane", "lie", "spatial", "description", "system", "dynamics", "optimize"]),
     ("task", &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "control"]),
     (
         "batch",
         &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "integrate", "control", "task"],
     ),
-    ("optimize", &[]),
     ("planning", &["lane", "lie", "system", "batch", "optimize"]),
     (
         "python",

@@ -1,0 +1,92 @@
+//! Gains of NMPC.
+
+use serde::{Deserialize, Serialize};
+
+use crate::control::gains;
+use crate::control::observer::ObserverGains;
+use crate::control::resolved_motion::{MAX_DELAY, ResolvedMotionGains};
+use crate::error::ControlError;
+
+/// Gains of NMPC: weights of the cost, and those of the observer. Lists of three: linear, angular, joints; angles count
+/// by [`ATTITUDE_LEVER`](crate::control::ATTITUDE_LEVER).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct NmpcGains {
+    /// On the vehicle's velocities and the joints' rates, s2.
+    pub velocity: [f64; 3],
+    /// On forces, moments and torques beyond the compensation of the model's forces and of disturbances, over their
+    /// limits, m2.
+    pub effort: [f64; 3],
+    /// On the change of forces and moments: the command less the thrusters' present wrench, over their limits, m2.
+    pub change: [f64; 2],
+    /// On the distance of joints from home, m2; tracking alone.
+    pub posture: f64,
+    /// On the tilt of the vehicle, m2; tracking alone.
+    pub levelling: f64,
+    /// Bandwidths of the observer, rad/s: of forces, moments and, in tracking, torques on joints.
+    pub observer_bandwidth: [f64; 3],
+    /// As for [`ObserverGains`]; station keeping alone.
+    pub wave_acceleration: [f64; 2],
+    pub wave_frequency: f64,
+    pub acceleration_noise: [f64; 2],
+    /// Age of measurements, control periods.
+    pub delay: usize,
+}
+
+impl Default for NmpcGains {
+    fn default() -> Self {
+        Self::station_keeping(0)
+    }
+}
+
+impl NmpcGains {
+    /// Default gains of station keeping: a Kalman filter with a wave model.
+    pub fn station_keeping(delay: usize) -> Self {
+        let ObserverGains { wave_acceleration, wave_frequency, acceleration_noise, .. } =
+            ObserverGains::filtering(delay);
+        Self {
+            velocity: [0.02; 3],
+            effort: [0.03, 0.06, 0.03],
+            change: [0.01, 0.02],
+            posture: 1e-6,
+            levelling: 0.01,
+            observer_bandwidth: [8.0; 3],
+            wave_acceleration,
+            wave_frequency,
+            acceleration_noise,
+            delay,
+        }
+    }
+
+    /// Default gains of tracking.
+    pub fn tracking(delay: usize) -> Self {
+        let (velocity, effort, change) = ([0.05, 0.05, 0.01], [0.003, 0.003, 0.02], [0.003; 2]);
+        let observer_bandwidth = [7.0, 7.0, 10.0];
+        Self { velocity, effort, change, observer_bandwidth, ..Self::station_keeping(delay) }
+    }
+
+    /// Gains of the observer of station keeping.
+    pub(in crate::control) fn observer(&self) -> ObserverGains {
+        let [linear, angular, _] = self.observer_bandwidth;
+        ObserverGains {
+            observer_bandwidth: [linear, angular],
+            wave_acceleration: self.wave_acceleration,
+            wave_frequency: self.wave_frequency,
+            acceleration_noise: self.acceleration_noise,
+            delay: self.delay,
+        }
+    }
+
+    /// Gains of the observer of tracking.
+    pub(super) fn predictor(&self) -> ResolvedMotionGains {
+        let Self { observer_bandwidth, delay, .. } = *self;
+        ResolvedMotionGains { observer_bandwidth, delay, ..ResolvedMotionGains::default() }
+    }
+
+    pub(in crate::control) fn check(&self) -> Result<(), ControlError> {
+        gains::check(self)?;
+        match self.delay {
+            periods if periods > MAX_DELAY => Err(ControlError::Delay { periods, most: MAX_DELAY }),
+            _ => Ok(()),
+        }
+    }
+}

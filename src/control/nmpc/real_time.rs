@@ -1,0 +1,159 @@
+//! Real-time iteration: one Gauss-Newton step of a plan per control period, from the plan before. `[Die02]`
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges, STEP_SIZES, Settings, solve};
+
+/// Step of the cost's Riccati recursion at which it ends, over its greatest entry.
+const SETTLED: f64 = 1e-9;
+/// Greatest number of its steps.
+const TAIL: usize = 400;
+
+/// Discrete model of the controlled system over a plan's control periods.
+pub trait Model {
+    /// State after control period `knot` from a state under inputs.
+    fn step(&self, knot: usize, state: &DVector<f64>, inputs: &DVector<f64>) -> DVector<f64>;
+}
+
+/// Quadratic cost of each knot, `(z - target)^T hessian (z - target) / 2` in `z = [state; inputs]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cost {
+    /// Hessian of a knot.
+    pub hessian: DMatrix<f64>,
+    /// Hessian of the state after the last one.
+    pub end: DMatrix<f64>,
+}
+
+impl Cost {
+    /// By weighted residuals `roots z`; its end is the cost of linear feedback from there on, without limits, by the
+    /// Riccati recursion of linear dynamics `x' = dynamics z`.
+    pub fn new(roots: &DMatrix<f64>, dynamics: &DMatrix<f64>) -> Self {
+        let (hessian, states) = (roots.tr_mul(roots), dynamics.nrows());
+        let inputs = hessian.nrows() - states;
+        let mut end = hessian.view((0, 0), (states, states)).into_owned();
+        for _ in 0..TAIL {
+            let all = &hessian + dynamics.tr_mul(&(&end * dynamics));
+            let by_inputs = all.view((states, 0), (inputs, states)).into_owned();
+            let Some(factor) = all.view((states, states), (inputs, inputs)).into_owned().cholesky() else { break };
+            let next = all.view((0, 0), (states, states)) - by_inputs.tr_mul(&factor.solve(&by_inputs));
+            let next = (&next + next.transpose()) * 0.5;
+            let moved = (&next - &end).amax();
+            end = next;
+            if moved <= SETTLED * end.amax() {
+                break;
+            }
+        }
+        Self { hessian, end }
+    }
+}
+
+/// Plan from the present state: inputs of each control period, and their problem.
+pub struct Plan<'a, M> {
+    pub model: &'a M,
+    pub cost: &'a Cost,
+    /// Derivatives of a control period by z, of all knots.
+    pub dynamics: &'a DMatrix<f64>,
+    /// z at which a knot costs nothing; the last one is of the end.
+    pub targets: &'a [DVector<f64>],
+    /// Least and greatest inputs.
+    pub bounds: &'a [DVector<f64>; 2],
+    /// Inputs, and the states before, between and after them.
+    present: Trajectory,
+    candidates: Vec<Trajectory>,
+}
+
+type Trajectory = (Vec<DVector<f64>>, Vec<DVector<f64>>);
+
+impl<'a, M: Model> Plan<'a, M> {
+    /// The plan of a row of memory from a state on.
+    pub fn new(
+        model: &'a M,
+        (cost, dynamics): (&'a Cost, &'a DMatrix<f64>),
+        targets: &'a [DVector<f64>],
+        bounds: &'a [DVector<f64>; 2],
+        state: DVector<f64>,
+        memory: &[f64],
+    ) -> Self {
+        let inputs = memory.chunks_exact(bounds[0].len()).map(DVector::from_column_slice).collect();
+        Self { model, cost, dynamics, targets, bounds, present: (inputs, vec![state]), candidates: Vec::new() }
+    }
+
+    /// Improves the plan by one iteration, and stores it without its first inputs, which are returned.
+    pub fn improve(mut self, memory: &mut [f64]) -> DVector<f64> {
+        if let Some(solution) = solve(&mut self, &Settings { iterations: 0, tolerance: 0.0 }) {
+            // A step that costs more than none is shortened.
+            for sizes in [&STEP_SIZES[..1], &STEP_SIZES[1..]] {
+                let costs = self.search(Some(&solution.policies), sizes);
+                if let Some(k) = costs.iter().position(|cost| *cost < solution.costs[0]) {
+                    self.accept(k);
+                    break;
+                }
+            }
+        }
+        let (inputs, _) = &self.present;
+        let later = inputs[1..].iter().chain(inputs.last());
+        for (place, entry) in memory.chunks_exact_mut(self.bounds[0].len()).zip(later) {
+            place.copy_from_slice(entry.as_slice());
+        }
+        inputs[0].clone()
+    }
+
+    /// Gradient and cost at z of a knot.
+    fn evaluate(&self, knot: usize, z: &DVector<f64>) -> (DVector<f64>, f64) {
+        let off = z - &self.targets[knot];
+        let gradient = if knot < self.present.0.len() { &self.cost.hessian * &off } else { &self.cost.end * &off };
+        let cost = 0.5 * off.dot(&gradient);
+        (gradient, cost)
+    }
+
+    fn follow(&self, policies: Option<&[Policy]>, size: f64) -> (Trajectory, f64) {
+        let (inputs, states) = &self.present;
+        let (mut found, mut state, mut total) = ((Vec::new(), Vec::new()), states[0].clone(), 0.0);
+        for (knot, planned) in inputs.iter().enumerate() {
+            let mut u = planned.clone();
+            if let Some(Policy { feedforward, gain }) = policies.map(|policies| &policies[knot]) {
+                u += feedforward * size + gain * (&state - &states[knot]);
+            }
+            let [lower, upper] = self.bounds;
+            let u = DVector::from_fn(u.len(), |k, _| u[k].max(lower[k]).min(upper[k]));
+            total += self.evaluate(knot, &stacked(&state, &u)).1;
+            let next = self.model.step(knot, &state, &u);
+            found.0.push(u);
+            found.1.push(std::mem::replace(&mut state, next));
+        }
+        total += self.evaluate(inputs.len(), &state).1;
+        found.1.push(state);
+        (found, total)
+    }
+}
+
+fn stacked(state: &DVector<f64>, inputs: &DVector<f64>) -> DVector<f64> {
+    DVector::from_iterator(state.len() + inputs.len(), state.iter().chain(inputs).copied())
+}
+
+impl<M: Model> Problem for Plan<'_, M> {
+    fn expand(&mut self) -> Expansion {
+        let (inputs, states) = &self.present;
+        let knot = |k: usize| Knot {
+            dynamics: self.dynamics.clone(),
+            gradient: self.evaluate(k, &stacked(&states[k], &inputs[k])).0,
+            hessian: self.cost.hessian.clone(),
+        };
+        let end = (self.evaluate(inputs.len(), &states[inputs.len()]).0, self.cost.end.clone());
+        Expansion { knots: (0..inputs.len()).map(knot).collect(), end }
+    }
+
+    fn ranges(&self) -> Ranges {
+        self.present.0.iter().map(|inputs| self.bounds.each_ref().map(|bound| bound - inputs)).collect()
+    }
+
+    fn search(&mut self, policies: Option<&[Policy]>, sizes: &[f64]) -> Vec<f64> {
+        let (found, costs) = sizes.iter().map(|size| self.follow(policies, *size)).unzip();
+        self.candidates = found;
+        costs
+    }
+
+    fn accept(&mut self, candidate: usize) {
+        self.present = self.candidates.swap_remove(candidate);
+    }
+}

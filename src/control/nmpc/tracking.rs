@@ -1,0 +1,202 @@
+//! End-effector tracking: the plan of thrusts and torques that follow the reference, from observations alone.
+
+use nalgebra::{DMatrix, DVector, Vector6};
+
+use super::CANCELLING;
+use super::arm_model::{ArmModel, Layout};
+use super::gains::NmpcGains;
+use super::real_time::{Cost, Plan};
+use crate::control::controller::{Controller, Widths};
+use crate::control::gains::{GainMap, to_map};
+use crate::control::indices::ATTITUDE_LEVER;
+use crate::control::resolved_motion::{Bank, NominalModel, TrackingIndices, reached};
+use crate::control::{ActionMap, Actuation};
+use crate::description::Scene;
+use crate::error::ControlError;
+
+/// Control periods of a plan.
+const HORIZON: usize = 10;
+/// Weight on the pose error at a plan's end, over that of a knot.
+const END: f64 = 5.0;
+/// Least weight on effort, m2: without any the cost has no minimum.
+const LEAST_EFFORT: f64 = 1e-8;
+
+/// Nonlinear model-predictive control of vehicle and arm: the plan of thrusts and joint torques over the next
+/// [`HORIZON`] control periods, improved by one real-time iteration in each.
+///
+/// The model, the disturbance observer and the prediction of the present are those of
+/// [`ResolvedMotion`](crate::control::ResolvedMotion); the points of the reference that are observed ahead are met at
+/// their times.
+pub struct TrackingNmpc {
+    indices: TrackingIndices,
+    gains: NmpcGains,
+    actions: ActionMap,
+    actuation: Actuation<f64>,
+    model: NominalModel,
+    bank: Bank,
+    home: Vec<f64>,
+    layout: Layout,
+    bounds: [DVector<f64>; 2],
+    cost: Cost,
+}
+
+impl TrackingNmpc {
+    /// For a checked scene, to act every `period` s.
+    ///
+    /// # Errors
+    /// `ControlError` for a gain that is not finite or is negative, a delay beyond
+    /// [`MAX_DELAY`](crate::control::MAX_DELAY), or a scene that does not compose.
+    pub fn new(
+        scene: &Scene,
+        indices: TrackingIndices,
+        gains: NmpcGains,
+        actions: ActionMap,
+        period: f64,
+    ) -> Result<Self, ControlError> {
+        gains.check()?;
+        let (layout, allocation) = (Layout::new(&actions), actions.allocation());
+        let over = |i: usize, x: f64| if allocation.range(i) > 0.0 { x / allocation.range(i) } else { 0.0 };
+        let bounds = [0, 1].map(|side| {
+            let thrusts = (0..allocation.count()).map(|i| over(i, allocation.limits(i)[side]));
+            let torque = [-1.0, 1.0][side];
+            DVector::from_iterator(layout.inputs(), thrusts.chain(actions.torques().iter().map(|_| torque)))
+        });
+        let roots = roots(&layout, &gains, &allocation.wrench_limits());
+        let hessian = roots.tr_mul(&roots);
+        let mut end = hessian.view((0, 0), (layout.states(), layout.states())).into_owned();
+        end.view_mut((0, 0), (6, 6)).scale_mut(END);
+        Ok(Self {
+            model: NominalModel::new(scene, period)?,
+            bank: Bank::single(gains.predictor(), scene, &actions, period),
+            home: scene.joints().map(|joint| joint.home).collect(),
+            actuation: Actuation::new(&actions),
+            cost: Cost { hessian, end },
+            indices,
+            gains,
+            actions,
+            layout,
+            bounds,
+        })
+    }
+
+    /// Numbers of memory per instance: the plan's relative thrusts and torques.
+    fn plan_memory(&self) -> usize {
+        HORIZON * self.layout.inputs()
+    }
+
+    /// One action, and the memory that follows.
+    fn control(&self, observation: &[f32], memory: &mut [f64], action: &mut [f32]) {
+        let (memory, plan) = memory.split_at_mut(self.bank.memory());
+        let measured = self.indices.read(&self.home, observation);
+        let points = self.indices.points(&measured.error, observation);
+        let estimates = self.bank.estimate(&self.model, &measured, memory);
+        let (estimate, terms) = estimates.likeliest();
+        let rates = self.reference_rates(&measured.reference, &points);
+        let model =
+            ArmModel { layout: &self.layout, model: &self.model, bank: &self.bank, estimate, terms, rates: &rates };
+        let targets = self.targets(&model);
+        let dynamics = model.dynamics();
+        let state = model.present();
+        let plan_of = Plan::new(&model, (&self.cost, &dynamics), &targets, &self.bounds, state, plan);
+        let effort = self.layout.effort(&plan_of.improve(plan));
+        let wrench = effort.fixed_rows::<6>(0).into_owned();
+        self.actions.normalise_all(&wrench, &effort.as_slice()[6..6 + self.layout.joints], action);
+        let reached = reached(&self.actuation, action);
+        self.bank.remember(&self.model, estimates, &reached, memory);
+    }
+
+    /// Mean twist of the reference in each control period: of constant acceleration to the first point ahead, of
+    /// constant velocity from point to point, and beyond the last.
+    fn reference_rates(&self, twist: &Vector6<f64>, (points, apart): &(Vec<Vector6<f64>>, f64)) -> Vec<Vector6<f64>> {
+        let period = self.model.period;
+        let at = |time: f64| -> Vector6<f64> {
+            let Some(first) = points.first() else { return twist * time };
+            if time <= *apart {
+                return twist * time + (first - twist * *apart) * (time / apart).powi(2);
+            }
+            let k = ((time / apart) as usize).min(points.len() - 1).max(1);
+            if points.len() == 1 {
+                return first + (first * (2.0 / apart) - twist) * (time - apart);
+            }
+            points[k - 1] + (points[k] - points[k - 1]) * (time / apart - k as f64)
+        };
+        (0..HORIZON).map(|k| (at((k + 1) as f64 * period) - at(k as f64 * period)) / period).collect()
+    }
+
+    /// z of each knot that costs nothing.
+    fn targets(&self, model: &ArmModel) -> Vec<DVector<f64>> {
+        let (layout, n) = (&self.layout, self.layout.joints);
+        let hold = model.holding_effort();
+        let mut target = DVector::zeros(layout.states() + layout.inputs());
+        target[8] = 1.0;
+        (0..n).for_each(|k| target[9 + k] = self.home[k]);
+        target.rows_mut(layout.thrust(), 6).copy_from(&hold.fixed_rows::<6>(0));
+        target.rows_mut(layout.states(), layout.inputs()).copy_from(&layout.relative(&hold));
+        let end = target.rows(0, layout.states()).into_owned();
+        let mut all = vec![target; HORIZON];
+        all.push(end);
+        all
+    }
+}
+
+/// Roots of a knot's cost: rows of weighted residuals of z.
+fn roots(layout: &Layout, gains: &NmpcGains, unit: &[f64; 6]) -> DMatrix<f64> {
+    let (n, s, w) = (layout.joints, layout.states(), layout.inputs());
+    let over = |k: usize, weight: f64| if unit[k] > 0.0 { weight.sqrt() / unit[k] } else { 0.0 };
+    let lever = |k: usize| if k < 3 { 1.0 } else { ATTITUDE_LEVER };
+    let mut rows: Vec<DVector<f64>> = Vec::new();
+    let mut row = |entries: &[(usize, f64)]| {
+        let mut row = DVector::zeros(s + w);
+        entries.iter().for_each(|(k, x)| row[*k] = *x);
+        rows.push(row);
+    };
+    for k in 0..6 {
+        row(&[(k, lever(k))]);
+        row(&[(layout.velocity() + k, gains.velocity[k / 3].sqrt() * lever(k))]);
+        let (effort, change) = (gains.effort[k / 3].max(LEAST_EFFORT), gains.change[k / 3]);
+        let thrusts = |by: f64| (0..w).map(|i| (s + i, by * layout.wrench(k, i))).collect::<Vec<_>>();
+        row(&thrusts(over(k, effort)));
+        row(&[thrusts(over(k, change)), vec![(layout.thrust() + k, -over(k, change))]].concat());
+    }
+    for k in 0..2 {
+        row(&[(6 + k, gains.levelling.sqrt() * ATTITUDE_LEVER)]);
+    }
+    for k in 0..n {
+        row(&[(9 + k, gains.posture.sqrt() * ATTITUDE_LEVER)]);
+        row(&[(layout.velocity() + 6 + k, gains.velocity[2].sqrt() * ATTITUDE_LEVER)]);
+        row(&[(s + w - n + k, gains.effort[2].max(LEAST_EFFORT).sqrt())]);
+    }
+    let most = gains.effort.iter().chain(&gains.change).fold(LEAST_EFFORT, |a, b| a.max(*b));
+    for cancelling in layout.cancelling().row_iter() {
+        let weight = (CANCELLING * most).sqrt();
+        row(&cancelling.iter().enumerate().map(|(i, x)| (s + i, x * weight)).collect::<Vec<_>>());
+    }
+    DMatrix::from_fn(rows.len(), s + w, |i, k| rows[i][k])
+}
+
+impl Controller for TrackingNmpc {
+    fn widths(&self) -> Widths {
+        let memory = self.bank.memory() + self.plan_memory();
+        Widths { observation: self.indices.width, memory, action: self.actions.len() }
+    }
+
+    fn gains(&self) -> GainMap {
+        to_map(&self.gains)
+    }
+
+    fn memory_layout(&self) -> Vec<(&'static str, usize)> {
+        let mut layout = self.bank.memory_layout();
+        layout.push(("plan", self.plan_memory()));
+        layout
+    }
+
+    fn act(&self, observations: &[f32], memory: &mut [f64], actions: &mut [f32]) -> Result<(), ControlError> {
+        let widths = self.widths();
+        widths.rows(observations, memory, actions)?;
+        let rows = observations.chunks_exact(widths.observation).zip(memory.chunks_exact_mut(widths.memory));
+        for ((observation, memory), action) in rows.zip(actions.chunks_exact_mut(widths.action)) {
+            self.control(observation, memory, action);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,80 @@
+"""Nonlinear model-predictive control: convergence, feedback near rest, limits, rows, gains."""
+
+import pickle
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import uvms_gym
+from uvms_gym import NMPC, make_controller
+
+TASKS = ["UVMS-StationKeep", "UVMS-EETrack"]
+
+
+def run(env: Any, controller: Any, steps: int, seed: int = 1) -> tuple[Any, Any, Any]:
+    """Last observations, state of the controller and info."""
+    observations, info = env.reset(seed=seed)
+    state = None
+    for _ in range(steps):
+        actions, state = controller.predict(observations, state)
+        assert (np.abs(actions) <= 1.0).all()
+        observations, _, _, _, info = env.step(actions)
+    return observations, state, info
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_with_a_perfect_model_the_target_is_reached(task: str) -> None:
+    still = {"disturbance": {"arm": {"amplitude": 0.0}}} if task == TASKS[0] else {"disturbance": {}}
+    more = {} if task == TASKS[0] else {"reference": "point"}
+    env = gym.make_vec(f"{task}-v0", num_envs=2, max_episode_steps=None, **still, **more)
+    _, _, info = run(env, NMPC(env), 400)
+    assert info["position_error"].max() < 5e-3
+    assert info["attitude_error"].max() < 1e-2
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_rows_are_independent_to_the_bit(task: str) -> None:
+    env = gym.make_vec(f"{task}-Storm-v0", num_envs=9)
+    controller = make_controller("nmpc", env)
+    observations, state, _ = run(env, controller, 20)
+    actions, after = controller.predict(observations, state)
+    for k in range(9):
+        action, memory = controller.predict(observations[k], state[k])
+        assert action.tobytes() == actions[k].tobytes()
+        assert memory.tobytes() == after[k].tobytes()
+    assert list(controller.memory_layout)[-1] == "plan"
+    assert not np.array_equal(state[0], after[0])
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_the_plan_is_within_the_limits(task: str) -> None:
+    env = gym.make_vec(f"{task}-Storm-v0", num_envs=4)
+    controller = NMPC(env, effort=[1e-7] * 3, change=[0.0, 0.0])
+    _, state, _ = run(env, controller, 10)
+    plan = state[:, controller.memory_layout["plan"]]
+    assert np.abs(plan).max() == 1.0
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_gains_are_checked_and_survive_pickling(task: str) -> None:
+    env = gym.make(f"{task}-Storm-v0")
+    controller = NMPC(env)
+    observation, _ = env.reset(seed=2)
+    again = pickle.loads(pickle.dumps(controller))
+    assert again.predict(observation)[0].tobytes() == controller.predict(observation)[0].tobytes()
+    with pytest.raises(ValueError, match=r"gain effort\[1\] = -1"):
+        NMPC(env, effort=[1.0, -1.0, 1.0])
+    with pytest.raises(ValueError, match="gain posture"):
+        NMPC(env, posture=float("nan"))
+    with pytest.raises(ValueError, match=r"gain velocity is \[1.0\], but must be 3 numbers"):
+        NMPC(env, velocity=[1.0])
+    with pytest.raises(ValueError, match="delay"):
+        NMPC(env, delay=11)
+
+
+def test_a_dock_is_refused() -> None:
+    with pytest.raises(ValueError, match="for a dock"):
+        NMPC(gym.make("UVMS-Dock-v0"))
+    assert {"station-keep", "ee-track"} == set(uvms_gym.controllers.registry.CLASSICAL["nmpc"].tasks)

@@ -1,0 +1,78 @@
+//! Nonlinear model-predictive control: its plan near rest is linear feedback, and keeps within the limits.
+
+use nalgebra::{DMatrix, DVector, Vector6};
+use uvms_gym::control::nmpc::vehicle::{HORIZON, Present, VehicleNmpc};
+use uvms_gym::control::{ActionKind, ActionMap, Allocation, ArmMotion, NmpcGains, Observer};
+use uvms_gym::description::Scene;
+use uvms_gym::system::JOINTS;
+
+struct Case {
+    scene: Scene,
+    actions: ActionMap,
+    nmpc: VehicleNmpc,
+}
+
+fn case(name: &str) -> Case {
+    let scene = Scene::shipped(name).unwrap();
+    let actions = ActionMap::new(ActionKind::Wrench, Allocation::new(&scene.vehicle).unwrap(), Vec::new());
+    let gains = NmpcGains::default();
+    let observer = Observer::new(Default::default(), 0.0, &scene, 0.1);
+    let nmpc = VehicleNmpc::new(gains, &scene, &observer, &actions);
+    Case { scene, actions, nmpc }
+}
+
+impl Case {
+    fn present(&self, state: [[f64; 6]; 3]) -> Present {
+        let arm = ArmMotion { q: self.scene.home(), qd: [0.0; JOINTS] };
+        Present { state, wrenches: [[0.0; 6]; 4], arms: [arm; 2] }
+    }
+
+    fn first(&self, present: &Present) -> Vector6<f64> {
+        self.nmpc.plan(present, &mut vec![0.0; self.nmpc.memory()]).into()
+    }
+}
+
+#[test]
+fn near_rest_the_plan_is_the_feedback_of_the_riccati_equation() {
+    for name in ["petasus-pum", "bluerov2-heavy"] {
+        let case = case(name);
+        let rest = case.present([[0.0; 6]; 3]);
+        let (dynamics, cost) = (case.nmpc.dynamics(&rest), &case.nmpc.cost);
+        let (s, w) = (18, dynamics.ncols() - 18);
+        let all: DMatrix<f64> = &cost.hessian + dynamics.tr_mul(&(&cost.end * &dynamics));
+        let gain = all.view((s, s), (w, w)).into_owned().cholesky().unwrap().solve(&all.view((s, 0), (w, s)));
+        let mut state = [[0.0; 6]; 3];
+        for k in 0..6 {
+            (state[0][k], state[1][k]) = (1e-4 * (1.0 + k as f64), -1e-4 * (3.0 - k as f64));
+        }
+        let thrusts = -gain * DVector::from_column_slice(state.as_flattened());
+        let allocation = case.actions.allocation();
+        let wrench: Vector6<f64> =
+            (0..w).map(|i| allocation.column(i) * (allocation.range(i) * thrusts[i])).sum::<Vector6<f64>>();
+        let rest_wrench = case.first(&rest);
+        let planned = case.first(&case.present(state)) - rest_wrench;
+        assert!((planned - wrench).norm() < 0.01 * wrench.norm(), "{name}: {planned} {wrench}");
+    }
+}
+
+#[test]
+fn thrusts_of_a_far_target_are_at_their_limits_and_within() {
+    for name in ["petasus-pum", "bluerov2-heavy"] {
+        let case = case(name);
+        let mut memory = vec![0.0; case.nmpc.memory()];
+        let far = case.present([[30.0, -20.0, 10.0, 0.3, 0.2, 1.0], [0.0; 6], [0.0; 6]]);
+        for _ in 0..3 {
+            case.nmpc.plan(&far, &mut memory);
+            let allocation = case.actions.allocation();
+            let mut saturated = 0;
+            for thrusts in memory.chunks_exact(memory.len() / HORIZON) {
+                for (i, u) in thrusts.iter().enumerate() {
+                    let [lower, upper] = allocation.limits(i).map(|limit| limit / allocation.range(i));
+                    assert!((lower..=upper).contains(u), "{name}: {u}");
+                    saturated += usize::from(*u == lower || *u == upper);
+                }
+            }
+            assert!(saturated > 0, "{name}");
+        }
+    }
+}
