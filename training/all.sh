@@ -5,10 +5,12 @@ set -eu
 to=${1:-$(python -c "from uvms_gym.controllers.registry import PRETRAINED; print(PRETRAINED)")}
 here=$(dirname "$0")
 
-# tune NAME ENVIRONMENT
+# tune NAME ENVIRONMENT [OPTION...]
 tune() {
-    grep -qs "^ \"$1\": {" "$to/${2%-*-v0}/petasus-pum/0.1s/gains.json" ||
-        python "$here/tune.py" --policies "$to" --controller "$1" --env "$2"
+    name=$1 env=$2
+    shift 2
+    grep -qs "^ \"$name\": {" "$to/${env%-*-v0}/petasus-pum/0.1s/gains.json" ||
+        python "$here/tune.py" --policies "$to" --controller "$name" --env "$env" "$@"
 }
 
 # policy NAME SEED ENVIRONMENT [OPTION...]
@@ -40,6 +42,8 @@ mkdir -p out/train
 for name in pd pid pd-restoring dob dob-delay dob-still dob-calm dob-medium dob-free computed-torque mpc dob-informed; do
     tune $name UVMS-StationKeep-Storm-v0
 done
+# Plans take time: fewer episodes.
+tune nmpc UVMS-StationKeep-Storm-v0 --generations 10 --population 12 --episodes 16 --finals 128
 tune dob-wide UVMS-StationKeep-Wide-v0
 tune dob-adaptive UVMS-StationKeep-Wide-v0
 for name in resolved resolved-pid resolved-dob resolved-informed; do

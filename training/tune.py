@@ -1,4 +1,4 @@
-"""Tune the gains of classical controllers, each with the same number of simulated episodes.
+"""Tune the gains of classical controllers, by default each with the same number of simulated episodes.
 
 ```sh
 pip install -e '.[cli,train]'

@@ -180,6 +180,7 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
         ("resolved-dob", 3, None),
         ("dob-calm", 3, None),
         ("mpc", 2, None),
+        ("nmpc", 2, None),
         # 1 period by the mean of those drawn.
         ("dob-calm", (0, 3), "it may be unstable"),
         ("ppo", 0, "it may be unstable"),
