@@ -265,7 +265,7 @@ pub fn accelerations_adjoint<L: Lane, const IMPLICIT: bool>(
                 if loads.terms > 0 {
                     let of = of / h;
                     add_target(loads.terms, time, [zero, of], &mut of_loads.target[i]);
-                    of_instant.qd[i] = of_instant.qd[i] - of;
+                    of_instant.qd[i] -= of;
                 }
             } else if loads.terms > 2 {
                 let target = &mut of_loads.target[i];

@@ -103,13 +103,13 @@ pub(super) fn add_factor_products<L: Lane, const IMPLICIT: bool>(
     for (inertia, of) in [(&parts.rigid, &mut of.mass), (&parts.added, &mut of.added_mass)] {
         *of += product(inertia.apply(acceleration) + inertia.bias_wrench(twist));
     }
-    of.mass = of.mass - product(parts.weight.wrench(gravity));
+    of.mass -= product(parts.weight.wrench(gravity));
     of.volume += product(parts.displaced.wrench(gravity));
     let mut of_moment = Vector3::zero();
     if let (Some(restoring), true) = (&body.restoring, IMPLICIT) {
         of_moment = restoring.stiffness_adjoint(gravity, dual.angular, turned(h, at)).of_moment;
         of.mass += of_moment.dot(Vector3(parts.weight.moment));
-        of.volume = of.volume - of_moment.dot(Vector3(parts.displaced.moment));
+        of.volume -= of_moment.dot(Vector3(parts.displaced.moment));
     }
     if let Some(payload) = &body.payload {
         let unit = PointMass { mass: L::c(1.0), position: payload.position };

@@ -136,12 +136,15 @@ impl Blocks<f64> {
     }
 }
 
+/// Function that sets the cotangents of the stepped states, by those and the states, in these columns.
+type Seed<'s> = dyn Fn(&mut [f64], &[f64], Range<usize>) + 's;
+
 /// Kernel of the adjoint of a block. (Not generic: it takes a minute to compile.)
 struct Reverse<'s, 'a> {
     step: Step<'a, f64>,
     block: usize,
     of: &'s mut [f64],
-    seed: &'s dyn Fn(&mut [f64], &[f64], Range<usize>),
+    seed: &'s Seed<'s>,
     factors: bool,
     pool: &'s ScratchPool,
 }
@@ -191,8 +194,8 @@ fn make_memory<L: Lane>() -> Box<ReverseMemory<L>> {
 fn instances<L: Lane<Real = f64>>(step: &Step<f64>) -> Box<InstanceSystem<L>> {
     let has_payload =
         |system: &System<L>| system.joints.last().map_or(&system.vehicle, |joint| &joint.body).payload.is_some();
-    let fits = |pooled: &Box<InstanceSystem<L>>| has_payload(&pooled.system) == step.payload_attachment.is_some();
-    step.system_pool.take().filter(fits).unwrap_or_else(|| {
+    let pooled: Option<Box<InstanceSystem<L>>> = step.system_pool.take();
+    pooled.filter(|pooled| has_payload(&pooled.system) == step.payload_attachment.is_some()).unwrap_or_else(|| {
         let system = step.system.allocate_scaled(step.unscaled, step.payload_attachment);
         Box::new(InstanceSystem::allocate(system, step.unscaled, step.payload_attachment))
     })
