@@ -56,7 +56,7 @@ MEMORY = re.compile("4step.*6memory|17memory_and_system")
 # Routines of kernels that are functions of their own, compiled for the same instruction set.
 ROUTINE = r"4lane(3x86|4neon|6scalar)\w+4callI"
 # Those that do a step of an integrator.
-STEP = ROUTINE + r".*stepping4step12(Explicit|Implicit)Step"
+STEP = ROUTINE + r".*stepping4step(13WithBaselinesI\w+?)?12(Explicit|Implicit)Step"
 # What they may call, and why.
 AROUND_STEPS = {
     MEMORY.pattern: "before the first instance",
@@ -72,6 +72,15 @@ AROUND_STEPS = {
 # at most 8 stores, 256 bytes of AVX2. Explicit methods copy one a stage, linearly implicit ones at most five.
 OF_DUALS = {r"^mem(cpy|move)$": "copies 6-vectors", r"^r[a-z0-9]+$": "the same through a register"}
 LANES_OF_DUALS = {"avx2", "neon"}
+# The adjoint of steps, and the steps that it records.
+ADJOINT = r"stepping7adjoint7Reverse|stepping7reverse\d+(Explicit|Implicit)Reverse|8recorder10StepRecord"
+# What it may call besides what kernels elsewhere may.
+OF_ADJOINT = {
+    r"4lane4tape.*4grow|7raw_vec.*8grow_one": "records that grow",
+    r"12scratch_pool.*(take|put)|7adjoint(11make_memory|9instances)|drop_in_place.*3Vec": "memory of the reverse",
+    r"27equations_of_motion_adjoint|17NeverShortCircuit": "parts that several reverses share",
+    r"21detect_and_initialize": "the instruction set of a routine in scalar lanes",
+}
 # What kernels that run once in a control period, or seldom, may call besides.
 ELSEWHERE = {
     r"^mem(cpy|set|move)$|as_flattened|copy_from_slice|spec_fill": "fills and copies tables",
@@ -83,7 +92,7 @@ ELSEWHERE = {
     ROUTINE: "routines that several kernels share",
 }
 # Modules of controllers with a model.
-MODEL = r"7control(3mpc|4rows|5plant|8observer|11model_based)"
+MODEL = r"7control(3mpc|4nmpc|4rows|5plant|8observer|11model_based|14multiple_model)"
 # What these controllers may call besides those: they plan once in a control period.
 PLANNING = {
     MODEL: "plans, actions of wrenches, decay of lags",
@@ -169,7 +178,8 @@ def kernels(dtype: str, lanes: str) -> list[Function]:
 
 def steps(dtype: str, lanes: str) -> list[Function]:
     """Kernels that step: one for numbers of single instances; of wide lanes one for shared ones, and one of duals."""
-    return [function for function in kernels(dtype, lanes) if any(map(MEMORY.search, module().calls(function)))]
+    forward = (function for function in kernels(dtype, lanes) if not re.search(ADJOINT, function.name))
+    return [function for function in forward if any(map(MEMORY.search, module().calls(function)))]
 
 
 def routines() -> list[Function]:
@@ -214,6 +224,7 @@ def test_where_instances_are_stepped_no_jump_goes_by_a_table(dtype: str, lanes: 
 def test_every_kernel_is_inlined_and_none_needs_the_c_library_to_calculate(dtype: str, lanes: str) -> None:
     for kernel in kernels(dtype, lanes):
         allowed = AROUND_STEPS | ELSEWHERE | (PLANNING if plans(kernel) else {})
+        allowed |= OF_ADJOINT if re.search(ADJOINT, kernel.name) else {}
         assert others(kernel, allowed) == {}, kernel.name
 
 
@@ -223,6 +234,7 @@ def test_routines_are_inlined_too() -> None:
     for routine in found:
         of_step = OF_DUALS if "OnDuals" in routine.name else {}
         allowed = of_step if re.search(STEP, routine.name) else ELSEWHERE
+        allowed = ELSEWHERE | OF_ADJOINT if re.search(ADJOINT, routine.name) else allowed
         assert others(routine, allowed) == {}, routine.name
 
 
