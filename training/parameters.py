@@ -50,10 +50,8 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
     )
     schedule = Parameter("delay_schedule", 0.1, 30.0, ((0,), (1,)), absolute=True, floor=True)
     innovation = Parameter("innovation", 0.01, 3.0, ((0,), (1,)), absolute=True)
-    bank = (
-        Parameter("thrust_factors", 0.3, 3.0, ((0,), (1,), (2,)), absolute=True),
-        Parameter("memory_time", 0.3, 30.0, absolute=True),
-    )
+    factors = Parameter("thrust_factors", 0.3, 3.0, ((0,), (1,), (2,)), absolute=True)
+    memory = Parameter("memory_time", 0.3, 30.0, absolute=True)
     weights = (
         Parameter("velocity", 0.001, 1.0, ((0,), (1,)), absolute=True, floor=True),
         Parameter("effort", 1e-6, 0.1, ((0,), (1,)), absolute=True, floor=True),
@@ -81,7 +79,7 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
         "pid": (*pd, Parameter("ki", 0.05, 20.0, axes)),
         "dob": (*pd, observer, *expected),
         **dict.fromkeys(_DOBS, (*pd, observer, *expected, horizon)),
-        "dob-adaptive": (*pd, observer, *expected, horizon, schedule, innovation, *bank),
+        "dob-adaptive": (*pd, observer, *expected, horizon, schedule, factors, innovation, memory),
         "computed-torque": (*pd, observer, *expected, horizon),
         "mpc": (*weights, observer, *expected),
         "nmpc": nmpc.get(task, ()),
@@ -92,7 +90,8 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
             *resolved_dob,
             schedule._replace(low=0.01, high=3.0),
             innovation._replace(groups=three),
-            *bank,
+            factors,
+            memory,
         ),
     }
 
