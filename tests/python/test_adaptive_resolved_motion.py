@@ -97,6 +97,15 @@ def test_gains_decrease_with_the_delay() -> None:
     assert np.square(scheduled).sum() < np.square(plain).sum()
 
 
+def test_a_command_is_what_a_model_asks_for_over_its_factor() -> None:
+    gains: Any = {"delay": 0, **CALM}
+    (one, _), (two, _) = driven(None, 1, {**gains, **ALIKE}, {**gains, "thrust_factors": [2.0] * 3})
+    within = np.abs(one[:, :6]) < 1.0
+    assert within.any() and np.abs(one[:, :6][within]).max() > 0.01
+    np.testing.assert_allclose(2.0 * two[:, :6][within], one[:, :6][within], rtol=1e-5, atol=1e-7)
+    np.testing.assert_array_equal(two[:, 6:], one[:, 6:])
+
+
 def test_rows_are_independent_and_pickles_the_same() -> None:
     env = make(5, "storm-wide")
     controller = AdaptiveResolvedMotion(env, integral_gain=0.3, delay_schedule=[0.2, 0.1])
