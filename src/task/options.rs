@@ -145,6 +145,8 @@ impl<K> Options<K> {
             ("target_heading", self.target_heading),
         ])?;
         check_non_negative(&self.reward.named())?;
+        let scale = self.reward.pose_scale;
+        check_range("reward.pose_scale", scale, (1e-6..=1e3).contains(&scale), "in [1e-6, 1000] m")?;
         let Tolerance { position, attitude } = self.tolerance;
         check_non_negative(&[("tolerance.position", position), ("tolerance.attitude", attitude)])?;
         check_range("residual_scale", self.residual_scale, (0.0..=1.0).contains(&self.residual_scale), "in [0, 1]")?;

@@ -1,7 +1,7 @@
 //! The reward that all tasks share.
 //!
 //! With the pose error `p = sqrt(|e|^2 + (0.5 m angle)^2)` it is
-//! `-w_pose (ln(1 + (p / 0.02 m)^2) + p / c) - w_effort mean(u^2) - w_rate mean((a - a_prev)^2) - w_diverged`, the last term
+//! `-w_pose (ln(1 + (p / s)^2) + p / c) - w_effort mean(u^2) - w_rate mean((a - a_prev)^2) - w_diverged`, the last term
 //! only where the state diverged. u are relative thrusts and torques, a actions; c is 0.3 m unless the task says otherwise.
 
 use serde::{Deserialize, Serialize};
@@ -9,17 +9,17 @@ use serde::{Deserialize, Serialize};
 use crate::control::ATTITUDE_LEVER;
 use crate::lane::{Lane, Real, ln_1p};
 
-/// Pose error at which the logarithm bends, m. It is the user's accuracy, not the vehicle's size: no scene scales it.
-const FINE: f64 = 0.02;
 /// Pose error at which the linear part is 1, m.
 pub(super) const COARSE: f64 = 0.3;
 
-/// Weights of the reward's terms.
+/// Weights of the reward's terms, and the scale of the pose error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RewardWeights {
     /// Weight of the pose error.
     pub pose: f64,
+    /// Pose error s at which the logarithm bends, m. It is the user's accuracy, not the vehicle's size: no scene scales it.
+    pub pose_scale: f64,
     /// Weight of the mean squared relative thrust and torque.
     pub effort: f64,
     /// Weight of the mean squared change of the action.
@@ -30,12 +30,12 @@ pub struct RewardWeights {
 
 impl Default for RewardWeights {
     fn default() -> Self {
-        Self { pose: 0.1, effort: 0.02, action_rate: 0.1, diverged: 0.0 }
+        Self { pose: 0.1, pose_scale: 0.02, effort: 0.02, action_rate: 0.1, diverged: 0.0 }
     }
 }
 
 impl RewardWeights {
-    /// Names and values.
+    /// Names and values of the weights.
     pub(super) fn named(&self) -> [(&'static str, f64); 4] {
         [
             ("reward.pose", self.pose),
@@ -53,6 +53,8 @@ pub(super) struct RewardKernel<T> {
     effort: T,
     action_rate: T,
     diverged: T,
+    /// s^-2.
+    fine: T,
     coarse: T,
 }
 
@@ -81,6 +83,7 @@ impl<T: Real> RewardKernel<T> {
             effort: number(-weights.effort),
             action_rate: number(-weights.action_rate / actions as f64),
             diverged: number(-weights.diverged),
+            fine: number(1.0 / (weights.pose_scale * weights.pose_scale)),
             coarse: number(1.0 / coarse),
         }
     }
@@ -95,8 +98,7 @@ impl<T: Real> RewardKernel<T> {
         change: L,
         in_bounds: L::Mask,
     ) -> RewardTerms<L> {
-        let cost =
-            squared_error.sqrt().mul_add(L::splat(self.coarse), ln_1p(squared_error * L::c(1.0 / (FINE * FINE))));
+        let cost = squared_error.sqrt().mul_add(L::splat(self.coarse), ln_1p(squared_error * L::splat(self.fine)));
         RewardTerms {
             pose: cost * L::splat(self.pose),
             effort: effort * L::splat(self.effort),

@@ -26,7 +26,7 @@ from uvms_gym.envs import (
 )
 
 ENV = "UVMS-EETrack-v0"
-REWARD = task_defaults("ee-track")["reward"]
+REWARD = task_defaults("ee-track")["reward"].keys() - {"pose_scale"}
 ARM = "bluerov2-heavy-alpha5"
 SCENES = ["petasus-pum", ARM, "bluerov2-heavy", "rexrov"]
 KINDS = ["point", "line", "circle", "figure-eight", "spline"]

@@ -18,7 +18,7 @@ from uvms_gym.envs import INFO, StationKeepEnv, StationKeepOptions, StationKeepV
 
 ENV = "UVMS-StationKeep-v0"
 DEFAULTS = StationKeepOptions().to_dict()
-REWARD = task_defaults("station-keep")["reward"]
+REWARD = task_defaults("station-keep")["reward"].keys() - {"pose_scale"}
 SMALL = "bluerov2-heavy"
 SCENES = ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy", "rexrov"]
 
@@ -82,7 +82,10 @@ def test_weights_scale_their_terms():
         assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in REWARD), rel=1e-14)
         return info
 
-    plain, doubled = terms(), terms(pose=0.2, action_rate=0.0)
+    plain, doubled, wide = terms(), terms(pose=0.2, action_rate=0.0), terms(pose_scale=0.5)
+    error = plain["position_error"] ** 2 + (0.5 * plain["attitude_error"]) ** 2
+    for scale, info in ((0.02, plain), (0.5, wide)):
+        assert info["reward_pose"] == pytest.approx(-0.1 * (np.log1p(error / scale**2) + np.sqrt(error) / 0.3))
     assert doubled["reward_pose"] == pytest.approx(2 * plain["reward_pose"])
     assert doubled["reward_effort"] == plain["reward_effort"] < 0.0
     assert doubled["reward_action_rate"] == 0.0 > plain["reward_action_rate"]
@@ -99,7 +102,8 @@ def test_weights_scale_their_terms():
         ({"integrator": "euler"}, "mk4"),
         ({"dtype": "float16"}, "'float64', 'float32'"),
         ({"max_current": -1.0}, "max_current"),
-        ({"reward": {"speed": 1.0}}, "pose, effort, action_rate, diverged"),
+        ({"reward": {"speed": 1.0}}, "pose, pose_scale, effort, action_rate, diverged"),
+        ({"reward": {"pose_scale": 0.0}}, "reward.pose_scale"),
         ({"reward": {"pose": float("nan")}}, "reward.pose"),
         ({"threads": 0}, "threads"),
         ({"render_mode": "human"}, "render_mode"),

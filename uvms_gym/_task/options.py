@@ -20,9 +20,10 @@ Randomize = bool | float | Mapping[str, Any]
 
 
 class RewardWeights(TypedDict, total=False):
-    """Weights of the reward's terms; the others keep their defaults."""
+    """Weights of the reward's terms, and the scale of the pose error, m; the others keep their defaults."""
 
     pose: float
+    pose_scale: float
     effort: float
     action_rate: float
     diverged: float
@@ -98,7 +99,8 @@ class TaskOptions:
         Time constant of all thrusters, s, in [0, 10], in place of the scene's.
     reward : dict or None
         Any of the weights `pose` (0.1), `effort` (0.02), `action_rate` (0.1) and `diverged` (0; 100 in end-effector
-        tracking, 500 in docking), >= 0.
+        tracking, 500 in docking), >= 0; and `pose_scale` (0.02 m), the pose error s in ln(1 + (p / s)^2), > 0: errors
+        well below it count by their squares, others by their logarithms.
     tolerance : dict or None
         Any of `position` (0.05 m) and `attitude` (0.1 rad), >= 0: errors below which `info["success"]` is 1. The reward
         does not depend on them.
