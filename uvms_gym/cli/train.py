@@ -1,4 +1,4 @@
-"""`uvms train`: distillation and proximal policy optimisation on the native environments."""
+"""`uvms train`: policies from teachers, by proximal policy optimisation and by gradients of the simulator."""
 
 import math
 from dataclasses import replace
@@ -26,10 +26,11 @@ MOST_EPISODES, MOST_THREADS = 100_000, 1024
 
 def train(
     algo: Annotated[
-        Literal["ppo", "distill", "asymmetric-ppo"],
+        Literal["ppo", "distill", "asymmetric-ppo", "shac"],
         Option(
             help="ppo: that of Stable-Baselines3. distill: imitation of a classical controller with perfect sensors. "
-            "asymmetric-ppo: PPO whose critic has perfect sensors, on paired episodes, from scratch or from --start."
+            "asymmetric-ppo: PPO whose critic has perfect sensors, on paired episodes, from scratch or from --start. "
+            "shac: policy gradients through the simulator, for station keeping, from scratch or from --start."
         ),
     ] = "ppo",
     env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",
@@ -50,7 +51,7 @@ def train(
         Option(metavar="CONTROLLER", help="Controller to distill: classical, or mlp:FILE. [default: the strongest]"),
     ] = None,
     start: Annotated[
-        Path | None, Option(metavar="FILE", help="Policy (.safetensors) that asymmetric-ppo begins with.")
+        Path | None, Option(metavar="FILE", help="Policy (.safetensors) that asymmetric-ppo or shac begins with.")
     ] = None,
     env_kwargs: Annotated[
         list[str] | None,
@@ -141,14 +142,14 @@ def train(
             check_range("--residual", residual, 0.0, 1.0)
             if base is None:
                 raise fail("--residual is for --base")
-        for option, value, owner in (
-            ("--base", base, "ppo"),
-            ("--device", device, "ppo"),
-            ("--teacher", teacher, "distill"),
-            ("--start", start, "asymmetric-ppo"),
+        for option, value, owners in (
+            ("--base", base, ("ppo",)),
+            ("--device", device, ("ppo",)),
+            ("--teacher", teacher, ("distill",)),
+            ("--start", start, ("asymmetric-ppo", "shac")),
         ):
-            if value is not None and algo != owner:
-                raise fail(f"{option} is for --algo {owner}")
+            if value is not None and algo not in owners:
+                raise fail(f"{option} is for --algo {' or '.join(owners)}")
         from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
         from uvms_gym.training.run import Settings
 

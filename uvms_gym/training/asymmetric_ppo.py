@@ -2,13 +2,11 @@
 
 import itertools
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from uvms_gym import MLP
 from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.learner import Hyperparameters, Learner, step
 from uvms_gym.training.networks import Actor, Critic
@@ -68,16 +66,6 @@ class AsymmetricPPO(Learner):
             raise ValueError(f"replicas is {self.replicas}, but must be even and divide n_envs ({self.num_envs})")
         self._adam = torch.optim.Adam(self.actor.parameters(), lr=given.learning_rate, fused=True)
         self._critic_adam = torch.optim.Adam(self.critic.parameters(), lr=given.critic_learning_rate, fused=True)
-        if settings.start is not None:
-            policy = MLP.load(Path(settings.start), self.envs.inner)
-            if policy.history != settings.history:
-                raise ValueError(f"{settings.start}: frame_stack is {policy.history}, but must be {settings.history}")
-            self.actor.load(policy)
-            self.behaviour.load_state_dict(self.actor.state_dict())
-
-    def notes(self) -> dict[str, str]:
-        """Initial policy."""
-        return {} if self.settings.start is None else {"start": Path(self.settings.start).name}
 
     def make_modules(self) -> dict[str, nn.Module]:
         """Make the critic."""
@@ -101,14 +89,7 @@ class AsymmetricPPO(Learner):
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Fit the critic, and improve the actor."""
         given, alive = self.parameters, episodes.alive
-        with torch.no_grad():
-            values = self.critic(episodes.perfect)
-            advantages = self._estimate(values, episodes)
-            returns = advantages + values[:, :-1]
-            groups = (advantages * alive).view(-1, self.replicas, alive.shape[1])
-            members = alive.view(groups.shape).sum(dim=1, keepdim=True).clamp(min=1)
-            advantages = (groups - groups.sum(dim=1, keepdim=True) / members).flatten(0, 1)
-            advantages /= advantages[alive].std() + 1e-8
+        advantages, returns = self.estimate(episodes)
         instances, times = alive.nonzero().T
         critic_epochs = FIRST_EPOCHS if self.iteration == 1 else given.n_epochs
         batches = [
@@ -139,7 +120,19 @@ class AsymmetricPPO(Learner):
             values = self.critic(observations.index_select(0, i * steps + t))
             step(self._critic_adam, ((values - returns[i, t]) ** 2).mean())
 
-    def _estimate(self, values: Tensor, episodes: Episodes) -> Tensor:
+    def estimate(self, episodes: Episodes) -> tuple[Tensor, Tensor]:
+        """Advantages, normalised and less their mean over episodes of a seed, and returns (n, T)."""
+        alive = episodes.alive
+        with torch.no_grad():
+            values = self.critic(episodes.perfect)
+            advantages = self._advantages(values, episodes)
+            returns = advantages + values[:, :-1]
+            groups = (advantages * alive).view(-1, self.replicas, alive.shape[1])
+            members = alive.view(groups.shape).sum(dim=1, keepdim=True).clamp(min=1)
+            advantages = (groups - groups.sum(dim=1, keepdim=True) / members).flatten(0, 1)
+            return advantages / (advantages[alive].std() + 1e-8), returns
+
+    def _advantages(self, values: Tensor, episodes: Episodes) -> Tensor:
         """Generalised advantage estimation, (n, T); a time limit does not end an episode."""
         given, goes_on = self.parameters, (~episodes.terminated).float()
         differences = episodes.rewards + given.gamma * goes_on * values[:, 1:] - values[:, :-1]

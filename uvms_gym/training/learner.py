@@ -5,11 +5,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, Self
 
 import torch
 from torch import Tensor, nn
 
+from uvms_gym import MLP
 from uvms_gym.training.episodes import Episodes, TrainingEnvs
 from uvms_gym.training.hyperparameters import count
 from uvms_gym.training.networks import Actor
@@ -73,8 +75,8 @@ class Learner(ABC):
 
     Raises
     ------
-    ValueError, TypeError, gymnasium.error.Error
-        A setting is unknown or out of range.
+    ValueError, TypeError, OSError, gymnasium.error.Error
+        A setting is unknown or out of range, or the initial policy does not fit.
     """
 
     #: Number of episodes with the same seed.
@@ -88,6 +90,11 @@ class Learner(ABC):
             torch.manual_seed(settings.seed)
             self.actor = Actor([settings.history * self.envs.size, *parameters.net_arch, self.envs.actions], log_std)
             self.modules: dict[str, nn.Module] = {"actor": self.actor, **self.make_modules()}
+        if settings.start is not None:
+            policy = MLP.load(Path(settings.start), self.envs.inner)
+            if policy.history != settings.history:
+                raise ValueError(f"{settings.start}: frame_stack is {policy.history}, but must be {settings.history}")
+            self.actor.load(policy)
         self.behaviour = copy.deepcopy(self.actor)
         self._pending: Future[tuple[Episodes, Tensor]] | None = None
         self._threads = ThreadPoolExecutor(2)
@@ -163,8 +170,8 @@ class Learner(ABC):
             optimizer.load_state_dict(state["optimizers"][name])
 
     def notes(self) -> dict[str, str]:
-        """Further notes for the policy's file."""
-        return {}
+        """Further notes for the policy's file: the initial policy."""
+        return {} if self.settings.start is None else {"start": Path(self.settings.start).name}
 
     def close(self) -> None:
         """Wait for the threads, and close the environments."""

@@ -1,4 +1,4 @@
-"""Runs of the learners of this package, from their start or a checkpoint: distillation, PPO with asymmetric critic."""
+"""Runs of the learners of this package, from their start or a checkpoint."""
 
 import os
 import pickle
@@ -23,9 +23,10 @@ from uvms_gym.training.run import (
     interrupt_event,
     passed,
 )
+from uvms_gym.training.shac import Shac
 
 #: Learners by the name of the algorithm.
-LEARNERS: dict[str, type[Learner]] = {"distill": Distillation, "asymmetric-ppo": AsymmetricPPO}
+LEARNERS: dict[str, type[Learner]] = {"distill": Distillation, "asymmetric-ppo": AsymmetricPPO, "shac": Shac}
 
 
 def make_learner(settings: Settings) -> Learner:

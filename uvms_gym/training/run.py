@@ -19,7 +19,12 @@ from uvms_gym.training.export import versions
 from uvms_gym.training.hyperparameters import count
 
 #: Algorithms, and their titles in model cards.
-ALGORITHMS = {"ppo": "PPO", "distill": "Distillation", "asymmetric-ppo": "PPO with an asymmetric critic"}
+ALGORITHMS = {
+    "ppo": "PPO",
+    "distill": "Distillation",
+    "asymmetric-ppo": "PPO with an asymmetric critic",
+    "shac": "Short-horizon actor-critic",
+}
 #: Distance of environments' seeds between training seeds; those below are for evaluations.
 SEED_STRIDE = 10_000_000
 #: Files of a run's folder.
@@ -57,7 +62,7 @@ class Settings:
     teacher: str | None = None
     """Name of the imitated classical controller; algorithm `distill` alone. None: that of the task."""
     start: str | None = None
-    """File of the policy to begin with; algorithm `asymmetric-ppo` alone. None: from scratch."""
+    """File of the policy to begin with; algorithms `asymmetric-ppo` and `shac` alone. None: from scratch."""
 
     @property
     def steps(self) -> int:

@@ -1,0 +1,166 @@
+"""Short-horizon actor-critic: gradients of returns against differences between episodes, and the learner."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+pytest.importorskip("yaml")
+
+import torch
+
+from uvms_gym.training.episodes import Episodes, TrainingEnvs
+from uvms_gym.training.hyperparameters import read_hyperparameters
+from uvms_gym.training.native import train
+from uvms_gym.training.networks import Actor, Critic
+from uvms_gym.training.return_gradient import ReturnGradient, Windows, forward
+from uvms_gym.training.run import CURVE, Settings
+from uvms_gym.training.shac import Shac, _batches
+from uvms_gym.training.task_gradient import StationKeeping
+
+pytestmark = pytest.mark.learning
+
+ENV = "UVMS-StationKeep-v0"
+GAMMA, HISTORY, EPISODES, STEPS = 0.95, 3, 3, 16
+REWARD = {"pose": 0.2, "effort": 0.05, "action_rate": 0.2}
+FAR = {"start_distance": 0.2, "start_angle": 0.3, "reward": REWARD}
+#: Change of an action for central differences: the policy computes in single precision.
+CHANGE = 1e-2
+
+
+@pytest.fixture(autouse=True)
+def keep_threads() -> Any:
+    threads = torch.get_num_threads()
+    yield
+    torch.set_num_threads(threads)
+
+
+class Case:
+    """Episodes under a random policy with noise, and their returns with a value at the end."""
+
+    def __init__(self, **kwargs: Any) -> None:
+        self.envs = TrainingEnvs(ENV, {**FAR, "substeps": 10, **kwargs}, EPISODES, HISTORY)
+        torch.manual_seed(0)
+        self.actor = Actor([HISTORY * self.envs.size, 16, 16, 6])
+        self.critic = Critic(self.envs.size, [8])
+        with torch.no_grad():
+            self.actor.layers[-1].weight.mul_(5.0)  # type: ignore[operator, union-attr]
+        self.noise = 0.1 * torch.randn(EPISODES, STEPS, 6)
+
+    def run(self, noise: torch.Tensor) -> Episodes:
+        seeds = range(1_000_000, 1_000_000 + EPISODES)
+        return self.envs.run(seeds, self.actor.network(HISTORY), noise)
+
+    def returns(self, noise: torch.Tensor) -> np.ndarray:
+        episodes = self.run(noise)
+        with torch.no_grad():
+            values = self.critic(episodes.perfect[:, -1]).double().numpy()
+        rewards: np.ndarray = episodes.rewards.double().numpy() @ GAMMA ** np.arange(STEPS)
+        return rewards + GAMMA**STEPS * values
+
+    def gradient(self) -> np.ndarray:
+        episodes = self.run(self.noise)
+        last = episodes.perfect[:, -1].clone().requires_grad_()
+        (by_end,) = torch.autograd.grad(self.critic(last).sum(), last)
+        inputs = episodes.inputs.transpose(0, 1)
+        windows = Windows(
+            inputs, *(x.transpose(0, 1) for x in (episodes.perfect, episodes.actions, episodes.alive)), by_end
+        )
+        mean, pull = forward(self.actor, inputs)
+        torch.testing.assert_close(mean, self.actor(inputs))
+        return ReturnGradient(self.envs.inner, EPISODES, GAMMA)(windows, pull).numpy()
+
+    def differences(self, t: int) -> np.ndarray:
+        found = np.empty((EPISODES, 6))
+        for k in range(6):
+            change = torch.zeros_like(self.noise)
+            change[:, t, k] = CHANGE
+            found[:, k] = self.returns(self.noise + change) - self.returns(self.noise - change)
+        return found / (2.0 * CHANGE * GAMMA**t)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.1])
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_gradients_are_those_of_differences_between_episodes(lag: float, delay: int, monkeypatch: Any) -> None:
+    monkeypatch.setattr("uvms_gym.training.return_gradient.STEP", 0.01)
+    case = Case(disturbance={"delay": {"periods": delay}}, thruster_lag=lag)
+    gradient = case.gradient()
+    for t in (0, 7, STEPS - 2, STEPS - 1):
+        wanted = case.differences(t)
+        np.testing.assert_allclose(gradient[t], wanted, atol=0.01 * np.abs(wanted).max())
+
+
+def test_a_nominal_simulator_gives_nearly_the_gradient_in_a_storm() -> None:
+    case = Case(disturbance={"base": "storm", "noise": None}, thruster_lag=0.1)
+    gradient = case.gradient()
+    for t in (0, 7, STEPS - 1):
+        one, other = gradient[t].ravel(), case.differences(t).ravel()
+        # Seen: 0.98 and more.
+        assert one @ other > 0.95 * np.linalg.norm(one) * np.linalg.norm(other)
+
+
+@pytest.mark.parametrize("options", [{}, {"scene": "bluerov2-heavy", "disturbance": "storm"}, {"scene": "rexrov"}])
+def test_rewards_and_thrusts_are_those_of_the_environment(options: dict[str, Any]) -> None:
+    envs = TrainingEnvs(ENV, {**FAR, "max_episode_steps": 30, **options}, EPISODES, 1)
+    task, actor = StationKeeping(envs.inner), Actor([envs.size, 8, envs.actions])
+    noise = 0.7 * torch.randn(EPISODES, 30, envs.actions, generator=torch.Generator().manual_seed(0))
+    episodes = envs.run(range(EPISODES), actor.network(1), noise)
+    perfect, actions = episodes.perfect.double().numpy(), episodes.actions.double().numpy()
+    np.testing.assert_allclose(task.rewards(perfect, actions), episodes.rewards, atol=2e-6)
+    clipped = np.clip(actions[:, 0], -1.0, 1.0)
+    thrusts, jacobian = task.thrusts(clipped)
+    wrenches = clipped * [block.scale[0] for block in envs.inner.action_layout]
+    np.testing.assert_allclose(thrusts, [envs.inner.snapshot().allocate(wrench)[0] for wrench in wrenches], atol=1e-9)
+    for k in range(envs.actions):
+        change = 1e-7 * np.eye(envs.actions)[k]
+        slope = (task.thrusts(clipped + change)[0] - task.thrusts(clipped - change)[0]) / 2e-7
+        np.testing.assert_allclose(jacobian[..., k], slope, atol=1e-5)
+
+
+def test_the_integral_of_errors_is_that_of_the_environment() -> None:
+    envs = TrainingEnvs(ENV, FAR, EPISODES, 1)
+    task, actor = StationKeeping(envs.inner), Actor([envs.size, 8, envs.actions])
+    rows = envs.run(range(EPISODES), actor.network(1), torch.ones(EPISODES, 30, 6)).perfect.double().numpy()
+    integral = rows[..., task.parts["error_integral"]]
+    np.testing.assert_allclose(integral[:, 1:], task.keep * integral[:, :-1] + task.gain * rows[:, 1:, :6], atol=1e-6)
+
+
+def test_other_tasks_and_actions_are_refused() -> None:
+    with pytest.raises(ValueError, match="known for station-keep alone, not for ee-track"):
+        StationKeeping(TrainingEnvs("UVMS-EETrack-v0", {}, 1, 1).inner)
+    with pytest.raises(ValueError, match="action is 'thrusters', but must be 'wrench'"):
+        StationKeeping(TrainingEnvs(ENV, {"action": "thrusters"}, 1, 1).inner)
+
+
+def test_batches_have_all_places_and_one_size() -> None:
+    for count in (3, 8, 9, 30):
+        batches = _batches(count, 8, torch.Generator())
+        assert batches.shape == (-(-count // 8), 8) and set(batches.flatten().tolist()) == set(range(count))
+
+
+def test_shac_improves_a_policy_in_a_few_steps(tmp_path: Path) -> None:
+    quick = {"n_envs": 32, "n_timesteps": 20 * 32 * 30, "batch_size": 32, "horizon": 10, "n_steps": 30}
+    found = read_hyperparameters(ENV, algo="shac") | quick | {"net_arch": [16], "frame_stack": 2}
+    kwargs = {"max_episode_steps": 30, "disturbance": "current"}
+    chosen = Settings(ENV, found, kwargs, algo="shac", eval_freq=20 * 32 * 30, eval_episodes=64)
+    train(chosen, tmp_path)
+    first, last = json.loads((tmp_path / CURVE).read_text())
+    assert last["pose"] < 0.5 * first["pose"]
+
+
+def test_horizons_longer_than_episodes_are_refused() -> None:
+    found = read_hyperparameters(ENV, algo="shac")
+    with pytest.raises(ValueError, match="horizon is 25, but episodes have 12 steps"):
+        Shac(Settings(ENV, found, {"max_episode_steps": 12}, algo="shac"))
+
+
+def test_the_comparison_with_ppo_runs() -> None:
+    script = Path(__file__).parents[1] / "bench/policy_gradients.py"
+    command = [sys.executable, str(script), "--seeds", "1", "--share", "0.001"]
+    text = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    assert "cosine between gradients" in text and text.count("variation") == 2
