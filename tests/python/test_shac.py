@@ -27,7 +27,7 @@ pytestmark = pytest.mark.learning
 
 ENV = "UVMS-StationKeep-v0"
 GAMMA, HISTORY, EPISODES, STEPS = 0.95, 3, 3, 16
-REWARD = {"pose": 0.2, "effort": 0.05, "action_rate": 0.2}
+REWARD = {"pose": 0.2, "pose_scale": 0.05, "effort": 0.05, "action_rate": 0.2}
 FAR = {"start_distance": 0.2, "start_angle": 0.3, "reward": REWARD}
 #: Change of an action for central differences: the policy computes in single precision.
 CHANGE = 1e-2

@@ -15,8 +15,8 @@ from uvms_gym.envs import TaskVectorEnv
 
 Floats = NDArray[np.float64]
 
-#: Pose errors at which the logarithm of the reward bends and at which its linear part is 1, m.
-FINE, COARSE = 0.02, 0.3
+#: Pose error at which the linear part of the reward is 1, m.
+COARSE = 0.3
 #: Leak of the integral of the pose error, 1/s.
 LEAK = 0.1
 
@@ -82,7 +82,7 @@ class StationKeeping:
         weights, clipped = self.weights, np.clip(actions, -1.0, 1.0)
         pose = perfect[..., 1:, :6] * self.scale[:6]
         square = pose**2 @ _SQUARES
-        cost = np.log1p(square / FINE**2) + np.sqrt(square) / COARSE
+        cost = np.log1p(square / weights["pose_scale"] ** 2) + np.sqrt(square) / COARSE
         effort = ((self.thrusts(clipped)[0] / self.range) ** 2).mean(axis=-1)
         change = ((clipped - perfect[..., :-1, self.parts["previous_action"]]) ** 2).mean(axis=-1)
         return -weights["pose"] * cost - weights["effort"] * effort - weights["action_rate"] * change  # type: ignore[no-any-return]
@@ -91,7 +91,7 @@ class StationKeeping:
         """Gradient (..., 6) of the reward by the observed pose error, from perfect observations (..., d)."""
         pose = perfect[..., :6] * self.scale[:6]
         square = (pose**2 * _SQUARES).sum(axis=-1, keepdims=True)
-        slope = 1.0 / (FINE**2 + square) + 0.5 / (COARSE * np.sqrt(square + 1e-12))
+        slope = 1.0 / (self.weights["pose_scale"] ** 2 + square) + 0.5 / (COARSE * np.sqrt(square + 1e-12))
         return -2.0 * self.weights["pose"] * slope * _SQUARES * pose * self.scale[:6]  # type: ignore[no-any-return]
 
     def by_thrust(self, thrusts: Floats) -> Floats:
