@@ -18,10 +18,9 @@ from uvms_gym.training.episodes import Episodes, TrainingEnvs
 from uvms_gym.training.hyperparameters import read_hyperparameters
 from uvms_gym.training.native import train
 from uvms_gym.training.networks import Actor, Critic
-from uvms_gym.training.return_gradient import ReturnGradient, Windows, forward
+from uvms_gym.training.return_gradient import TASKS, ReturnGradient, Windows, forward
 from uvms_gym.training.run import CURVE, Settings
 from uvms_gym.training.shac import Shac, _batches
-from uvms_gym.training.task_gradient import StationKeeping
 
 pytestmark = pytest.mark.learning
 
@@ -43,14 +42,14 @@ def keep_threads() -> Any:
 class Case:
     """Episodes under a random policy with noise, and their returns with a value at the end."""
 
-    def __init__(self, **kwargs: Any) -> None:
-        self.envs = TrainingEnvs(ENV, {**FAR, "substeps": 10, **kwargs}, EPISODES, HISTORY)
+    def __init__(self, env: str = ENV, **kwargs: Any) -> None:
+        self.envs = TrainingEnvs(env, {**FAR, "substeps": 10, **kwargs}, EPISODES, HISTORY)
         torch.manual_seed(0)
-        self.actor = Actor([HISTORY * self.envs.size, 16, 16, 6])
+        self.actor = Actor([HISTORY * self.envs.size, 16, 16, self.envs.actions])
         self.critic = Critic(self.envs.size, [8])
         with torch.no_grad():
             self.actor.layers[-1].weight.mul_(5.0)  # type: ignore[operator, union-attr]
-        self.noise = 0.1 * torch.randn(EPISODES, STEPS, 6)
+        self.noise = 0.1 * torch.randn(EPISODES, STEPS, self.envs.actions)
 
     def run(self, noise: torch.Tensor) -> Episodes:
         seeds = range(1_000_000, 1_000_000 + EPISODES)
@@ -68,16 +67,16 @@ class Case:
         last = episodes.perfect[:, -1].clone().requires_grad_()
         (by_end,) = torch.autograd.grad(self.critic(last).sum(), last)
         inputs = episodes.inputs.transpose(0, 1)
-        windows = Windows(
-            inputs, *(x.transpose(0, 1) for x in (episodes.perfect, episodes.actions, episodes.alive)), by_end
-        )
+        gradient = ReturnGradient(self.envs.inner, EPISODES, GAMMA)
+        rows = (x.transpose(0, 1) for x in (episodes.perfect, episodes.actions, episodes.alive))
+        windows = Windows(inputs, *rows, gradient.ages(episodes), by_end)
         mean, pull = forward(self.actor, inputs)
         torch.testing.assert_close(mean, self.actor(inputs))
-        return ReturnGradient(self.envs.inner, EPISODES, GAMMA)(windows, pull).numpy()
+        return gradient(windows, pull).numpy()
 
     def differences(self, t: int) -> np.ndarray:
-        found = np.empty((EPISODES, 6))
-        for k in range(6):
+        found = np.empty((EPISODES, self.envs.actions))
+        for k in range(self.envs.actions):
             change = torch.zeros_like(self.noise)
             change[:, t, k] = CHANGE
             found[:, k] = self.returns(self.noise + change) - self.returns(self.noise - change)

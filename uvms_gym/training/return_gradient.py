@@ -16,11 +16,16 @@ from torch import Tensor, nn
 
 from uvms_gym import Simulator
 from uvms_gym.envs import TaskVectorEnv
+from uvms_gym.training.episodes import Episodes
 from uvms_gym.training.networks import GAIN, Actor
-from uvms_gym.training.task_gradient import StationKeeping
+from uvms_gym.training.station_gradient import StationKeeping
+from uvms_gym.training.task_gradient import TaskGradient
+from uvms_gym.training.tracking_gradient import EndEffectorTracking
 
 Floats = NDArray[np.float64]
 
+#: Tasks with derivatives.
+TASKS: dict[str, type[TaskGradient]] = {"station-keep": StationKeeping, "ee-track": EndEffectorTracking}
 #: Greatest step of the nominal simulator, s, by a linearly implicit method.
 STEP = 0.1
 
@@ -37,12 +42,14 @@ class Windows:
     """Actions (H, b, a), not clipped."""
     alive: Tensor
     """True for steps up to the end of the episode (H, b)."""
+    ages: Tensor
+    """Age of measurements of each episode, control periods (b,)."""
     by_end: Tensor | None = None
     """Gradient of the value beyond the last step by the last perfect observations (b, d)."""
 
 
 class ReturnGradient:
-    """Gradient of the discounted return of station keeping by actions.
+    """Gradient of a task's discounted return by actions.
 
     Parameters
     ----------
@@ -56,15 +63,16 @@ class ReturnGradient:
     Raises
     ------
     ValueError
-        The environment has another task, or actions other than wrenches.
+        The environment has a task without derivatives, or actions other than wrenches.
     """
 
     def __init__(self, envs: TaskVectorEnv, rows: int, gamma: float) -> None:
-        self.task, self.gamma = StationKeeping(envs), gamma
+        if envs.task not in TASKS:
+            raise ValueError(f"gradients of the return are known for {' and '.join(TASKS)}, not for {envs.task}")
+        self.task, self.gamma = TASKS[envs.task](envs), gamma
         self.substeps = int(np.ceil(self.task.period / STEP - 1e-9))
         scene, dt = envs._native.scene, self.task.period / self.substeps
         self.simulator = Simulator(scene, rows, dt=dt, integrator="ros2", threads=1)
-        self._home = self.simulator.q
 
     def __call__(self, windows: Windows, pull: Callable[[int, Tensor], Tensor]) -> Tensor:
         """Gradients (H, b, a) of the returns from each action on.
@@ -76,43 +84,57 @@ class ReturnGradient:
             Cotangent (b, h d) of the policy's input at step t from that of its action (b, a).
         """
         task, perfect = self.task, windows.perfect.numpy().astype(float)
-        parts, delay, width = task.parts, task.delay, len(task.scale)
+        parts, width, m = task.parts, len(task.scale), task.thrusters
         raw, on = windows.actions.numpy().astype(float), windows.alive.numpy()[..., None]
         (steps, rows, _), size = raw.shape, perfect.shape[-1]
-        history = windows.inputs.shape[-1] // size
+        history, ages, every = windows.inputs.shape[-1] // size, windows.ages.numpy(), np.arange(rows)
         clipped, before = np.clip(raw, -1.0, 1.0), perfect[:-1, :, parts["previous_action"]]
         # Cotangents are of the return from the first step on.
         weight = self.gamma ** np.arange(steps + 1.0)[:, None, None]
-        thrusts, by_action = task.thrusts(clipped)
-        by_thrust, by_change = weight[:-1] * task.by_thrust(thrusts), weight[:-1] * task.by_change(clipped - before)
-        states, jacobians = self._states(perfect)
+        forces, by_action = task.forces(clipped)
+        by_force, by_change = weight[:-1] * task.by_force(forces), weight[:-1] * task.by_change(clipped - before)
+        states, errors, references = task.states(perfect), task.errors(perfect), task.references(perfect)
         if self.simulator.state_size > 12 + 2 * task.joints:
             # Thrusters with dynamics: derivatives hardly depend on the thrusts, which are not observed.
-            states["thrust"] = task.thrusts(before)[0]
+            last = np.concatenate([before, perfect[-1:, :, parts["previous_action"]]])
+            states["thrust"] = task.forces(last)[0][..., :m]
         on_measured = np.zeros((steps + 1, rows, width))
         on_measured[1:, :, :6] = weight[:-1] * task.by_pose(perfect[1:])
         on_integral = np.zeros((rows, 6))
         # Observations from before the windows have rows, too.
         on_observation = np.zeros((steps + history, rows, size), dtype=np.float32)
+        on_references = np.zeros((rows, references.shape[-1]))
         if windows.by_end is not None:
             by_end = weight[-1] * on[-1] * windows.by_end.numpy()
             on_measured[-1] += by_end[:, :width]
-            on_observation[-1, :, width:] = by_end[:, width:]
+            on_measured[-1, :, :6] += task.ahead(by_end)
+            on_references += by_end[:, task.references_part]
+            for name in ("previous_action", "error_integral"):
+                on_observation[-1, :, parts[name]] = by_end[:, parts[name]]
         gradient, on_previous, on_state = np.empty_like(raw), 0.0, np.zeros((rows, self.simulator.state_size))
+        self._set(states, steps)
         for t in reversed(range(steps)):
-            seen = on_observation[t + history]
+            seen = on_observation[t + history].astype(float)
             on_integral += seen[:, parts["error_integral"]]
-            if t + 1 >= delay:
-                on_measured[t + 1 - delay] += seen[:, :width]
-                on_measured[t + 1 - delay, :, :6] += task.gain * on_integral
+            known = ages <= t + 1
+            of = (t + 1 - ages[known], every[known])
+            measured = seen[:, :width]
+            measured[:, :6] += task.ahead(seen) + task.gain * on_integral
+            on_measured[of] += measured[known]
             on_integral *= task.keep
-            self._measure(on_measured[t + 1], jacobians[t + 1], on_state)
-            self.simulator.set_state(**{name: values[t] for name, values in states.items()})
-            found = self.simulator.step_vjp(
-                on_state * on[t], thrust=thrusts[t], substeps=self.substeps, **self._hold(states, t)
-            )
-            on_state, on_thrust = found["state"], found["thrust"] + by_thrust[t]
-            on_action = np.einsum("bm,bma->ba", on_thrust, by_action[t]) + by_change[t] + on_previous
+            on_references += seen[:, task.references_part]
+            on_frame = np.einsum("bi,bij->bj", on_measured[t + 1, :, :6], errors[t + 1])
+            on_frame[:, 3:] += np.einsum("bik,bk->bi", references[t + 1], on_references)
+            on_references[:] = 0.0
+            on_state[:, : 6 + task.joints] += task.frame(self.simulator, on_frame)
+            task.measure(on_measured[t + 1], perfect[t + 1], on_state)
+            state = self._set(states, t)
+            found = self.simulator.step_vjp(on_state * on[t], substeps=self.substeps, **task.inputs(forces[t], state))
+            on_state, on_force = found["state"], by_force[t]
+            on_force[:, :m] += found["thrust"]
+            if "joint_torque" in found:
+                on_force[:, m:] += found["joint_torque"]
+            on_action = np.einsum("bf,bfa->ba", on_force, by_action[t]) + by_change[t] + on_previous
             on_action += seen[:, parts["previous_action"]]
             # Beyond the limits only a way back counts.
             on_action *= ((np.abs(raw[t]) < 1.0) | (on_action * raw[t] < 0.0)) & on[t]
@@ -123,26 +145,23 @@ class ReturnGradient:
                 on_observation[t : t + history] += stack.reshape(rows, history, size).transpose(1, 0, 2)
         return torch.from_numpy(gradient.astype(np.float32))
 
-    def _states(self, perfect: Floats) -> tuple[dict[str, Floats], Floats]:
-        """Arguments of `Simulator.set_state`, with the target at the origin, and Jacobians of observed pose errors."""
-        n, scaled = self.task.joints, perfect[..., : len(self.task.scale)] * self.task.scale
-        position, quaternion, jacobians = self.task.poses(perfect)
-        states = {"position": position, "quaternion": quaternion, "twist": scaled[..., 6:12]}
-        if n:
-            states |= {"q": self._home + scaled[..., 12 : 12 + n], "qd": scaled[..., 12 + n :]}
-        return states, jacobians
+    def ages(self, episodes: Episodes) -> Tensor:
+        """Ages of measurements (n,), control periods: those at which perfect observations come closest to them."""
+        (least, most), steps = self.task.ages, episodes.alive.shape[1]
+        width, first = len(self.task.scale), min(most, steps - 1)
+        seen = episodes.observations[:, episodes.history - 1 + first :, :width]
+        alive, distances = episodes.alive[:, first:, None], []
+        for age in range(least, most + 1):
+            past = max(first - age, 0)
+            apart = (seen - episodes.perfect[:, past : past + seen.shape[1], :width]) * alive
+            distances.append(apart.square().sum(dim=(1, 2)))
+        return least + torch.stack(distances).argmin(dim=0)
 
-    def _hold(self, states: dict[str, Floats], t: int) -> dict[str, Any]:
-        """Targets of the joints: on with their rates."""
-        return {"joint_target": np.stack([states["q"][t], states["qd"][t]], axis=-1)} if self.task.joints else {}
-
-    def _measure(self, on_measured: Floats, jacobian: Floats, on_state: Floats) -> None:
-        """Add the cotangent of a state (b, s) from that of its measured entries (b, 12 + 2n)."""
-        n, physical = self.task.joints, on_measured / self.task.scale
-        on_state[:, :6] += np.einsum("bi,bij->bj", on_measured[:, :6], jacobian)
-        on_state[:, 6 : 6 + n] += physical[:, 12 : 12 + n]
-        on_state[:, 6 + n : 12 + n] += physical[:, 6:12]
-        on_state[:, 12 + n : 12 + 2 * n] += physical[:, 12 + n :]
+    def _set(self, states: dict[str, Floats], t: int) -> dict[str, Floats]:
+        """Set the simulator to the states at step t, which are returned."""
+        state = {name: values[t] for name, values in states.items()}
+        self.simulator.set_state(**state)
+        return state
 
 
 def forward(actor: Actor, inputs: Tensor) -> tuple[Tensor, Callable[[int, Tensor], Tensor]]:

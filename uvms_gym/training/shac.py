@@ -90,13 +90,14 @@ class Shac(Learner):
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Fit the critic, and improve the actor by every window once."""
         given, alive = self.parameters, episodes.alive
-        critic = copy.deepcopy(self.critic)
+        critic, ages = copy.deepcopy(self.critic), self.gradient.ages(episodes)
         batches = _batches(int(alive.sum()), given.batch_size * given.horizon, generator)
         fit = self._threads.submit(self._fit, episodes, self._returns(episodes), alive.nonzero().T, batches)
         instances, starts = alive[:, :: given.horizon].nonzero().T
         updates = _batches(len(starts), given.batch_size, generator)
         for chosen in updates:
-            self._improve(self._windows(episodes, instances[chosen], given.horizon * starts[chosen], critic))
+            places = instances[chosen], given.horizon * starts[chosen]
+            self._improve(self._windows(episodes, *places, ages, critic))
         fit.result()
         self._adapt(episodes, len(updates), generator)
 
@@ -110,7 +111,7 @@ class Shac(Learner):
         nn.utils.clip_grad_norm_(self.actor.layers.parameters(), NORM)
         self._adam.step()
 
-    def _windows(self, episodes: Episodes, instances: Tensor, first: Tensor, critic: nn.Module) -> Windows:
+    def _windows(self, episodes: Episodes, instances: Tensor, first: Tensor, ages: Tensor, critic: nn.Module) -> Windows:
         """Windows of these instances from these steps on."""
         steps = first + torch.arange(self.parameters.horizon + 1)[:, None]
         now = steps[:-1]
@@ -122,6 +123,7 @@ class Shac(Learner):
             perfect=perfect,
             actions=episodes.actions[instances, now],
             alive=episodes.alive[instances, now],
+            ages=ages[instances],
             by_end=by_end * ~episodes.terminated[instances, now[-1]][:, None],
         )
 

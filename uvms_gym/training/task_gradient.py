@@ -1,15 +1,16 @@
-"""Derivatives of station keeping: reward, observation and thrusts by the state and the action, in NumPy.
+"""Derivatives of a task's reward, observation and actuation by state and action, in NumPy: what all tasks share.
 
 Formulas are those of the environment: tests compare rewards with those of episodes, and gradients of returns with
 finite differences over episodes.
 """
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym import ATTITUDE_LEVER
+from uvms_gym import ATTITUDE_LEVER, Simulator
 from uvms_gym._core import task_defaults
 from uvms_gym.envs import TaskVectorEnv
 
@@ -21,11 +22,12 @@ COARSE = 0.3
 LEAK = 0.1
 
 
-class StationKeeping:
-    """Numbers of the task, and derivatives of its parts.
+class TaskGradient(ABC):
+    """Numbers of a task, and derivatives of its parts.
 
-    Measured entries are the first 12 + 2n of an observation, in its scales: pose error, twist, joint coordinates and
-    rates.
+    The frame is that of the pose error: the vehicle or the end effector. Measured entries are the first w of an
+    observation, in its scales: pose error, twist, where observed the direction against gravity, joint coordinates and
+    rates. Forces (f,) are thrusts, and torques of joints where the action drives them.
 
     Parameters
     ----------
@@ -34,13 +36,16 @@ class StationKeeping:
     Raises
     ------
     ValueError
-        The environment has another task, or actions other than wrenches.
+        The environment has actions other than wrenches.
     """
+
+    #: Number of entries of the direction against gravity.
+    up = 0
+    #: Entries of the reference that depend on the frame's turn.
+    references_part = slice(0, 0)
 
     def __init__(self, envs: TaskVectorEnv) -> None:
         options: Any = envs.options
-        if envs.task != "station-keep":
-            raise ValueError(f"gradients of the return are known for station-keep alone, not for {envs.task}")
         if options.action != "wrench":
             raise ValueError(
                 f"action is {options.action!r}, but must be 'wrench': no other has gradients of the return"
@@ -48,34 +53,45 @@ class StationKeeping:
         native = envs._native
         sim = envs.snapshot()
         self.joints, self.period = sim.num_joints, native.control_period
-        #: Age of measurements, control periods; the mean where it is drawn.
-        self.delay = round(sum(native.delays) / 2)
+        #: Least and greatest age of measurements, control periods.
+        self.ages = native.delays
         self.parts = {block.name: slice(block.offset, block.offset + block.length) for block in envs.layout}
-        self.scale = np.concatenate([block.scale for block in envs.layout])[: 12 + 2 * self.joints]
+        self.scales = np.concatenate([block.scale for block in envs.layout])
+        #: Scales of measured entries.
+        self.scale = self.scales[: 12 + self.up + 2 * self.joints]
         self.weights = {**task_defaults(envs.task)["reward"], **(options.reward or {})}
-        integral = next(block for block in envs.layout if block.name == "error_integral")
         #: I' = keep I + gain e, both as observed.
         self.keep = float(np.exp(-LEAK * self.period))
-        self.gain = (1.0 - self.keep) / LEAK * self.scale[:6] / np.asarray(integral.scale)
+        self.gain = (1.0 - self.keep) / LEAK * self.scale[:6] / self.scales[self.parts["error_integral"]]
         self.limits = np.asarray(sim.thruster_limits)
-        self.range = np.abs(self.limits).max(axis=1)
-        wrench = np.array([block.scale[0] for block in envs.action_layout])
-        #: Thrusts (m, a) of actions within the limits: those of least norm over their ranges, N.
-        self.demand = self.range[:, None] * np.linalg.pinv(sim.thruster_configuration * self.range) * wrench
+        self.thrusters = len(self.limits)
+        scales = np.array([block.scale[0] for block in envs.action_layout])
+        #: Torques of an action of 1, N m or N.
+        self.torques = scales[6:]
+        most = np.abs(self.limits).max(axis=1)
+        #: Greatest forces (f,).
+        self.range = np.concatenate([most, self.torques])
+        #: Thrusts (m, 6) of actions within the limits: those of least norm over their ranges, N.
+        self.demand = most[:, None] * np.linalg.pinv(sim.thruster_configuration * most) * scales[:6]
+        sim.reset()
+        self.home = sim.q[0]
 
-    def thrusts(self, actions: Floats) -> tuple[Floats, Floats]:
-        """Thrusts (..., m) of clipped actions (..., a), N, and their Jacobian (..., m, a).
+    def forces(self, actions: Floats) -> tuple[Floats, Floats]:
+        """Forces (..., f) of clipped actions (..., a), N and N m, and their Jacobian (..., f, a).
 
-        All are scaled down together where one would exceed its limit.
+        All thrusts are scaled down together where one would exceed its limit.
         """
-        free = actions @ self.demand.T
+        m, free = self.thrusters, actions[..., :6] @ self.demand.T
         limit = np.where(free > 0.0, self.limits[:, 1], self.limits[:, 0])
         ratio = free / limit
         excess = np.maximum(ratio.max(axis=-1, keepdims=True), 1.0)
         # Derivative of the excess.
         slope = np.where((ratio == excess) & (excess > 1.0), 1.0 / limit, 0.0) @ self.demand
         thrusts = np.clip(free / excess, *self.limits.T)
-        return thrusts, (self.demand - thrusts[..., None] * slope[..., None, :]) / excess[..., None]
+        jacobian = np.zeros((*actions.shape[:-1], len(self.range), actions.shape[-1]))
+        jacobian[..., :m, :6] = (self.demand - thrusts[..., None] * slope[..., None, :]) / excess[..., None]
+        jacobian[..., m:, 6:] = np.diag(self.torques)
+        return np.concatenate([thrusts, actions[..., 6:] * self.torques], axis=-1), jacobian
 
     def rewards(self, perfect: Floats, actions: Floats) -> Floats:
         """Rewards (..., T) of perfect observations (..., T + 1, d) and actions (..., T, a), divergence aside."""
@@ -83,7 +99,7 @@ class StationKeeping:
         pose = perfect[..., 1:, :6] * self.scale[:6]
         square = pose**2 @ _SQUARES
         cost = np.log1p(square / weights["pose_scale"] ** 2) + np.sqrt(square) / COARSE
-        effort = ((self.thrusts(clipped)[0] / self.range) ** 2).mean(axis=-1)
+        effort = ((self.forces(clipped)[0] / self.range) ** 2).mean(axis=-1)
         change = ((clipped - perfect[..., :-1, self.parts["previous_action"]]) ** 2).mean(axis=-1)
         return -weights["pose"] * cost - weights["effort"] * effort - weights["action_rate"] * change  # type: ignore[no-any-return]
 
@@ -94,41 +110,68 @@ class StationKeeping:
         slope = 1.0 / (self.weights["pose_scale"] ** 2 + square) + 0.5 / (COARSE * np.sqrt(square + 1e-12))
         return -2.0 * self.weights["pose"] * slope * _SQUARES * pose * self.scale[:6]  # type: ignore[no-any-return]
 
-    def by_thrust(self, thrusts: Floats) -> Floats:
-        """Gradient (..., m) of the reward by thrusts (..., m), 1/N."""
-        return -2.0 * self.weights["effort"] / len(self.range) * thrusts / self.range**2  # type: ignore[no-any-return]
+    def by_force(self, forces: Floats) -> Floats:
+        """Gradient (..., f) of the reward by forces (..., f), 1/N and 1/(N m)."""
+        return -2.0 * self.weights["effort"] / len(self.range) * forces / self.range**2  # type: ignore[no-any-return]
 
     def by_change(self, change: Floats) -> Floats:
         """Gradient (..., a) of the reward by the change of the action (..., a)."""
         return -2.0 * self.weights["action_rate"] / change.shape[-1] * change  # type: ignore[no-any-return]
 
-    def poses(self, perfect: Floats) -> tuple[Floats, Floats, Floats]:
-        """Poses relative to the target, from perfect observations (..., d).
+    def errors(self, perfect: Floats) -> Floats:
+        """Jacobians (..., 6, 6) of observed pose errors by the frame's motion, from perfect observations (..., d)."""
+        return error_jacobian(perfect[..., :6] * self.scale[:6]) / self.scale[:6, None]  # type: ignore[no-any-return]
 
-        Position (..., 3), m; quaternion (..., 4); and the Jacobian (..., 6, 6) of the observed pose error by xi of the
-        pose T exp(xi).
-        """
-        pose = perfect[..., :6] * self.scale[:6]
-        error, angle = pose[..., :3], pose[..., 3:]
-        size = np.linalg.norm(angle, axis=-1, keepdims=True)
-        quaternion = np.concatenate([np.cos(0.5 * size), 0.5 * np.sinc(0.5 / np.pi * size) * angle], axis=-1)
-        cross, turn = _cross(error), _cross(angle)
-        square = turn @ turn
-        safe = np.maximum(size, 1e-3)[..., None]
-        # R = I + sin/size turn + (1 - cos)/size^2 turn^2, and the inverse of its right Jacobian. [Sol18 eq. 144]
-        rotation = np.eye(3) + np.sinc(safe / np.pi) * turn + (1.0 - np.cos(safe)) / safe**2 * square
-        last = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
-        jacobian = np.zeros((*pose.shape, 6))
-        jacobian[..., :3, :3], jacobian[..., :3, 3:] = np.eye(3), cross
-        jacobian[..., 3:, 3:] = np.eye(3) + 0.5 * turn + last * square
-        return (rotation @ error[..., None])[..., 0], quaternion, jacobian / self.scale[:6, None]
+    def states(self, perfect: Floats) -> dict[str, Floats]:
+        """Arguments of `Simulator.set_state` of perfect observations (..., d)."""
+        n, scaled = self.joints, perfect[..., : len(self.scale)] * self.scale
+        states = {"twist": scaled[..., 6:12]}
+        if n:
+            states |= {"q": self.home + scaled[..., -2 * n : -n], "qd": scaled[..., -n:]}
+        return states
+
+    @abstractmethod
+    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Floats]:
+        """Inputs of the step under forces (b, f) from a state."""
+
+    @abstractmethod
+    def frame(self, simulator: Simulator, on_frame: Floats) -> Floats:
+        """Cotangent (b, 6 + n) of vehicle and joint coordinates from that of the frame's motion (b, 6)."""
+
+    def references(self, perfect: Floats) -> Floats:
+        """Jacobians (..., 3, k) of observed entries of the reference by the frame's turn, transposed."""
+        return np.zeros((*perfect.shape[:-1], 3, 0))
+
+    def ahead(self, seen: Floats) -> Floats | float:
+        """Cotangent (b, 6) of measured pose errors from that of the observation (b, d), by entries ahead."""
+        return 0.0
+
+    def measure(self, on_measured: Floats, perfect: Floats, on_state: Floats) -> None:
+        """Add the cotangent of a state (b, s) from that of its measured entries (b, w), pose errors aside."""
+        n, physical = self.joints, on_measured / self.scale
+        on_state[:, 6 + n : 12 + n] += physical[:, 6:12]
+        if n:
+            on_state[:, 6 : 6 + n] += physical[:, -2 * n : -n]
+            on_state[:, 12 + n : 12 + 2 * n] += physical[:, -n:]
 
 
 #: Weights of the squares of a pose error.
 _SQUARES = np.repeat([1.0, ATTITUDE_LEVER**2], 3)
 
 
-def _cross(v: Floats) -> Floats:
+def error_jacobian(pose: Floats) -> Floats:
+    """Jacobians (..., 6, 6) of pose errors (..., 6), m and rad, by xi of the frame's pose T exp(xi)."""
+    turn = cross(pose[..., 3:])
+    safe = np.maximum(np.linalg.norm(pose[..., 3:], axis=-1), 1e-3)[..., None, None]
+    # Inverse of the right Jacobian of rotations. [Sol18 eq. 144]
+    last = 1.0 / safe**2 - (1.0 + np.cos(safe)) / (2.0 * safe * np.sin(safe))
+    jacobian = np.zeros((*pose.shape, 6))
+    jacobian[..., :3, :3], jacobian[..., :3, 3:] = np.eye(3), cross(pose[..., :3])
+    jacobian[..., 3:, 3:] = np.eye(3) + 0.5 * turn + last * (turn @ turn)
+    return jacobian
+
+
+def cross(v: Floats) -> Floats:
     """Matrices (..., 3, 3) of the cross product with vectors (..., 3)."""
     x, y, z = np.moveaxis(v, -1, 0)
     o = np.zeros_like(x)

@@ -1,0 +1,61 @@
+"""Derivatives of end-effector tracking."""
+
+import numpy as np
+
+from uvms_gym import Simulator
+from uvms_gym.envs import TaskVectorEnv
+from uvms_gym.training.task_gradient import Floats, TaskGradient, cross, error_jacobian
+
+
+class EndEffectorTracking(TaskGradient):
+    """End-effector tracking: the frame is the end effector, and torques move the joints."""
+
+    up = 3
+
+    def __init__(self, envs: TaskVectorEnv) -> None:
+        super().__init__(envs)
+        self.references_part = slice(self.parts["reference_twist"].start, self.parts["previous_action"].start)
+        gravity = np.array(envs._native.scene["water"]["gravity"])
+        if np.hypot(*gravity[:2]) > 1e-9 * np.abs(gravity).sum():
+            raise ValueError(f"gravity is {gravity.tolist()}, but must be along z: no other has gradients of the return")
+
+    def states(self, perfect: Floats) -> dict[str, Floats]:
+        """Arguments of `Simulator.set_state`: anywhere, and in any heading, as neither matters in still water."""
+        x, y, z = np.moveaxis(perfect[..., 12:15], -1, 0)
+        # Rotation of least angle that turns the observed direction against gravity into z; none points straight down.
+        quaternion = np.stack([1.0 + z, y, -x, np.zeros_like(z)], axis=-1)
+        quaternion /= np.maximum(np.linalg.norm(quaternion, axis=-1, keepdims=True), 1e-9)
+        return {**super().states(perfect), "quaternion": quaternion}
+
+    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Floats]:
+        """Thrusts and torques of the joints."""
+        torques = {"joint_torque": forces[:, self.thrusters :]} if self.joints else {}
+        return {"thrust": forces[:, : self.thrusters], **torques}
+
+    def frame(self, simulator: Simulator, on_frame: Floats) -> Floats:
+        """Cotangent of vehicle and joint coordinates, by the end effector's Jacobian in the simulator's state."""
+        return np.einsum("bi,bij->bj", on_frame, simulator.jacobian())
+
+    def measure(self, on_measured: Floats, perfect: Floats, on_state: Floats) -> None:
+        """Add the direction against gravity, too: its derivative by the vehicle's turn is its cross product."""
+        super().measure(on_measured, perfect, on_state)
+        on_state[:, 3:6] += np.cross(on_measured[:, 12:15], perfect[:, 12:15])
+
+    def references(self, perfect: Floats) -> Floats:
+        """Jacobians of the reference's twist and of its points ahead by the end effector's turn, transposed.
+
+        Errors against points ahead are observed as the measured errors at present, an older state's, plus their true
+        difference at present, which is meant.
+        """
+        physical = perfect[..., self.references_part] * self.scales[self.references_part]
+        error = perfect[..., :6] * self.scale[:6]
+        twist = physical[..., :6].reshape(*error.shape[:-1], 2, 3)
+        ahead = physical[..., 6:].reshape(*error.shape[:-1], -1, 6)
+        change = (error_jacobian(ahead) - error_jacobian(error)[..., None, :, :])[..., 3:]
+        jacobian = np.concatenate([cross(twist).reshape(*error.shape, 3), change.reshape(*physical.shape[:-1], -1, 3)], -2)
+        return np.swapaxes(jacobian / self.scales[self.references_part, None], -1, -2)
+
+    def ahead(self, seen: Floats) -> Floats:
+        """Cotangent (b, 6) of measured pose errors, which errors against all points ahead have in them."""
+        physical = seen[:, self.references_part][:, 6:] / self.scales[self.references_part][6:]
+        return physical.reshape(len(seen), -1, 6).sum(axis=1) * self.scale[:6]  # type: ignore[no-any-return]
