@@ -75,7 +75,8 @@ def gradient(learner: Learner, number: int) -> tuple[torch.Tensor, int]:
         size = learner.parameters.horizon
         instances, starts = episodes.alive[:, ::size].nonzero().T
         some = torch.randperm(len(starts), generator=generator)[: learner.parameters.batch_size]
-        windows = learner._windows(episodes, instances[some], size * starts[some], learner.critic)
+        ages = learner.gradient.ages(episodes)
+        windows = learner._windows(episodes, instances[some], size * starts[some], ages, learner.critic)
         mean, pull = forward(learner.actor, windows.inputs)
         objective = (mean * learner.gradient(windows, pull).detach()).sum()
         count = int(windows.alive.sum())
@@ -109,7 +110,8 @@ def parts(learner: Shac) -> dict[str, float]:
 
     episodes, _ = timed("episodes, in a thread of their own", learner.collect)(learner.actor, 20_000, learner.horizon)
     rows, size = torch.arange(learner.parameters.batch_size) % learner.num_envs, learner.parameters.horizon
-    windows = timed("choice of windows", learner._windows)(episodes, rows, torch.zeros_like(rows), learner.critic)
+    ages = timed("ages of measurements", learner.gradient.ages)(episodes)
+    windows = timed("choice of windows", learner._windows)(episodes, rows, 0 * rows, ages, learner.critic)
     simulator, learner.gradient.simulator = learner.gradient.simulator, Timed(learner.gradient.simulator)  # type: ignore[assignment]
     timed("gradient step in all", learner._improve)(windows)
     mean, pull = timed("policy: forward", forward)(learner.actor, windows.inputs)

@@ -24,7 +24,7 @@ from uvms_gym.training.shac import Shac, _batches
 
 pytestmark = pytest.mark.learning
 
-ENV = "UVMS-StationKeep-v0"
+ENV, TRACKING = "UVMS-StationKeep-v0", "UVMS-EETrack-v0"
 GAMMA, HISTORY, EPISODES, STEPS = 0.95, 3, 3, 16
 REWARD = {"pose": 0.2, "pose_scale": 0.05, "effort": 0.05, "action_rate": 0.2}
 FAR = {"start_distance": 0.2, "start_angle": 0.3, "reward": REWARD}
@@ -83,19 +83,24 @@ class Case:
         return found / (2.0 * CHANGE * GAMMA**t)
 
 
+@pytest.mark.parametrize(("env", "substeps"), [(ENV, 10), (TRACKING, 20)])
 @pytest.mark.parametrize("lag", [0.0, 0.1])
 @pytest.mark.parametrize("delay", [0, 1, 2])
-def test_gradients_are_those_of_differences_between_episodes(lag: float, delay: int, monkeypatch: Any) -> None:
+def test_gradients_are_those_of_differences_between_episodes(
+    env: str, substeps: int, lag: float, delay: int, monkeypatch: Any
+) -> None:
     monkeypatch.setattr("uvms_gym.training.return_gradient.STEP", 0.01)
-    case = Case(disturbance={"delay": {"periods": delay}}, thruster_lag=lag)
+    monkeypatch.setattr("uvms_gym.training.return_gradient.OUTLYING", np.inf)
+    case = Case(env, substeps=substeps, disturbance={"delay": {"periods": delay}}, thruster_lag=lag)
     gradient = case.gradient()
     for t in (0, 7, STEPS - 2, STEPS - 1):
         wanted = case.differences(t)
         np.testing.assert_allclose(gradient[t], wanted, atol=0.01 * np.abs(wanted).max())
 
 
-def test_a_nominal_simulator_gives_nearly_the_gradient_in_a_storm() -> None:
-    case = Case(disturbance={"base": "storm", "noise": None}, thruster_lag=0.1)
+@pytest.mark.parametrize("env", [ENV, TRACKING])
+def test_a_nominal_simulator_gives_nearly_the_gradient_in_a_storm(env: str) -> None:
+    case = Case(env, disturbance={"base": "storm", "noise": None}, thruster_lag=0.1)
     gradient = case.gradient()
     for t in (0, 7, STEPS - 1):
         one, other = gradient[t].ravel(), case.differences(t).ravel()
@@ -103,37 +108,53 @@ def test_a_nominal_simulator_gives_nearly_the_gradient_in_a_storm() -> None:
         assert one @ other > 0.95 * np.linalg.norm(one) * np.linalg.norm(other)
 
 
+@pytest.mark.parametrize("env", [ENV, TRACKING])
 @pytest.mark.parametrize("options", [{}, {"scene": "bluerov2-heavy", "disturbance": "storm"}, {"scene": "rexrov"}])
-def test_rewards_and_thrusts_are_those_of_the_environment(options: dict[str, Any]) -> None:
-    envs = TrainingEnvs(ENV, {**FAR, "max_episode_steps": 30, **options}, EPISODES, 1)
-    task, actor = StationKeeping(envs.inner), Actor([envs.size, 8, envs.actions])
+def test_rewards_and_forces_are_those_of_the_environment(env: str, options: dict[str, Any]) -> None:
+    envs = TrainingEnvs(env, {**FAR, "max_episode_steps": 30, **options}, EPISODES, 1)
+    task, actor = TASKS[envs.inner.task](envs.inner), Actor([envs.size, 8, envs.actions])
     noise = 0.7 * torch.randn(EPISODES, 30, envs.actions, generator=torch.Generator().manual_seed(0))
-    episodes = envs.run(range(EPISODES), actor.network(1), noise)
+    episodes = envs.run(range(1_000_000, 1_000_000 + EPISODES), actor.network(1), noise)
     perfect, actions = episodes.perfect.double().numpy(), episodes.actions.double().numpy()
     np.testing.assert_allclose(task.rewards(perfect, actions), episodes.rewards, atol=2e-6)
     clipped = np.clip(actions[:, 0], -1.0, 1.0)
-    thrusts, jacobian = task.thrusts(clipped)
-    wrenches = clipped * [block.scale[0] for block in envs.inner.action_layout]
-    np.testing.assert_allclose(thrusts, [envs.inner.snapshot().allocate(wrench)[0] for wrench in wrenches], atol=1e-9)
+    forces, jacobian = task.forces(clipped)
+    scaled = clipped * [block.scale[0] for block in envs.inner.action_layout]
+    wanted = [np.append(envs.inner.snapshot().allocate(row[:6])[0], row[6:]) for row in scaled]
+    np.testing.assert_allclose(forces, wanted, atol=1e-9)
     for k in range(envs.actions):
         change = 1e-7 * np.eye(envs.actions)[k]
-        slope = (task.thrusts(clipped + change)[0] - task.thrusts(clipped - change)[0]) / 2e-7
+        slope = (task.forces(clipped + change)[0] - task.forces(clipped - change)[0]) / 2e-7
         np.testing.assert_allclose(jacobian[..., k], slope, atol=1e-5)
 
 
 def test_the_integral_of_errors_is_that_of_the_environment() -> None:
     envs = TrainingEnvs(ENV, FAR, EPISODES, 1)
-    task, actor = StationKeeping(envs.inner), Actor([envs.size, 8, envs.actions])
+    task, actor = TASKS[envs.inner.task](envs.inner), Actor([envs.size, 8, envs.actions])
     rows = envs.run(range(EPISODES), actor.network(1), torch.ones(EPISODES, 30, 6)).perfect.double().numpy()
     integral = rows[..., task.parts["error_integral"]]
     np.testing.assert_allclose(integral[:, 1:], task.keep * integral[:, :-1] + task.gain * rows[:, 1:, :6], atol=1e-6)
 
 
+def test_ages_of_measurements_are_found() -> None:
+    delay = {"delay": {"time": [0.0, 0.15]}}
+    envs = TrainingEnvs(TRACKING, {**FAR, "disturbance": {"base": "storm", **delay}}, 64, 2)
+    actor = Actor([2 * envs.size, 8, envs.actions])
+    noise = 0.1 * torch.randn(64, 30, envs.actions, generator=torch.Generator().manual_seed(0))
+    episodes = envs.run(range(1_000_000, 1_000_064), actor.network(2), noise)
+    ages = ReturnGradient(envs.inner, 64, GAMMA).ages(episodes)
+    assert set(ages.tolist()) == {1, 2, 3, 4}
+    for i, age in enumerate(ages.tolist()):
+        apart = episodes.observations[i, 1 + age :, :6] - episodes.perfect[i, : 30 - age, :6]
+        # Noise of 0.05 in scales of the observation, with biases.
+        assert apart.abs().max() < 0.3
+
+
 def test_other_tasks_and_actions_are_refused() -> None:
-    with pytest.raises(ValueError, match="known for station-keep alone, not for ee-track"):
-        StationKeeping(TrainingEnvs("UVMS-EETrack-v0", {}, 1, 1).inner)
+    with pytest.raises(ValueError, match="known for station-keep and ee-track, not for dock"):
+        ReturnGradient(TrainingEnvs("UVMS-Dock-v0", {}, 1, 1).inner, 1, GAMMA)
     with pytest.raises(ValueError, match="action is 'thrusters', but must be 'wrench'"):
-        StationKeeping(TrainingEnvs(ENV, {"action": "thrusters"}, 1, 1).inner)
+        ReturnGradient(TrainingEnvs(ENV, {"action": "thrusters"}, 1, 1).inner, 1, GAMMA)
 
 
 def test_batches_have_all_places_and_one_size() -> None:

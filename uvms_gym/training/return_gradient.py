@@ -24,6 +24,8 @@ from uvms_gym.training.tracking_gradient import EndEffectorTracking
 
 Floats = NDArray[np.float64]
 
+#: Greatest gradient of an episode's window over the median: near divergence gradients grow without bound.
+OUTLYING = 3.0
 #: Tasks with derivatives.
 TASKS: dict[str, type[TaskGradient]] = {"station-keep": StationKeeping, "ee-track": EndEffectorTracking}
 #: Greatest step of the nominal simulator, s, by a linearly implicit method.
@@ -143,7 +145,9 @@ class ReturnGradient:
             if t > 0:
                 stack = pull(t, torch.from_numpy(on_action.astype(np.float32))).numpy()
                 on_observation[t : t + history] += stack.reshape(rows, history, size).transpose(1, 0, 2)
-        return torch.from_numpy(gradient.astype(np.float32))
+        size = np.nan_to_num(np.linalg.norm(gradient, axis=(0, 2)), nan=np.inf)
+        gradient *= np.minimum(1.0, OUTLYING * np.median(size) / np.maximum(size, 1e-30))[:, None]
+        return torch.from_numpy(np.nan_to_num(gradient).astype(np.float32))
 
     def ages(self, episodes: Episodes) -> Tensor:
         """Ages of measurements (n,), control periods: those at which perfect observations come closest to them."""

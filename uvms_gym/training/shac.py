@@ -111,7 +111,9 @@ class Shac(Learner):
         nn.utils.clip_grad_norm_(self.actor.layers.parameters(), NORM)
         self._adam.step()
 
-    def _windows(self, episodes: Episodes, instances: Tensor, first: Tensor, ages: Tensor, critic: nn.Module) -> Windows:
+    def _windows(
+        self, episodes: Episodes, instances: Tensor, first: Tensor, ages: Tensor, critic: nn.Module
+    ) -> Windows:
         """Windows of these instances from these steps on."""
         steps = first + torch.arange(self.parameters.horizon + 1)[:, None]
         now = steps[:-1]

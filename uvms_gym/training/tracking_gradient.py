@@ -17,7 +17,9 @@ class EndEffectorTracking(TaskGradient):
         self.references_part = slice(self.parts["reference_twist"].start, self.parts["previous_action"].start)
         gravity = np.array(envs._native.scene["water"]["gravity"])
         if np.hypot(*gravity[:2]) > 1e-9 * np.abs(gravity).sum():
-            raise ValueError(f"gravity is {gravity.tolist()}, but must be along z: no other has gradients of the return")
+            raise ValueError(
+                f"gravity is {gravity.tolist()}, but must be along z: no other has gradients of the return"
+            )
 
     def states(self, perfect: Floats) -> dict[str, Floats]:
         """Arguments of `Simulator.set_state`: anywhere, and in any heading, as neither matters in still water."""
@@ -52,7 +54,9 @@ class EndEffectorTracking(TaskGradient):
         twist = physical[..., :6].reshape(*error.shape[:-1], 2, 3)
         ahead = physical[..., 6:].reshape(*error.shape[:-1], -1, 6)
         change = (error_jacobian(ahead) - error_jacobian(error)[..., None, :, :])[..., 3:]
-        jacobian = np.concatenate([cross(twist).reshape(*error.shape, 3), change.reshape(*physical.shape[:-1], -1, 3)], -2)
+        jacobian = np.concatenate(
+            [cross(twist).reshape(*error.shape, 3), change.reshape(*physical.shape[:-1], -1, 3)], -2
+        )
         return np.swapaxes(jacobian / self.scales[self.references_part, None], -1, -2)
 
     def ahead(self, seen: Floats) -> Floats:
