@@ -7,7 +7,6 @@ the gradient is that of the environment, in the storm it has a cosine of 0.98 wi
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -95,26 +94,24 @@ class ReturnGradient:
         weight = self.gamma ** np.arange(steps + 1.0)[:, None, None]
         forces, by_action = task.forces(clipped)
         by_force, by_change = weight[:-1] * task.by_force(forces), weight[:-1] * task.by_change(clipped - before)
-        states, errors, references = task.states(perfect), task.errors(perfect), task.references(perfect)
+        states, (by_motion, by_coordinates) = task.states(perfect), task.geometry(perfect)
         if self.simulator.state_size > 12 + 2 * task.joints:
             # Thrusters with dynamics: derivatives hardly depend on the thrusts, which are not observed.
-            last = np.concatenate([before, perfect[-1:, :, parts["previous_action"]]])
-            states["thrust"] = task.forces(last)[0][..., :m]
+            states["thrust"] = task.forces(before)[0][..., :m]
         on_measured = np.zeros((steps + 1, rows, width))
         on_measured[1:, :, :6] = weight[:-1] * task.by_pose(perfect[1:])
         on_integral = np.zeros((rows, 6))
         # Observations from before the windows have rows, too.
         on_observation = np.zeros((steps + history, rows, size), dtype=np.float32)
-        on_references = np.zeros((rows, references.shape[-1]))
+        on_reference = np.zeros_like(perfect[0, :, task.reference])
         if windows.by_end is not None:
             by_end = weight[-1] * on[-1] * windows.by_end.numpy()
             on_measured[-1] += by_end[:, :width]
             on_measured[-1, :, :6] += task.ahead(by_end)
-            on_references += by_end[:, task.references_part]
+            on_reference += by_end[:, task.reference]
             for name in ("previous_action", "error_integral"):
                 on_observation[-1, :, parts[name]] = by_end[:, parts[name]]
         gradient, on_previous, on_state = np.empty_like(raw), 0.0, np.zeros((rows, self.simulator.state_size))
-        self._set(states, steps)
         for t in reversed(range(steps)):
             seen = on_observation[t + history].astype(float)
             on_integral += seen[:, parts["error_integral"]]
@@ -124,13 +121,14 @@ class ReturnGradient:
             measured[:, :6] += task.ahead(seen) + task.gain * on_integral
             on_measured[of] += measured[known]
             on_integral *= task.keep
-            on_references += seen[:, task.references_part]
-            on_frame = np.einsum("bi,bij->bj", on_measured[t + 1, :, :6], errors[t + 1])
-            on_frame[:, 3:] += np.einsum("bik,bk->bi", references[t + 1], on_references)
-            on_references[:] = 0.0
-            on_state[:, : 6 + task.joints] += task.frame(self.simulator, on_frame)
+            on_reference += seen[:, task.reference]
+            on_pose = np.concatenate([on_measured[t + 1, :, :6], on_reference], axis=-1)
+            on_reference[:] = 0.0
+            on_motion = on_pose[:, None, :] @ by_motion[t + 1]
+            on_state[:, : 6 + task.joints] += (on_motion @ by_coordinates[t + 1])[:, 0]
             task.measure(on_measured[t + 1], perfect[t + 1], on_state)
-            state = self._set(states, t)
+            state = {name: values[t] for name, values in states.items()}
+            self.simulator.set_state(**state)
             found = self.simulator.step_vjp(on_state * on[t], substeps=self.substeps, **task.inputs(forces[t], state))
             on_state, on_force = found["state"], by_force[t]
             on_force[:, :m] += found["thrust"]
@@ -160,12 +158,6 @@ class ReturnGradient:
             apart = (seen - episodes.perfect[:, past : past + seen.shape[1], :width]) * alive
             distances.append(apart.square().sum(dim=(1, 2)))
         return least + torch.stack(distances).argmin(dim=0)
-
-    def _set(self, states: dict[str, Floats], t: int) -> dict[str, Floats]:
-        """Set the simulator to the states at step t, which are returned."""
-        state = {name: values[t] for name, values in states.items()}
-        self.simulator.set_state(**state)
-        return state
 
 
 def forward(actor: Actor, inputs: Tensor) -> tuple[Tensor, Callable[[int, Tensor], Tensor]]:

@@ -52,7 +52,7 @@ class Shac(Learner):
     Raises
     ------
     ValueError, TypeError, OSError, gymnasium.error.Error
-        A setting is unknown or out of range, the task is not station keeping, or the initial policy does not fit.
+        A setting is unknown or out of range, the task has no derivatives, or the initial policy does not fit.
     """
 
     def __init__(self, settings: Settings) -> None:

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from uvms_gym import Simulator
 from uvms_gym.training.task_gradient import Floats, TaskGradient, cross
 
 
@@ -26,6 +25,8 @@ class StationKeeping(TaskGradient):
         targets = {"joint_target": np.stack([state["q"], state["qd"]], axis=-1)} if self.joints else {}
         return {"thrust": forces, **targets}
 
-    def frame(self, simulator: Simulator, on_frame: Floats) -> Floats:
-        """Cotangent of the vehicle's motion: the same."""
-        return np.pad(on_frame, ((0, 0), (0, self.joints)))
+    def geometry(self, perfect: Floats) -> tuple[Floats, Floats]:
+        """Jacobians of pose errors by the vehicle's motion, and the identity."""
+        return self.errors(perfect), np.broadcast_to(
+            np.eye(6, 6 + self.joints), (*perfect.shape[:-1], 6, 6 + self.joints)
+        )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym import ATTITUDE_LEVER, Simulator
+from uvms_gym import ATTITUDE_LEVER
 from uvms_gym._core import task_defaults
 from uvms_gym.envs import TaskVectorEnv
 
@@ -41,8 +41,8 @@ class TaskGradient(ABC):
 
     #: Number of entries of the direction against gravity.
     up = 0
-    #: Entries of the reference that depend on the frame's turn.
-    references_part = slice(0, 0)
+    #: Observed entries of the reference, if any.
+    reference = slice(0, 0)
 
     def __init__(self, envs: TaskVectorEnv) -> None:
         options: Any = envs.options
@@ -135,12 +135,12 @@ class TaskGradient(ABC):
         """Inputs of the step under forces (b, f) from a state."""
 
     @abstractmethod
-    def frame(self, simulator: Simulator, on_frame: Floats) -> Floats:
-        """Cotangent (b, 6 + n) of vehicle and joint coordinates from that of the frame's motion (b, 6)."""
+    def geometry(self, perfect: Floats) -> tuple[Floats, Floats]:
+        """Jacobians of the frame, from perfect observations.
 
-    def references(self, perfect: Floats) -> Floats:
-        """Jacobians (..., 3, k) of observed entries of the reference by the frame's turn, transposed."""
-        return np.zeros((*perfect.shape[:-1], 3, 0))
+        Those (..., 6 + k, 6) of pose errors and of k entries of the reference by the frame's motion, with measured
+        errors those of the present; and those (..., 6, 6 + n) of this by the coordinates of vehicle and joints.
+        """
 
     def ahead(self, seen: Floats) -> Floats | float:
         """Cotangent (b, 6) of measured pose errors from that of the observation (b, d), by entries ahead."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from uvms_gym import Simulator
 from uvms_gym.envs import TaskVectorEnv
+from uvms_gym.training.arm_jacobian import ArmJacobian
 from uvms_gym.training.task_gradient import Floats, TaskGradient, cross, error_jacobian
 
 
@@ -14,8 +14,9 @@ class EndEffectorTracking(TaskGradient):
 
     def __init__(self, envs: TaskVectorEnv) -> None:
         super().__init__(envs)
-        self.references_part = slice(self.parts["reference_twist"].start, self.parts["previous_action"].start)
-        gravity = np.array(envs._native.scene["water"]["gravity"])
+        self.reference = slice(self.parts["reference_twist"].start, self.parts["previous_action"].start)
+        scene = envs._native.scene
+        self.arm, gravity = ArmJacobian(scene), np.array(scene["water"]["gravity"])
         if np.hypot(*gravity[:2]) > 1e-9 * np.abs(gravity).sum():
             raise ValueError(
                 f"gravity is {gravity.tolist()}, but must be along z: no other has gradients of the return"
@@ -34,32 +35,28 @@ class EndEffectorTracking(TaskGradient):
         torques = {"joint_torque": forces[:, self.thrusters :]} if self.joints else {}
         return {"thrust": forces[:, : self.thrusters], **torques}
 
-    def frame(self, simulator: Simulator, on_frame: Floats) -> Floats:
-        """Cotangent of vehicle and joint coordinates, by the end effector's Jacobian in the simulator's state."""
-        return np.einsum("bi,bij->bj", on_frame, simulator.jacobian())
-
     def measure(self, on_measured: Floats, perfect: Floats, on_state: Floats) -> None:
         """Add the direction against gravity, too: its derivative by the vehicle's turn is its cross product."""
         super().measure(on_measured, perfect, on_state)
         on_state[:, 3:6] += np.cross(on_measured[:, 12:15], perfect[:, 12:15])
 
-    def references(self, perfect: Floats) -> Floats:
-        """Jacobians of the reference's twist and of its points ahead by the end effector's turn, transposed.
+    def geometry(self, perfect: Floats) -> tuple[Floats, Floats]:
+        """Jacobians of pose errors, of the reference's twist and of its points ahead, and that of the end effector.
 
-        Errors against points ahead are observed as the measured errors at present, an older state's, plus their true
-        difference at present, which is meant.
+        Errors against points ahead are observed as the measured errors, of an older state, plus their true difference
+        at present, which is meant.
         """
-        physical = perfect[..., self.references_part] * self.scales[self.references_part]
-        error = perfect[..., :6] * self.scale[:6]
-        twist = physical[..., :6].reshape(*error.shape[:-1], 2, 3)
-        ahead = physical[..., 6:].reshape(*error.shape[:-1], -1, 6)
+        physical = perfect[..., self.reference] * self.scales[self.reference]
+        rows, error = perfect.shape[:-1], perfect[..., :6] * self.scale[:6]
+        twist, ahead = physical[..., :6].reshape(*rows, 2, 3), physical[..., 6:].reshape(*rows, -1, 6)
         change = (error_jacobian(ahead) - error_jacobian(error)[..., None, :, :])[..., 3:]
-        jacobian = np.concatenate(
-            [cross(twist).reshape(*error.shape, 3), change.reshape(*physical.shape[:-1], -1, 3)], -2
-        )
-        return np.swapaxes(jacobian / self.scales[self.references_part, None], -1, -2)
+        turns = [cross(twist).reshape(*rows, 6, 3), change.reshape(*rows, -1, 3)]
+        by_motion = np.zeros((*rows, 6 + physical.shape[-1], 6))
+        by_motion[..., :6, :] = self.errors(perfect)
+        by_motion[..., 6:, 3:] = np.concatenate(turns, axis=-2) / self.scales[self.reference, None]
+        return by_motion, self.arm(self.states(perfect)["q"] if self.joints else np.zeros((*rows, 0)))
 
     def ahead(self, seen: Floats) -> Floats:
         """Cotangent (b, 6) of measured pose errors, which errors against all points ahead have in them."""
-        physical = seen[:, self.references_part][:, 6:] / self.scales[self.references_part][6:]
+        physical = seen[:, self.reference][:, 6:] / self.scales[self.reference][6:]
         return physical.reshape(len(seen), -1, 6).sum(axis=1) * self.scale[:6]  # type: ignore[no-any-return]
