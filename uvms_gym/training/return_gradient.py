@@ -60,6 +60,8 @@ class ReturnGradient:
         Number of episodes b in windows.
     gamma : float
         Discount of a control period.
+    posture : float
+        Price of joint coordinates away from home.
 
     Raises
     ------
@@ -67,10 +69,10 @@ class ReturnGradient:
         The environment has a task without derivatives, or actions other than wrenches.
     """
 
-    def __init__(self, envs: TaskVectorEnv, rows: int, gamma: float) -> None:
+    def __init__(self, envs: TaskVectorEnv, rows: int, gamma: float, posture: float = 0.0) -> None:
         if envs.task not in TASKS:
             raise ValueError(f"gradients of the return are known for {' and '.join(TASKS)}, not for {envs.task}")
-        self.task, self.gamma = TASKS[envs.task](envs), gamma
+        self.task, self.gamma = TASKS[envs.task](envs, posture), gamma
         self.substeps = int(np.ceil(self.task.period / STEP - 1e-9))
         scene, dt = envs._native.scene, self.task.period / self.substeps
         self.simulator = Simulator(scene, rows, dt=dt, integrator="ros2", threads=1)
@@ -100,6 +102,7 @@ class ReturnGradient:
             states["thrust"] = task.forces(before)[0][..., :m]
         on_measured = np.zeros((steps + 1, rows, width))
         on_measured[1:, :, :6] = weight[:-1] * task.by_pose(perfect[1:])
+        on_measured[1:, :, task.coordinates] += weight[:-1] * task.by_posture(perfect[1:])
         on_integral = np.zeros((rows, 6))
         # Observations from before the windows have rows, too.
         on_observation = np.zeros((steps + history, rows, size), dtype=np.float32)

@@ -40,6 +40,8 @@ class ShacParameters(Hyperparameters):
     """Weight of rewards against values in the critic's targets."""
     batch_size: int
     """Windows in a gradient step."""
+    posture: float
+    """Price of the squares of observed joint coordinates, on top of the reward: far off home are the joints' stops."""
 
 
 class Shac(Learner):
@@ -58,7 +60,7 @@ class Shac(Learner):
     def __init__(self, settings: Settings) -> None:
         given = self.parameters = ShacParameters.read(settings.hyperparameters)
         super().__init__(settings, given, 0.0)
-        self.gradient = ReturnGradient(self.envs.inner, given.batch_size, given.gamma)
+        self.gradient = ReturnGradient(self.envs.inner, given.batch_size, given.gamma, given.posture)
         if self.envs.steps < given.horizon:
             raise ValueError(f"horizon is {given.horizon}, but episodes have {self.envs.steps} steps")
         layers = self.actor.layers.parameters()
@@ -139,10 +141,11 @@ class Shac(Learner):
         given, goes_on = self.parameters, (~episodes.terminated).float()
         with torch.no_grad():
             values = self.critic(episodes.perfect)
-        returns, last = torch.empty_like(episodes.rewards), values[:, -1]
+        rewards = episodes.rewards - self.gradient.task.posture_costs(episodes.perfect)
+        returns, last = torch.empty_like(rewards), values[:, -1]
         for t in reversed(range(returns.shape[1])):
             beyond = torch.lerp(values[:, t + 1], last, given.td_lambda)
-            last = returns[:, t] = episodes.rewards[:, t] + given.gamma * goes_on[:, t] * beyond
+            last = returns[:, t] = rewards[:, t] + given.gamma * goes_on[:, t] * beyond
         return returns
 
     def _adapt(self, episodes: Episodes, updates: int, generator: torch.Generator) -> None:

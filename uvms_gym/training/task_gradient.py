@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from uvms_gym import ATTITUDE_LEVER
 from uvms_gym._core import task_defaults
@@ -32,6 +33,8 @@ class TaskGradient(ABC):
     Parameters
     ----------
     envs : TaskVectorEnv
+    posture : float
+        Price of joint coordinates away from home, on top of the task's reward.
 
     Raises
     ------
@@ -44,7 +47,7 @@ class TaskGradient(ABC):
     #: Observed entries of the reference, if any.
     reference = slice(0, 0)
 
-    def __init__(self, envs: TaskVectorEnv) -> None:
+    def __init__(self, envs: TaskVectorEnv, posture: float = 0.0) -> None:
         options: Any = envs.options
         if options.action != "wrench":
             raise ValueError(
@@ -59,6 +62,8 @@ class TaskGradient(ABC):
         self.scales = np.concatenate([block.scale for block in envs.layout])
         #: Scales of measured entries.
         self.scale = self.scales[: 12 + self.up + 2 * self.joints]
+        self.posture = posture
+        self.coordinates = self.parts.get("joint_position", slice(0, 0))
         self.weights = {**task_defaults(envs.task)["reward"], **(options.reward or {})}
         #: I' = keep I + gain e, both as observed.
         self.keep = float(np.exp(-LEAK * self.period))
@@ -109,6 +114,14 @@ class TaskGradient(ABC):
         square = (pose**2 * _SQUARES).sum(axis=-1, keepdims=True)
         slope = 1.0 / (self.weights["pose_scale"] ** 2 + square) + 0.5 / (COARSE * np.sqrt(square + 1e-12))
         return -2.0 * self.weights["pose"] * slope * _SQUARES * pose * self.scale[:6]  # type: ignore[no-any-return]
+
+    def posture_costs(self, perfect: Tensor) -> Tensor:
+        """Costs (..., T) of postures after each step, from perfect observations (..., T + 1, d)."""
+        return self.posture * perfect[..., 1:, self.coordinates].square().sum(dim=-1)
+
+    def by_posture(self, perfect: Floats) -> Floats:
+        """Gradient (..., n) of the reward by observed joint coordinates, from perfect observations (..., d)."""
+        return -2.0 * self.posture * perfect[..., self.coordinates]  # type: ignore[no-any-return]
 
     def by_force(self, forces: Floats) -> Floats:
         """Gradient (..., f) of the reward by forces (..., f), 1/N and 1/(N m)."""

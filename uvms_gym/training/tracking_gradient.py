@@ -12,8 +12,8 @@ class EndEffectorTracking(TaskGradient):
 
     up = 3
 
-    def __init__(self, envs: TaskVectorEnv) -> None:
-        super().__init__(envs)
+    def __init__(self, envs: TaskVectorEnv, posture: float = 0.0) -> None:
+        super().__init__(envs, posture)
         self.reference = slice(self.parts["reference_twist"].start, self.parts["previous_action"].start)
         scene = envs._native.scene
         self.arm, gravity = ArmJacobian(scene), np.array(scene["water"]["gravity"])
