@@ -69,14 +69,14 @@ class Run:
 def gradient(learner: Learner, number: int) -> tuple[torch.Tensor, int]:
     """The actor's gradient from a batch of new episodes, and its number of time steps."""
     parameters = list(learner.actor.layers.parameters())
-    episodes, _ = learner.collect(learner.actor, 10_000 + number, learner.horizon)
+    episodes, more = learner.collect(learner.actor, 10_000 + number, learner.horizon)
     generator = torch.Generator().manual_seed(number)
     if isinstance(learner, Shac):
         size = learner.parameters.horizon
         instances, starts = episodes.alive[:, ::size].nonzero().T
         some = torch.randperm(len(starts), generator=generator)[: learner.parameters.batch_size]
         ages = learner.gradient.ages(episodes)
-        windows = learner._windows(episodes, instances[some], size * starts[some], ages, learner.critic)
+        windows = learner._windows(episodes, more, instances[some], size * starts[some], ages, learner.critic)
         mean, pull = forward(learner.actor, windows.inputs)
         objective = (mean * learner.gradient(windows, pull).detach()).sum()
         count = int(windows.alive.sum())
@@ -108,10 +108,12 @@ def parts(learner: Shac) -> dict[str, float]:
                 timed(f"simulator: {name}", getattr(simulator, name)) for name in ("set_state", "step_vjp")
             )
 
-    episodes, _ = timed("episodes, in a thread of their own", learner.collect)(learner.actor, 20_000, learner.horizon)
+    episodes, factors = timed("episodes, in a thread of their own", learner.collect)(
+        learner.actor, 20_000, learner.horizon
+    )
     rows, size = torch.arange(learner.parameters.batch_size) % learner.num_envs, learner.parameters.horizon
     ages = timed("ages of measurements", learner.gradient.ages)(episodes)
-    windows = timed("choice of windows", learner._windows)(episodes, rows, 0 * rows, ages, learner.critic)
+    windows = timed("choice of windows", learner._windows)(episodes, factors, rows, 0 * rows, ages, learner.critic)
     simulator, learner.gradient.simulator = learner.gradient.simulator, Timed(learner.gradient.simulator)  # type: ignore[assignment]
     timed("gradient step in all", learner._improve)(windows)
     mean, pull = timed("policy: forward", forward)(learner.actor, windows.inputs)

@@ -69,7 +69,7 @@ class Case:
         inputs = episodes.inputs.transpose(0, 1)
         gradient = ReturnGradient(self.envs.inner, EPISODES, GAMMA)
         rows = (x.transpose(0, 1) for x in (episodes.perfect, episodes.actions, episodes.alive))
-        windows = Windows(inputs, *rows, gradient.ages(episodes), by_end)
+        windows = Windows(inputs, *rows, gradient.ages(episodes), gradient.factors(self.envs.inner), by_end)
         mean, pull = forward(self.actor, inputs)
         torch.testing.assert_close(mean, self.actor(inputs))
         return gradient(windows, pull).numpy()

@@ -45,6 +45,8 @@ class Windows:
     """True for steps up to the end of the episode (H, b)."""
     ages: Tensor
     """Age of measurements of each episode, control periods (b,)."""
+    factors: Tensor
+    """Drawn factors on each episode's parameters (b, k), those of `ReturnGradient.factors`."""
     by_end: Tensor | None = None
     """Gradient of the value beyond the last step by the last perfect observations (b, d)."""
 
@@ -76,6 +78,7 @@ class ReturnGradient:
         self.substeps = int(np.ceil(self.task.period / STEP - 1e-9))
         scene, dt = envs._native.scene, self.task.period / self.substeps
         self.simulator = Simulator(scene, rows, dt=dt, integrator="ros2", threads=1)
+        self._names = tuple(self.simulator.parameters)
 
     def __call__(self, windows: Windows, pull: Callable[[int, Tensor], Tensor]) -> Tensor:
         """Gradients (H, b, a) of the returns from each action on.
@@ -115,6 +118,7 @@ class ReturnGradient:
             for name in ("previous_action", "error_integral"):
                 on_observation[-1, :, parts[name]] = by_end[:, parts[name]]
         gradient, on_previous, on_state = np.empty_like(raw), 0.0, np.zeros((rows, self.simulator.state_size))
+        self.simulator.scale_parameters(**dict(zip(self._names, windows.factors.numpy().T, strict=True)))
         for t in reversed(range(steps)):
             seen = on_observation[t + history].astype(float)
             on_integral += seen[:, parts["error_integral"]]
@@ -149,6 +153,11 @@ class ReturnGradient:
         size = np.nan_to_num(np.linalg.norm(gradient, axis=(0, 2)), nan=np.inf)
         gradient *= np.minimum(1.0, OUTLYING * np.median(size) / np.maximum(size, 1e-30))[:, None]
         return torch.from_numpy(np.nan_to_num(gradient).astype(np.float32))
+
+    def factors(self, envs: TaskVectorEnv) -> Tensor:
+        """Factors (n, k) on the parameters of all instances, as drawn for their episodes."""
+        drawn = envs.snapshot().parameters
+        return torch.from_numpy(np.stack([drawn[name] for name in self._names], axis=-1))
 
     def ages(self, episodes: Episodes) -> Tensor:
         """Ages of measurements (n,), control periods: those at which perfect observations come closest to them."""

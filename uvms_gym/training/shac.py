@@ -84,10 +84,11 @@ class Shac(Learner):
         return max(super().horizon // window, 1) * window
 
     def collect(self, actor: Actor, iteration: int, steps: int) -> tuple[Episodes, Tensor]:
-        """Run episodes with noise on the actions, which is returned, too."""
+        """Run episodes with noise on the actions; returns the drawn factors (n, k) on parameters, too."""
         shape = (self.num_envs, steps, self.envs.actions)
         noise = self.parameters.noise * torch.randn(shape, generator=self.generator(iteration, "collect"))
-        return self.envs.run(self.seeds(iteration), actor.network(self.settings.history), noise), noise
+        episodes = self.envs.run(self.seeds(iteration), actor.network(self.settings.history), noise)
+        return episodes, self.gradient.factors(self.envs.inner)
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
         """Fit the critic, and improve the actor by every window once."""
@@ -99,7 +100,7 @@ class Shac(Learner):
         updates = _batches(len(starts), given.batch_size, generator)
         for chosen in updates:
             places = instances[chosen], given.horizon * starts[chosen]
-            self._improve(self._windows(episodes, *places, ages, critic))
+            self._improve(self._windows(episodes, more, *places, ages, critic))
         fit.result()
         self._adapt(episodes, len(updates), generator)
 
@@ -114,7 +115,13 @@ class Shac(Learner):
         self._adam.step()
 
     def _windows(
-        self, episodes: Episodes, instances: Tensor, first: Tensor, ages: Tensor, critic: nn.Module
+        self,
+        episodes: Episodes,
+        factors: Tensor,
+        instances: Tensor,
+        first: Tensor,
+        ages: Tensor,
+        critic: nn.Module,
     ) -> Windows:
         """Windows of these instances from these steps on."""
         steps = first + torch.arange(self.parameters.horizon + 1)[:, None]
@@ -128,6 +135,7 @@ class Shac(Learner):
             actions=episodes.actions[instances, now],
             alive=episodes.alive[instances, now],
             ages=ages[instances],
+            factors=factors[instances],
             by_end=by_end * ~episodes.terminated[instances, now[-1]][:, None],
         )
 
