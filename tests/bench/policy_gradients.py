@@ -103,7 +103,7 @@ def parts(learner: Shac) -> dict[str, float]:
 
     class Timed:
         def __init__(self, simulator: Any) -> None:
-            self.num_envs, self.state_size = simulator.num_envs, simulator.state_size
+            self.state_size, self.scale_parameters = simulator.state_size, simulator.scale_parameters
             self.set_state, self.step_vjp = (
                 timed(f"simulator: {name}", getattr(simulator, name)) for name in ("set_state", "step_vjp")
             )

@@ -14,6 +14,8 @@ pytest.importorskip("yaml")
 
 import torch
 
+from uvms_gym import Simulator
+from uvms_gym.training.arm_jacobian import ArmJacobian
 from uvms_gym.training.episodes import Episodes, TrainingEnvs
 from uvms_gym.training.hyperparameters import read_hyperparameters
 from uvms_gym.training.native import train
@@ -134,6 +136,24 @@ def test_the_integral_of_errors_is_that_of_the_environment() -> None:
     rows = envs.run(range(EPISODES), actor.network(1), torch.ones(EPISODES, 30, 6)).perfect.double().numpy()
     integral = rows[..., task.parts["error_integral"]]
     np.testing.assert_allclose(integral[:, 1:], task.keep * integral[:, :-1] + task.gain * rows[:, 1:, :6], atol=1e-6)
+
+
+@pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy-alpha5", "rexrov"])
+def test_the_jacobian_of_the_end_effector_is_that_of_the_simulator(scene: str) -> None:
+    simulator = Simulator(scene, 8)
+    q = np.random.default_rng(0).normal(size=simulator.q.shape)
+    if simulator.num_joints:
+        simulator.set_state(q=q)
+    np.testing.assert_allclose(ArmJacobian(simulator.scene)(q), simulator.jacobian(), atol=1e-12)
+
+
+def test_a_simulator_with_the_drawn_parameters_gives_the_gradient_of_unknown_vehicles() -> None:
+    wide = {"base": "storm-wide", "noise": None, "delay": None, "thruster": None}
+    case = Case(TRACKING, disturbance=wide, thruster_lag=0.1)
+    gradient = case.gradient()
+    for t in (0, 7, STEPS - 1):
+        one, other = gradient[t].ravel(), case.differences(t).ravel()
+        assert one @ other > 0.95 * np.linalg.norm(one) * np.linalg.norm(other)
 
 
 def test_ages_of_measurements_are_found() -> None:

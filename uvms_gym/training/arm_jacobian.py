@@ -61,4 +61,4 @@ def _pose(frame: Mapping[str, Any]) -> tuple[Floats, Floats]:
 
 def _apply(matrices: Floats, vectors: Floats) -> Floats:
     """Products (..., 3) of matrices (..., 3, 3) and vectors (..., 3)."""
-    return (matrices @ vectors[..., None])[..., 0]  # type: ignore[no-any-return]
+    return (matrices @ vectors[..., None])[..., 0]

@@ -1,5 +1,7 @@
 """Derivatives of station keeping."""
 
+from typing import Any
+
 import numpy as np
 
 from uvms_gym.training.task_gradient import Floats, TaskGradient, cross
@@ -20,7 +22,7 @@ class StationKeeping(TaskGradient):
         position = (rotation @ error[..., None])[..., 0]
         return {**super().states(perfect), "position": position, "quaternion": quaternion}
 
-    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Floats]:
+    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Any]:
         """Thrusts, and targets of the joints: on with their rates."""
         targets = {"joint_target": np.stack([state["q"], state["qd"]], axis=-1)} if self.joints else {}
         return {"thrust": forces, **targets}

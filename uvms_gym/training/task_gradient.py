@@ -121,7 +121,7 @@ class TaskGradient(ABC):
 
     def by_posture(self, perfect: Floats) -> Floats:
         """Gradient (..., n) of the reward by observed joint coordinates, from perfect observations (..., d)."""
-        return -2.0 * self.posture * perfect[..., self.coordinates]  # type: ignore[no-any-return]
+        return -2.0 * self.posture * perfect[..., self.coordinates]
 
     def by_force(self, forces: Floats) -> Floats:
         """Gradient (..., f) of the reward by forces (..., f), 1/N and 1/(N m)."""
@@ -144,7 +144,7 @@ class TaskGradient(ABC):
         return states
 
     @abstractmethod
-    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Floats]:
+    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Any]:
         """Inputs of the step under forces (b, f) from a state."""
 
     @abstractmethod

@@ -1,5 +1,7 @@
 """Derivatives of end-effector tracking."""
 
+from typing import Any
+
 import numpy as np
 
 from uvms_gym.envs import TaskVectorEnv
@@ -30,7 +32,7 @@ class EndEffectorTracking(TaskGradient):
         quaternion /= np.maximum(np.linalg.norm(quaternion, axis=-1, keepdims=True), 1e-9)
         return {**super().states(perfect), "quaternion": quaternion}
 
-    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Floats]:
+    def inputs(self, forces: Floats, state: dict[str, Floats]) -> dict[str, Any]:
         """Thrusts and torques of the joints."""
         torques = {"joint_torque": forces[:, self.thrusters :]} if self.joints else {}
         return {"thrust": forces[:, : self.thrusters], **torques}
