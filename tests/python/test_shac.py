@@ -148,7 +148,7 @@ def test_the_jacobian_of_the_end_effector_is_that_of_the_simulator(scene: str) -
 
 
 def test_a_simulator_with_the_drawn_parameters_gives_the_gradient_of_unknown_vehicles() -> None:
-    wide = {"base": "storm-wide", "noise": None, "delay": None, "thruster": None}
+    wide = {"base": "storm-wide", "noise": None, "delay": None, "thrusters": None}
     case = Case(TRACKING, disturbance=wide, thruster_lag=0.1)
     gradient = case.gradient()
     for t in (0, 7, STEPS - 1):
