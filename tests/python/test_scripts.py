@@ -84,7 +84,7 @@ def test_all_that_is_shipped_is_made_once_and_kept(whole: tuple[Path, list[str]]
     assert run_all(folder) == (0, [])
 
 
-@pytest.mark.parametrize("failing", ["--controller resolved ", "ppo-distilled-calm-2-start"])
+@pytest.mark.parametrize("failing", ["--controller resolved ", "shac-distilled-calm-2-start"])
 def test_an_interrupted_run_resumes_where_it_ended(failing: str, whole: tuple[Path, list[str]], tmp_path: Path) -> None:
     _, calls = whole
     status, first = run_all(tmp_path, failing)

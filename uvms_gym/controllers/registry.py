@@ -93,9 +93,9 @@ CLASSICAL: dict[str, ClassicalEntry] = {
 }
 LEARNED: dict[str, LearnedEntry] = {
     "ppo": LearnedEntry(_ALL),
-    "ppo-distilled": LearnedEntry(_STATION),
-    "ppo-distilled-calm": LearnedEntry(_STATION),
-    "ppo-distilled-medium": LearnedEntry(_STATION, role="frontier"),
+    "shac-distilled": LearnedEntry(_STATION),
+    "shac-distilled-calm": LearnedEntry(_STATION),
+    "shac-distilled-medium": LearnedEntry(_STATION, role="frontier"),
     "ppo-distilled-wide": LearnedEntry(_STATION),
     "ppo-pd": LearnedEntry(_STATION, "pd"),
     "ppo-dob": LearnedEntry(_STATION, "dob-delay"),
@@ -106,7 +106,7 @@ NAMES = (*CLASSICAL, *LEARNED)
 #: Families along the frontier: a controller under several limits on its commands, or prices of them.
 FAMILIES = {
     "observer": ("dob-still", "dob-calm", "dob-medium", "dob-delay", "dob-free"),
-    "PPO, distilled": ("ppo-distilled-calm", "ppo-distilled-medium", "ppo-distilled"),
+    "SHAC, distilled": ("shac-distilled-calm", "shac-distilled-medium", "shac-distilled"),
 }
 _ENTRIES: dict[str, ClassicalEntry | LearnedEntry] = {**CLASSICAL, **LEARNED}
 
