@@ -20,13 +20,13 @@ policy() {
     [ -e "$file" ] || uvms train --env "$env" --seed "$seed" --export "$file" "$@"
 }
 
-# distilled NAME SEED TEACHER HISTORY EFFORT RATE: the teacher's imitation, improved under prices of effort and variation
+# distilled NAME SEED TEACHER HISTORY STEPS EFFORT RATE: the teacher's imitation, improved under prices of effort and variation
 distilled() {
     start=out/train/$1-$2-start.safetensors stack=frame_stack:$4
     [ -e "$start" ] ||
         uvms train --algo distill --env "$keep" --teacher "$3" -n 800000 -params "$stack" --seed "$2" --export "$start"
-    policy "$1" "$2" "$keep" --algo shac --start "$start" -n 3000000 -params "$stack" \
-        --env-kwargs "reward:{'pose':0.3,'pose_scale':0.05,'effort':$5,'action_rate':$6}"
+    policy "$1" "$2" "$keep" --algo shac --start "$start" -n "$5" -params "$stack" \
+        --env-kwargs "reward:{'pose':0.3,'pose_scale':0.05,'effort':$6,'action_rate':$7}"
 }
 
 # scratch NAME SEED ENVIRONMENT EFFORT RATE [OPTION...]: PPO without a teacher
@@ -54,9 +54,9 @@ tune resolved-adaptive UVMS-EETrack-Wide-v0
 
 keep=UVMS-StationKeep-Storm-v0
 for seed in 0 1 2 3 4; do
-    distilled shac-distilled $seed dob-delay 8 0.28 0.023
-    distilled shac-distilled-medium $seed dob-medium 8 0.6 0.07
-    distilled shac-distilled-calm $seed dob-calm 16 1.15 0.56
+    distilled shac-distilled $seed dob-delay 8 3000000 0.28 0.023
+    distilled shac-distilled-medium $seed dob-medium 8 3000000 0.6 0.07
+    distilled shac-distilled-calm $seed dob-calm 16 6000000 1.12 0.54
     scratch ppo $seed UVMS-EETrack-Storm-v0 0.2 0.3 -n 5000000 -params frame_stack:6
 done
 wide=UVMS-StationKeep-Wide-v0
