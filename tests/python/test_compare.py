@@ -418,3 +418,27 @@ def test_controllers_are_told_apart_by_colours() -> None:
     colours = plots.colours([*registry.names("station-keep")])
     assert len(set(colours.values())) == len(colours)
     assert plots.short_name("mlp:a/b/own.safetensors") == "own"
+
+
+def test_results_without_their_numbers_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    compared(tmp_path, "--scene", SMALL, "--episodes", "2", "--controller", "pd")
+    file = tmp_path / "compare.json"
+    sound = file.read_bytes()
+    file.write_bytes(b"\xff" + sound)
+    damaged = [file.read_bytes()]
+    for change in (
+        {"controllers": ["pd"]},
+        *(
+            {"controllers": {"pd": {"kept": {}, "metrics": {}, "episodes": 2, key: value}}}
+            for key, value in (("kept", None), ("kept", {"no": [1.0]}), ("metrics", {}), ("episodes", "two"))
+        ),
+    ):
+        data = json.loads(sound)
+        data["results"][0] |= change
+        damaged.append(json.dumps(data).encode())
+    damaged.append(json.dumps(json.loads(sound) | {"results": []}).encode())
+    for content in damaged:
+        file.write_bytes(content)
+        assert main(["verify", str(file)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"{file} holds no results of uvms compare" in line

@@ -1,7 +1,8 @@
 """Whole comparisons: contenders under conditions, their summaries as data, and verification of stored results."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -170,25 +171,14 @@ def verify(path: Path, full: bool = False, tolerance: float = TOLERANCE) -> list
         A file cannot be read.
     """
     differences = []
-    for stored, comparison, seed in _read(path):
+    for stored, comparison, seed, episodes in _read(path):
         name_of = comparison.condition.name
-        expected = stored["controllers"]
         differences += [f"{name_of}, {name}: {reason}" for name, reason in comparison.missing.items()]
-        stored_episodes = next(iter(expected.values()))["episodes"]
-        runs = run_all(comparison, stored_episodes if full else min(stored_episodes, KEPT), seed)
-        pairs: dict[str, tuple[Any, Any]] = {}
-        for name, scored in runs.items():
-            for metric, rows in expected[name]["kept"].items():
-                pairs[f"{name}, {metric}"] = rows, scored.scores[metric]["whole"][:, :KEPT]
-        if full:
-            for name, entry in summarise(comparison.contenders, runs, seed).controllers.items():
-                for metric, parts in entry["metrics"].items():
-                    for part, estimates in parts.items():
-                        for kind, estimate in estimates.items():
-                            value = expected[name]["metrics"][metric][part][kind]["value"]
-                            pairs[f"{name}, {metric}, {part}, {kind}"] = value, estimate.value
-        for what, pair in pairs.items():
-            old, new = (np.asarray(value, dtype=np.float64) for value in pair)
+        runs = run_all(comparison, episodes if full else min(episodes, KEPT), seed)
+        summary = summarise(comparison.contenders, runs, seed) if full else None
+        with _readable(path):
+            pairs = list(_pairs(stored["controllers"], runs, summary))
+        for what, old, new in pairs:
             if old.shape != new.shape:
                 differences.append(f"{name_of}, {what}: shape {old.shape} is stored, {new.shape} found")
             elif not np.allclose(new, old, rtol=tolerance, atol=1e-9):
@@ -197,11 +187,34 @@ def verify(path: Path, full: bool = False, tolerance: float = TOLERANCE) -> list
     return differences
 
 
-def _read(path: Path) -> list[tuple[dict[str, Any], Comparison, int]]:
-    """Read stored results, each with its comparison and the seed of the first episode."""
-    text = path.read_text(encoding="utf-8")
+def _pairs(
+    expected: Mapping[str, Any], runs: Mapping[str, EpisodeScores], summary: Summary | None
+) -> Iterator[tuple[str, NDArray[np.float64], NDArray[np.float64]]]:
+    """Names, stored and new values: of the first episodes, and of all statistics of a summary."""
+    for name, scored in runs.items():
+        for metric, rows in expected[name]["kept"].items():
+            yield f"{name}, {metric}", np.asarray(rows, dtype=np.float64), scored.scores[metric]["whole"][:, :KEPT]
+    for name, entry in summary.controllers.items() if summary else ():
+        for metric, parts in entry["metrics"].items():
+            for part, estimates in parts.items():
+                for kind, estimate in estimates.items():
+                    value = np.asarray(expected[name]["metrics"][metric][part][kind]["value"], dtype=np.float64)
+                    yield f"{name}, {metric}, {part}, {kind}", value, np.asarray(estimate.value)
+
+
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Errors about the content of a file, as one that names the file."""
     try:
-        data = json.loads(text)
+        yield
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} holds no results of uvms compare: {type(error).__name__}: {error}") from None
+
+
+def _read(path: Path) -> list[tuple[dict[str, Any], Comparison, int, int]]:
+    """Read stored results, each with its comparison, the seed of the first episode and the number of episodes."""
+    with _readable(path):
+        data = json.loads(path.read_text(encoding="utf-8"))
         arguments, results = data["circumstances"]["arguments"], data["results"]
         options = {name: arguments[name] for name in ("action", "max_current") if name in arguments}
         found = []
@@ -209,7 +222,9 @@ def _read(path: Path) -> list[tuple[dict[str, Any], Comparison, int]]:
             scenes = {stored["scene"]: uvms_gym.load_scene(stored["scene"])}
             levels = [] if stored["disturbance"] is None else [stored["disturbance"]]
             (condition,) = make_conditions([stored["env"]], scenes, levels, [stored["condition"]], **options)
-            found.append((stored, make_comparison(condition, list(stored["controllers"])), int(arguments["seed"])))
-    except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{path} holds no results of uvms compare: {type(error).__name__}: {error}") from None
+            comparison = make_comparison(condition, list(stored["controllers"]))
+            episodes = min(int(entry["episodes"]) for entry in stored["controllers"].values())
+            found.append((stored, comparison, int(arguments["seed"]), episodes))
+        if not found:
+            raise ValueError("the list of results is empty")
     return found
