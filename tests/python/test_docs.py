@@ -22,11 +22,12 @@ from uvms_gym.cli.app import app
 from uvms_gym.controllers.registry import policy_file
 
 ROOT = Path(__file__).parents[2]
-#: Pages with snippets; those of notebooks run when the site is built, README's in test_readme.
+#: Texts with snippets; cells of notebooks run when the site is built, README and its short form in test_readme.
 PAGES = [
     pytest.param(page, id=page.name, marks=pytest.mark.learning if "stable_baselines3" in page.read_text() else ())
-    for page in sorted((ROOT / "docs").rglob("*.md"))
-    if "file_format: mystnb" not in page.read_text() and "```python\n" in page.read_text()
+    for pattern in ("*.md", "docs/**/*.md", "src/**/*.md", "tests/**/*.md", "training/**/*.md")
+    for page in sorted(ROOT.glob(pattern))
+    if "```python\n" in page.read_text() and page not in (ROOT / "README.md", ROOT / "src" / "python" / "README.md")
 ]
 TEXTS = [
     ROOT / "README.md",
@@ -63,6 +64,15 @@ def test_the_snippets_of_a_page_run(page: Path, tmp_path: Path, monkeypatch: pyt
     text = page.read_text().replace("learn(1_000_000)", "learn(1)")
     for block in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
         exec(compile(block, str(page), "exec"), names)
+
+
+def test_rust_snippets_are_lines_of_the_source() -> None:
+    source = "".join((ROOT / "src" / "task" / file).read_text() for file in ("dock.rs", "registry.rs"))
+    page = (ROOT / "docs" / "add-a-task.md").read_text()
+    blocks = re.findall(r"^```rust\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
+    lines = {line.strip() for block in blocks for line in block.splitlines() if "///" not in line}
+    assert len(blocks) == 3
+    assert lines <= {line.strip() for line in source.splitlines()}
 
 
 def commands(text: str) -> list[list[str]]:
