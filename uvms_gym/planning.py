@@ -122,10 +122,16 @@ def optimize_trajectory(
 
     Examples
     --------
-    >>> sim = Simulator("bluerov2-heavy", dt=0.05)
-    >>> plan = optimize_trajectory(
-    ...     sim, horizon=40, substeps=2, references={"position": [0.5, 0.0, 0.2]},
-    ...     weights={"position": 10.0, "attitude": 10.0, "twist": 1.0}, input_weights={"thrust": 1e-4})
+    >>> import uvms_gym
+    >>> sim = uvms_gym.Simulator("bluerov2-heavy", dt=0.05)
+    >>> plan = uvms_gym.optimize_trajectory(
+    ...     sim,
+    ...     horizon=40,
+    ...     substeps=2,
+    ...     references={"position": [0.5, 0.0, 0.2]},
+    ...     weights={"position": 10.0, "attitude": 10.0, "twist": 1.0},
+    ...     input_weights={"thrust": 1e-4},
+    ... )
     """
     for name, count, least in (
         ("horizon", horizon, 1),

@@ -1,5 +1,7 @@
 """Snippets and examples of the documentation run, and its commands exist."""
 
+import doctest
+import importlib
 import importlib.util
 import math
 import re
@@ -64,6 +66,16 @@ def test_the_snippets_of_a_page_run(page: Path, tmp_path: Path, monkeypatch: pyt
     text = page.read_text().replace("learn(1_000_000)", "learn(1)")
     for block in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL):
         exec(compile(block, str(page), "exec"), names)
+
+
+def test_examples_of_docstrings_run() -> None:
+    package = Path(uvms_gym.__file__).parent
+    files = [path for path in sorted(package.rglob("*.py")) if "    >>> " in path.read_text()]
+    assert len(files) >= 4
+    for path in files:
+        module = importlib.import_module(".".join(("uvms_gym", *path.relative_to(package).with_suffix("").parts)))
+        failed, attempted = doctest.testmod(module)
+        assert attempted > 0 and failed == 0, path
 
 
 def test_rust_snippets_are_lines_of_the_source() -> None:

@@ -145,7 +145,7 @@ class StationKeepEnv(TaskEnv):
     >>> env = gymnasium.make("UVMS-StationKeep-v0", scene="bluerov2-heavy-alpha5")
     >>> observation, info = env.reset(seed=1)
     >>> observation.shape
-    (44,)
+    (40,)
 
     ```
 
