@@ -66,6 +66,12 @@ for seed in 0 1 2 3 4; do
     policy ppo-distilled-wide $seed $wide --algo asymmetric-ppo --start "$start" --n-envs 512 -n 24000000 \
         --env-kwargs "reward:{'effort':0.05,'action_rate':0.05}"
 done
+# Tracking of vehicles known poorly, from a policy for the storm.
+for seed in 0 1 2 3 4; do
+    start=out/train/shac-wide-$seed-start.safetensors
+    [ -e "$start" ] || uvms train --algo shac --env UVMS-EETrack-Storm-v0 --seed $seed --export "$start"
+    policy shac-wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$start"
+done
 scratch ppo 0 $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
 # Corrections to classical controllers, by PPO of Stable-Baselines3.
 policy ppo-pd 0 $keep --base pd -n 3000000

@@ -185,10 +185,11 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
         ("dob-calm", (0, 3), "it may be unstable"),
         ("ppo", 0, "it may be unstable"),
         ("ppo-distilled-wide", 3, None),
+        ("shac-wide", 3, None),
     ],
 )
 def test_a_delay_that_a_controller_was_not_tuned_for_is_warned_of(name: str, delay: Any, warning: str | None) -> None:
-    env = "UVMS-EETrack-Storm-v0" if "resolved" in name else STORM
+    env = STORM if name in registry.names("station-keep") else "UVMS-EETrack-Storm-v0"
     given = {"time": [0.1 * n for n in delay], "periods": 0} if isinstance(delay, tuple) else {"periods": delay}
     envs = gymnasium.make_vec(env, num_envs=2, disturbance={"base": "storm", "delay": given})
     with warnings.catch_warnings(record=True) as caught:
