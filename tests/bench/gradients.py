@@ -45,7 +45,7 @@ def main() -> None:
     """Print the table."""
     print("scene                   integrator  columns  N   steps   step, us  Jacobians, us  over it    VJP    JVP")
     for scene in sys.argv[1:] or ["petasus-pum", "bluerov2-heavy-alpha5", "bluerov2-heavy"]:
-        for integrator in ("mk4", "ros2"):
+        for integrator in ("mk4", "ros2", "mk54"):
             for substeps, num_envs in ((1, 1), (20, 1), (20, 64)):
                 (step, *others), columns = least(scene, integrator, substeps, num_envs)
                 times = f"{1e6 * step:10.2f}  {1e6 * others[0]:13.1f}" + "".join(f"{x / step:8.1f}" for x in others)

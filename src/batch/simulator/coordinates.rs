@@ -97,18 +97,12 @@ impl Directions for Coordinates<'_> {
         }
     }
 
-    fn read(&self, i: usize, k: usize, column: &DualColumn, out: &mut [f64]) {
+    fn read(&self, _: usize, k: usize, column: &DualColumn, out: &mut [f64]) {
         let layout = &column.table.layout;
         let (rotation, position) = (|i, j| layout.rotation + 3 * i + j, |i| layout.position + i);
         let (columns, carried) = (self.columns(), self.carried());
         let sum = |i: &dyn Fn(usize) -> f64| i(0) + i(1) + i(2);
-        let mut set = |row: usize, column: usize, x: f64| {
-            if let Product::Cotangents(cotangents) = self.product {
-                out[column] += cotangents[i * self.size + row] * x;
-            } else {
-                out[row * columns + column] = x;
-            }
-        };
+        let mut set = |row: usize, column: usize, x: f64| out[row * columns + column] = x;
         if k == 0 {
             // The steps carry a translation along: R_1^T R_0 of it.
             for (j, k) in (0..3).flat_map(|j| (0..carried).map(move |k| (j, k))) {

@@ -131,8 +131,7 @@ impl Simulator {
         let coordinates =
             Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, size, product };
         let blocks: &mut Blocks<f64> = storage.as_any().downcast_mut().expect("the precision of the options");
-        // Sub-intervals by estimated errors take the way of the Jacobian.
-        if let (Product::Cotangents(of), false) = (product, integrator.adaptive()) {
+        if let Product::Cotangents(of) = product {
             let gradients = Gradients { coordinates: &coordinates, of };
             return Ok(blocks.pull_back(&settings, &inputs, &gradients, coordinates.width()));
         }
