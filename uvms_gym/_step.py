@@ -164,12 +164,10 @@ def _rotations(quaternion: Floats) -> Floats:
 def call_of(
     simulator: Simulator, inputs: Mapping[str, object], parameters: Mapping[str, object], substeps: int
 ) -> Call:
-    """Call with these arguments; ValueError for an unknown one, or a simulator whose steps have no derivatives."""
+    """Call with these arguments; ValueError for an unknown one."""
     known = row_shapes(simulator).keys() - {"state"}
     if unknown := sorted(inputs.keys() - known):
         raise ValueError(f"no input '{unknown[0]}': one of {', '.join(sorted(known))}")
     if unknown := sorted(parameters.keys() - simulator.parameters.keys()):
         raise ValueError(f"no parameter '{unknown[0]}': one of {', '.join(simulator.parameters)}")
-    if simulator.dtype != "float64":
-        raise ValueError(f"simulator has dtype {simulator.dtype}, but derivatives need dtype='float64'")
     return Call(simulator, tuple(inputs), tuple(parameters), substeps)

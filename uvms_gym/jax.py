@@ -51,7 +51,7 @@ def step(
     Parameters
     ----------
     simulator : Simulator
-        With dtype="float64" and an integrator that has derivatives of steps.
+        With an integrator that has derivatives of steps; of either dtype.
     state : jax.Array (N, 13 + 2n [+ m])
         See `uvms_gym.torch.state`.
     inputs : dict of jax.Array

@@ -53,7 +53,7 @@ def step(
     Parameters
     ----------
     simulator : Simulator
-        With dtype="float64" and an integrator that has derivatives of steps.
+        With an integrator that has derivatives of steps; of either dtype.
     state : torch.Tensor (N, 13 + 2n [+ m])
         See `state`. Quaternions of any length; twists of a fixed vehicle are ignored.
     inputs : dict of torch.Tensor

@@ -26,6 +26,9 @@ pub enum PlanningError {
     /// Inputs at the start under which the motion diverges.
     #[error("problem {problem}: the motion under its initial inputs is not finite")]
     Diverged { problem: usize },
+    /// Single precision.
+    #[error("trajectories are optimised in float64: make the simulator with dtype='float64'")]
+    Precision,
     /// Error of the simulator.
     #[error(transparent)]
     Simulator(#[from] SimulatorError),

@@ -76,9 +76,6 @@ pub enum SimulatorError {
     /// Pose target for a vehicle without servo.
     #[error("scene '{scene}' has no [vehicle.servo], so its vehicle cannot hold a pose")]
     NoVehicleServo { scene: String },
-    /// Derivatives in single precision.
-    #[error("derivatives of steps are computed in float64: make the simulator with dtype='float64'")]
-    DerivativePrecision,
     /// Derivatives without wide lanes.
     #[error("derivatives of steps need a machine with AVX2 or NEON")]
     DerivativeLanes,

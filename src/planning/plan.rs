@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use super::cost::{StateCost, reference_width, residuals};
 use super::tracking::{Numbers, Tracking, Trajectory};
 use crate::batch::stepping::threads::for_each;
-use crate::batch::{Argument, Inputs, Simulator, SimulatorOptions};
+use crate::batch::{Argument, Inputs, Precision, Simulator, SimulatorOptions};
 use crate::error::PlanningError;
 use crate::optimize::{STEP_SIZES, Settings, Solution, solve};
 use crate::system::EndEffector;
@@ -90,6 +90,9 @@ fn unsaturated(simulator: &Simulator, i: usize, argument: Argument, k: usize) ->
 /// # Errors
 /// [`PlanningError`] that names problem, knot and entry; [`SimulatorError`] where steps have no derivatives.
 pub fn optimize(simulator: &Simulator, problems: &Problems) -> Result<Vec<Plan>, PlanningError> {
+    if simulator.options().precision != Precision::Double {
+        return Err(PlanningError::Precision);
+    }
     let arguments: Vec<_> = (problems.inputs.iter()).map(|input| (*input, input_width(simulator, *input))).collect();
     if arguments.is_empty() {
         let known = choices(simulator).into_iter().map(Argument::name).collect();
@@ -152,7 +155,7 @@ fn optimize_one(
         candidates: Vec::new(),
         error: None,
     };
-    // Integrator and number type may have no derivatives.
+    // The integrator may have no derivatives.
     problem.knots.step_jacobians(&Inputs::default(), 1, &[])?;
     let solution = solve(&mut problem, &problems.settings);
     if let Some(error) = problem.error {

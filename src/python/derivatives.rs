@@ -72,7 +72,9 @@ impl Simulator {
     /// columns those of the argument before. Rows and columns of the twist are 0 where the vehicle is fixed.
     ///
     /// Saturated actuators have derivative 0, at their limit too. At other kinks the derivative is one-sided; that of |v| at 0 is
-    /// 0. Sub-intervals of a step are constant. An instance whose state becomes NaN has derivatives NaN.
+    /// 0. Sub-intervals of a step are constant. An instance whose state becomes NaN has derivatives NaN. With dtype="float32"
+    /// derivatives are those of the step in double precision, from the present state and factors; from the slopes of the rounded
+    /// step they differ by rounding.
     ///
     /// Parameters
     /// ----------
@@ -93,7 +95,7 @@ impl Simulator {
     /// Raises
     /// ------
     /// ValueError, TypeError
-    ///     An input has the wrong shape or type, or is not finite; a parameter is unknown; the simulator's dtype is float32; its
+    ///     An input has the wrong shape or type, or is not finite; a parameter is unknown; the
     ///     integrator is a baseline method with Euler angles, quaternions or lagged added mass; the machine has neither AVX2
     ///     nor NEON.
     #[pyo3(

@@ -301,7 +301,8 @@ impl Simulator {
         array(py, &[6, configuration.ncols()], configuration.transpose().as_slice().to_vec())
     }
 
-    /// int: bytes of memory per instance; a few instances fill a block of 8 (float64) or 16 (float32).
+    /// int: bytes of memory per instance; a few instances fill a block of 8 (float64) or 16 (float32). With those of a copy in
+    /// double precision, once a float32 simulator has computed derivatives.
     #[getter]
     fn bytes_per_env(&self) -> usize {
         self.inner.bytes_per_instance()

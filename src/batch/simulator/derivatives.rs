@@ -51,11 +51,11 @@ impl Simulator {
     }
 
     /// Jacobians of `substeps` steps under held inputs with respect to state, inputs and these parameters (indices into
-    /// [`Factors::NAMES`]). The simulator is not stepped.
+    /// [`Factors::NAMES`]). The simulator is not stepped. Those of a simulator in single precision are those of its step in double
+    /// precision, from its present state.
     ///
     /// # Errors
-    /// As [`Self::step`]; [`SimulatorError::DerivativePrecision`], [`SimulatorError::DerivativeLanes`] and
-    /// [`SimulatorError::DerivativeIntegrator`].
+    /// As [`Self::step`]; [`SimulatorError::DerivativeLanes`] and [`SimulatorError::DerivativeIntegrator`].
     pub fn step_jacobians(
         &mut self,
         inputs: &Inputs,
@@ -111,8 +111,8 @@ impl Simulator {
         arguments: &[(Argument, usize)],
         product: Product,
     ) -> Result<Vec<f64>, SimulatorError> {
-        if self.options.precision != Precision::Double {
-            return Err(SimulatorError::DerivativePrecision);
+        if self.options.precision == Precision::Single {
+            return self.in_double_precision()?.differentiate(inputs, substeps, parameters, arguments, product);
         }
         if !Isa::available().any(Isa::is_wide) {
             return Err(SimulatorError::DerivativeLanes);

@@ -3,6 +3,7 @@
 pub mod applied_loads;
 pub mod coordinates;
 pub mod derivatives;
+mod double_precision;
 pub mod error_estimate;
 mod gradients;
 mod parameters;
@@ -37,12 +38,16 @@ pub struct Simulator {
     /// The closed form of the scene without factors.
     pub(super) closed_form_model: ClosedFormModel,
     compiled: Compiled,
+    /// Scenes that differ in the numbers that [`Self::set_own`] sets.
+    samples: Vec<Compiled>,
     allocation: Allocation,
     options: SimulatorOptions,
     integrator: Integrator,
     threads: usize,
     isa: Isa,
     storage: Box<dyn Storage>,
+    /// See [`Self::in_double_precision`].
+    in_double: Option<Box<Self>>,
     /// Greatest `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
     pub(super) range: f64,
     pub(super) monitor: StepMonitor,
@@ -59,7 +64,9 @@ impl Clone for Simulator {
             compiled: self.compiled.clone(),
             allocation: self.allocation.clone(),
             options: self.options.clone(),
+            samples: self.samples.clone(),
             storage: self.storage.boxed_clone(),
+            in_double: None,
             ..*self
         }
     }
@@ -155,10 +162,12 @@ impl Simulator {
             scene,
             own,
             compiled,
+            samples: samples.to_vec(),
             options,
             integrator,
             isa,
             storage,
+            in_double: None,
             range: integrator.range(),
             monitor: StepMonitor::default(),
             companion_halves: false,
@@ -214,9 +223,10 @@ impl Simulator {
         self.threads
     }
 
-    /// Bytes of memory per instance.
+    /// Bytes of memory per instance; in single precision with those of a copy in double, once derivatives have been computed.
     pub fn bytes_per_instance(&self) -> usize {
-        self.storage.bytes_per_instance()
+        let in_double = self.in_double.as_ref().map_or(0, |double| double.bytes_per_instance());
+        self.storage.bytes_per_instance() + in_double
     }
 
     /// State of instance `i`.

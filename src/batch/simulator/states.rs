@@ -134,7 +134,7 @@ impl Simulator {
                 let clean = |(i, row)| {
                     let rotation = na::Matrix3::from_row_slice(row);
                     let exact = check_rotation("rotation", i, &rotation)? <= rounding;
-                    Ok(if exact { rotation } else { orthonormalised(&orthonormalised(&rotation)) })
+                    Ok(if exact { rotation } else { orthonormalised(&rotation) })
                 };
                 rows.chunks_exact(9).enumerate().map(clean).collect::<Result<_, _>>().map(Some)
             }
@@ -150,9 +150,10 @@ impl Simulator {
     }
 }
 
-/// One Newton step towards the nearest rotation.
-fn orthonormalised(r: &na::Matrix3<f64>) -> na::Matrix3<f64> {
-    r * (na::Matrix3::identity() * 3.0 - r.tr_mul(r)) * 0.5
+/// The nearest rotation, by two of Newton's steps.
+pub(super) fn orthonormalised(r: &na::Matrix3<f64>) -> na::Matrix3<f64> {
+    let step = |r: &na::Matrix3<f64>| r * (na::Matrix3::identity() * 3.0 - r.tr_mul(r)) * 0.5;
+    step(&step(r))
 }
 
 /// Index of the first number that is not zero.

@@ -183,6 +183,15 @@ impl<T: Real> Blocks<T> {
     }
 }
 
+impl Blocks<f64> {
+    /// Sets the numbers that instances have of their own to those of blocks in single precision, of the same samples.
+    pub fn set_own_numbers(&mut self, single: &Blocks<f32>) {
+        if let (Some(own), Some(single)) = (&mut self.own, &single.own) {
+            own.set_all(single);
+        }
+    }
+}
+
 impl<T: Real> Storage for Blocks<T> {
     fn state(&self, i: usize) -> State {
         self.table.state(&self.rows, i)

@@ -125,6 +125,18 @@ impl<T: Real> OwnNumbers<T> {
     }
 }
 
+impl OwnNumbers<f64> {
+    /// Sets all numbers to those in single precision, of the same samples.
+    pub fn set_all(&mut self, single: &OwnNumbers<f32>) {
+        let width = self.layout.width;
+        for (at, number) in self.rows.iter_mut().enumerate() {
+            let (row, column) = (at / f64::BLOCK % width, at / f64::BLOCK / width * f64::BLOCK + at % f64::BLOCK);
+            let row = column / f32::BLOCK * width + row;
+            *number = single.rows[row * f32::BLOCK + column % f32::BLOCK].into();
+        }
+    }
+}
+
 impl<'a, T: Real> OwnColumns<'a, T> {
     /// Block `k`.
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Episodes with scenes of their own.
 
-use uvms_gym::batch::{Autoreset, SimulatorOptions, TaskBatch};
+use uvms_gym::batch::{Autoreset, Inputs, Precision, SimulatorOptions, TaskBatch};
 use uvms_gym::description::Scene;
 use uvms_gym::system::Factors;
 use uvms_gym::task::disturbance::Parameters;
@@ -12,9 +12,12 @@ const RANGES: &str = r#"{"vehicle.body.mass": 0.2, "vehicle.body.damping.quadrat
 const N: usize = 21;
 
 fn batch(scene: &Scene, ranges: Option<&str>, instances: usize, threads: usize) -> TaskBatch {
+    batch_of(scene, ranges, SimulatorOptions { instances, threads: Some(threads), ..SimulatorOptions::default() })
+}
+
+fn batch_of(scene: &Scene, ranges: Option<&str>, simulator: SimulatorOptions) -> TaskBatch {
     let mut options = TaskOptions::of("station-keep").unwrap();
     options.randomize = ranges.map(|ranges| serde_json::from_str::<Parameters>(ranges).unwrap());
-    let simulator = SimulatorOptions { instances, threads: Some(threads), ..SimulatorOptions::default() };
     TaskBatch::new(scene.clone(), options, simulator, Autoreset::NextStep, Some(4)).unwrap()
 }
 
@@ -83,6 +86,30 @@ fn draws_depend_on_the_episode_alone() {
     assert!(mass(0) != mass(1) && mass(1) != mass(2));
     let within = (0..200).map(mass).all(|m| (0.8..1.2).contains(&(m / scene.vehicle.body.mass)));
     assert!(within);
+}
+
+/// Those of the drawn scenes in either precision, to the rounding of single precision.
+#[test]
+fn derivatives_are_those_of_the_drawn_scenes() {
+    let (scene, wrench) = (Scene::shipped("petasus-pum").unwrap(), [10.0; 6 * N]);
+    let [double, single] = [Precision::Double, Precision::Single].map(|precision| {
+        let options = SimulatorOptions { instances: N, precision, ..SimulatorOptions::default() };
+        let mut all = batch_of(&scene, Some(RANGES), options);
+        all.reset(&(0..N as u64).map(Some).collect::<Vec<_>>(), None, &[]).unwrap();
+        let inputs = Inputs { wrench: Some(&wrench), ..Inputs::default() };
+        all.simulator().clone().step_jacobians(&inputs, 10, &[0]).unwrap()
+    });
+    let width = double.numbers.len() / N / double.size;
+    for (i, jacobian) in double.numbers.chunks_exact(double.size * width).enumerate() {
+        for k in 0..width {
+            let at = |row: usize| row * width + k;
+            let size = (0..double.size).fold(0.0, |most, row| f64::max(most, jacobian[at(row)].abs()));
+            for row in 0..double.size {
+                let error = single.numbers[i * double.size * width + at(row)] - jacobian[at(row)];
+                assert!(error.abs() <= 1e-5 * size, "instance {i}, {row} by {k}: {error} of {size}");
+            }
+        }
+    }
 }
 
 #[test]
