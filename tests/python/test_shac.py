@@ -44,8 +44,9 @@ def keep_threads() -> Any:
 class Case:
     """Episodes under a random policy with noise, and their returns with a value at the end."""
 
-    def __init__(self, env: str = ENV, **kwargs: Any) -> None:
+    def __init__(self, env: str = ENV, posture: float = 0.0, **kwargs: Any) -> None:
         self.envs = TrainingEnvs(env, {**FAR, "substeps": 10, **kwargs}, EPISODES, HISTORY)
+        self.by_action = ReturnGradient(self.envs.inner, EPISODES, GAMMA, posture)
         torch.manual_seed(0)
         self.actor = Actor([HISTORY * self.envs.size, 16, 16, self.envs.actions])
         self.critic = Critic(self.envs.size, [8])
@@ -61,7 +62,8 @@ class Case:
         episodes = self.run(noise)
         with torch.no_grad():
             values = self.critic(episodes.perfect[:, -1]).double().numpy()
-        rewards: np.ndarray = episodes.rewards.double().numpy() @ GAMMA ** np.arange(STEPS)
+        costs = self.by_action.task.posture_costs(episodes.perfect)
+        rewards: np.ndarray = (episodes.rewards - costs).double().numpy() @ GAMMA ** np.arange(STEPS)
         return rewards + GAMMA**STEPS * values
 
     def gradient(self) -> np.ndarray:
@@ -69,7 +71,7 @@ class Case:
         last = episodes.perfect[:, -1].clone().requires_grad_()
         (by_end,) = torch.autograd.grad(self.critic(last).sum(), last)
         inputs = episodes.inputs.transpose(0, 1)
-        gradient = ReturnGradient(self.envs.inner, EPISODES, GAMMA)
+        gradient = self.by_action
         rows = (x.transpose(0, 1) for x in (episodes.perfect, episodes.actions, episodes.alive))
         windows = Windows(inputs, *rows, gradient.ages(episodes), gradient.factors(self.envs.inner), by_end)
         mean, pull = forward(self.actor, inputs)
@@ -101,7 +103,7 @@ def test_gradients_are_those_of_differences_between_episodes(
 
 
 @pytest.mark.parametrize("env", [ENV, TRACKING])
-def test_a_nominal_simulator_gives_nearly_the_gradient_in_a_storm(env: str) -> None:
+def test_a_simulator_in_still_water_gives_nearly_the_gradient_in_a_storm(env: str) -> None:
     case = Case(env, disturbance={"base": "storm", "noise": None}, thruster_lag=0.1)
     gradient = case.gradient()
     for t in (0, 7, STEPS - 1):
@@ -148,12 +150,21 @@ def test_the_jacobian_of_the_end_effector_is_that_of_the_simulator(scene: str) -
 
 
 def test_a_simulator_with_the_drawn_parameters_gives_the_gradient_of_unknown_vehicles() -> None:
-    wide = {"base": "storm-wide", "noise": None, "delay": None, "thrusters": None}
-    case = Case(TRACKING, disturbance=wide, thruster_lag=0.1)
+    disturbance = {"base": "storm-wide", "noise": None, "thrusters": None}
+    case = Case(TRACKING, disturbance=disturbance, thruster_lag=0.1)
     gradient = case.gradient()
     for t in (0, 7, STEPS - 1):
         one, other = gradient[t].ravel(), case.differences(t).ravel()
-        assert one @ other > 0.95 * np.linalg.norm(one) * np.linalg.norm(other)
+        # Seen: 0.9986 and more; 0.95 with the scene's own parameters.
+        assert one @ other > 0.99 * np.linalg.norm(one) * np.linalg.norm(other)
+
+
+def test_the_price_of_postures_is_in_the_gradient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("uvms_gym.training.return_gradient.STEP", 0.01)
+    monkeypatch.setattr("uvms_gym.training.return_gradient.OUTLYING", np.inf)
+    case = Case(TRACKING, substeps=20, posture=2.0, disturbance={"delay": {"periods": 1}})
+    gradient, wanted = case.gradient(), case.differences(7)
+    np.testing.assert_allclose(gradient[7], wanted, atol=0.01 * np.abs(wanted).max())
 
 
 def test_ages_of_measurements_are_found() -> None:

@@ -1,8 +1,8 @@
 """Gradient of the discounted return by recorded actions, through simulator, observation and policy. [Xu22], [Hee15]
 
 Episodes run in the task's environment with all its disturbances. Cotangents go backwards along their recorded states by
-the adjoint of the nominal simulator, which knows neither current nor payload nor the drawn parameters. In calm water
-the gradient is that of the environment, in the storm it has a cosine of 0.98 with it.
+the adjoint of a simulator with the drawn parameters, which knows neither current nor lost thrusters. In calm water the
+gradient is that of the environment, in the storm it has a cosine of 0.98 with it.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 OUTLYING = 3.0
 #: Tasks with derivatives.
 TASKS: dict[str, type[TaskGradient]] = {"station-keep": StationKeeping, "ee-track": EndEffectorTracking}
-#: Greatest step of the nominal simulator, s, by a linearly implicit method.
+#: Greatest step of the simulator, s, by a linearly implicit method.
 STEP = 0.1
 
 
