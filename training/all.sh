@@ -66,11 +66,14 @@ for seed in 0 1 2 3 4; do
     policy ppo-distilled-wide $seed $wide --algo asymmetric-ppo --start "$start" --n-envs 512 -n 24000000 \
         --env-kwargs "reward:{'effort':0.05,'action_rate':0.05}"
 done
-# Tracking of vehicles known poorly, from a policy for the storm.
+# Tracking of vehicles known poorly, from a policy for the storm; great errors count for more at last.
 for seed in 0 1 2 3 4; do
     start=out/train/shac-wide-$seed-start.safetensors
     [ -e "$start" ] || uvms train --algo shac --env UVMS-EETrack-Storm-v0 --seed $seed --export "$start"
-    policy shac-wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$start"
+    wide=out/train/shac-wide-$seed-wide.safetensors
+    [ -e "$wide" ] || uvms train --algo shac --env UVMS-EETrack-Wide-v0 --start "$start" --seed $seed --export "$wide"
+    policy shac-wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$wide" -params n_steps:200 -params change:0.02 \
+        --env-kwargs "reward:{'pose':1.0,'pose_scale':0.5,'effort':0.06,'action_rate':0.1}"
 done
 scratch ppo 0 $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
 # Corrections to classical controllers, by PPO of Stable-Baselines3.
