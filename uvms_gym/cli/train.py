@@ -30,7 +30,7 @@ def train(
         Option(
             help="ppo: that of Stable-Baselines3. distill: imitation of a classical controller with perfect sensors. "
             "asymmetric-ppo: PPO whose critic has perfect sensors, on paired episodes, from scratch or from --start. "
-            "shac: policy gradients through the simulator, for station keeping, from scratch or from --start."
+            "shac: gradients through the simulator, for station keeping and tracking, from scratch or from --start."
         ),
     ] = "ppo",
     env: Annotated[str, Option(help="Environment, by Gymnasium's id.")] = "UVMS-StationKeep-Storm-v0",

@@ -97,7 +97,7 @@ impl Directions for Coordinates<'_> {
         }
     }
 
-    fn read(&self, _: usize, k: usize, column: &DualColumn, out: &mut [f64]) {
+    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]) {
         let layout = &column.table.layout;
         let (rotation, position) = (|i, j| layout.rotation + 3 * i + j, |i| layout.position + i);
         let (columns, carried) = (self.columns(), self.carried());

@@ -72,8 +72,8 @@ pub trait Directions: Sync {
     fn payload(&self) -> bool;
     /// Adds the slopes of direction `k` of instance `i`.
     fn seed(&self, i: usize, k: usize, column: &mut DualColumn);
-    /// Reads the derivatives of the steps of instance `i` along its direction `k` into the numbers of the instance.
-    fn read(&self, i: usize, k: usize, column: &DualColumn, out: &mut [f64]);
+    /// Reads the derivatives of the steps of an instance along its direction `k` into the numbers of the instance.
+    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]);
 }
 
 /// Numbers of a dual block: pairs of a number in its first half and one in its second.
@@ -170,8 +170,8 @@ impl Blocks<f64> {
             let (values, slopes) = dual.split_at_mut(rows.len());
             for column in 0..filled {
                 let (out, start) = (&mut out[instances[column] * width..][..width], (rows, instances[column]));
-                let (i, k) = (block * COLUMNS + instances[column], (pair + column) % count);
-                directions.read(i, k, &DualColumn { table, values, slopes, column, start }, out);
+                let k = (pair + column) % count;
+                directions.read(k, &DualColumn { table, values, slopes, column, start }, out);
             }
         }
     }

@@ -42,7 +42,7 @@ impl<F: Fn(usize, usize) -> Vec<(usize, f64)> + Sync> Directions for Rows<F> {
     fn seed(&self, i: usize, k: usize, column: &mut DualColumn) {
         (self.change)(i, k).into_iter().for_each(|(row, amount)| column.add_slope(row, amount));
     }
-    fn read(&self, _: usize, k: usize, column: &DualColumn, out: &mut [f64]) {
+    fn read(&self, k: usize, column: &DualColumn, out: &mut [f64]) {
         let numbers = self.read.iter().flat_map(|row| [column.value(*row), column.slope(*row)]);
         out.iter_mut().skip(2 * k * self.read.len()).zip(numbers).for_each(|(out, x)| *out = x);
     }

@@ -88,7 +88,7 @@ fn draws_depend_on_the_episode_alone() {
     assert!(within);
 }
 
-/// Those of the drawn scenes in either precision, to the rounding of single precision.
+/// Derivatives of the drawn scenes: in single precision those in double, to the rounding of the drawn numbers.
 #[test]
 fn derivatives_are_those_of_the_drawn_scenes() {
     let (scene, wrench) = (Scene::shipped("petasus-pum").unwrap(), [10.0; 6 * N]);
