@@ -22,7 +22,7 @@ from uvms_gym.training.native import train
 from uvms_gym.training.networks import Actor, Critic
 from uvms_gym.training.return_gradient import TASKS, ReturnGradient, Windows, forward
 from uvms_gym.training.run import CURVE, Settings
-from uvms_gym.training.shac import Shac, _batches
+from uvms_gym.training.shac import Shac, _batches, _prioritized
 
 pytestmark = pytest.mark.learning
 
@@ -194,9 +194,18 @@ def test_batches_have_all_places_and_one_size() -> None:
         assert batches.shape == (-(-count // 8), 8) and set(batches.flatten().tolist()) == set(range(count))
 
 
-def test_shac_improves_a_policy_in_a_few_steps(tmp_path: Path) -> None:
+def test_windows_of_costly_episodes_are_drawn_more_often() -> None:
+    costs = torch.tensor([0.1, 0.2, 0.4])
+    drawn = _prioritized(costs, 2.0, torch.Size([300, 70]), torch.Generator().manual_seed(0))
+    assert drawn.shape == (300, 70)
+    assert np.bincount(drawn.flatten()) / drawn.numel() == pytest.approx(np.array([1.0, 4.0, 16.0]) / 21.0, abs=0.01)
+
+
+@pytest.mark.parametrize("priority", [0.0, 1.0])
+def test_shac_improves_a_policy_in_a_few_steps(priority: float, tmp_path: Path) -> None:
     quick = {"n_envs": 32, "n_timesteps": 20 * 32 * 30, "batch_size": 32, "horizon": 10, "n_steps": 30}
-    found = read_hyperparameters(ENV, algo="shac") | quick | {"net_arch": [16], "frame_stack": 2}
+    small = {"net_arch": [16], "frame_stack": 2, "priority": priority}
+    found = read_hyperparameters(ENV, algo="shac") | quick | small
     kwargs = {"max_episode_steps": 30, "disturbance": "current"}
     chosen = Settings(ENV, found, kwargs, algo="shac", eval_freq=20 * 32 * 30, eval_episodes=64)
     train(chosen, tmp_path)

@@ -42,6 +42,8 @@ class ShacParameters(Hyperparameters):
     """Windows in a gradient step."""
     posture: float
     """Price of the squares of observed joint coordinates, on top of the reward: far off home are the joints' stops."""
+    priority: float
+    """Exponent of an episode's mean cost in the probability of its windows; 0: all windows alike, once each."""
 
 
 class Shac(Learner):
@@ -91,13 +93,16 @@ class Shac(Learner):
         return episodes, self.gradient.factors(self.envs.inner)
 
     def update(self, episodes: Episodes, more: Tensor, generator: torch.Generator) -> None:
-        """Fit the critic, and improve the actor by every window once."""
+        """Fit the critic, and improve the actor by as many windows as there are."""
         given, alive = self.parameters, episodes.alive
         critic, ages = copy.deepcopy(self.critic), self.gradient.ages(episodes)
         batches = _batches(int(alive.sum()), given.batch_size * given.horizon, generator)
         fit = self._threads.submit(self._fit, episodes, self._returns(episodes), alive.nonzero().T, batches)
         instances, starts = alive[:, :: given.horizon].nonzero().T
         updates = _batches(len(starts), given.batch_size, generator)
+        if given.priority > 0.0:
+            costs = -(episodes.rewards * alive).sum(dim=1) / alive.sum(dim=1)
+            updates = _prioritized(costs[instances], given.priority, updates.shape, generator)
         for chosen in updates:
             places = instances[chosen], given.horizon * starts[chosen]
             self._improve(self._windows(episodes, more, *places, ages, critic))
@@ -176,3 +181,9 @@ def _batches(count: int, size: int, generator: torch.Generator) -> Tensor:
     order = torch.randperm(count, generator=generator)
     number = -(-count // size)
     return order.repeat(-(-number * size // count))[: number * size].view(number, size)
+
+
+def _prioritized(costs: Tensor, exponent: float, shape: torch.Size, generator: torch.Generator) -> Tensor:
+    """Batches of places, each drawn with a probability in proportion to a power of its cost."""
+    weights = (costs / costs.max()).clamp_min(1e-6) ** exponent
+    return torch.multinomial(weights, shape.numel(), replacement=True, generator=generator).view(shape)
