@@ -10,7 +10,10 @@ NAMES = {2: ("linear", "angular"), 3: ("linear", "angular", "joints"), 6: ("x", 
 Groups = tuple[tuple[int, ...], ...]
 #: Controllers with observers: variants of one class.
 _DOBS = ("dob-delay", "dob-still", "dob-calm", "dob-medium", "dob-free", "dob-wide", "dob-informed")
-_RESOLVED = ("resolved-dob", "resolved-wide", "resolved-informed")
+_RESOLVED = (
+    *("resolved-dob", "resolved-dob-still", "resolved-dob-calm", "resolved-dob-medium", "resolved-dob-free"),
+    *("resolved-wide", "resolved-informed"),
+)
 #: Axes of the vehicle that share a factor.
 ALIKE: Groups = ((0, 1), (2,), (3, 4), (5,))
 EACH: Groups = tuple((axis,) for axis in range(6))

@@ -82,6 +82,10 @@ LIMITS = {
     "dob-informed": Limits(),
     "mpc": Limits(LIMIT, 4.8),
     "nmpc": Limits(LIMIT, 4.8),
+    "resolved-dob-still": Limits(LIMIT, 1.0),
+    "resolved-dob-calm": Limits(LIMIT, 1.5),
+    "resolved-dob-medium": Limits(LIMIT, 2.2),
+    "resolved-dob-free": Limits(),
     "resolved-informed": Limits(),
 }
 

@@ -85,6 +85,10 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "resolved": ClassicalEntry(ResolvedMotion, _TRACK),
     "resolved-pid": ClassicalEntry(ResolvedMotion, _TRACK, {"integral_gain": 0.5}),
     "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
+    "resolved-dob-still": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
+    "resolved-dob-calm": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
+    "resolved-dob-medium": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
+    "resolved-dob-free": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB, "frontier"),
     "resolved-wide": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
     "resolved-adaptive": ClassicalEntry(AdaptiveResolvedMotion, _TRACK),
     "resolved-informed": ClassicalEntry(ResolvedMotion, _TRACK, {**_RESOLVED_DOB, "delay": 0}, "bound"),
@@ -93,9 +97,20 @@ CLASSICAL: dict[str, ClassicalEntry] = {
 }
 LEARNED: dict[str, LearnedEntry] = {
     "ppo": LearnedEntry(_ALL),
+    "ppo-still": LearnedEntry((*_STATION, *_TRACK), role="frontier"),
+    "ppo-calm": LearnedEntry((*_STATION, *_TRACK), role="frontier"),
+    "ppo-quick": LearnedEntry((*_STATION, *_TRACK), role="frontier"),
+    "ppo-free": LearnedEntry((*_STATION, *_TRACK), role="frontier"),
+    "shac": LearnedEntry(_TRACK),
+    "shac-still": LearnedEntry(_TRACK, role="frontier"),
+    "shac-calm": LearnedEntry(_TRACK, role="frontier"),
+    "shac-quick": LearnedEntry(_TRACK, role="frontier"),
+    "shac-free": LearnedEntry(_TRACK, role="frontier"),
     "shac-distilled": LearnedEntry(_STATION),
+    "shac-distilled-still": LearnedEntry(_STATION, role="frontier"),
     "shac-distilled-calm": LearnedEntry(_STATION),
     "shac-distilled-medium": LearnedEntry(_STATION, role="frontier"),
+    "shac-distilled-free": LearnedEntry(_STATION, role="frontier"),
     "ppo-distilled-wide": LearnedEntry(_STATION),
     "shac-wide": LearnedEntry(_TRACK),
     "ppo-pd": LearnedEntry(_STATION, "pd"),
@@ -106,8 +121,16 @@ LEARNED: dict[str, LearnedEntry] = {
 NAMES = (*CLASSICAL, *LEARNED)
 #: Families along the frontier: a controller under several limits on its commands, or prices of them.
 FAMILIES = {
-    "observer": ("dob-still", "dob-calm", "dob-medium", "dob-delay", "dob-free"),
-    "SHAC, distilled": ("shac-distilled-calm", "shac-distilled-medium", "shac-distilled"),
+    "observer": (
+        *("dob-still", "dob-calm", "dob-medium", "dob-delay", "dob-free"),
+        *("resolved-dob-still", "resolved-dob-calm", "resolved-dob-medium", "resolved-dob", "resolved-dob-free"),
+    ),
+    "PPO": ("ppo-still", "ppo-calm", "ppo", "ppo-quick", "ppo-free"),
+    "SHAC": ("shac-still", "shac-calm", "shac", "shac-quick", "shac-free"),
+    "SHAC, distilled": (
+        *("shac-distilled-still", "shac-distilled-calm", "shac-distilled-medium"),
+        *("shac-distilled", "shac-distilled-free"),
+    ),
 }
 _ENTRIES: dict[str, ClassicalEntry | LearnedEntry] = {**CLASSICAL, **LEARNED}
 

@@ -26,6 +26,8 @@ _LEARNED += ("#ffb347", "#a0522d")
 _CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d31", "#1f4e79", "#17becf")
 _CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _NONE = "#bdbdbd"
+#: Colours of families along the frontier.
+_FAMILY = dict(zip(FAMILIES, (BLUE, ORANGE, VERMILION, VERMILION), strict=True))
 _LINES = ("-", "--", "-.", ":")
 
 
@@ -146,7 +148,7 @@ def _plain_ticks(axes: "Axes") -> None:
 def plot_frontier(path: Path, results: Results) -> None:
     """Error of every controller against the variation of its commands and against its effort, by comparison.
 
-    Lines join the members of a family, in the order of their costs.
+    Lines join the members of a family, whose names are left out, in the order of their costs.
     """
     with picture(path, 12.5, 5.2 * len(results)) as figure:
         for row, (comparison, summary) in zip(figure.subplots(len(results), 2, squeeze=False), results, strict=True):
@@ -157,24 +159,25 @@ def plot_frontier(path: Path, results: Results) -> None:
 
 def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
     names = [name for name in summary.controllers if name != "none"]
-    kinds = {True: VERMILION, False: BLUE}
+    families = {label: [name for name in members if name in names] for label, members in FAMILIES.items()}
+    families = {label: members for label, members in families.items() if len(members) > 1}
+    family = {name: label for label, members in families.items() for name in members}
 
     def estimate(name: str, metric: str) -> list[float]:
         return [METRICS[metric].scale * x for x in summary.controllers[name]["metrics"][metric]["whole"]["iqm"]]
 
     bounds = [name for name in names if is_bound(name)]
-    rivals = [name for name in names if name not in bounds]
-    for name in rivals:
+    for name in (name for name in names if name not in bounds):
         (x, *_), (y, low, high) = estimate(name, cost), estimate(name, HEADLINE)
-        colour = kinds[is_learned(name)]
+        colour = _FAMILY.get(family.get(name, ""), VERMILION if is_learned(name) else BLUE)
         axes.errorbar(
             x, y, yerr=[[max(0.0, y - low)], [max(0.0, high - y)]], fmt="o", ms=4.5, color=colour, capsize=2.5
         )
-        axes.annotate(short_name(name), (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
-    for label, members in FAMILIES.items():
-        points = sorted((estimate(n, cost)[0], estimate(n, HEADLINE)[0]) for n in rivals if n in members)
-        if len(points) > 1:
-            axes.plot(*np.transpose(points), color=kinds[is_learned(members[0])], lw=1.2, label=label)
+        if name not in family:
+            axes.annotate(short_name(name), (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
+    for label, members in families.items():
+        points = sorted((estimate(name, cost)[0], estimate(name, HEADLINE)[0]) for name in members)
+        axes.plot(*np.transpose(points), color=_FAMILY[label], lw=1.2, label=label)
     for name in bounds:
         axes.axhline(estimate(name, HEADLINE)[0], ls=":", color=BLACK, lw=1.2, label=f"{name}: true, present state")
     axes.set(xscale="log", xlabel=METRICS[cost].label, ylabel="RMS " + METRICS[HEADLINE].label, ylim=(0.0, None))
