@@ -46,37 +46,68 @@ done
 tune nmpc UVMS-StationKeep-Storm-v0 --generations 10 --population 12 --episodes 16 --finals 128
 tune dob-wide UVMS-StationKeep-Wide-v0
 tune dob-adaptive UVMS-StationKeep-Wide-v0
-for name in resolved resolved-pid resolved-dob resolved-informed; do
+for name in resolved resolved-pid resolved-dob resolved-dob-still resolved-dob-calm resolved-dob-medium resolved-dob-free; do
     tune $name UVMS-EETrack-Storm-v0
 done
+tune resolved-informed UVMS-EETrack-Storm-v0
 tune resolved-wide UVMS-EETrack-Wide-v0
 tune resolved-adaptive UVMS-EETrack-Wide-v0
 
-keep=UVMS-StationKeep-Storm-v0
+keep=UVMS-StationKeep-Storm-v0 track=UVMS-EETrack-Storm-v0
 for seed in 0 1 2 3 4; do
     distilled shac-distilled $seed dob-delay 8 3000000 0.28 0.023
     distilled shac-distilled-medium $seed dob-medium 8 3000000 0.6 0.07
     distilled shac-distilled-calm $seed dob-calm 16 6000000 1.12 0.54
-    scratch ppo $seed UVMS-EETrack-Storm-v0 0.2 0.3 -n 5000000 -params frame_stack:6
+    scratch ppo $seed $track 0.2 0.3 -n 5000000 -params frame_stack:6
 done
 wide=UVMS-StationKeep-Wide-v0
 for seed in 0 1 2 3 4; do
-    start=out/train/ppo-distilled-wide-$seed-start.safetensors
+    start=out/train/shac-distilled-wide-$seed-start.safetensors
     [ -e "$start" ] || uvms train --algo distill --env $wide --teacher dob-adaptive -n 2400000 --seed $seed --export "$start"
-    policy ppo-distilled-wide $seed $wide --algo asymmetric-ppo --start "$start" --n-envs 512 -n 24000000 \
-        --env-kwargs "reward:{'effort':0.05,'action_rate':0.05}"
+    policy shac-distilled-wide $seed $wide --algo shac --start "$start" --n-envs 256 -n 6000000 \
+        --env-kwargs "reward:{'pose':0.3,'pose_scale':0.05,'effort':0.11,'action_rate':0.05}"
 done
-# Tracking of vehicles known poorly, from a policy for the storm; great errors count for more at last.
+# Tracking of vehicles known poorly, from a policy for the storm; great errors and costly episodes count for more at last.
 for seed in 0 1 2 3 4; do
     start=out/train/shac-wide-$seed-start.safetensors
-    [ -e "$start" ] || uvms train --algo shac --env UVMS-EETrack-Storm-v0 --seed $seed --export "$start"
+    [ -e "$start" ] || uvms train --algo shac --env $track --seed $seed --export "$start"
     wide=out/train/shac-wide-$seed-wide.safetensors
     [ -e "$wide" ] || uvms train --algo shac --env UVMS-EETrack-Wide-v0 --start "$start" --seed $seed --export "$wide"
-    policy shac-wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$wide" -params n_steps:200 -params change:0.02 \
-        --env-kwargs "reward:{'pose':1.0,'pose_scale':0.5,'effort':0.06,'action_rate':0.1}"
+    policy shac-wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$wide" -n 12000000 \
+        -params n_steps:200 -params change:0.02 -params priority:1.0 \
+        --env-kwargs "reward:{'pose':1.0,'pose_scale':0.5,'effort':0.085,'action_rate':0.13}"
 done
-scratch ppo 0 $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
+
+# Variants along the frontier, of one seed: NAME EFFORT RATE.
+while read -r name effort rate; do
+    scratch $name 0 $keep $effort $rate -n 6000000 -params frame_stack:8 -params log_std:-1.5
+done <<END
+ppo-still 0.6 1.0
+ppo-calm 0.4 0.4
+ppo 0.3 0.1
+ppo-quick 0.1 0.03
+ppo-free 0.02 0.003
+END
+while read -r name effort rate; do
+    scratch $name 0 $track $effort $rate -n 5000000 -params frame_stack:6
+done <<END
+ppo-still 0.4 1.5
+ppo-calm 0.3 0.8
+ppo-quick 0.1 0.1
+ppo-free 0.02 0.01
+END
+while read -r name effort rate; do
+    policy $name 0 $track --algo shac --env-kwargs "reward:{'effort':$effort,'action_rate':$rate}"
+done <<END
+shac-still 0.2 1.5
+shac-calm 0.1 0.6
+shac 0.05 0.2
+shac-quick 0.02 0.06
+shac-free 0.005 0.01
+END
+distilled shac-distilled-still 0 dob-still 16 6000000 2.0 1.5
+distilled shac-distilled-free 0 dob-free 8 3000000 0.03 0.002
 # Corrections to classical controllers, by PPO of Stable-Baselines3.
 policy ppo-pd 0 $keep --base pd -n 3000000
 policy ppo-dob 0 $keep --base dob-delay
-policy ppo-resolved-dob 0 UVMS-EETrack-Storm-v0 --base resolved-dob -n 3000000 --env-kwargs dt:0.01 --env-kwargs substeps:10
+policy ppo-resolved-dob 0 $track --base resolved-dob -n 3000000 --env-kwargs dt:0.01 --env-kwargs substeps:10

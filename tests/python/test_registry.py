@@ -184,7 +184,7 @@ def test_broken_gains_are_named_with_their_file(shipped: Path, text: str, words:
         # 1 period by the mean of those drawn.
         ("dob-calm", (0, 3), "it may be unstable"),
         ("ppo", 0, "it may be unstable"),
-        ("ppo-distilled-wide", 3, None),
+        ("shac-distilled-wide", 3, None),
         ("shac-wide", 3, None),
     ],
 )

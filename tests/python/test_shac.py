@@ -219,6 +219,13 @@ def test_horizons_longer_than_episodes_are_refused() -> None:
         Shac(Settings(ENV, found, {"max_episode_steps": 12}, algo="shac"))
 
 
+@pytest.mark.parametrize("priority", [-1.0, float("nan")])
+def test_a_priority_below_zero_is_refused(priority: float) -> None:
+    found = read_hyperparameters(ENV, algo="shac") | {"priority": priority}
+    with pytest.raises(ValueError, match=f"priority is {priority:g}, but must be at least 0"):
+        Shac(Settings(ENV, found, algo="shac"))
+
+
 def test_the_comparison_with_ppo_runs() -> None:
     script = Path(__file__).parents[1] / "bench/policy_gradients.py"
     command = [sys.executable, str(script), "--seeds", "1", "--share", "0.001"]

@@ -111,7 +111,7 @@ LEARNED: dict[str, LearnedEntry] = {
     "shac-distilled-calm": LearnedEntry(_STATION),
     "shac-distilled-medium": LearnedEntry(_STATION, role="frontier"),
     "shac-distilled-free": LearnedEntry(_STATION, role="frontier"),
-    "ppo-distilled-wide": LearnedEntry(_STATION),
+    "shac-distilled-wide": LearnedEntry(_STATION),
     "shac-wide": LearnedEntry(_TRACK),
     "ppo-pd": LearnedEntry(_STATION, "pd"),
     "ppo-dob": LearnedEntry(_STATION, "dob-delay"),

@@ -63,6 +63,8 @@ class Shac(Learner):
         given = self.parameters = ShacParameters.read(settings.hyperparameters)
         super().__init__(settings, given, 0.0)
         self.gradient = ReturnGradient(self.envs.inner, given.batch_size, given.gamma, given.posture)
+        if not given.priority >= 0.0:
+            raise ValueError(f"priority is {given.priority:g}, but must be at least 0")
         if self.envs.steps < given.horizon:
             raise ValueError(f"horizon is {given.horizon}, but episodes have {self.envs.steps} steps")
         layers = self.actor.layers.parameters()
