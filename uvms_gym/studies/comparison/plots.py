@@ -109,9 +109,11 @@ def plot_profiles(path: Path, results: Results) -> None:
     """Share of episodes with an error up to a threshold, with 95 % bands, by comparison."""
     columns = min(3, len(results))
     rows = -(-len(results) // columns)
-    with picture(path, max(8.0, 4.6 * columns), 3.7 * rows + 0.9) as figure:
+    names = list(dict.fromkeys(name for _, summary in results for name in summary.profiles))
+    across = 2 + 2 * columns
+    legend = 0.2 * -(-len(names) // across)
+    with picture(path, max(8.0, 4.6 * columns), 3.5 * rows + 0.5 + legend) as figure:
         grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
-        names = list(dict.fromkeys(name for _, summary in results for name in summary.profiles))
         colour = colours(names)
         handles: dict[str, Any] = {}
         classical = [name for name in names if not is_learned(name)]
@@ -133,7 +135,7 @@ def plot_profiles(path: Path, results: Results) -> None:
             axes.set_visible(False)
         for axes in grid[:, 0]:
             axes.set_ylabel("episodes (%)")
-        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=min(6, len(handles)))
+        figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=min(across, len(handles)))
 
 
 def _plain_ticks(axes: "Axes") -> None:
