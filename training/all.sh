@@ -58,6 +58,7 @@ for seed in 0 1 2 3 4; do
     distilled shac-distilled $seed dob-delay 8 3000000 0.28 0.023
     distilled shac-distilled-medium $seed dob-medium 8 3000000 0.6 0.07
     distilled shac-distilled-calm $seed dob-calm 16 6000000 1.12 0.54
+    scratch ppo $seed $keep 0.3 0.1 -n 6000000 -params frame_stack:8 -params log_std:-1.5
     scratch ppo $seed $track 0.2 0.3 -n 5000000 -params frame_stack:6
 done
 wide=UVMS-StationKeep-Wide-v0
@@ -84,7 +85,6 @@ while read -r name effort rate; do
 done <<END
 ppo-still 0.6 1.0
 ppo-calm 0.4 0.4
-ppo 0.3 0.1
 ppo-quick 0.1 0.03
 ppo-free 0.02 0.003
 END
