@@ -39,7 +39,7 @@ scratch() {
 }
 
 mkdir -p out/train
-for name in pd pid pd-restoring dob dob-delay dob-still dob-calm dob-medium dob-free computed-torque mpc dob-informed; do
+for name in pd pid pd-restoring dob dob-delay dob-still dob-calm dob-medium dob-free computed-torque mpc mpc-free dob-informed; do
     tune $name UVMS-StationKeep-Storm-v0
 done
 # Plans take time: fewer episodes.

@@ -84,7 +84,7 @@ def parameters(axes: Groups, task: str = "station-keep") -> dict[str, tuple[Para
         **dict.fromkeys(_DOBS, (*pd, observer, *expected, horizon)),
         "dob-adaptive": (*pd, observer, *expected, horizon, schedule, factors, innovation, memory),
         "computed-torque": (*pd, observer, *expected, horizon),
-        "mpc": (*weights, observer, *expected),
+        **dict.fromkeys(("mpc", "mpc-free"), (*weights, observer, *expected)),
         "nmpc": nmpc.get(task, ()),
         "resolved": resolved,
         "resolved-pid": (*resolved, Parameter("integral_gain", 0.01, 10.0, absolute=True)),

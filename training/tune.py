@@ -60,6 +60,7 @@ STEPS = {"station-keep": 0.025, "ee-track": 0.01}
 #: Tuned controllers whose gains are the start of others' searches, beside the others' own defaults, by the others' task
 #: and name.
 STARTS = {
+    ("station-keep", "mpc-free"): "mpc",
     ("station-keep", "nmpc"): "mpc",
     ("ee-track", "nmpc"): "resolved",
     ("ee-track", "resolved-adaptive"): "resolved-wide",
@@ -81,6 +82,7 @@ LIMITS = {
     "dob-free": Limits(),
     "dob-informed": Limits(),
     "mpc": Limits(LIMIT, 4.8),
+    "mpc-free": Limits(),
     "nmpc": Limits(LIMIT, 4.8),
     "resolved-dob-still": Limits(LIMIT, 1.0),
     "resolved-dob-calm": Limits(LIMIT, 1.5),

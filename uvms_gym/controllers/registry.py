@@ -82,6 +82,7 @@ CLASSICAL: dict[str, ClassicalEntry] = {
     "dob-informed": ClassicalEntry(DOB, role="bound"),
     "computed-torque": ClassicalEntry(ComputedTorque),
     "mpc": ClassicalEntry(MPC),
+    "mpc-free": ClassicalEntry(MPC, role="frontier"),
     "resolved": ClassicalEntry(ResolvedMotion, _TRACK),
     "resolved-pid": ClassicalEntry(ResolvedMotion, _TRACK, {"integral_gain": 0.5}),
     "resolved-dob": ClassicalEntry(ResolvedMotion, _TRACK, _RESOLVED_DOB),
@@ -125,6 +126,7 @@ FAMILIES = {
         *("dob-still", "dob-calm", "dob-medium", "dob-delay", "dob-free"),
         *("resolved-dob-still", "resolved-dob-calm", "resolved-dob-medium", "resolved-dob", "resolved-dob-free"),
     ),
+    "MPC": ("mpc", "mpc-free"),
     "PPO": ("ppo-still", "ppo-calm", "ppo", "ppo-quick", "ppo-free"),
     "SHAC": ("shac-still", "shac-calm", "shac", "shac-quick", "shac-free"),
     "SHAC, distilled": (

@@ -27,7 +27,7 @@ _CLASSICAL: tuple[str, ...] = (BLUE, "#56b4e9", GREEN, BLACK, "#7f7f7f", "#8c6d3
 _CLASSICAL += ("#a6c96a", "#5f9ea0", "#9aa7d6", "#3d5a00", "#b5b5d9", "#004b49", "#c9a66b", "#5a5a8c")
 _NONE = "#bdbdbd"
 #: Colours of families along the frontier.
-_FAMILY = dict(zip(FAMILIES, (BLUE, ORANGE, VERMILION, VERMILION), strict=True))
+_FAMILY = dict(zip(FAMILIES, (BLUE, GREEN, ORANGE, VERMILION, VERMILION), strict=True))
 _LINES = ("-", "--", "-.", ":")
 
 
