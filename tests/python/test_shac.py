@@ -201,6 +201,25 @@ def test_windows_of_costly_episodes_are_drawn_more_often() -> None:
     assert np.bincount(drawn.flatten()) / drawn.numel() == pytest.approx(np.array([1.0, 4.0, 16.0]) / 21.0, abs=0.01)
 
 
+def test_the_costs_of_windows_are_those_of_their_episodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    small = {"n_envs": 8, "batch_size": 8, "horizon": 5, "n_steps": 10, "net_arch": [16], "priority": 1.0}
+    found = read_hyperparameters(ENV, algo="shac") | small
+    learner = Shac(Settings(ENV, found, {"max_episode_steps": 10}, algo="shac"))
+    seen = []
+
+    def draw(costs: torch.Tensor, exponent: float, shape: torch.Size, generator: torch.Generator) -> torch.Tensor:
+        seen.append((costs, exponent))
+        return _prioritized(costs, exponent, shape, generator)
+
+    monkeypatch.setattr("uvms_gym.training.shac._prioritized", draw)
+    episodes, more = learner.collect(learner.actor, 0, 10)
+    learner.update(episodes, more, torch.Generator().manual_seed(0))
+    ((costs, exponent),) = seen
+    assert exponent == 1.0
+    # Two windows of each episode.
+    assert costs.numpy() == pytest.approx(-np.repeat(episodes.rewards.mean(dim=1).numpy(), 2), rel=1e-5)
+
+
 @pytest.mark.parametrize("priority", [0.0, 1.0])
 def test_shac_improves_a_policy_in_a_few_steps(priority: float, tmp_path: Path) -> None:
     quick = {"n_envs": 32, "n_timesteps": 20 * 32 * 30, "batch_size": 32, "horizon": 10, "n_steps": 30}
