@@ -38,12 +38,16 @@ def accuracy(
         list[str] | None, several("Scene: name or TOML file", "all shipped scenes; with --env the environment's")
     ] = None,
     dt: Annotated[
-        list[float] | None, several("With --env: step, s, that divides the control period", "0.001 to 0.05")
+        list[float] | None, several("With --env: step, s, that divides the control period", "0.001 to 0.05", "NUMBER")
     ] = None,
     dtype: Annotated[list[str] | None, several("With --env: float64 or float32", "both")] = None,
     integrator: Annotated[list[str] | None, several("Integrator")] = None,
-    step: Annotated[list[float] | None, several(f"Step, s, that divides {PERIOD:g} s", "0.001 to 0.1")] = None,
-    tolerance: Annotated[list[float] | None, several("Tolerance of the adaptive method", "1e-3 to 1e-10")] = None,
+    step: Annotated[
+        list[float] | None, several(f"Step, s, that divides {PERIOD:g} s", "0.001 to 0.1", "NUMBER")
+    ] = None,
+    tolerance: Annotated[
+        list[float] | None, several("Tolerance of the adaptive method", "1e-3 to 1e-10", "NUMBER")
+    ] = None,
     seconds: Annotated[
         float | None, Option("--time", help=f"Simulated time, s, a multiple of {PERIOD:g} s. [default: {TIME:g}]")
     ] = None,

@@ -1,9 +1,10 @@
 """Commands of `uvms`, exit statuses and error lines."""
 
+import inspect
 import os
 import sys
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any
 
 import typer
 from typer import Option
@@ -25,21 +26,31 @@ from uvms_gym.cli.validate import validate
 #: Exit status of a command that was interrupted.
 INTERRUPTED = 130
 
+# Help as plain text: Rich takes [default: ...] for markup, and cuts words that are longer than its narrow column.
+_PLAIN: dict[str, Any] = {"no_args_is_help": True, "rich_markup_mode": None}
 app = typer.Typer(
     name="uvms",
     help="Simulate, reproduce, compare and measure: underwater vehicle-manipulator systems.\n\n"
     "Lists are given by repeating an option (--scene a --scene b); commas separate the entries of one vector (X,Y,Z).",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    **_PLAIN,
 )
-for command in (reproduce, compare, verify, disturbances, play, train, validate, fit, accuracy, hard_cases, bench):
-    app.command()(command)
-scenes.app.command()(explain)
-scenes.app.command()(robots.template)
-scenes.app.command()(robots.estimate)
-scenes.app.command("import")(robots.import_arm)
-app.add_typer(scenes.app, name="scenes")
+scenes_app = typer.Typer(help="List, show, check and explain scenes.", **_PLAIN)
+
+
+def _register(group: typer.Typer, *commands: Callable[..., Any], **named: Callable[..., Any]) -> None:
+    """Add commands; their lines in the group's help are whole first paragraphs, which Typer would cut."""
+    for name, command in [*((None, command) for command in commands), *named.items()]:
+        first = inspect.getdoc(command) or ""
+        group.command(name, short_help=" ".join(first.split("\n\n")[0].split()))(command)
+
+
+_register(app, reproduce, compare, verify, disturbances, play, train, validate, fit, accuracy, hard_cases, bench)
+_register(scenes_app, list=scenes.list_scenes)
+_register(scenes_app, scenes.show, scenes.check, explain, robots.template, robots.estimate)
+_register(scenes_app, **{"import": robots.import_arm})
+app.add_typer(scenes_app, name="scenes")
 
 
 def _print_version(wanted: bool) -> None:

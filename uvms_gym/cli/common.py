@@ -20,9 +20,9 @@ import uvms_gym
 T = TypeVar("T")
 
 
-def several(text: str, default: str = "all", **options: Any) -> Any:
+def several(text: str, default: str = "all", metavar: str = "NAME", **options: Any) -> Any:
     """Make an option that may be repeated, with its default in the help."""
-    return Option(help=f"{text}; may be repeated. [default: {default}]", **options)
+    return Option(help=f"{text}; may be repeated. [default: {default}]", metavar=metavar, **options)
 
 
 Scene = Annotated[str, Option(help="Scene: name or TOML file.")]

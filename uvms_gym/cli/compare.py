@@ -48,13 +48,17 @@ def compare(
     disturbance: Annotated[
         list[str] | None,
         Option(
-            help="Level of disturbances, such as storm, in place of the environment's; may be repeated. "
-            "`uvms disturbances` lists them."
+            metavar="NAME",
+            help="Level of disturbances, such as storm; `uvms disturbances` lists them; may be repeated. "
+            "[default: the environment's]",
         ),
     ] = None,
     current: Annotated[
         float | None,
-        Option(help=f"Greatest speed of the random current without a disturbance, 0 to {MOST_CURRENT:g} m/s."),
+        Option(
+            help=f"Maximum speed of the random current without a disturbance, 0 to {MOST_CURRENT:g} m/s. "
+            "[default: the environment's]"
+        ),
     ] = None,
     action: Annotated[Literal["wrench", "thrusters"], Option(help="Commanded quantity of controllers.")] = "wrench",
     out: Out = Path("out/compare"),

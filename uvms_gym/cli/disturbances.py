@@ -34,7 +34,7 @@ LONGEST = 3600.0
 
 def disturbances(
     name: Annotated[
-        str | None, Argument(metavar="[NAME]", help="Level. [default: all, and the shape of each component]")
+        str | None, Argument(metavar="NAME", help="Level. [default: all, and the shape of each component]")
     ] = None,
     scene: Scene = "petasus-pum",
     seed: Annotated[int, Option(help="Seed of the episode.")] = 0,

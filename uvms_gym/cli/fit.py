@@ -42,7 +42,7 @@ def fit(
     ] = None,
     prior: Annotated[
         list[str] | None,
-        several("KEY=NUMBER, standard deviation of a prior, relative for positive quantities", "by quantity"),
+        several("Standard deviation of a prior, relative for positive quantities", "by quantity", "KEY=NUMBER"),
     ] = None,
     channel: Annotated[
         list[str] | None,

@@ -27,14 +27,15 @@ def template(out: File = None, force: Force = False) -> None:
 
 def estimate(
     outline: Annotated[
-        Path | None, Argument(metavar="[FILE]", help="TOML file of shapes: see `help(uvms_gym.estimate)`.")
+        Path | None, Argument(metavar="FILE", help="TOML file of shapes: see `help(uvms_gym.estimate)`.")
     ] = None,
     box: Annotated[list[str] | None, _shapes("X,Y,Z", "Edges, m, and placement")] = None,
     cylinder: Annotated[list[str] | None, _shapes("RADIUS,LENGTH[,AXIS]", "m; axis x (default), y or z")] = None,
     capsule: Annotated[list[str] | None, _shapes("RADIUS,LENGTH[,AXIS]", "Length without its half spheres")] = None,
     ellipsoid: Annotated[list[str] | None, _shapes("A,B,C", "Semi-axes, m")] = None,
     perforation: Annotated[
-        str | None, Option(metavar="P[,P,P]", help="Open part of the faces, 0 to 0.5, of all axes or each.")
+        str | None,
+        Option(metavar="P[,P,P]", help="Open part of the faces, 0 to 0.5, of all axes or each. [default: 0]"),
     ] = None,
     solidity: Annotated[
         str | None, Option(metavar="S[,S,S]", help="Damping over that of the closed shape. [default: 1 - perforation]")

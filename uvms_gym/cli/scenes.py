@@ -11,8 +11,6 @@ from uvms_gym.cli.common import check_range, console, fail, prepare, read_scene
 from uvms_gym.cli.output import Json, table, write_json
 from uvms_gym.studies.numerics import bodies
 
-app = typer.Typer(help="List, show, check and explain scenes.", no_args_is_help=True)
-
 Scene = Annotated[str, Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
 
 Speed = Annotated[
@@ -33,7 +31,6 @@ DEFAULT = ("mk4", 0.01)
 STEPS = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 
-@app.command("list")
 def list_scenes() -> None:
     """List the shipped scenes."""
     rows = []
@@ -44,7 +41,6 @@ def list_scenes() -> None:
     table("Scenes", ("name", "description", "DoF", "joints", "thrusters"), rows, text_columns=2)
 
 
-@app.command()
 def show(scene: Scene, json_file: Json = None) -> None:
     """Show a scene's bodies, joints, thrusters, fastest modes and the sources of its numbers."""
     loaded = read_scene(scene)
@@ -72,7 +68,6 @@ def show(scene: Scene, json_file: Json = None) -> None:
         write_json(json_file, loaded)
 
 
-@app.command()
 def check(
     scene: Scene,
     speed: Speed = None,

@@ -64,7 +64,10 @@ def train(
         ),
     ] = None,
     conf_file: Annotated[
-        Path | None, Option("-conf", "--conf-file", metavar="FILE", help="Hyperparameters, rl_zoo3's YAML.")
+        Path | None,
+        Option(
+            "-conf", "--conf-file", metavar="FILE", help="Hyperparameters, rl_zoo3's YAML. [default: the package's]"
+        ),
     ] = None,
     eval_freq: Annotated[
         int | None, Option(help="Steps between evaluations; negative: only at the end. [default: a tenth of all]")
