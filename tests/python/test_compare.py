@@ -417,7 +417,6 @@ def test_numbers_are_written_to_the_digits_that_their_intervals_leave() -> None:
 def test_controllers_are_told_apart_by_colours() -> None:
     colours = plots.colours([*registry.names("station-keep")])
     assert len(set(colours.values())) == len(colours)
-    assert plots.short_name("mlp:a/b/own.safetensors") == "own"
 
 
 def test_results_without_their_numbers_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

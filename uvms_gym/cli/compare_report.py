@@ -12,7 +12,7 @@ from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS, SETTLED
 from uvms_gym.studies.comparison.plots import Results, controllers_of
 from uvms_gym.studies.comparison.statistics import Estimate
 from uvms_gym.studies.comparison.study import Comparison
-from uvms_gym.studies.comparison.summary import Summary, baselines, closed_share, is_learned
+from uvms_gym.studies.comparison.summary import Summary, baselines, closed_share, is_learned, short_names
 
 _ERRORS = [name for name, metric in METRICS.items() if metric.error]
 _COSTS = ("power", "saturation", "variation", "recovery", "within", "success", "diverged")
@@ -29,25 +29,35 @@ NOTES = (
 
 def print_detail(comparison: Comparison, summary: Summary) -> None:
     """Print all statistics of a comparison."""
-    names = list(summary.controllers)
+    names, short = list(summary.controllers), short_names(summary.controllers)
     episodes = next(iter(summary.controllers.values()))["episodes"]
     console.rule(f"{comparison.condition.name}: {episodes} episodes", style="dim")
     _margins(summary, names)
     _overview(summary, names)
-    rows = [(name, *(cell for metric in _ERRORS[1:] for cell in _with_p95(summary, name, metric))) for name in names]
+    rows = [
+        (short[name], *(cell for metric in _ERRORS[1:] for cell in _with_p95(summary, name, metric))) for name in names
+    ]
     header = [word for metric in _ERRORS[1:] for word in (METRICS[metric].label, "p95")]
     table("Errors, whole episode", ("controller", *header), rows)
-    rows = [(name, *(_mean(summary, name, metric) for metric in _COSTS)) for name in names]
+    rows = [(short[name], *(_mean(summary, name, metric) for metric in _COSTS)) for name in names]
     table("Power and outcomes, whole episode", ("controller", *(METRICS[m].label for m in _COSTS)), rows)
     shown = (*_ERRORS, "power")
-    rows = [(name, *(_mean(summary, name, metric, "settled") for metric in shown)) for name in names]
+    rows = [(short[name], *(_mean(summary, name, metric, "settled") for metric in shown)) for name in names]
     table(f"After {SETTLED:g} s", ("controller", *(METRICS[metric].label for metric in shown)), rows)
     own = [name for name in baselines(names) if summary.controllers[name]["origin"].get("tuned", 0) is None]
     if own:
-        line(f"not tuned, default gains: {', '.join(own)}")
+        line(f"not tuned, default gains: {', '.join(short[name] for name in own)}")
     for reason in dict.fromkeys(comparison.missing.values()):
         line(f"{reason}: {', '.join(name for name, found in comparison.missing.items() if found == reason)}")
+    print_files(names)
     console.print()
+
+
+def print_files(names: Sequence[str]) -> None:
+    """Print the whole names of controllers from files, which tables shorten."""
+    for name, short in short_names(names).items():
+        if short != name:
+            line(f"{short}: {name}")
 
 
 def _margins(summary: Summary, names: Sequence[str]) -> None:
@@ -57,19 +67,19 @@ def _margins(summary: Summary, names: Sequence[str]) -> None:
     others = [name for name in baselines(names) if contenders != [name]]
     if not contenders or not others:
         return
-    rows = []
+    rows, short = [], short_names(names)
     for other in others:
         ratios = summary.against[other]
         cells = ["" if name == other else percent(ratios[name][HEADLINE]["whole"]["ratio"]) for name in contenders]
-        rows.append((f"against {other}", *cells))
-    table("Pose error relative to classical controllers", ("", *contenders), rows)
+        rows.append((f"against {short[other]}", *cells))
+    table("Pose error relative to classical controllers", ("", *(short[name] for name in contenders)), rows)
 
 
 def _overview(summary: Summary, names: Sequence[str]) -> None:
-    first = summary.baseline
+    first, short = summary.baseline, short_names(names)
     rows = []
     for name in names:
-        row = [name, *_with_p95(summary, name, HEADLINE)]
+        row = [short[name], *_with_p95(summary, name, HEADLINE)]
         if name != first:
             ratios = summary.against[first][name]
             pose = ratios[HEADLINE]["whole"]
@@ -82,17 +92,17 @@ def _overview(summary: Summary, names: Sequence[str]) -> None:
         else:
             row += ["", "", "1", "1", "1"]
         rows.append(row)
-    header = ["controller", METRICS[HEADLINE].label, "p95, mm", f"against {first}", "P(better)"]
-    header += [f"{cost} / {first}" for cost in ("p95", "power", "variation")]
+    header = ["controller", METRICS[HEADLINE].label, "p95, mm", f"against {short[first]}", "P(better)"]
+    header += [f"{cost} / {short[first]}" for cost in ("p95", "power", "variation")]
     bounds = [name for name in names if is_bound(name)]
     if bounds:
         header.append("of the gap")
-        for row in rows:
-            share = closed_share(summary, row[0])
+        for name, row in zip(names, rows, strict=True):
+            share = closed_share(summary, name)
             row.append("" if share is None else f"{100.0 * share:.0f} %")
     table("Pose error and its costs", header, rows)
     if bounds:
-        line(f"of the gap: share of the gap between {first} and the best bound that a controller closes;")
+        line(f"of the gap: share of the gap between {short[first]} and the best bound that a controller closes;")
         line(f"bounds, shown the true, present state: {', '.join(bounds)}")
 
 
@@ -122,21 +132,24 @@ def print_across(group: str, results: Results) -> None:
             else:
                 row.append(comparison.missing.get(name, "-"))
         rows.append(row)
-    table(f"Pose error, {METRICS[HEADLINE].unit}, interquartile mean (* least)", ("", *names), rows)
+    table(
+        f"Pose error, {METRICS[HEADLINE].unit}, interquartile mean (* least)", ("", *short_names(names).values()), rows
+    )
     header = ("", "condition", "least", "second", "margin", "best learned against best classical")
     table("Winners and margins", header, [_verdict(*result) for result in results], text_columns=4)
+    print_files(names)
 
 
 def _verdict(comparison: Comparison, summary: Summary) -> list[str]:
-    learned, classical = best(summary)
+    (learned, classical), short = best(summary), short_names(summary.controllers)
     condition = comparison.condition
     margin = percent(summary.margin) if summary.margin is not None else ""
     duel = ""
     if learned is not None and classical is not None:
         ratio = summary.against[classical][learned][HEADLINE]["whole"]["ratio"]
-        duel = f"{learned} {percent(ratio)} {classical}"
+        duel = f"{short[learned]} {percent(ratio)} {short[classical]}"
     description = DEPARTURES[condition.departure].summary
-    return [condition.label, description, summary.winner, summary.runner_up or "", margin, duel]
+    return [condition.label, description, short[summary.winner], short.get(summary.runner_up or "", ""), margin, duel]
 
 
 def best(summary: Summary) -> tuple[str | None, str | None]:

@@ -16,17 +16,43 @@ Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for pictures (
 Json = Annotated[Path | None, Option("--json", metavar="FILE", help="File for all numbers as JSON.")]
 
 
+#: Blanks between columns, share of a line for the first columns beside numbers, and the longest unbroken cell.
+_GAP, _SHARE, _CELL = 2, 0.5, 40
+
+
 def table(title: str, header: Sequence[str], rows: Iterable[Sequence[Any]], text_columns: int = 1) -> None:
-    """Print a table; all but the first columns hold numbers."""
+    """Print a table; all but the first columns hold numbers.
+
+    No number is broken: columns that do not fit beside the others follow below, under the first columns again.
+    """
     console.print(title, style="bold", markup=False)
-    drawn = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
-    for i, name in enumerate(header):
-        justify: Literal["left", "right"] = "left" if i < text_columns else "right"
-        drawn.add_column(name, justify=justify, overflow="fold", no_wrap=i == 0 and text_columns == 1)
-    for row in rows:
-        drawn.add_row(*(escape(str(cell)) for cell in row))
-    console.print(drawn)
-    console.print()
+    cells = [[str(cell) for cell in row] for row in rows]
+    columns = [[row[i] for row in cells] for i in range(len(header))]
+    first, numbers = range(text_columns), range(text_columns, len(header))
+    whole = [max(map(len, [name, *column])) for name, column in zip(header, columns)]
+    fits = sum(whole) + _GAP * (len(header) - 1) <= console.width
+    # Headers are broken between words where that helps.
+    widths = whole if fits else [max(map(len, [*c, *name.split()]), default=0) for name, c in zip(header, columns)]
+    for i in numbers if not fits else ():
+        words = [word for text in (header[i], *columns[i]) for word in text.split()]
+        widths[i] = min(widths[i], max(_CELL, *map(len, words), 0))
+    while numbers and not fits and sum(widths[i] + _GAP for i in first) > _SHARE * console.width:
+        widths[max(first, key=lambda i: widths[i])] -= 1
+    free = console.width - sum(widths[i] + _GAP for i in first) + _GAP
+    blocks: list[list[int]] = [[]]
+    for i in numbers:
+        if blocks[-1] and sum(widths[k] + _GAP for k in (*blocks[-1], i)) > free:
+            blocks.append([])
+        blocks[-1].append(i)
+    for block in blocks:
+        drawn = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True)
+        for i in (*first, *block):
+            justify: Literal["left", "right"] = "left" if i < text_columns else "right"
+            drawn.add_column(escape(header[i]), justify=justify, overflow="fold", width=widths[i] if block else None)
+        for row in cells:
+            drawn.add_row(*(escape(row[i]) for i in (*first, *block)))
+        console.print(drawn)
+        console.print()
 
 
 def say(text: str) -> None:

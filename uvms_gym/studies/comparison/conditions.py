@@ -178,7 +178,8 @@ def make_conditions(
     Raises
     ------
     ValueError
-        An environment, a disturbance or a departure is unknown, or the environment is of another kind.
+        An environment, a disturbance or a departure is unknown, the environment is of another kind, or two files of
+        scenes have the same name.
     """
     for name in levels:
         if name not in disturbance_levels():
@@ -196,6 +197,9 @@ def make_conditions(
                 if level is not None:
                     base["disturbance"] = level
                 found += [_condition(env, scene, level, departure, base, steps) for departure in departures]
+    for condition in found:
+        if len(alike := {one.scene for one in found if one.name == condition.name}) > 1:
+            raise ValueError(f"scenes {' and '.join(sorted(alike))} have the same name; rename one of the files")
     return found
 
 

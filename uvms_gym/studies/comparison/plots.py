@@ -9,7 +9,7 @@ import numpy as np
 from uvms_gym.controllers.registry import FAMILIES, is_bound
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.study import Comparison
-from uvms_gym.studies.comparison.summary import Summary, is_learned
+from uvms_gym.studies.comparison.summary import Summary, is_learned, short_names
 from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
 
 if TYPE_CHECKING:
@@ -40,11 +40,6 @@ def colours(names: Sequence[str]) -> dict[str, str]:
     return {name: found.get(name, _NONE) for name in names}
 
 
-def short_name(name: str) -> str:
-    """Name of a controller; of a policy file without folder and suffix."""
-    return name.rsplit("/", 1)[-1].removesuffix(".safetensors")
-
-
 def plot_bars(path: Path, results: Results) -> None:
     """Every metric of every controller with its interval, and 95th percentiles of the errors, by comparison."""
     from matplotlib.lines import Line2D
@@ -68,8 +63,8 @@ def plot_bars(path: Path, results: Results) -> None:
 
 
 def _bars(axes: "Axes", summary: Summary, metric: str) -> None:
-    names, description = list(summary.controllers), METRICS[metric]
-    colour = colours(names)
+    names, description = short_names(summary.controllers), METRICS[metric]
+    colour = colours(list(names))
     for k, name in enumerate(names):
         estimates = summary.controllers[name]["metrics"][metric]["whole"]
         value, low, high = (description.scale * x for x in estimates.get("iqm", estimates.get("mean")))
@@ -80,9 +75,9 @@ def _bars(axes: "Axes", summary: Summary, metric: str) -> None:
             tail = description.scale * estimates["p95"].value
             axes.plot(tail, k, "D", color="#333333", mfc="white", markersize=4.5)
     axes.set(title=description.label, ylim=(len(names) - 0.4, -0.6))
-    axes.set_yticks(range(len(names)), [short_name(name) for name in names])
+    axes.set_yticks(range(len(names)), list(names.values()))
     for label in axes.get_yticklabels():
-        label.set_fontweight("bold" if label.get_text() == short_name(summary.winner) else "normal")
+        label.set_fontweight("bold" if label.get_text() == names[summary.winner] else "normal")
     axes.grid(axis="y", visible=False)
     axes.set_axisbelow(True)
     axes.set_xlim(left=0.0)
@@ -114,7 +109,7 @@ def plot_profiles(path: Path, results: Results) -> None:
     legend = 0.2 * -(-len(names) // across)
     with picture(path, max(8.0, 4.6 * columns), 3.5 * rows + 0.5 + legend) as figure:
         grid = figure.subplots(rows, columns, squeeze=False, sharey=True)
-        colour = colours(names)
+        colour, short = colours(names), short_names(names)
         handles: dict[str, Any] = {}
         classical = [name for name in names if not is_learned(name)]
         for axes, (comparison, summary) in zip(grid.flat, results, strict=False):
@@ -124,7 +119,7 @@ def plot_profiles(path: Path, results: Results) -> None:
                 style = "-" if learned else _LINES[classical.index(name) % len(_LINES)]
                 value, low, high = (100.0 * shares for shares in profile)
                 weight: Any = {"lw": 2.2, "zorder": 3} if learned else {"lw": 1.3, "zorder": 2}
-                (line,) = axes.plot(taus, value, style, color=colour[name], label=short_name(name), **weight)
+                (line,) = axes.plot(taus, value, style, color=colour[name], label=short[name], **weight)
                 axes.fill_between(taus, low, high, color=colour[name], alpha=0.22, linewidth=0.0)
                 handles.setdefault(name, line)
             axes.set_xscale("log")
@@ -164,6 +159,7 @@ def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
     families = {label: [name for name in members if name in names] for label, members in FAMILIES.items()}
     families = {label: members for label, members in families.items() if len(members) > 1}
     family = {name: label for label, members in families.items() for name in members}
+    short = short_names(names)
 
     def estimate(name: str, metric: str) -> list[float]:
         return [METRICS[metric].scale * x for x in summary.controllers[name]["metrics"][metric]["whole"]["iqm"]]
@@ -176,7 +172,7 @@ def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
             x, y, yerr=[[max(0.0, y - low)], [max(0.0, high - y)]], fmt="o", ms=4.5, color=colour, capsize=2.5
         )
         if name not in family:
-            axes.annotate(short_name(name), (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
+            axes.annotate(short[name], (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
     for label, members in families.items():
         points = sorted((estimate(name, cost)[0], estimate(name, HEADLINE)[0]) for name in members)
         axes.plot(*np.transpose(points), color=_FAMILY[label], lw=1.2, label=label)
@@ -231,7 +227,7 @@ def _heat(axes: "Axes", results: Results) -> Any:
                 corner = (column - 0.47, row - 0.45)
                 axes.add_patch(Rectangle(corner, 0.94, 0.9, fill=False, edgecolor="black", linewidth=1.8))
     image = axes.imshow(np.clip(ratios, -2.0, 2.0), cmap="RdBu_r", vmin=-2.0, vmax=2.0, aspect="auto")
-    axes.set_xticks(range(len(names)), [short_name(name) for name in names], rotation=0)
+    axes.set_xticks(range(len(names)), list(short_names(names).values()), rotation=0)
     axes.set_yticks(range(len(results)), [comparison.condition.label for comparison, _ in results])
     axes.xaxis.tick_top()
     axes.tick_params(length=0)

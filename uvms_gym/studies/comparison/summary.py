@@ -1,6 +1,7 @@
 """Statistics of a comparison: every controller, and every controller relative to the classical ones."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -66,6 +67,17 @@ class _Statistics(NamedTuple):
 def is_learned(name: str) -> bool:
     """True for a trained policy, and for a controller with one."""
     return name in LEARNED or name.startswith(MLP_PREFIX)
+
+
+def short_names(names: Iterable[str]) -> dict[str, str]:
+    """Names for tables and pictures: of a file without folder and suffix, with a number where two would be alike."""
+    shorts = {name: name.rsplit("/", 1)[-1].removeprefix(MLP_PREFIX).removesuffix(".safetensors") for name in names}
+    alike, numbers = Counter(shorts.values()), Counter[str]()
+    for name, short in shorts.items():
+        if short != name and alike[short] > 1:
+            numbers[short] += 1
+            shorts[name] = f"{short} {numbers[short]}"
+    return shorts
 
 
 def closed_share(summary: Summary, name: str) -> float | None:
