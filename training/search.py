@@ -1,7 +1,6 @@
-"""Search by CMA-ES in the logarithms of positive numbers, in growing ranges; atomic files."""
+"""Search by CMA-ES in the logarithms of positive numbers, in growing ranges; files."""
 
 import json
-import os
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,6 +9,8 @@ from typing import Any
 import cma
 import numpy as np
 from numpy.typing import NDArray
+
+from uvms_gym import _files
 
 Floats = NDArray[np.float64]
 
@@ -120,21 +121,21 @@ def search(
 
 
 def write(path: Path, data: dict[str, Any]) -> None:
-    """Write JSON atomically, each list of numbers on one line."""
+    """Write JSON, each list of numbers on one line."""
     text = json.dumps(data, indent=1, allow_nan=False)
     text = re.sub(
         r"\[[^][{}\"]*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]).replace("[ ", "[").replace(" ]", "]"), text
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    part.write_text(text + "\n")
-    os.replace(part, path)
+    _files.write(path, text + "\n")
 
 
 def store(file: Path, name: str, gains: dict[str, Any], record: dict[str, Any]) -> None:
     """Replace a controller's entry in `gains.json`; the others stay."""
-    known = json.loads(file.read_text()) if file.exists() else {}
-    write(file, {**known, name: {"gains": gains, "tuning": record}})
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with _files.lock(file.parent, wait=True):
+        known = json.loads(file.read_text()) if file.exists() else {}
+        write(file, {**known, name: {"gains": gains, "tuning": record}})
 
 
 def rounded(x: float) -> float:

@@ -1,6 +1,10 @@
 """`uvms compare` and `uvms verify`: conditions, episodes, statistics, and files."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +15,7 @@ from helpers import SMALL, layers, policy
 
 import uvms_gym
 from uvms_gym import MLP
+from uvms_gym._files import lock
 from uvms_gym.cli import compare_report, main
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison import conditions, contenders, plots, study, summary
@@ -441,3 +446,64 @@ def test_results_without_their_numbers_are_refused(tmp_path: Path, capsys: pytes
         assert main(["verify", str(file)]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert f"{file} holds no results of uvms compare" in line
+
+
+def test_a_stopped_comparison_goes_on_with_the_controllers_that_are_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_one, ran = study.run, []
+
+    def stopped(envs: Any, condition: Any, contender: Any, *rest: Any) -> Any:
+        if contender.name == "pid" and "pid" not in ran:
+            ran.append("pid")
+            # Clusters send it.
+            signal.raise_signal(signal.SIGTERM)
+        ran.append(contender.name)
+        return run_one(envs, condition, contender, *rest)
+
+    given = ["compare", "--scene", SMALL, *THREE, "--episodes", "4"]
+    for name in ("plot_bars", "plot_profiles"):
+        monkeypatch.setattr(plots, name, lambda *arguments: None)
+    whole = compared(tmp_path / "whole", *given[1:])
+    monkeypatch.setattr(study, "run", stopped)
+    out = ["--out", str(tmp_path / "out")]
+    assert main([*given, *out]) == 130
+    assert ran == ["none", "pd", "pid"]
+    assert "the same command goes on" in capsys.readouterr().err
+    assert main([*given, *out, "--seed", "6"]) == 2
+    refused = capsys.readouterr().err
+    assert refused.count("\n") == 1 and "seed is 0 there, 6 here" in refused
+    ran[:] = ["pid"]
+    assert main([*given, *out]) == 0
+    assert ran == ["pid", "pid"]
+    again = json.loads((tmp_path / "out/compare.json").read_text())
+    for found in (whole, again):
+        for entry in found["results"][0]["controllers"].values():
+            entry.pop("seconds")
+    assert again["results"] == whole["results"]
+    # Nothing is kept of a run that has ended, and other settings are welcome.
+    assert not (tmp_path / "out/unfinished").exists()
+    assert main([*given, *out, "--seed", "6"]) == 0
+
+
+def test_two_runs_do_not_share_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with lock(tmp_path):
+        assert main(["compare", "--scene", SMALL, *THREE, "--episodes", "2", "--out", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert f"{tmp_path} is in use by another run of uvms" in told and told.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("output", ["pipe", "full"])
+def test_files_are_whole_where_the_output_is_not_read(output: str, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "uvms_gym", "compare", "--scene", SMALL, *THREE, "--episodes", "2"]
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open("/dev/full", "wb") as full:
+        stdout = writing if output == "pipe" else full
+        ended = subprocess.run([*command, "--out", str(tmp_path)], stdout=stdout, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    told = "" if output == "pipe" else "uvms: output: No space left on device\n"
+    assert (ended.returncode, ended.stderr) == (0 if output == "pipe" else 2, told)
+    assert {file.name for file in tmp_path.iterdir()} == {"compare.json", "scores.npz", "compare.png", "profiles.png"}
+    assert json.loads((tmp_path / "compare.json").read_text())["results"]

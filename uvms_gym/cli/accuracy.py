@@ -12,8 +12,8 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym.cli import certificate
-from uvms_gym.cli.common import check_list, check_range, fail, prepare, progress, read_scene, several, user_errors
-from uvms_gym.cli.output import Json, Out, say, table, write_results
+from uvms_gym.cli.common import check_list, check_range, fail, hold, prepare, progress, read_scene, several, user_errors
+from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
 from uvms_gym.studies.accuracy import conservation, plots, study, work_precision
 from uvms_gym.studies.accuracy.driven_motion import CURRENT, LEAD, PERIOD
 from uvms_gym.studies.accuracy.study import BASELINE, STEP, TIME
@@ -107,6 +107,7 @@ def accuracy(
     }
     loaded = {name: read_scene(name) for name in arguments["scene"]}
     prepare(out, json_file, FILES)
+    hold(out)
     begun = time.perf_counter()
     settings = work_precision.settings(*(arguments[key] for key in ("integrator", "step", "tolerance")))
     run = {key: arguments[key] for key in ("episodes", "seed", "repeats")} | {"seconds": seconds}
@@ -116,6 +117,14 @@ def accuracy(
             task = bar.add_task(str(loaded_scene["name"]), total=study.ticks(settings, arguments["repeats"]))
             with user_errors(f"{name}: "):
                 results[name] = study.study_scene(loaded_scene, settings, **run, tick=partial(bar.advance, task))
+        spent = time.perf_counter() - begun
+        criteria = study.criteria(results, arguments["time"])
+        data = {
+            "circumstances": circumstances("accuracy", arguments) | {"seconds": spent},
+            "results": results,
+            "criteria": criteria,
+        }
+        write_results(out, FILES, json_file, data)
         bar.add_task("pictures", total=None)
         with user_errors(verb="write"):
             plots.plot_work_precision(out / "accuracy.png", results, seconds)
@@ -123,17 +132,10 @@ def accuracy(
     for name, result in results.items():
         _print(name, result, arguments)
     _print_summary(results)
-    criteria = study.criteria(results, arguments["time"])
     if criteria:
         rows = [(what, found, bound, "met" if met else "MISSED") for what, found, bound, met in criteria]
         table("Criteria", ("criterion", "found", "bound", ""), rows)
-    spent = time.perf_counter() - begun
-    data = {
-        "circumstances": circumstances("accuracy", arguments) | {"seconds": spent},
-        "results": results,
-        "criteria": criteria,
-    }
-    write_results(out, FILES, json_file, data, f" ({spent:.0f} s)")
+    name_files(out, FILES, f" ({spent:.0f} s)")
 
 
 def _print(name: str, result: dict[str, Any], arguments: dict[str, Any]) -> None:

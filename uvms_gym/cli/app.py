@@ -1,9 +1,11 @@
 """Commands of `uvms`, exit statuses and error lines."""
 
 import inspect
-import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -13,6 +15,7 @@ from uvms_gym import __version__
 from uvms_gym.cli import robots, scenes
 from uvms_gym.cli.accuracy import accuracy
 from uvms_gym.cli.bench import bench
+from uvms_gym.cli.common import console, held
 from uvms_gym.cli.compare import compare, verify
 from uvms_gym.cli.disturbances import disturbances
 from uvms_gym.cli.explain import explain
@@ -71,7 +74,8 @@ def _common(
 def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: str = "uvms") -> int:
     """Run a command; a user error is one line on stderr. Returns the exit status."""
     try:
-        status = app(args=arguments, prog_name=name, standalone_mode=False)
+        with held, _terminable():
+            status = app(args=arguments, prog_name=name, standalone_mode=False)
         sys.stdout.flush()
         if status == INTERRUPTED:
             # Typer's status for Ctrl-C.
@@ -85,7 +89,28 @@ def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: st
         print(f"{name}: interrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:
-        # Python flushes stdout once more at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        console.on_broken_pipe()
         return 0
+    except OSError as error:
+        # A full disk behind `> FILE`: all files are written before.
+        print(f"{name}: {error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
+        console.on_broken_pipe()
+        return 2
     return status if isinstance(status, int) else 0
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM, which clusters and shells send, acts as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    usual = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, usual)

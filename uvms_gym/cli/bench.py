@@ -13,8 +13,8 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym.cli import bench_report
-from uvms_gym.cli.common import check_list, check_range, fail, prepare, progress, read_scene, several, user_errors
-from uvms_gym.cli.output import Json, Out, write_results
+from uvms_gym.cli.common import check_list, check_range, fail, hold, prepare, progress, read_scene, several, user_errors
+from uvms_gym.cli.output import Json, Out, name_files, write_results
 from uvms_gym.studies.records import circumstances
 from uvms_gym.studies.speed import derivatives, environment, equal_error, learning, peers, physics, timing
 from uvms_gym.studies.speed.plots import plot_speed
@@ -108,6 +108,7 @@ def bench(
         if sb3:
             timing.require("stable_baselines3", "stable-baselines3", "train")
     prepare(out, json_file, FILES)
+    hold(out)
     begun, load = time.perf_counter(), os.getloadavg()
     results: dict[str, Any] = {}
     with progress() as bar:
@@ -123,12 +124,13 @@ def bench(
         results["parameters"] = physics.parameter_costs(results["physics"])
         vector = results.get("environment", {}).get("vector", [])
         results["threads"] = physics.thread_speedups(results["physics"], vector, _many(arguments))
+        run = circumstances("bench", arguments)
+        run |= {"seconds": time.perf_counter() - begun, "load": {"before": load, "after": os.getloadavg()}}
+        write_results(out, FILES, json_file, {"circumstances": run, "results": results})
         with user_errors(verb="write"):
             plot_speed(out / FILES[1], results, _many(arguments))
-    run = circumstances("bench", arguments)
-    run |= {"seconds": time.perf_counter() - begun, "load": {"before": load, "after": os.getloadavg()}}
     bench_report.print_all(results, run)
-    write_results(out, FILES, json_file, {"circumstances": run, "results": results}, f" ({run['seconds']:.0f} s)")
+    name_files(out, FILES, f" ({run['seconds']:.0f} s)")
 
 
 def _sections(

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, read_scene, user_errors
-from uvms_gym.cli.output import say, table, write_results
+from uvms_gym.cli.common import check_list, check_range, fail, hold, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.output import name_files, say, table, write_results
 from uvms_gym.studies.accuracy import certificate, episodes, plots
 from uvms_gym.studies.accuracy.certificate import LIMITS, SHARE, UNITS
 from uvms_gym.studies.accuracy.episodes import Case, Configuration, Frame
@@ -65,6 +65,7 @@ def certify(
                 about = episodes.frame(case)
             cases[title] = case, about, _configurations(title, about, chosen)
     prepare(out, json_file, FILES)
+    hold(out)
     begun = time.perf_counter()
     results: dict[str, Any] = {}
     with progress() as bar:
@@ -72,15 +73,16 @@ def certify(
             task = bar.add_task(title, total=certificate.ticks(about, configurations))
             with user_errors(f"{title}: "):
                 results[title] = certificate.certify(case, configurations, tick=partial(bar.advance, task))
+        arguments = {"env": list(envs), "scene": list(scenes), **chosen, "episodes": count, "seed": seed}
+        spent = time.perf_counter() - begun
+        data = {"circumstances": circumstances("accuracy", arguments) | {"seconds": spent}, "results": results}
+        write_results(out, FILES, json_file, data)
         with user_errors(verb="write"):
             plots.plot_certificates(out / "certificate.png", results, LIMITS)
     for title, result in results.items():
         _print(title, result, all_steps=not any(chosen.values()))
     _print_notes(results)
-    arguments = {"env": list(envs), "scene": list(scenes), **chosen, "episodes": count, "seed": seed}
-    spent = time.perf_counter() - begun
-    data = {"circumstances": circumstances("accuracy", arguments) | {"seconds": spent}, "results": results}
-    write_results(out, FILES, json_file, data, f" ({spent:.0f} s)")
+    name_files(out, FILES, f" ({spent:.0f} s)")
 
 
 def _configurations(title: str, about: Frame, chosen: dict[str, Sequence[Any]]) -> list[Configuration]:

@@ -5,7 +5,7 @@ Lists are given by repeating an option (`--scene a --scene b`); commas separate 
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from typer import Option
 
 import uvms_gym
+from uvms_gym._files import lock
 
 T = TypeVar("T")
 
@@ -26,7 +27,18 @@ def several(text: str, default: str = "all", metavar: str = "NAME", **options: A
 
 
 Scene = Annotated[str, Option(help="Scene: name or TOML file.")]
-console = Console(highlight=False)
+
+
+class _Console(Console):
+    """Output whose reader may leave: the command goes on in silence, as its files are worth more."""
+
+    def on_broken_pipe(self) -> None:
+        self.quiet = True
+        # Python flushes once more at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), self.file.fileno())
+
+
+console = _Console(highlight=False)
 if not console.is_terminal:
     # Files and pipes have no width; the widest tables need this much.
     console.width = max(console.width, 120)
@@ -61,7 +73,8 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
     try:
         yield
     except OSError as error:
-        raise fail(f"cannot {verb} {error.filename}: {error.strerror or error}") from None
+        what = f"cannot {verb} {error.filename}: " if error.filename else place
+        raise fail(f"{what}{error.strerror or error}") from None
     except caught as error:
         # Gymnasium appends all arguments, whole scenes among them.
         reason = str(error).split(" was raised from the environment creator")[0]
@@ -84,7 +97,7 @@ def read_scene(scene: str) -> dict[str, Any]:
 def progress() -> Progress:
     """Make a transient progress bar on stderr, disabled where stderr is no terminal."""
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    terminal = Console(stderr=True)
+    terminal = _Console(stderr=True)
     return Progress(*columns, console=terminal, transient=True, disable=not terminal.is_terminal)
 
 
@@ -118,6 +131,24 @@ def check_list(option: str, values: Sequence[T] | None, default: Sequence[T]) ->
         if given.count(value) > 1:
             raise fail(f"{option} {value!r} is given twice")
     return given
+
+
+#: Folders that this command holds until it ends.
+held = ExitStack()
+
+
+def hold(folder: Path) -> None:
+    """Hold a folder until the command ends.
+
+    Raises
+    ------
+    TyperException
+        Another run of uvms holds it.
+    """
+    try:
+        held.enter_context(lock(folder))
+    except BlockingIOError:
+        raise fail(f"{folder} is in use by another run of uvms: wait for its end, or give another folder") from None
 
 
 def prepare(out: Path | None, json_file: Path | None, names: Iterable[str] = ()) -> None:

@@ -7,9 +7,21 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from typer import Argument, Option
 
+from uvms_gym._files import replacing
 from uvms_gym.cli import compare_report
-from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, read_scene, several, user_errors
-from uvms_gym.cli.output import Json, Out, say, write_results
+from uvms_gym.cli.common import (
+    check_list,
+    check_range,
+    fail,
+    hold,
+    line,
+    prepare,
+    progress,
+    read_scene,
+    several,
+    user_errors,
+)
+from uvms_gym.cli.output import Json, Out, name_files, say, write_results
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import DEPARTURES, DESIGN, make_conditions
@@ -19,6 +31,7 @@ from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
 from uvms_gym.studies.comparison.study import TOLERANCE, as_data, make_comparisons, run_all, scores_by_name
 from uvms_gym.studies.comparison.study import verify as run_again
 from uvms_gym.studies.comparison.summary import summarise
+from uvms_gym.studies.comparison.unfinished import Unfinished
 from uvms_gym.studies.records import circumstances
 
 #: Most episodes of a run: a typing error must not exhaust the memory.
@@ -66,7 +79,8 @@ def compare(
 ) -> None:
     """Compare controllers over paired seeded episodes.
 
-    Prints interquartile means with 95 % intervals, and writes pictures, compare.json and scores.npz to --out.
+    Prints interquartile means with 95 % intervals, and writes pictures, compare.json and scores.npz to --out. A stopped
+    run keeps its finished controllers in --out; the same command goes on with the others.
     """
     check_range("--episodes", episodes, 2, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
@@ -94,17 +108,29 @@ def compare(
     pictures = [*(["off-design.png"] if departing else []), *(["frontier.png"] if frontier else [])]
     files = ("compare.json", "scores.npz", "compare.png", "profiles.png", *pictures)
     prepare(out, json_file, files)
+    hold(out)
+    with user_errors(verb="write"):
+        unfinished = Unfinished(out, given | options, comparisons)
     scores: dict[str, Any] = {}
     results = []
-    with progress() as bar:
+    with progress() as bar, unfinished.told():
         work = sum(comparison.work for comparison in comparisons)
         task = bar.add_task("comparing", total=work)
-        for comparison in comparisons:
+        for number, comparison in enumerate(comparisons):
             bar.update(task, description=comparison.condition.label)
             with user_errors(f"{comparison.condition.env}: "):
-                runs = run_all(comparison, episodes, seed, lambda steps: bar.advance(task, steps))
+                kept = unfinished.of(number, comparison)
+                runs = run_all(comparison, episodes, seed, lambda steps: bar.advance(task, steps), kept)
             scores |= scores_by_name(comparison, runs)
             results.append((comparison, summarise(comparison.contenders, runs, seed)))
+        data = {
+            "circumstances": circumstances("compare", given | options),
+            "statistics": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": seed},
+            "results": [as_data(*result) for result in results],
+        }
+        with user_errors(verb="write"), replacing(out / "scores.npz") as file:
+            np.savez(file, **scores)
+        write_results(out, files, json_file, data)
         bar.update(task, description="pictures")
         groups: dict[str, list[Any]] = {}
         for result in results:
@@ -116,18 +142,13 @@ def compare(
                 plots.plot_frontier(out / "frontier.png", [members[0] for members in groups.values()])
             if departing:
                 plots.plot_departures(out / "off-design.png", groups)
-            np.savez(out / "scores.npz", **scores)
+            unfinished.remove()
     for group, members in groups.items():
         compare_report.print_detail(*members[0])
         if len(members) > 1:
             compare_report.print_across(group, members)
     say(compare_report.NOTES)
-    data = {
-        "circumstances": circumstances("compare", given | options),
-        "statistics": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": seed},
-        "results": [as_data(*result) for result in results],
-    }
-    write_results(out, files, json_file, data)
+    name_files(out, files)
 
 
 def verify(

@@ -3,10 +3,13 @@
 from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from uvms_gym._files import replacing
 
 Picture = NDArray[np.uint8]
 
@@ -31,14 +34,26 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
     first = next(pictures)
     height, width, _ = first.shape
-    options = {"quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
-    writer = imageio_ffmpeg.write_frames(str(path), (width, height), fps=rate, **options)
-    writer.send(None)
-    try:
-        for picture in chain([first], pictures):
-            writer.send(np.ascontiguousarray(picture))
-    finally:
-        writer.close()
+    options: dict[str, Any] = {"quality": 8, "macro_block_size": 2, "ffmpeg_log_level": "error"}
+    # The new file gets its suffix at the end.
+    options["output_params"] = ["-f", "mp4"]
+    with replacing(path) as file:
+        writer = imageio_ffmpeg.write_frames(file.name, (width, height), fps=rate, **options)
+        writer.send(None)
+        count = 0
+        try:
+            for picture in chain([first], pictures):
+                writer.send(np.ascontiguousarray(picture))
+                count += 1
+        finally:
+            writer.close()
+        # ffmpeg's status is not told: a full disk at the end would be missed.
+        try:
+            whole = imageio_ffmpeg.count_frames_and_secs(file.name)[0] == count
+        except RuntimeError:
+            whole = False
+        if not whole:
+            raise OSError("ffmpeg could not write all pictures; is the disk full?")
 
 
 def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
@@ -51,7 +66,9 @@ def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
             image = image.resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS)
             images.append(image.quantize(128, dither=Image.Dither.NONE))
     duration = round(1000.0 * every / rate)
-    images[0].save(path, save_all=True, append_images=images[1:], duration=duration, loop=0, optimize=True)
+    moving: dict[str, Any] = {"save_all": True, "append_images": images[1:], "duration": duration, "loop": 0}
+    with replacing(path) as file:
+        images[0].save(file, "gif", optimize=True, **moving)
 
 
 def _write_png(path: Path, pictures: Iterator[Picture], rate: float) -> None:
@@ -60,4 +77,5 @@ def _write_png(path: Path, pictures: Iterator[Picture], rate: float) -> None:
     image = Image.fromarray(last)
     # A dithered palette is small and looks like full colour.
     palette = image.quantize(256, Image.Quantize.MAXCOVERAGE)
-    image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(path, optimize=True)
+    with replacing(path) as file:
+        image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(file, "png", optimize=True)

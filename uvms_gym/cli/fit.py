@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from typer import Option
 
 import uvms_gym
+from uvms_gym._files import write
 from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, several, user_errors
 from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.cli.validate import Logs, Map, Period, Scene, print_means, print_trials, read_logs
@@ -88,10 +89,11 @@ def fit(
                 period=period,
                 report=report,
             )
-    _print(found)
     given: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "free": free, "hold_out": hold_out}
     given |= {"prior": priors, "channel": channels, "period": period}
     _write(written, found, data, name or out.stem, logs.resolve().name, circumstances("fit", given))
+    _print(found)
+    line(f"{out.parent}: {', '.join(file.name for file in written)}")
     return INTERRUPTED if found.solution.interrupted else int(not found.solution.converged)
 
 
@@ -142,9 +144,8 @@ def _write(
         heading + toml.dumps(files.fitted_map(found, data)),
         heading + "# 95 % intervals, for randomize= of environments.\n" + toml.dumps(files.ranges(fitted)),
     )
+    write_json(written[3], {"circumstances": about, **files.as_data(found)})
     with user_errors(verb="write"):
         for file, text in zip(written, texts):
-            file.write_text(text, encoding="utf-8")
+            write(file, text)
         plot_intervals(written[4], found)
-    write_json(written[3], {"circumstances": about, **files.as_data(found)})
-    line(f"{written[0].parent}: {', '.join(file.name for file in written)}")

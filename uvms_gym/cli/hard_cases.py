@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from uvms_gym.cli.common import prepare, progress, several, user_errors
-from uvms_gym.cli.output import Json, Out, say, table, write_results
+from uvms_gym.cli.common import hold, prepare, progress, several, user_errors
+from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
 from uvms_gym.studies.hard_cases.case import (
     BOUND,
     BOUND_FLOAT32,
@@ -39,14 +39,16 @@ def hard_cases(
     with user_errors():
         cases = select(case or ())
     prepare(out, json_file, FILES)
+    hold(out)
     with progress() as bar:
         task = bar.add_task("hard cases", total=len(cases) * len(methods()) * len(DTYPES))
         runs = run_all(cases, lambda: bar.advance(task))
-    _print(cases, runs)
-    with user_errors(verb="write"):
-        plot_hard_cases(out / FILES[1], cases, runs)
     data = {"circumstances": circumstances("hard-cases", {"case": case or []}), "results": as_data(cases, runs)}
     write_results(out, FILES, json_file, data)
+    with user_errors(verb="write"):
+        plot_hard_cases(out / FILES[1], cases, runs)
+    _print(cases, runs)
+    name_files(out, FILES)
     return int(any(run.verdict == "SILENT" for run in runs))
 
 

@@ -73,10 +73,15 @@ def write_json(path: Path, data: dict[str, Any]) -> None:
         records.write_json(path, data)
 
 
-def write_results(
-    out: Path, files: Sequence[str], json_file: Path | None, data: dict[str, Any], note: str = ""
-) -> None:
-    """Write data to the first of `files` in `out` and to `json_file`, and print the names of all files of the run."""
+def write_results(out: Path, files: Sequence[str], json_file: Path | None, data: dict[str, Any]) -> None:
+    """Write data to the first of `files` in `out` and to `json_file`.
+
+    Numbers before pictures, pictures before tables: a terminal or a pipe that closes loses no file.
+    """
     for path in {out / files[0], json_file or out / files[0]}:
         write_json(path, data)
+
+
+def name_files(out: Path, files: Sequence[str], note: str = "") -> None:
+    """Print the names of all files of the run."""
     line(f"{out}: {', '.join(files)}{note}")

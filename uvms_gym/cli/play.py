@@ -112,7 +112,7 @@ def play(
             else:
                 _film(out, shown, _run(shown, control, seed, steps), lambda: bar.advance(task))
         except OSError as error:
-            raise fail(f"cannot write {out}: {error.strerror or error}") from None
+            raise fail(f"cannot write {error.filename or out}: {error.strerror or error}") from None
     if shown.time < (steps - 0.5) * period:
         line(f"the episode ended after {shown.time:g} s")
     if plot is not None:

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from uvms_gym.cli.common import prepare, progress, user_errors
-from uvms_gym.cli.output import Json, Out, say, table, write_results
+from uvms_gym.cli.common import hold, prepare, progress, user_errors
+from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
 from uvms_gym.studies.paper import arm_motion, free_body, momentum, plots
 from uvms_gym.studies.records import circumstances
 
@@ -22,6 +22,7 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
     """
     files = ("reproduce.json", *PICTURES)
     prepare(out, json_file, files)
+    hold(out)
     samples = len(arm_motion.CASES) * round(arm_motion.TIME / arm_motion.STEP / arm_motion.STRIDE)
     intervals = 2 * len(momentum.STEPS) * round(momentum.TIME / momentum.INTERVAL)
     with progress() as bar:
@@ -34,6 +35,8 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
         results["momentum"] = momentum.momentum(lambda: bar.advance(task))
         task = bar.add_task("arm motion", total=samples)
         results["arm_motion"] = arm_motion.arm_motion(lambda: bar.advance(task))
+        data = {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
+        write_results(out, files, json_file, data)
         task = bar.add_task("pictures", total=None)
         with user_errors(verb="write"):
             _draw(out, results)
@@ -42,8 +45,7 @@ def reproduce(out: Out = Path("out/reproduce"), json_file: Json = None) -> None:
     _print_tumbling(results["tumbling"])
     _print_momentum(results["momentum"])
     _print_arm_motion(results["arm_motion"])
-    data = {"circumstances": circumstances("reproduce", {"out": out}), "results": results}
-    write_results(out, files, json_file, data)
+    name_files(out, files)
 
 
 def _draw(out: Path, results: dict[str, Any]) -> None:

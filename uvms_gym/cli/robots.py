@@ -6,6 +6,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 import uvms_gym
+from uvms_gym._files import write
 from uvms_gym.cli.common import console, fail, prepare, user_errors
 from uvms_gym.cli.output import Json, write_json
 from uvms_gym.robots import import_with_notes
@@ -116,7 +117,7 @@ def _write(text: str, out: Path | None, force: bool) -> None:
         raise fail(f"{out} exists: give another --out, or --force to overwrite it")
     prepare(None, out)
     with user_errors(verb="write"):
-        out.write_text(text)
+        write(out, text)
     console.print(f"wrote {out}", markup=False)
 
 

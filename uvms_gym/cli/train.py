@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import gymnasium
 from typer import Option
 
+from uvms_gym._files import write
 from uvms_gym.cli.common import check_range, fail, line, prepare, progress, user_errors
 from uvms_gym.studies.records import circumstances
 
@@ -231,7 +232,7 @@ def _run(
                 tell=tell,
             )
             if export is not None:
-                export.write_bytes(outcome.policy.read_bytes())
+                write(export, outcome.policy.read_bytes())
                 write_card(export.parent)
     rate = outcome.steps / outcome.seconds
     line(f"{outcome.steps} steps in {outcome.seconds:.0f} s ({rate:.0f} per second): {_line(outcome.evaluation)}")

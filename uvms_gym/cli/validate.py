@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym.cli.common import check_list, check_range, prepare, several, user_errors
-from uvms_gym.cli.output import Json, Out, say, table, write_results
+from uvms_gym.cli.common import check_list, check_range, hold, prepare, several, user_errors
+from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
 from uvms_gym.identification import Table
 from uvms_gym.identification import validate as run
 from uvms_gym.identification.recordings import CHANNELS, PERIOD
@@ -45,20 +45,22 @@ def validate(
     check_range("--period", period, 0.01, 1.0)
     read = read_logs(scene, logs, map_file, check_list("--trial", trial, []))
     prepare(out, json_file, FILES)
+    hold(out)
     with user_errors():
         found = run(scene, read, joints=joints, thrusters=thrusters, period=period)
+    arguments: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "trial": trial or []}
+    arguments |= {"joints": joints, "thrusters": thrusters, "period": period}
+    data = {"circumstances": circumstances("validate", arguments), "errors": found.table.as_data()}
+    write_results(out, FILES, json_file, data)
+    with user_errors(verb="write"):
+        plot_replays(out / FILES[1], found)
     print_means("RMS errors, mean over the trials", found.table)
     print_trials("Replay: RMS errors by trial", found.table, "replay")
     say(
         "constant: attitude and velocity of the start; balance: weight and buoyancy alone, at the logged arm; replay: "
         "the scene's dynamics. Every trial starts from the state that fits its first second."
     )
-    with user_errors(verb="write"):
-        plot_replays(out / FILES[1], found)
-    arguments: dict[str, Any] = {"scene": scene, "logs": logs, "map": map_file, "trial": trial or []}
-    arguments |= {"joints": joints, "thrusters": thrusters, "period": period}
-    data = {"circumstances": circumstances("validate", arguments), "errors": found.table.as_data()}
-    write_results(out, FILES, json_file, data)
+    name_files(out, FILES)
 
 
 def read_logs(scene: str, path: Path, map_file: Path, trials: Sequence[str] = ()) -> list[uvms_gym.Log]:

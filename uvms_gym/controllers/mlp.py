@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
+from uvms_gym._files import write
 from uvms_gym._task.options import native
 from uvms_gym.controllers.base import Controller, options_of
 
@@ -156,7 +157,7 @@ class MLP(Controller):
         OSError
             The file cannot be written.
         """
-        Path(file).write_bytes(self.native.to_bytes())
+        write(file, self.native.to_bytes())
 
     @property
     def sizes(self) -> list[int]:

@@ -5,6 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from uvms_gym._files import replacing
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -49,4 +51,5 @@ def picture(path: Path, width: float, height: float, dpi: float = 130, **style: 
     with mpl.rc_context(settings):
         figure = Figure(figsize=(width, height))
         yield figure
-        figure.savefig(path, dpi=dpi)
+        with replacing(path) as file:
+            figure.savefig(file, dpi=dpi, format=path.suffix.removeprefix(".").lower() or None)

@@ -13,6 +13,7 @@ import gymnasium
 import numpy as np
 
 import uvms_gym
+from uvms_gym._files import write
 
 
 def circumstances(command: str, arguments: dict[str, Any]) -> dict[str, Any]:
@@ -48,7 +49,7 @@ def write_json(path: Path, data: dict[str, Any]) -> None:
     OSError
         The file cannot be written.
     """
-    path.write_text(json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
+    write(path, json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
 
 
 def _plain(value: Any) -> Any:

@@ -1,7 +1,6 @@
 """Checkpoints of Stable-Baselines3's PPO with which runs resume bit-identically."""
 
 import io
-import os
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,8 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
+from uvms_gym._files import write
+
 #: Additional member of a model's file.
 _MEMBER = "continuation.npz"
 
@@ -18,7 +19,7 @@ _MEMBER = "continuation.npz"
 def save(model: PPO, venv: VecEnv, seconds: float, path: Path) -> None:
     """Write a model in the format of Stable-Baselines3, with environments, random generators and the time so far, s.
 
-    The file is written atomically. `stable_baselines3.PPO.load` and rl_zoo3 read it, too.
+    `stable_baselines3.PPO.load` and rl_zoo3 read it, too.
 
     Raises
     ------
@@ -29,16 +30,12 @@ def save(model: PPO, venv: VecEnv, seconds: float, path: Path) -> None:
     assert kind == "MT19937"
     arrays = {f"env.{name}": rows for name, rows in venv.get_state().items()}  # type: ignore[attr-defined]
     arrays |= {"torch": torch.get_rng_state().numpy(), "numpy.keys": keys, "numpy.rest": np.array(rest, dtype=float)}
-    data = io.BytesIO()
+    data, whole = io.BytesIO(), io.BytesIO()
     np.savez(data, seconds=seconds, **arrays)
-    part = path.with_name(f".{path.stem}.part.zip")
-    try:
-        model.save(part)
-        with zipfile.ZipFile(part, "a") as file:
-            file.writestr(_MEMBER, data.getvalue())
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    model.save(whole)
+    with zipfile.ZipFile(whole, "a") as file:
+        file.writestr(_MEMBER, data.getvalue())
+    write(path, whole.getvalue())
 
 
 def load(path: Path, venv: VecEnv, **arguments: Any) -> tuple[PPO, float]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from uvms_gym import MLP
+from uvms_gym._files import write
 
 if TYPE_CHECKING:
     from stable_baselines3 import PPO
@@ -132,7 +133,7 @@ def write_card(folder: Path) -> None:
     """
     path = folder / "README.md"
     if not path.exists() or path.read_text().startswith(_MARK):
-        path.write_text(card(folder))
+        write(path, card(folder))
 
 
 def card(folder: Path) -> str:

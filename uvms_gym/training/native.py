@@ -1,6 +1,6 @@
 """Runs of the learners of this package, from their start or a checkpoint."""
 
-import os
+import io
 import pickle
 import time
 from collections.abc import Callable, Mapping
@@ -9,6 +9,7 @@ from typing import Any
 
 import torch
 
+from uvms_gym._files import write
 from uvms_gym.training.asymmetric_ppo import AsymmetricPPO
 from uvms_gym.training.distillation import Distillation
 from uvms_gym.training.export import write_card
@@ -42,19 +43,16 @@ def check(settings: Settings) -> None:
 
 
 def save(learner: Learner, seconds: float, path: Path) -> None:
-    """Write a checkpoint, atomically, with the time so far, s.
+    """Write a checkpoint with the time so far, s.
 
     Raises
     ------
     OSError
         The file cannot be written.
     """
-    part = path.with_name(f".{path.stem}.part.zip")
-    try:
-        torch.save({"seconds": seconds, "algo": learner.settings.algo, **learner.state()}, part)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    data = io.BytesIO()
+    torch.save({"seconds": seconds, "algo": learner.settings.algo, **learner.state()}, data)
+    write(path, data.getvalue())
 
 
 def load(learner: Learner, path: Path) -> float:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from uvms_gym import MLP, Residual
+from uvms_gym._files import write
 from uvms_gym.controllers import Controller
 from uvms_gym.controllers.registry import tuned
 from uvms_gym.envs import TaskVectorEnv
@@ -82,7 +83,7 @@ class Settings:
 
     def save(self, folder: Path) -> None:
         """Write the settings into a run's folder."""
-        (folder / SETTINGS).write_text(json.dumps(asdict(self), indent=1) + "\n")
+        write(folder / SETTINGS, json.dumps(asdict(self), indent=1) + "\n")
 
     @classmethod
     def load(cls, folder: Path) -> "Settings":
@@ -156,7 +157,7 @@ class Record:
         found = {"steps": steps, "seconds": before, **scores}
         best = min((entry["pose"] for entry in self.curve), default=float("inf"))
         self.curve.append(found | {"episodes": settings.eval_episodes, "seed": SEED})
-        (self.folder / CURVE).write_text(json.dumps(self.curve, indent=1) + "\n")
+        write(self.folder / CURVE, json.dumps(self.curve, indent=1) + "\n")
         self.tell(found)
         return scores, found["pose"] < best
 

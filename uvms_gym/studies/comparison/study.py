@@ -1,7 +1,7 @@
 """Whole comparisons: contenders under conditions, their summaries as data, and verification of stored results."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -96,9 +96,15 @@ def make_comparison(condition: Condition, names: Sequence[str], required: bool =
 
 
 def run_all(
-    comparison: Comparison, episodes: int, seed: int, tick: Tick = lambda steps: None
+    comparison: Comparison,
+    episodes: int,
+    seed: int,
+    tick: Tick = lambda steps: None,
+    kept: MutableMapping[str, EpisodeScores] | None = None,
 ) -> dict[str, EpisodeScores]:
     """Run all contenders over the episodes with seeds from `seed` on; `tick` is told the control periods of each part.
+
+    Those in `kept` are not run again; each of the others is added to it at its end.
 
     Raises
     ------
@@ -106,13 +112,21 @@ def run_all(
         The environment refuses its arguments, or a controller does not fit it.
     """
     found: dict[str, EpisodeScores] = {}
+    kept = {} if kept is None else kept
+    for name, contender in comparison.contenders.items():
+        if scores := kept.get(name):
+            found[name] = scores
+            tick(comparison.condition.steps * len(contender.controllers))
     for bound in (False, True):
-        contenders = {name: one for name, one in comparison.contenders.items() if one.bound is bound}
+        contenders = {
+            name: one for name, one in comparison.contenders.items() if one.bound is bound and name not in found
+        }
         if contenders:
             condition = informed(comparison.condition) if bound else comparison.condition
             envs = make_envs(condition, episodes)
             try:
-                found |= {name: run(envs, condition, contender, seed, tick) for name, contender in contenders.items()}
+                for name, contender in contenders.items():
+                    found[name] = kept[name] = run(envs, condition, contender, seed, tick)
             finally:
                 envs.close()
     return {name: found[name] for name in comparison.contenders}
