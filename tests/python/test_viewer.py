@@ -157,7 +157,7 @@ def test_controls_act_at_the_next_picture(viewer: Any) -> None:
 def wait_for_commands(page: Any) -> None:
     """Wait for callbacks, which run in threads of the server."""
     for _ in range(200):
-        if not page._commands.empty():
+        if page._commands:
             return
         time.sleep(0.01)
     raise AssertionError("the callback put no command")

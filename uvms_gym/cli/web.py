@@ -14,7 +14,7 @@ def serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port:
     Raises
     ------
     TyperException
-        The controller is refused, or the port is taken.
+        The controller or seed is refused, the port is taken, or viser is not of the version that is checked.
     """
     from uvms_gym.viewer.episode import LiveEpisode
     from uvms_gym.viewer.server import HOST, Viewer
@@ -27,6 +27,8 @@ def serve(env: gymnasium.Env[Any, Any], controller: str | None, seed: int, port:
         viewer = Viewer(episode, title, port, line)
     except OSError as error:
         raise fail(f"--port is {port}, but {HOST} refuses it: {error.strerror or error}") from None
+    except RuntimeError as error:
+        raise fail(str(error)) from None
     line(f"{viewer.url} (this machine alone; Ctrl-C ends it)")
     try:
         viewer.run()

@@ -17,8 +17,10 @@ Floats = NDArray[np.float64]
 Target = tuple[Floats, Floats]
 #: Target at the world's origin, level.
 HOME: Target = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-#: Greatest factor of a disturbance, and greatest steady current, m/s, and payload, kg, of the page.
-MOST_STRENGTH, MOST_CURRENT, MOST_PAYLOAD = 2.0, 1.0, 5.0
+#: Maximum factor of a disturbance, and maximum steady current, m/s, and payload, kg, of the page; the minima are 0.
+MAXIMA = {"strength": 2.0, "current": 1.0, "payload": 5.0}
+#: Maximum seed.
+MOST_SEED = 2**64 - 1
 #: Parameters of a disturbance that go with its strength. The steady current has its own control; sensors, the arm's
 #: motion and the scatter of parameters stay.
 _SCALED = {name: keys for name, keys in SCALED.items() if name not in ("current", "arm")}
@@ -26,11 +28,22 @@ _SCALED = {name: keys for name, keys in SCALED.items() if name not in ("current"
 
 @dataclass(frozen=True)
 class Conditions:
-    """Factor on a disturbance, speed of the steady current, m/s, and constant payload at the end effector, kg."""
+    """Factor on a disturbance, speed of the steady current, m/s, and constant payload at the end effector, kg.
+
+    Raises
+    ------
+    ValueError
+        One is not between 0 and its maximum.
+    """
 
     strength: float = 1.0
     current: float = 0.2
     payload: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, maximum in MAXIMA.items():
+            if not 0.0 <= (value := getattr(self, name)) <= maximum:
+                raise ValueError(f"{name} is {value:g}, but must be 0 to {maximum:g}")
 
     def disturbance(self, components: dict[str, Any]) -> dict[str, Any]:
         """Components of a disturbance under these conditions.
@@ -100,7 +113,7 @@ class LiveEpisode:
     Raises
     ------
     ValueError
-        The controller is unknown or does not fit.
+        The controller is unknown or does not fit, or the seed is not between 0 and `MOST_SEED`.
     """
 
     def __init__(self, env: TaskEnv, controller: str, seed: int) -> None:
@@ -122,9 +135,18 @@ class LiveEpisode:
         self.controller = controller
         self._memory: Any = None
 
-    def reset(self, seed: int | None = None) -> None:
-        """Begin anew from the start that the seed draws."""
-        self._begin(self.conditions, self.target, self.seed if seed is None else seed, {})
+    def reset(self, seed: int | None = None, target: Target | None = None) -> None:
+        """Begin anew from the start that the seed draws, with another target if one is given.
+
+        Raises
+        ------
+        ValueError
+            The seed or target is refused; the running episode continues.
+        """
+        seed = self.seed if seed is None else seed
+        if not 0 <= seed <= MOST_SEED:
+            raise ValueError(f"seed is {seed}, but must be 0 to {MOST_SEED}")
+        self._begin(self.conditions, self.target if target is None else target, seed, {})
         self.time = 0.0
 
     def change(self, target: Target | None = None, **conditions: float) -> None:

@@ -1,6 +1,8 @@
 """Controls and curves of the page."""
 
-import queue
+import math
+import re
+import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -10,10 +12,13 @@ import numpy as np
 import viser
 
 from uvms_gym.controllers import registry
-from uvms_gym.viewer.episode import HOME, MOST_CURRENT, MOST_PAYLOAD, MOST_STRENGTH, LiveEpisode
+from uvms_gym.viewer.episode import HOME, MAXIMA, MOST_SEED, LiveEpisode
+from uvms_gym.viewer.gate import Gate
 
 #: Duration of the curves, s.
 SPAN = 30.0
+#: Rest of a text that is being typed, before it counts, s; time within which a notice is not repeated, s.
+REST, _NOTICE = 0.7, 8.0
 SPEEDS = {"0.25x": 0.25, "0.5x": 0.5, "1x": 1.0, "2x": 2.0, "4x": 4.0}
 #: Curves: entry of `info`, title with unit, factor, colour.
 _ERRORS = (
@@ -44,10 +49,16 @@ class Page:
     """
 
     def __init__(
-        self, server: viser.ViserServer, episode: LiveEpisode, gizmo: viser.TransformControlsHandle, title: str
+        self,
+        server: viser.ViserServer,
+        gate: Gate,
+        episode: LiveEpisode,
+        gizmo: viser.TransformControlsHandle,
+        title: str,
     ) -> None:
         self._server, self._episode, self._gizmo = server, episode, gizmo
-        self._commands: queue.SimpleQueue[tuple[str, Callable[[], None]]] = queue.SimpleQueue()
+        self._commands: dict[str, tuple[float, Callable[[], None]]] = {}
+        self._said = ("", -math.inf)
         self.running, self.speed, self.stepped = True, 1.0, False
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False, control_width="large")
@@ -56,21 +67,22 @@ class Page:
         names = registry.available(episode.env)
         names = names if episode.controller in names else (episode.controller, *names)
         self.controller = gui.add_dropdown("Controller", names, initial_value=episode.controller)
-        self._on(self.controller, "controller", lambda: episode.choose(self.controller.value))
+        self._on(self.controller, "controller", self._choose)
         self.pace = gui.add_dropdown("Speed", tuple(SPEEDS), initial_value="1x")
         self._on(self.pace, "speed", self._set_speed)
-        self.seed = gui.add_number("Seed", episode.seed, min=0, step=1)
-        self._on(self.seed, "seed", lambda: self.reset(int(self.seed.value)))
+        # A text: browsers round numbers from 2^53 on, and correct those that are out of range without a word.
+        self.seed = gui.add_text("Seed", str(episode.seed))
+        self._on(self.seed, "seed", self._reseed, REST)
         self.buttons = gui.add_button_group("Episode", ("Run", "Pause", "Step", "Reset"))
         self._on(self.buttons, "button", lambda: self.press(self.buttons.value))
         with gui.add_folder(f"Disturbance: {episode.level}"):
             now = episode.conditions
-            self.strength = gui.add_slider("Strength", 0.0, MOST_STRENGTH, 0.05, now.strength)
-            self.current = gui.add_slider("Current (m/s)", 0.0, MOST_CURRENT, 0.01, now.current)
-            self.payload = gui.add_slider("Payload (kg)", 0.0, MOST_PAYLOAD, 0.1, now.payload)
+            self.strength = gui.add_slider("Strength", 0.0, MAXIMA["strength"], 0.05, now.strength)
+            self.current = gui.add_slider("Current (m/s)", 0.0, MAXIMA["current"], 0.01, now.current)
+            self.payload = gui.add_slider("Payload (kg)", 0.0, MAXIMA["payload"], 0.1, now.payload)
             gui.add_markdown(f"<small>{_NOTE}</small>")
-        for name, slider in (("strength", self.strength), ("current", self.current), ("payload", self.payload)):
-            self._on(slider, name, partial(self._slide, name, slider))
+        for name in MAXIMA:
+            self._on(getattr(self, name), name, partial(self._slide, name))
         gizmo.on_update(lambda event: self._put("target", self._drag) if event.phase == "end" else None)
         self._status = gui.add_markdown("")
         self._rows: deque[list[float]] = deque(maxlen=max(2, round(SPAN / episode.period)))
@@ -80,35 +92,48 @@ class Page:
         thrusters = episode.env.snapshot().thruster_names
         self._thrusts = self._chart("Thrust (N)", list(zip(thrusters, _THRUSTERS * (len(thrusters) // 8 + 1))))
         self.note()
+        inputs = (self.controller, self.pace, self.seed, self.buttons, self.strength, self.current, self.payload)
+        gate.admit(*inputs, handles=gizmo)
+        gate.refused = lambda reason: self._put("refused", lambda: self.say("Refused", reason))
 
     def run_commands(self) -> None:
-        """Run the commands since the last call, of one kind the last only."""
-        last: dict[str, Callable[[], None]] = {}
-        while not self._commands.empty():
-            kind, command = self._commands.get()
-            last[kind] = command
-        for command in last.values():
-            try:
-                command()
-            except (ValueError, OSError) as error:
-                self.say("Refused", " ".join(str(error).split()))
+        """Run the commands that are due, of one kind the last only; one that fails changes nothing."""
+        now = time.monotonic()
+        for kind in [kind for kind, (due, _) in list(self._commands.items()) if due <= now]:
+            self.attempt(self._commands.pop(kind)[1], "Refused", self._restore)
+
+    def attempt(self, action: Callable[[], None], title: str, undo: Callable[[], None]) -> None:
+        """Run something; any error is a notice, after which `undo` runs."""
+        try:
+            action()
+        except (KeyboardInterrupt, SystemExit):
+            raise
+        except BaseException as error:  # A panic of the native module is no Exception.
+            self.say(title, " ".join(str(error).split()) or type(error).__name__)
+            undo()
+
+    def pause(self) -> None:
+        """Stop stepping."""
+        self.running = self.stepped = False
 
     def say(self, title: str, text: str) -> None:
-        """Show a notice in every browser."""
-        for client in self._server.get_clients().values():
-            client.add_notification(title, text, auto_close_seconds=8.0)
+        """Show a notice in every browser, unless it is the last one again."""
+        said, now = f"{title}: {text}", time.monotonic()
+        if said != self._said[0] or now - self._said[1] >= _NOTICE:
+            self._said = said, now
+            for client in self._server.get_clients().values():
+                client.add_notification(title, text, auto_close_seconds=_NOTICE)
 
     def press(self, button: str) -> None:
         """Do what a button says: Run, Pause, Step or Reset."""
         if button == "Reset":
-            self.reset(self._episode.seed)
+            self.reset(_seed(self.seed.value))
         else:
             self.running, self.stepped = button == "Run", button == "Step"
 
     def reset(self, seed: int) -> None:
         """Begin at the start that a seed draws, with the target at the world's origin and empty curves."""
-        self._episode.target = HOME
-        self._episode.reset(seed)
+        self._episode.reset(seed, HOME)
         self._gizmo.position, self._gizmo.wxyz = HOME
         self.clear()
         self.note()
@@ -137,28 +162,40 @@ class Page:
             f"{rate:.0f} pictures/s"
         )
 
-    def _slide(self, name: str, slider: Any) -> None:
-        changes: dict[str, Any] = {name: float(slider.value)}
-        self._episode.change(**changes)
+    def _choose(self) -> None:
+        if self.controller.value != self._episode.controller:
+            self._episode.choose(self.controller.value)
+
+    def _reseed(self) -> None:
+        if (seed := _seed(self.seed.value)) != self._episode.seed:
+            self.reset(seed)
+
+    def _slide(self, name: str) -> None:
+        changes: dict[str, Any] = {name: getattr(self, name).value}
+        if changes[name] != getattr(self._episode.conditions, name):
+            self._episode.change(**changes)
 
     def _drag(self) -> None:
-        gizmo = self._gizmo
-        try:
-            self._episode.change((np.array(gizmo.position), np.array(gizmo.wxyz)))
-        except ValueError:
-            gizmo.position, gizmo.wxyz = self._episode.target
-            raise
+        self._episode.change((np.array(self._gizmo.position), np.array(self._gizmo.wxyz)))
+
+    def _restore(self) -> None:
+        """Give the controls the values that hold."""
+        episode = self._episode
+        self.controller.value, self.seed.value = episode.controller, str(episode.seed)
+        for name in MAXIMA:
+            getattr(self, name).value = getattr(episode.conditions, name)
+        self._gizmo.position, self._gizmo.wxyz = episode.target
 
     def _set_speed(self) -> None:
         self.speed = SPEEDS[self.pace.value]
 
-    def _on(self, handle: Any, kind: str, command: Callable[[], None]) -> None:
-        """Run a command at every change of a control; the value of the last change counts."""
+    def _on(self, handle: Any, kind: str, command: Callable[[], None], rest: float = 0.0) -> None:
+        """Run a command at every change of a control, after a rest, s; the value of the last change counts."""
         register = handle.on_click if hasattr(handle, "on_click") else handle.on_update
-        register(lambda _: self._put(kind, command))
+        register(lambda _: self._put(kind, command, rest))
 
-    def _put(self, kind: str, command: Callable[[], None]) -> None:
-        self._commands.put((kind, command))
+    def _put(self, kind: str, command: Callable[[], None], rest: float = 0.0) -> None:
+        self._commands[kind] = (time.monotonic() + rest, command)
 
     def _chart(self, title: str, curves: list[tuple[str, str]]) -> Any:
         """Chart of named curves over time."""
@@ -173,3 +210,10 @@ class Page:
             axes=(axis, axis),
             aspect=1.7,
         )
+
+
+def _seed(text: str) -> int:
+    """Seed of a text."""
+    if not re.fullmatch("[0-9]{1,20}", text.strip()):
+        raise ValueError(f"seed is {text!r}, but must be a whole number from 0 to {MOST_SEED}")
+    return int(text)

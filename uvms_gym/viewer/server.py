@@ -5,10 +5,12 @@ import io
 import socket
 import time
 from collections.abc import Callable
+from functools import partial
 
 import viser
 
 from uvms_gym.viewer.episode import LiveEpisode
+from uvms_gym.viewer.gate import Gate
 from uvms_gym.viewer.page import Page
 from uvms_gym.viewer.world import World
 
@@ -44,6 +46,8 @@ class Viewer:
     ------
     OSError
         The port is taken or not allowed.
+    RuntimeError
+        This viser starts a server that cannot be checked.
     """
 
     def __init__(
@@ -53,14 +57,15 @@ class Viewer:
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((HOST, port))
+        self.gate = Gate()
         with _quiet():
-            self.server = _LocalServer(host=HOST, port=port, verbose=False)
+            self.server = self.gate.serve(HOST, port, _LocalServer)
         if (bound := self.server.get_port()) != port:
             self.close()
             raise OSError(f"port {port} is taken; {bound} would be free")
         self.episode = episode
         self.world = World(self.server, episode.env.snapshot(), episode.target)
-        self.page = Page(self.server, episode, self.world.gizmo, title)
+        self.page = Page(self.server, self.gate, episode, self.world.gizmo, title)
         self.server.on_client_connect(lambda _: say("browser connected"))
         self.server.on_client_disconnect(lambda _: say("browser closed"))
         self._shown = episode.time
@@ -73,9 +78,17 @@ class Viewer:
         return f"http://{HOST}:{self.server.get_port()}"
 
     def picture(self, elapsed: float) -> None:
-        """Run the page's commands, go on by the time since the last picture, s, and send a picture."""
-        page, episode = self.page, self.episode
+        """Run the page's commands, go on by the time since the last picture, s, and send a picture.
+
+        An error is a notice in the page, which pauses.
+        """
+        page = self.page
         page.run_commands()
+        page.attempt(partial(self._go_on, elapsed), "Stopped", page.pause)
+        page.attempt(partial(self._send, elapsed), "Stopped", page.pause)
+
+    def _go_on(self, elapsed: float) -> None:
+        page, episode = self.page, self.episode
         # A reset begins at time 0.
         self._shown = min(self._shown, episode.time)
         if page.stepped:
@@ -87,6 +100,9 @@ class Viewer:
             while episode.time < self._shown:
                 if not self._step():
                     self._shown = episode.time
+
+    def _send(self, elapsed: float) -> None:
+        page, episode = self.page, self.episode
         share = 1.0 - (episode.time - self._shown) / episode.period
         with self.server.atomic():
             self.world.show(episode.before, episode.after, min(max(share, 0.0), 1.0))

@@ -1,0 +1,396 @@
+"""Strangers and forged messages at the server of `uvms play --web`."""
+
+import os
+import random
+import socket
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+viser = pytest.importorskip("viser")
+
+import msgspec  # noqa: E402
+import websockets  # noqa: E402
+import zstandard  # noqa: E402
+from websockets.sync.client import connect  # noqa: E402
+
+from uvms_gym.controllers import registry  # noqa: E402
+from uvms_gym.viewer.episode import MOST_SEED, LiveEpisode  # noqa: E402
+from uvms_gym.viewer.page import REST  # noqa: E402
+from uvms_gym.viewer.server import Viewer  # noqa: E402
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [3.0, 0.0, 0.0],
+    "fov": 1.3,
+    "near": 0.01,
+    "far": 1000.0,
+    "image_height": 800,
+    "image_width": 1280,
+    "look_at": [0.0, 0.0, 0.0],
+    "up_direction": [0.0, 0.0, 1.0],
+}
+
+
+class Guest:
+    """Client that speaks the page's protocol.
+
+    Attributes
+    ----------
+    seen : list of dict
+        Messages received so far.
+    """
+
+    def __init__(self, viewer: Viewer, origin: str | None = None, **headers: str) -> None:
+        self.viewer = viewer
+        self.socket = connect(
+            viewer.url.replace("http", "ws"),
+            origin=viewer.url if origin is None else origin,  # type: ignore[arg-type]
+            additional_headers=headers,
+            subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
+            compression=None,
+            max_size=None,
+            proxy=None,
+        )
+        self.seen: list[dict[str, Any]] = []
+        self.send(CAMERA)
+
+    def send(self, message: Any) -> None:
+        self.socket.send(message if isinstance(message, str | bytes) else msgspec.msgpack.encode(message))
+
+    def until(self, done: Callable[[], Any], seconds: float = 10.0) -> Any:
+        """Read, with pictures, until something is true."""
+        end = time.monotonic() + seconds
+        while not (value := done()):
+            assert time.monotonic() < end, "not in time"
+            self.viewer.picture(0.0)
+            self.read()
+        return value
+
+    def read(self) -> None:
+        """Take in what has come."""
+        try:
+            while True:
+                raw = self.socket.recv(timeout=0.01)
+                size = int.from_bytes(raw[8:16], "little")
+                inner = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(raw[16 : 16 + size]))
+                self.seen += inner["messages"]
+        except TimeoutError:
+            pass
+
+    def uuid(self, label: str) -> str:
+        """Identifier of the control with this label."""
+        found = lambda: [m["uuid"] for m in self.seen if m.get("props", {}).get("label") == label]  # noqa: E731
+        return str(self.until(found)[0])
+
+    def set(self, label: str, value: Any) -> None:
+        self.send({"type": "GuiUpdateMessage", "uuid": self.uuid(label), "updates": {"value": value}})
+
+    def value(self, label: str) -> Any:
+        """Last value that the server sent for a control, if it sent one."""
+        uuid = self.uuid(label)
+        values = [m["updates"]["value"] for m in self.seen if m.get("uuid") == uuid and "value" in m.get("updates", {})]
+        return values[-1] if values else None
+
+    def notices(self) -> list[str]:
+        return [f"{m['props']['title']}: {m['props']['body']}" for m in self.seen if "NotificationShow" in m["type"]]
+
+    def refusal(self) -> str:
+        """Text of the next notice."""
+        before = len(self.notices())
+        return str(self.until(lambda: self.notices()[before:])[0])
+
+
+@pytest.fixture
+def viewer() -> Iterator[Viewer]:
+    env = gymnasium.make("UVMS-StationKeep-Storm-v0", threads=1, disable_env_checker=True)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    shown = Viewer(LiveEpisode(env.unwrapped, "pd", 3), "title", port)  # type: ignore[arg-type]
+    yield shown
+    shown.close()
+
+
+@pytest.fixture
+def guest(viewer: Viewer) -> Guest:
+    guest = Guest(viewer)
+    guest.until(viewer.server.get_clients)
+    return guest
+
+
+def test_a_page_of_another_origin_does_not_connect(viewer: Viewer) -> None:
+    port = viewer.url.rpartition(":")[2]
+    for origin in ("http://evil.example", "null", "", f"https://127.0.0.1:{port}", "http://127.0.0.1:1"):
+        with pytest.raises(websockets.InvalidStatus, match="403"):
+            Guest(viewer, origin)
+    # A page of the other name, and one that a name of its own leads here (DNS rebinding).
+    with pytest.raises(websockets.InvalidStatus, match="403"):
+        Guest(viewer, f"http://localhost:{port}")
+    for host in (f"evil.example:{port}", "evil.example", f"127.0.0.1.evil.example:{port}", "localhost.evil.example"):
+        assert status(viewer, host, f"http://{host}", upgrade=True) == 403
+        assert status(viewer, host) == 403
+    assert status(viewer, "localhost:9000", "http://localhost:9000", upgrade=True) == 101
+    assert status(viewer, f"127.0.0.1:{port}", upgrade=True) == 403
+    assert status(viewer, f"127.0.0.1:{port}") == 200
+    assert Guest(viewer).uuid("Seed")
+
+
+def status(viewer: Viewer, host: str, origin: str | None = None, upgrade: bool = False) -> int:
+    """Status of the answer to a request with these headers."""
+    lines = ["GET / HTTP/1.1", f"Host: {host}"] + ([f"Origin: {origin}"] if origin else [])
+    if upgrade:
+        lines += ["Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"]
+        lines += ["Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==", f"Sec-WebSocket-Protocol: viser-v{viser.__version__}"]
+    with socket.create_connection(("127.0.0.1", int(viewer.url.rpartition(":")[2]))) as raw:
+        raw.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
+        return int(raw.recv(4096).split()[1])
+
+
+def test_other_pages_cannot_frame_the_page(viewer: Viewer) -> None:
+    with urllib.request.urlopen(viewer.url, timeout=5.0) as page:
+        assert page.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+
+
+def test_a_viser_that_would_pass_by_the_gate_is_refused(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = SimpleNamespace(serve=websockets.asyncio.server.serve, ServerConnection=websockets.ServerConnection)
+    passing = SimpleNamespace(asyncio=SimpleNamespace(server=plain), exceptions=websockets.exceptions)
+    monkeypatch.setattr("viser.infra._infra.websockets", passing)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with pytest.raises(RuntimeError, match=r"install viser 1\.1"):
+        Viewer(viewer.episode, "title", port)
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port))
+
+
+#: Values that no control takes, by label; the first types are wrong everywhere.
+WRONG: tuple[tuple[str, Any], ...] = (
+    *((label, value) for label in ("Controller", "Episode") for value in (None, 1, True, [], {}, "mlp:/dev/zero")),
+    *((label, value) for label in ("Strength", "Payload (kg)") for value in (None, "1", True, [1.0], {}, b"1")),
+    *(("Current (m/s)", value) for value in (float("nan"), float("inf"), -float("inf"))),
+    *(("Seed", value) for value in (None, -1, 1e20, ["3"], "1" * 100)),
+    *(("Speed", value) for value in ("1000x", "", 1.0)),
+)
+
+
+def test_values_of_wrong_type_are_notices(guest: Guest, monkeypatch: pytest.MonkeyPatch) -> None:
+    viewer = guest.viewer
+    monkeypatch.setattr("uvms_gym.viewer.gate._PAUSE", 0.0)
+    monkeypatch.setattr("uvms_gym.viewer.page._NOTICE", 0.0)
+    before, handles = state(viewer), [x.value for x in controls(viewer)]
+    for label, value in WRONG:
+        guest.set(label, value)
+        text = guest.refusal()
+        assert text.startswith(f"Refused: {label} is "), text
+        assert [x.value for x in controls(viewer)] == handles
+    assert state(viewer) == before
+    guest.set("Payload (kg)", 1)
+    guest.until(lambda: viewer.episode.conditions.payload == 1.0)
+
+
+def controls(viewer: Viewer) -> tuple[Any, ...]:
+    page = viewer.page
+    return page.controller, page.pace, page.seed, page.buttons, page.strength, page.current, page.payload
+
+
+def state(viewer: Viewer) -> Any:
+    episode = viewer.episode
+    target = tuple(episode.target[0]), tuple(episode.target[1])
+    return episode.controller, episode.seed, episode.conditions, target, viewer.page.speed
+
+
+#: Values of the right type that are refused, by label, with the value that the control gets back.
+OUTSIDE: tuple[tuple[str, Any, Any], ...] = (
+    *(("Seed", text, "3") for text in ("-1", "1e20", "", "abc", "3.7", str(MOST_SEED + 1), "٣")),
+    *((label, value, 1.0) for label in ("Strength",) for value in (-1, 2.1, 1e20, 1e308, -1e-9)),
+    *(("Current (m/s)", value, 0.2) for value in (-1.0, 1.01, 2**63)),
+    *(("Payload (kg)", value, 0.0) for value in (-1, 5.1, 1e20)),
+)
+
+
+def test_values_out_of_range_are_notices_and_controls_keep_the_last(
+    guest: Guest, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    viewer = guest.viewer
+    monkeypatch.setattr("uvms_gym.viewer.page._NOTICE", 0.0)
+    # A text counts after a rest; here at once.
+    monkeypatch.setattr("uvms_gym.viewer.page.time", SimpleNamespace(monotonic=lambda: time.monotonic() * 1e3))
+    before = state(viewer)
+    for label, value, kept in OUTSIDE:
+        guest.set(label, value)
+        text = guest.refusal()
+        assert text.startswith(f"Refused: {label.split()[0].lower()} is "), text
+        guest.until(lambda label=label, kept=kept: guest.value(label) == kept)
+    assert state(viewer) == before
+    assert viewer.episode.step()
+    guest.set("Seed", str(MOST_SEED))
+    guest.until(lambda: viewer.episode.seed == MOST_SEED)
+
+
+def test_a_seed_counts_once_it_is_typed(guest: Guest) -> None:
+    viewer, seeds = guest.viewer, []
+    reset = viewer.episode.reset
+    viewer.episode.reset = lambda seed, target: (seeds.append(seed), reset(seed, target))  # type: ignore[assignment,func-returns-value,misc]
+    start = time.monotonic()
+    for text in ("4", "", "-", "45"):
+        guest.set("Seed", text)
+    guest.until(lambda: viewer.episode.seed == 45)
+    assert time.monotonic() - start >= REST
+    assert (seeds, guest.notices()) == ([45], [])
+
+
+def test_policies_come_from_the_command_line_alone(
+    guest: Guest, monkeypatch: pytest.MonkeyPatch, tmp_path: Any
+) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(registry, "make_controller", lambda name, env: made.append(name))
+    fifo = tmp_path / "fifo"
+    os.mkfifo(fifo)
+    texts = set()
+    for file in ("/dev/zero", fifo, "/etc/passwd", "/nonexistent"):
+        guest.viewer.page._said = ("", 0.0)
+        monkeypatch.setattr("uvms_gym.viewer.gate._PAUSE", 0.0)
+        guest.set("Controller", f"mlp:{file}")
+        texts.add(guest.refusal().partition(", but ")[2])
+    # No word of which files exist, and nothing is opened.
+    assert len(texts) == 1 and made == []
+
+
+TARGET = {"type": "TransformControlsUpdateMessage", "name": "/target", "wxyz": [1.0, 0.0, 0.0, 0.0], "owner": ""}
+FORGED: tuple[Any, ...] = (
+    "text",
+    b"",
+    b"\xc1",
+    b"\x00" * 4000,
+    [1, 2],
+    {},
+    {"type": "GuiUpdateMessage"},
+    {"type": "GuiUpdateMessage", "uuid": "unknown", "updates": {"value": 1.0}},
+    {"type": "ShareUrlRequest"},
+    {"type": "FileTransferStartUpload", "source_component_uuid": "x", "transfer_uuid": "y", "filename": "z"},
+    {"type": "RemoveSceneNodeMessage", "name": "/bodies/0"},
+    {"type": "SetPositionMessage", "name": "/bodies/0", "position": [0.0, 0.0, 9.0]},
+    {**CAMERA, "extra": 1.0},
+    *({**CAMERA, name: value} for name in CAMERA for value in (None, "1", float("nan"), 1e300, [1e300] * 3, [])),
+    {**TARGET, "position": [0.0, 0.0]},
+    {**TARGET, "position": [float("nan"), 0.0, 0.0]},
+    {**TARGET, "position": [1e20, 0.0, 0.0]},
+    {**TARGET, "position": ["0", 0.0, 0.0]},
+    {**TARGET, "position": [0.0, 0.0, 0.0], "name": "/bodies/0"},
+    {**TARGET, "position": [0.0, 0.0, 0.0], "owner": "1"},
+)
+
+
+def test_forged_messages_change_nothing_and_end_nothing(
+    guest: Guest, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    viewer = guest.viewer
+    monkeypatch.setattr("uvms_gym.viewer.gate._PAUSE", 0.0)
+    monkeypatch.setattr("uvms_gym.viewer.page._NOTICE", 0.0)
+    refused: list[str] = []
+    viewer.gate.refused = refused.append
+    before, handles = state(viewer), [x.value for x in controls(viewer)]
+    fields = [{"label": "x"}, {"value": 1.0, "label": "x"}, {"visible": False}, {"update_cb": []}, {"sync_cb": 1}, {}]
+    messages = [*FORGED, *({"type": "GuiUpdateMessage", "uuid": guest.uuid("Strength"), "updates": x} for x in fields)]
+    for message in messages:
+        guest.send(message)
+    guest.until(lambda: len(refused) >= len(messages))
+    assert len(refused) == len(messages)
+    assert all("\n" not in text for text in refused)
+    assert (state(viewer), [x.value for x in controls(viewer)]) == (before, handles)
+    # The connection still serves, and nothing was logged.
+    guest.set("Payload (kg)", 1.0)
+    guest.until(lambda: viewer.episode.conditions.payload == 1.0)
+    assert "Traceback" not in capsys.readouterr().err + caplog.text
+
+
+def test_a_message_that_is_too_long_ends_its_connection_alone(guest: Guest) -> None:
+    other = Guest(guest.viewer)
+    other.uuid("Seed")
+    with pytest.raises(websockets.ConnectionClosed, match="1009"):
+        other.send(b"\x00" * 2**20)
+        while True:
+            other.socket.recv(timeout=5.0)
+    guest.set("Payload (kg)", 1.0)
+    guest.until(lambda: guest.viewer.episode.conditions.payload == 1.0)
+
+
+def test_random_messages_end_nothing(guest: Guest) -> None:
+    viewer, rng = guest.viewer, random.Random(1)
+    before = viewer.episode.controller
+    good = [msgspec.msgpack.encode(CAMERA), msgspec.msgpack.encode({**TARGET, "position": [0.1, 0.0, 0.0]})]
+    good += [
+        msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": guest.uuid(label), "updates": {"value": value}})
+        for label, value in (("Strength", 0.5), ("Seed", "12"), ("Controller", "pid"))
+    ]
+    for _ in range(int(os.environ.get("UVMS_FUZZ", "300"))):
+        raw = bytearray(rng.choice(good))
+        for _ in range(rng.randint(1, 4)):
+            raw[rng.randrange(len(raw))] = rng.randrange(256)
+        guest.send(bytes(raw))
+    guest.set("Payload (kg)", 1.0)
+    guest.until(lambda: viewer.episode.conditions.payload == 1.0)
+    assert viewer.episode.controller in (before, "pid")
+    assert np.isfinite(viewer.episode.after.poses).all()
+
+
+def test_any_error_is_a_notice(guest: Guest, monkeypatch: pytest.MonkeyPatch) -> None:
+    viewer = guest.viewer
+
+    class Panic(BaseException):
+        pass
+
+    def fail(error: BaseException) -> Callable[..., Any]:
+        def raising(*_: Any) -> Any:
+            raise error
+
+        return raising
+
+    with monkeypatch.context() as broken:
+        broken.setattr(viewer.episode, "choose", fail(ZeroDivisionError("of the\ncontroller")))
+        guest.set("Controller", "pid")
+        assert guest.refusal() == "Refused: of the controller"
+        guest.until(lambda: guest.value("Controller") == "pd")
+    for error in (RuntimeError("of the step"), Panic("of the step")):
+        with monkeypatch.context() as broken:
+            broken.setattr(viewer.episode, "step", fail(error))
+            viewer.page._said = ("", 0.0)
+            viewer.picture(0.2)
+            assert guest.refusal() == "Stopped: of the step"
+            assert not viewer.page.running
+        guest.set("Episode", "Run")
+        guest.until(lambda: viewer.page.running)
+        viewer.picture(0.2)
+        assert viewer.episode.time > 0.0
+    with monkeypatch.context() as ended, pytest.raises(KeyboardInterrupt):
+        ended.setattr(viewer.episode, "step", fail(KeyboardInterrupt()))
+        viewer.picture(0.2)
+
+
+def test_fifty_browsers_share_an_episode(viewer: Viewer) -> None:
+    guests = [Guest(viewer) for _ in range(50)]
+    end = time.monotonic() + 20.0
+    while len(viewer.server.get_clients()) < 50:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    start = viewer.episode.time
+    for _ in range(10):
+        viewer.picture(1.0 / 30.0)
+    assert viewer.episode.time > start
+    guests[-1].set("Payload (kg)", 9.0)
+    guests[-1].until(lambda: guests[-1].notices())
+    for guest in guests:
+        guest.until(guest.notices)
+        assert guest.notices() == ["Refused: payload is 9, but must be 0 to 5"]
+        assert guest.value("Payload (kg)") == 0.0
+        guest.socket.close()
