@@ -12,7 +12,19 @@ from typer import Option
 
 import uvms_gym
 from uvms_gym.cli import certificate
-from uvms_gym.cli.common import check_list, check_range, fail, hold, prepare, progress, read_scene, several, user_errors
+from uvms_gym.cli.common import (
+    EnvKwargs,
+    check_list,
+    check_range,
+    environment_arguments,
+    fail,
+    hold,
+    prepare,
+    progress,
+    read_scene,
+    several,
+    user_errors,
+)
 from uvms_gym.cli.output import Json, Out, name_files, say, table, write_results
 from uvms_gym.studies.accuracy import conservation, plots, study, work_precision
 from uvms_gym.studies.accuracy.driven_motion import CURRENT, LEAD, PERIOD
@@ -37,6 +49,7 @@ def accuracy(
     scene: Annotated[
         list[str] | None, several("Scene: name or TOML file", "all shipped scenes; with --env the environment's")
     ] = None,
+    env_kwargs: EnvKwargs = None,
     dt: Annotated[
         list[float] | None, several("With --env: step, s, that divides the control period", "0.001 to 0.05", "NUMBER")
     ] = None,
@@ -73,9 +86,12 @@ def accuracy(
             if given:
                 raise fail(f"--{option} is not for --env, which takes --dt, --dtype, --integrator and --episodes")
         chosen: dict[str, Any] = {"integrator": integrator or [], "dtype": dtype or [], "step": dt or []}
-        certificate.certify(env, scene or [], chosen, episodes, seed, out, json_file)
+        named = {"scene": scene, "dt": dt, "dtype": dtype, "integrator": integrator}
+        arguments = environment_arguments(env_kwargs, **named)
+        own = {key: value for key, value in arguments.items() if not named.get(key)}
+        certificate.certify(env, own, scene or [], chosen, episodes, seed, out, json_file)
         return
-    for option, value in (("dt", dt), ("dtype", dtype)):
+    for option, value in (("dt", dt), ("dtype", dtype), ("env-kwargs", env_kwargs)):
         if value:
             raise fail(f"--{option} needs --env; scenes take --step")
     known = work_precision.integrators()
@@ -95,7 +111,7 @@ def accuracy(
     episodes = (QUICK_EPISODES if quick else EPISODES) if episodes is None else episodes
     check_range("--episodes", episodes, 2, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
-    arguments: dict[str, Any] = {
+    arguments = {
         "scene": check_list("scene", scene, uvms_gym.scene_names()),
         "integrator": list(dict.fromkeys(integrator or known)),
         "step": sorted(set(step or (QUICK_STEPS if quick else work_precision.STEPS))),

@@ -25,6 +25,7 @@ HEADER = ("position", "attitude", "joints", "end eff.", "obs.", "reward")
 
 def certify(
     envs: Sequence[str],
+    own: dict[str, Any],
     scenes: Sequence[str],
     chosen: dict[str, Sequence[Any]],
     count: int | None,
@@ -36,6 +37,8 @@ def certify(
 
     Parameters
     ----------
+    own : dict
+        Arguments of all environments.
     chosen : dict
         Given lists of `integrator`, `dtype` and `step`; all empty: the candidates of the study.
     count : int or None
@@ -59,7 +62,7 @@ def certify(
     loaded = {name: read_scene(name) for name in check_list("scene", scenes, [])}
     for env in check_list("env", envs, []):
         for scene in loaded or (None,):
-            case = Case(env, {} if scene is None else {"scene": loaded[scene]}, count, seed)
+            case = Case(env, own if scene is None else {**own, "scene": loaded[scene]}, count, seed)
             title = env if scene is None else f"{env}, {scene}"
             with user_errors("" if scene is None else f"{title}: "):
                 about = episodes.frame(case)
@@ -73,7 +76,14 @@ def certify(
             task = bar.add_task(title, total=certificate.ticks(about, configurations))
             with user_errors(f"{title}: "):
                 results[title] = certificate.certify(case, configurations, tick=partial(bar.advance, task))
-        arguments = {"env": list(envs), "scene": list(scenes), **chosen, "episodes": count, "seed": seed}
+        arguments = {
+            "env": list(envs),
+            "env_kwargs": own,
+            "scene": list(scenes),
+            **chosen,
+            "episodes": count,
+            "seed": seed,
+        }
         spent = time.perf_counter() - begun
         data = {"circumstances": circumstances("accuracy", arguments) | {"seconds": spent}, "results": results}
         write_results(out, FILES, json_file, data)

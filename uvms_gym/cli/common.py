@@ -26,7 +26,17 @@ def several(text: str, default: str = "all", metavar: str = "NAME", **options: A
     return Option(help=f"{text}; may be repeated. [default: {default}]", metavar=metavar, **options)
 
 
-Scene = Annotated[str, Option(help="Scene: name or TOML file.")]
+#: Options of an environment. `train`, `play`, `compare` and `accuracy` share them; see `environment_arguments`.
+Scene = Annotated[
+    str | None, Option(metavar="SCENE", help="Scene: name or TOML file. [default: the environment's, petasus-pum]")
+]
+EnvKwargs = Annotated[
+    list[str] | None,
+    Option(
+        metavar="KEY:VALUE",
+        help="Argument of the environment, such as substeps:5, scene:FILE.toml or disturbance:storm; may be repeated.",
+    ),
+]
 
 
 class _Console(Console):
@@ -79,6 +89,36 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
         # Gymnasium appends all arguments, whole scenes among them.
         reason = str(error).split(" was raised from the environment creator")[0]
         raise fail(place + " ".join(reason.split())) from None
+
+
+def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[str, Any]:
+    """Arguments of an environment, from --env-kwargs and from the options that have a name of their own.
+
+    Parameters
+    ----------
+    pairs : sequence of str or None
+        `KEY:VALUE`; values other than Python literals are strings.
+    **options
+        Values of options, by the argument that each sets; None or empty where the option is not given.
+
+    Raises
+    ------
+    TyperException
+        A pair lacks key or colon, or an argument is given twice.
+    """
+    from uvms_gym.training.hyperparameters import parse_pairs
+
+    with user_errors("--env-kwargs: "):
+        arguments = parse_pairs(pairs or ())
+    for name, value in options.items():
+        if value is None or value == []:
+            continue
+        if name in arguments:
+            raise fail(f"{name} is given twice: by --env-kwargs {name}:{arguments[name]} and by an option of its own")
+        arguments[name] = value
+    if not isinstance(given := arguments.get("scene", []), str | list):
+        raise fail(f"scene is {given!r}, but must be the name of a scene or of a TOML file")
+    return arguments
 
 
 def read_scene(scene: str) -> dict[str, Any]:

@@ -10,8 +10,10 @@ from typer import Argument, Option
 from uvms_gym._files import replacing
 from uvms_gym.cli import compare_report
 from uvms_gym.cli.common import (
+    EnvKwargs,
     check_list,
     check_range,
+    environment_arguments,
     fail,
     hold,
     line,
@@ -28,7 +30,7 @@ from uvms_gym.studies.comparison.conditions import DEPARTURES, DESIGN, make_cond
 from uvms_gym.studies.comparison.own import PREFIX
 from uvms_gym.studies.comparison.scoreboard import read_entries
 from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
-from uvms_gym.studies.comparison.study import TOLERANCE, as_data, make_comparisons, run_all, scores_by_name
+from uvms_gym.studies.comparison.study import STORED, TOLERANCE, as_data, make_comparisons, run_all, scores_by_name
 from uvms_gym.studies.comparison.study import verify as run_again
 from uvms_gym.studies.comparison.summary import summarise
 from uvms_gym.studies.comparison.unfinished import Unfinished
@@ -43,7 +45,8 @@ KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE, {PREFIX}FILE.p
 
 def compare(
     env: Annotated[list[str] | None, several("Environment, by Gymnasium's id", "UVMS-StationKeep-Storm-v0")] = None,
-    scene: Annotated[list[str] | None, several("Scene: name or TOML file", "petasus-pum")] = None,
+    scene: Annotated[list[str] | None, several("Scene: name or TOML file", "the environment's, petasus-pum")] = None,
+    env_kwargs: EnvKwargs = None,
     controller: Annotated[list[str] | None, several(f"One of {KNOWN}", "every available controller")] = None,
     episodes: Annotated[
         int, Option(help=f"Episodes of each controller under each condition, 2 to {MOST_EPISODES}.")
@@ -73,7 +76,9 @@ def compare(
             "[default: the environment's]"
         ),
     ] = None,
-    action: Annotated[Literal["wrench", "thrusters"], Option(help="Commanded quantity of controllers.")] = "wrench",
+    action: Annotated[
+        Literal["wrench", "thrusters"] | None, Option(help="Commanded quantity of controllers. [default: wrench]")
+    ] = None,
     out: Out = Path("out/compare"),
     json_file: Json = None,
 ) -> None:
@@ -84,25 +89,29 @@ def compare(
     """
     check_range("--episodes", episodes, 2, MOST_EPISODES)
     check_range("--seed", seed, 0, math.inf)
+    if current is not None:
+        check_range("--current", current, 0.0, MOST_CURRENT)
+    named = {"scene": scene, "disturbance": disturbance, "max_current": current, "action": action}
+    arguments = environment_arguments(env_kwargs, **named)
+    scenes = check_list("scene", _names(arguments, "scene"), ["petasus-pum"])
+    levels = check_list("disturbance", _names(arguments, "disturbance"), [])
+    options = {"action": "wrench", **{key: arguments.pop(key) for key in STORED if key in arguments}}
     given: dict[str, Any] = {
         "env": check_list("env", env, ["UVMS-StationKeep-Storm-v0"]),
-        "scene": check_list("scene", scene, ["petasus-pum"]),
+        "scene": scenes,
+        "env_kwargs": arguments,
         "controllers": check_list("controller", controller, []) or None,
         "episodes": episodes,
         "seed": seed,
         "condition": list(DEPARTURES) if off_design else check_list("condition", condition, [DESIGN]),
-        "disturbance": check_list("disturbance", disturbance, []),
+        "disturbance": levels,
     }
-    options: dict[str, Any] = {"action": action}
-    if current is not None:
-        check_range("--current", current, 0.0, MOST_CURRENT)
-        options["max_current"] = current
     for name in given["controllers"] or ():
         if name not in registry.NAMES and not name.startswith((registry.MLP_PREFIX, PREFIX)):
             raise fail(f"unknown controller {name!r}; known: {KNOWN}")
-    scenes = {name: read_scene(name) for name in given["scene"]}
+    loaded = {name: read_scene(name) for name in scenes}
     with user_errors():
-        conditions = make_conditions(given["env"], scenes, given["disturbance"], given["condition"], **options)
+        conditions = make_conditions(given["env"], loaded, levels, given["condition"], **options, **arguments)
         comparisons = make_comparisons(conditions, given["controllers"], frontier)
     departing = len(comparisons) > len({comparison.condition.group for comparison in comparisons})
     pictures = [*(["off-design.png"] if departing else []), *(["frontier.png"] if frontier else [])]
@@ -149,6 +158,17 @@ def compare(
             compare_report.print_across(group, members)
     say(compare_report.NOTES)
     name_files(out, files)
+
+
+def _names(arguments: dict[str, Any], key: str) -> list[str]:
+    """Remove an argument that is a name or a list of them; a dictionary of components stays."""
+    if isinstance(arguments.get(key), dict):
+        return []
+    value = arguments.pop(key, [])
+    names = value if isinstance(value, list) else [value]
+    if wrong := next((name for name in names if not isinstance(name, str)), None):
+        raise fail(f"{key} is {wrong!r}, but must be a name")
+    return names
 
 
 def verify(

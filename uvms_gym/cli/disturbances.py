@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from typer import Argument, Option
 
 import uvms_gym
-from uvms_gym.cli.common import Scene, check_range, fail, line, prepare, read_scene, user_errors
+from uvms_gym.cli.common import check_range, fail, line, prepare, read_scene, user_errors
 from uvms_gym.cli.output import Out, say, table
 from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
 
@@ -36,7 +36,7 @@ def disturbances(
     name: Annotated[
         str | None, Argument(metavar="NAME", help="Level. [default: all, and the shape of each component]")
     ] = None,
-    scene: Scene = "petasus-pum",
+    scene: Annotated[str, Option(metavar="SCENE", help="Scene: name or TOML file.")] = "petasus-pum",
     seed: Annotated[int, Option(help="Seed of the episode.")] = 0,
     seconds: Annotated[float, Option(help=f"Duration of the pictures, 1 to {LONGEST:g} s.")] = 20.0,
     out: Out = Path("out/disturbances"),

@@ -11,10 +11,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import gymnasium
 from typer import Option
 
-from uvms_gym.cli.common import Scene, check_range, fail, line, prepare, progress, read_scene, user_errors
+from uvms_gym.cli.common import (
+    EnvKwargs,
+    Scene,
+    check_range,
+    environment_arguments,
+    fail,
+    line,
+    prepare,
+    progress,
+    read_scene,
+    user_errors,
+)
 from uvms_gym.cli.episode_plot import Instant, plot_episode
 from uvms_gym.cli.web import serve
-from uvms_gym.controllers import Controller, registry
+from uvms_gym.controllers import registry
+from uvms_gym.studies.comparison.own import PREFIX, make_controller
 
 if TYPE_CHECKING:
     from uvms_gym.cli.overlay import Overlay
@@ -31,7 +43,7 @@ NEEDS = {
 #: Default environments: of files and windows, and of the browser view, whose policies are shipped.
 DEFAULT, STORM = "UVMS-StationKeep-v0", "UVMS-StationKeep-Storm-v0"
 _SUFFIXES = (".mp4", ".gif", ".png")
-KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE"
+KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE, {PREFIX}FILE.py:NAME"
 
 
 def play(
@@ -39,7 +51,8 @@ def play(
         str | None,
         Option(help=f"Environment, by Gymnasium's id. [default: {DEFAULT}, or {STORM} with --web]"),
     ] = None,
-    scene: Scene = "petasus-pum",
+    scene: Scene = None,
+    env_kwargs: EnvKwargs = None,
     controller: Annotated[
         str | None, Option(help=f"One of {KNOWN}. [default: pd, or resolved for end-effector tracking]")
     ] = None,
@@ -63,13 +76,16 @@ def play(
     check_range("--seconds", seconds, 0.0, MOST_SECONDS)
     check_range("--seed", seed, 0, math.inf)
     env = env or (STORM if web else DEFAULT)
+    arguments = environment_arguments(env_kwargs, scene=scene, disturbance=disturbance)
+    if isinstance(given := arguments.get("scene"), str):
+        read_scene(given)
+    level = given if isinstance(given := arguments.get("disturbance"), str) else ""
     if web:
         if out is not None or window or plot is not None:
             raise fail("--web goes without --out, --window and --plot")
         check_range("--port", port, 1, 65535)
         _need("viser")
-        read_scene(scene)
-        serve(_make(env, scene, disturbance, seconds), controller, seed, port)
+        serve(_make(env, arguments, seconds), controller, seed, port)
         return
     if (out is not None and window) or (out is None and not window and plot is None):
         raise fail("--out FILE, --window, --plot FILE or --web is needed, and not the first two together")
@@ -80,11 +96,10 @@ def play(
         raise fail(f"--plot is {str(plot)!r}, but must end in .png")
     pictures = ["PIL"] if out is not None or window else []
     _need(*pictures, *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
-    read_scene(scene)
-    made = _make(env, scene, disturbance, seconds)
+    made = _make(env, arguments, seconds)
     chosen = controller or registry.BASELINE[made.unwrapped.task]  # type: ignore[attr-defined]
     with user_errors():
-        control = registry.make_controller(chosen, made)
+        control = make_controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
     name = Path(chosen).name if chosen.startswith(registry.MLP_PREFIX) else chosen
@@ -93,7 +108,7 @@ def play(
     if pictures:
         from uvms_gym.cli.overlay import Overlay
 
-        overlay = Overlay(title, disturbance or "", steps * period)
+        overlay = Overlay(title, level, steps * period)
     prepare(None, out)
     prepare(None, plot)
     shown = _Recorder(made, overlay, period)
@@ -118,7 +133,7 @@ def play(
     if plot is not None:
         names = [block.name for block in made.unwrapped.action_layout]  # type: ignore[attr-defined]
         with user_errors(verb="write"):
-            plot_episode(plot, f"{title}, {disturbance}" if disturbance else title, names, shown.instants)
+            plot_episode(plot, f"{title}, {level}" if level else title, names, shown.instants)
     for file in filter(None, (out, plot)):
         line(str(file))
 
@@ -158,15 +173,17 @@ class _Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
             self._overlay.note(self.time, info)
 
 
-def _run(env: gymnasium.Env[Any, Any], control: Controller, seed: int, steps: int) -> Iterator[None]:
+def _run(env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int) -> Iterator[None]:
     """Step through an episode; yields at its start and after each step."""
     observation, _ = env.reset(seed=seed)
     state = None
     yield
     with contextlib.closing(env):
         for _ in range(steps):
-            action, state = control.predict(observation, state)
-            observation, _, terminated, truncated, _ = env.step(action)
+            # A controller of a user's own may do anything.
+            with user_errors():
+                action, state = control.predict(observation, state)
+                observation, _, terminated, truncated, _ = env.step(action)
             yield
             if terminated or truncated:
                 return
@@ -196,12 +213,11 @@ def _need(*modules: str) -> None:
         raise fail(f"{', '.join(packages)} not installed; run: pip install 'uvms-gym[{','.join(extras)}]'")
 
 
-def _make(env: str, scene: str, disturbance: str | None, seconds: float) -> gymnasium.Env[Any, Any]:
-    options: dict[str, Any] = {} if disturbance is None else {"disturbance": disturbance}
-    options |= {"scene": scene, "render_mode": "rgb_array", "disable_env_checker": True}
+def _make(env: str, arguments: dict[str, Any], seconds: float) -> gymnasium.Env[Any, Any]:
+    # A limit beyond the end.
+    options = {"max_episode_steps": round(1000.0 * seconds) + 1000, **arguments}
     with user_errors(f"{env}: "):
-        # A limit beyond the end.
-        made = gymnasium.make(env, max_episode_steps=round(1000.0 * seconds) + 1000, **options)
+        made = gymnasium.make(env, **options | {"render_mode": "rgb_array", "disable_env_checker": True})
     if "rgb_array" not in made.metadata["render_modes"] or not hasattr(made.unwrapped, "snapshot"):
         raise fail(f"--env is {env!r}, but only environments of uvms_gym work, such as UVMS-StationKeep-v0")
     return made

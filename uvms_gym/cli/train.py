@@ -11,7 +11,16 @@ import gymnasium
 from typer import Option
 
 from uvms_gym._files import write
-from uvms_gym.cli.common import check_range, fail, line, prepare, progress, user_errors
+from uvms_gym.cli.common import (
+    EnvKwargs,
+    check_range,
+    environment_arguments,
+    fail,
+    line,
+    prepare,
+    progress,
+    user_errors,
+)
 from uvms_gym.studies.records import circumstances
 
 if TYPE_CHECKING:
@@ -54,10 +63,7 @@ def train(
     start: Annotated[
         Path | None, Option(metavar="FILE", help="Policy (.safetensors) that asymmetric-ppo or shac begins with.")
     ] = None,
-    env_kwargs: Annotated[
-        list[str] | None,
-        Option(metavar="KEY:VALUE", help="Argument of the environment, such as substeps:5; may be repeated."),
-    ] = None,
+    env_kwargs: EnvKwargs = None,
     hyperparams: Annotated[
         list[str] | None,
         Option(
@@ -157,14 +163,15 @@ def train(
         from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
         from uvms_gym.training.run import Settings
 
+        arguments = environment_arguments(env_kwargs)
         with user_errors():
-            pairs = {"env_kwargs": parse_pairs(env_kwargs or ()), "hyperparams": parse_pairs(hyperparams or ())}
+            pairs = parse_pairs(hyperparams or ())
             gymnasium.spec(env)
             variant = "residual" if base is not None else "start" if start is not None else None
-            found = read_hyperparameters(env, conf_file, variant=variant, algo=algo) | pairs["hyperparams"]
+            found = read_hyperparameters(env, conf_file, variant=variant, algo=algo) | pairs
         if n_envs is not None:
             found["n_envs"] = n_envs
-        settings = Settings(env, found, pairs["env_kwargs"], seed or 0, base, algo=algo, teacher=teacher)
+        settings = Settings(env, found, arguments, seed or 0, base, algo=algo, teacher=teacher)
         if start is not None:
             settings = replace(settings, start=str(start.resolve()))
         if residual is not None:

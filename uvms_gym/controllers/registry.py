@@ -204,7 +204,10 @@ def make_controller(
     given = options_of("controller", env, options, "disturbance")
     task = given.get("task", "station-keep")
     if name.startswith(MLP_PREFIX):
-        return MLP.load(name.removeprefix(MLP_PREFIX), **given)
+        policy = MLP.load(name.removeprefix(MLP_PREFIX), **given)
+        if given:
+            _warn_of_training(name, policy.notes, given)
+        return policy
     check_name(name, task)
     if name in CLASSICAL:
         return _classical(name, given, gains)
@@ -212,7 +215,7 @@ def make_controller(
     file = _policy_file(name, seed, given, _folder(given, made))
     base = LEARNED[name].base
     policy = MLP.load(file, residual=base is not None, **given)
-    _warn_of_delay(name, policy.notes.get("environment"), made)
+    _warn_of_training(name, policy.notes, given)
     if base is None:
         return policy
     said = policy.notes.get("base", base)
@@ -346,7 +349,26 @@ def _classical(name: str, given: dict[str, Any], gains: str) -> Controller:
     return entry.kind(**entry.gains, **given) if late else made
 
 
-def _warn_of_delay(name: str, env: str | None, made: _core.Task, bridged: int | None = None) -> bool:
+def _warn_of_training(name: str, notes: dict[str, str], given: dict[str, Any]) -> None:
+    """Warn of measurements of another age, and of thrusters with another lag, than a policy was trained with."""
+    env, arguments = notes.get("environment"), notes.get("env_kwargs", "{}")
+    try:
+        _warn_of_delay(name, env, native(given), arguments=arguments)
+        lag = _design(str(env), arguments)[1] if env in gymnasium.registry else given.get("thruster_lag")
+    except (TypeError, ValueError):
+        return  # Notes of another version.
+    if lag != (here := given.get("thruster_lag")):
+        trained, found = ("the scene's" if one is None else f"{one:g} s" for one in (lag, here))
+        warnings.warn(
+            f"{name} was trained in {env} with thruster_lag {trained}; here it is {found}: it may be much worse",
+            ControllerWarning,
+            stacklevel=3,
+        )
+
+
+def _warn_of_delay(
+    name: str, env: str | None, made: _core.Task, bridged: int | None = None, arguments: str = "{}"
+) -> bool:
     """Warn of measurements whose age differs from those that a controller was tuned or trained with, in `env`.
 
     Later ones make controllers unstable but those that predict over them: over `bridged` control periods. Policies do
@@ -354,7 +376,7 @@ def _warn_of_delay(name: str, env: str | None, made: _core.Task, bridged: int | 
     """
     if env not in gymnasium.registry:
         return False
-    (low, high), (least, most) = _delays(env), made.delays
+    (low, high), (least, most) = _design(env, arguments)[0], made.delays
     if bridged == least == most or (most <= high and (least >= low or name in CLASSICAL)):
         return False
     defaults = name in CLASSICAL and least == most
@@ -369,11 +391,16 @@ def _warn_of_delay(name: str, env: str | None, made: _core.Task, bridged: int | 
 
 
 @functools.cache
-def _delays(env: str) -> tuple[int, int]:
-    """Least and greatest age of the measurements in a registered environment, control periods."""
+def _design(env: str, arguments: str) -> tuple[tuple[int, int], float | None]:
+    """Minimum and maximum age of the measurements, control periods, and the thrusters' lag, s (None: the scene's).
+
+    Of a registered environment with arguments as JSON.
+    """
     spec = gymnasium.spec(env)
     task = next(task for task, name in TASKS.items() if str(spec.name).startswith(name))
-    return native({"task": task, **{k: v for k, v in spec.kwargs.items() if k != "reward"}}).delays
+    given = {"task": task, **spec.kwargs, **json.loads(arguments)}
+    matters = {key: given[key] for key in ("task", "dt", "substeps", "disturbance", "thruster_lag") if key in given}
+    return native(matters).delays, given.get("thruster_lag")
 
 
 def _shipped(given: dict[str, Any], place: Path) -> dict[str, tuple[int, ...]]:

@@ -49,13 +49,15 @@ def parse_pairs(given: Iterable[str]) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        A pair lacks key or colon.
+        A pair lacks key or colon, or a key comes twice.
     """
     pairs: dict[str, Any] = {}
     for pair in given:
         key, colon, value = pair.partition(":")
         if not colon or not key:
             raise ValueError(f"{pair!r} is not KEY:VALUE")
+        if key in pairs:
+            raise ValueError(f"{key} is given twice")
         try:
             pairs[key] = ast.literal_eval(value)
         except (ValueError, SyntaxError):

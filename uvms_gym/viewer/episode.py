@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uvms_gym.controllers import registry
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs.base import TaskEnv
 from uvms_gym.envs.rendering import shots
 from uvms_gym.studies.comparison.conditions import SCALED
+from uvms_gym.studies.comparison.own import make_controller
 
 Floats = NDArray[np.float64]
 #: Position (3,), m, and unit quaternion [w, x, y, z], (4,), in the world.
@@ -106,7 +106,7 @@ class LiveEpisode:
         Environment; another with its options, under a disturbance, is made from it: the level named in them, or the
         storm.
     controller : str
-        Name of a controller, or `mlp:FILE`.
+        Name of a controller, `mlp:FILE` or `py:FILE:NAME`.
     seed : int
         Seed of the episode.
 
@@ -131,7 +131,7 @@ class LiveEpisode:
 
     def choose(self, controller: str) -> None:
         """Take another controller, from blank memory, in the running episode."""
-        self._control = registry.make_controller(controller, self.env)
+        self._control = make_controller(controller, self.env)
         self.controller = controller
         self._memory: Any = None
 

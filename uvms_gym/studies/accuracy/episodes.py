@@ -39,7 +39,7 @@ class Case(NamedTuple):
     """Environment with its options, the number of episodes, and the seed of the first."""
 
     env: str
-    #: Arguments of `gymnasium.make_vec`, without step, integrator and precision.
+    #: Arguments of `gymnasium.make_vec`.
     options: Options
     episodes: int
     seed: int
@@ -101,7 +101,7 @@ def frame(case: Case) -> Frame:
         return Frame(
             inner.task,
             float(f"{options.dt * options.substeps:.12g}"),
-            int(gymnasium.registry[case.env].max_episode_steps or 0),
+            int(case.options.get("max_episode_steps", gymnasium.registry[case.env].max_episode_steps) or 0),
             Configuration(options.integrator, options.dtype, options.dt),
             # Joint servos are on, and random actions reach the end stops.
             inner.snapshot().stable_steps(vehicle_servo=False),
@@ -144,9 +144,13 @@ def record(
         envs = gymnasium.make_vec(
             case.env,
             num_envs=case.episodes,
-            **{**case.options, "integrator": configuration.integrator, "dtype": configuration.dtype},
-            dt=about.period / count,
-            substeps=count,
+            **{
+                **case.options,
+                "integrator": configuration.integrator,
+                "dtype": configuration.dtype,
+                "dt": about.period / count,
+                "substeps": count,
+            },
         )
         inner: TaskVectorEnv = envs.unwrapped  # type: ignore[assignment]
         if drive is None:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import gymnasium
 
+from uvms_gym._task.options import check_count
 from uvms_gym.controllers.registry import TASKS
 from uvms_gym.disturbances import disturbance_levels
 from uvms_gym.envs import EPISODE_STEPS, VARIANTS, TaskOptions
@@ -194,6 +195,8 @@ def make_conditions(
         for scene, description in scenes.items():
             for level in chosen:
                 base = {**own, **options, "scene": description, "task": task}
+                steps = base.pop("max_episode_steps", steps)
+                check_count("max_episode_steps", steps)
                 if level is not None:
                     base["disturbance"] = level
                 found += [_condition(env, scene, level, departure, base, steps) for departure in departures]

@@ -61,7 +61,9 @@ def make_contender(condition: Condition, name: str) -> Contender:
         A file cannot be read.
     """
     if name.startswith(PREFIX):
-        return Contender(name, (), [made := load(condition, name)], {"files": [_file(file_of(name), made)]})
+        options = {key: value for key, value in condition.designed.items() if key not in ("task", "reward")}
+        made = load(name, gymnasium.make_vec(condition.env, num_envs=1, **options))
+        return Contender(name, (), [made], {"files": [_file(file_of(name), made)]})
     bound = registry.is_bound(name)
     options = informed(condition._replace(options=condition.designed)).options if bound else condition.designed
     seeds = registry.seeds(name, **options)

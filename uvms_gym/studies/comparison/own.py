@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 
+from uvms_gym.controllers import registry
+from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.rollouts import RolloutStats
-from uvms_gym.studies.comparison.conditions import Condition
 
 #: Prefix of a controller in a Python file: `py:FILE:NAME`, NAME called with an environment as designed for.
 PREFIX = "py:"
@@ -23,15 +23,16 @@ def file_of(name: str) -> Path:
     return Path(name.removeprefix(PREFIX).rpartition(":")[0])
 
 
-def load(condition: Condition, name: str) -> Any:
-    """Run the file of `py:FILE:NAME` and make its controller for the environment as designed for.
+def load(name: str, envs: Any) -> Any:
+    """Run the file of `py:FILE:NAME` and make its controller.
 
     Parameters
     ----------
-    condition : Condition
     name : str
-        NAME is called with a vector environment of one instance, and returns an object with
+        NAME is called with `envs`, and returns an object with
         `predict(observation, state, episode_start, deterministic)`.
+    envs : TaskVectorEnv
+        Vector environment of one instance, as the controller is designed for.
 
     Raises
     ------
@@ -49,15 +50,42 @@ def load(condition: Condition, name: str) -> Any:
     assert spec is not None and spec.loader is not None
     # Data classes look their module up.
     module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    options = {key: value for key, value in condition.designed.items() if key not in ("task", "reward")}
-    env = gymnasium.make_vec(condition.env, num_envs=1, **options)
     with _errors_of(file):
         spec.loader.exec_module(module)
-        made = getattr(module, attribute)(env)
-    env.close()
+        made = getattr(module, attribute)(envs)
     if not hasattr(made, "predict"):
         raise ValueError(f"{name} made a {type(made).__name__}, which has no predict")
     return made
+
+
+class _Single:
+    """Controller of a Python file for one instance: `predict` adds the axis that vector environments have."""
+
+    def __init__(self, name: str, controller: Any) -> None:
+        self._file, self._controller = file_of(name), controller
+
+    def predict(self, observation: Any, state: Any = None) -> tuple[Any, Any]:
+        """Action of one observation; None as the state begins an episode."""
+        with _errors_of(self._file):
+            given = {"episode_start": np.array([state is None]), "deterministic": True}
+            actions, state = self._controller.predict(observation[np.newaxis], state and state[0], **given)
+            # A controller without memory returns None, too.
+            return np.asarray(actions)[0], (state,)
+
+
+def make_controller(name: str, env: Any) -> Any:
+    """Make a controller by its name (see `uvms_gym.make_controller`), or by `py:FILE:NAME`, for a single environment.
+
+    Raises
+    ------
+    ValueError, TypeError, OSError
+        See `uvms_gym.make_controller` and `load`.
+    """
+    if not name.startswith(PREFIX):
+        return registry.make_controller(name, env)
+    options = env.unwrapped.options
+    kind = next(kind for kind in TaskVectorEnv.__subclasses__() if isinstance(options, kind.options_class))
+    return _Single(name, load(name, kind(1, options)))
 
 
 class PredictRollout:

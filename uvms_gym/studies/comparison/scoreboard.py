@@ -15,6 +15,7 @@ RULE: Mapping[str, Any] = {
     "condition": DESIGN,
     "action": "wrench",
     "max_current": None,
+    "env_kwargs": {},
     "seed": 0,
     "episodes": 1024,
 }
@@ -41,7 +42,7 @@ def _entries(path: Path) -> Iterator[tuple[str, str, dict[str, Any]]]:
         data = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
         raise ValueError(f"{path} holds no results of uvms compare: {error}") from None
-    given = {"action": "wrench", "max_current": None, **data["circumstances"]["arguments"]}
+    given = {"action": "wrench", "max_current": None, "env_kwargs": {}, **data["circumstances"]["arguments"]}
     for stored in data["results"]:
         if stored["env"] not in ENVS:
             raise ValueError(f"{path}: env is {stored['env']!r}, but must be one of {', '.join(ENVS)}")

@@ -18,6 +18,8 @@ from uvms_gym.studies.comparison.summary import KEPT, Summary, summarise
 
 #: Note in place of a controller without a shipped policy.
 NO_POLICY = "no policy"
+#: Arguments of environments that results hold by name; the others are in `env_kwargs`.
+STORED = ("action", "max_current")
 #: Relative tolerance of stored numbers, which other machines reproduce.
 TOLERANCE = 1e-4
 
@@ -230,7 +232,7 @@ def _read(path: Path) -> list[tuple[dict[str, Any], Comparison, int, int]]:
     with _readable(path):
         data = json.loads(path.read_text(encoding="utf-8"))
         arguments, results = data["circumstances"]["arguments"], data["results"]
-        options = {name: arguments[name] for name in ("action", "max_current") if name in arguments}
+        options = {name: arguments[name] for name in STORED if name in arguments} | arguments.get("env_kwargs", {})
         found = []
         for stored in results:
             scenes = {stored["scene"]: uvms_gym.load_scene(stored["scene"])}
