@@ -1,5 +1,5 @@
 #!/bin/sh
-# Tune and train all that is shipped: hours on two cores. Interrupted searches resume; finished gains and policies stay.
+# Tune and train all that is shipped: hours on two cores. Stopped searches and runs resume, finished gains and policies stay.
 #     pip install 'uvms-gym[cli,train]'; sh training/all.sh [FOLDER of the package's pretrained/]
 set -eu
 to=${1:-$(python -c "from uvms_gym.controllers.registry import PRETRAINED; print(PRETRAINED)")}
@@ -13,18 +13,31 @@ tune() {
         python "$here/tune.py" --policies "$to" --controller "$name" --env "$env" "$@"
 }
 
+# run FILE ENVIRONMENT [OPTION...]: the policy FILE, unless it is finished; a stopped run goes on in its folder
+run() {
+    file=$1 env=$2
+    shift 2
+    python -c 'import sys; from uvms_gym.training.finished import is_finished; sys.exit(not is_finished(sys.argv[1]))' \
+        "$file" && return
+    logs=out/train/${env%-*-v0}/$(basename "$file" .safetensors)
+    for config in "$logs"/*/*/config.json; do
+        [ ! -e "$config" ] || set -- -i "${config%/config.json}"
+    done
+    [ "$1" = -i ] || set -- -f "$logs" --env "$env" "$@"
+    uvms train --export "$file" "$@"
+}
+
 # policy NAME SEED ENVIRONMENT [OPTION...]
 policy() {
-    file=$to/${3%-*-v0}/petasus-pum/0.1s/$1-$2.safetensors env=$3 seed=$2
+    shipped=$to/${3%-*-v0}/petasus-pum/0.1s/$1-$2.safetensors env=$3 seed=$2
     shift 3
-    [ -e "$file" ] || uvms train --env "$env" --seed "$seed" --export "$file" "$@"
+    run "$shipped" "$env" --seed "$seed" "$@"
 }
 
 # distilled NAME SEED TEACHER HISTORY STEPS EFFORT RATE: the teacher's imitation, improved under prices of effort and variation
 distilled() {
     start=out/train/$1-$2-start.safetensors stack=frame_stack:$4
-    [ -e "$start" ] ||
-        uvms train --algo distill --env "$keep" --teacher "$3" -n 800000 -params "$stack" --seed "$2" --export "$start"
+    run "$start" "$keep" --algo distill --teacher "$3" -n 800000 -params "$stack" --seed "$2"
     policy "$1" "$2" "$keep" --algo shac --start "$start" -n "$5" -params "$stack" \
         --env-kwargs "reward:{'pose':0.3,'pose_scale':0.05,'effort':$6,'action_rate':$7}"
 }
@@ -64,16 +77,16 @@ done
 wide=UVMS-StationKeep-Wide-v0
 for seed in 0 1 2 3 4; do
     start=out/train/shac-distilled-wide-$seed-start.safetensors
-    [ -e "$start" ] || uvms train --algo distill --env $wide --teacher dob-adaptive -n 2400000 --seed $seed --export "$start"
+    run "$start" $wide --algo distill --teacher dob-adaptive -n 2400000 --seed $seed
     policy shac-distilled-wide $seed $wide --algo shac --start "$start" --n-envs 256 -n 6000000 \
         --env-kwargs "reward:{'pose':0.3,'pose_scale':0.05,'effort':0.11,'action_rate':0.05}"
 done
 # Tracking of vehicles known poorly, from a policy for the storm; great errors and costly episodes count for more at last.
 for seed in 0 1 2 3 4; do
     start=out/train/shac-wide-$seed-start.safetensors
-    [ -e "$start" ] || uvms train --algo shac --env $track --seed $seed --export "$start"
+    run "$start" $track --algo shac --seed $seed
     wide=out/train/shac-wide-$seed-wide.safetensors
-    [ -e "$wide" ] || uvms train --algo shac --env UVMS-EETrack-Wide-v0 --start "$start" --seed $seed --export "$wide"
+    run "$wide" UVMS-EETrack-Wide-v0 --algo shac --start "$start" --seed $seed
     policy shac-wide $seed UVMS-EETrack-Wide-v0 --algo shac --start "$wide" -n 12000000 \
         -params n_steps:200 -params change:0.02 -params priority:1.0 \
         --env-kwargs "reward:{'pose':1.0,'pose_scale':0.5,'effort':0.085,'action_rate':0.13}"

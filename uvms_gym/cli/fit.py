@@ -57,7 +57,8 @@ def fit(
     """Fit numbers of a scene to logs: all trials as one batch, joints as logged, robust, with priors from the scene.
 
     Prints values with standard deviations clustered by trial, what the data leave open, and errors on trials fitted and
-    held out; writes the fitted scene, whose provenance holds the intervals. Ctrl-C ends at the best values so far.
+    held out; writes the fitted scene, whose provenance holds the intervals. Ctrl-C, or SIGTERM, ends at the best values
+    so far.
     """
     check_range("--period", period, 0.01, 1.0)
     free, hold_out = check_list("--free", free, []), check_list("--hold-out", hold_out, [])

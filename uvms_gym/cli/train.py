@@ -16,6 +16,7 @@ from uvms_gym.cli.common import (
     check_range,
     environment_arguments,
     fail,
+    hold,
     line,
     prepare,
     progress,
@@ -95,11 +96,15 @@ def train(
             "-i",
             "--trained-agent",
             metavar="PATH",
-            help="Run's folder, or a checkpoint there, to resume with its settings: to the end, or to -n steps.",
+            help="Run's folder, or a checkpoint there, to resume with its settings: to the end, or to -n steps. "
+            "Of a folder the checkpoint with the most steps; without one the run starts anew.",
         ),
     ] = None,
     export: Annotated[
-        Path | None, Option(metavar="FILE", help="Also write the policy here (.safetensors), and a model card.")
+        Path | None,
+        Option(
+            metavar="FILE", help="Also write the policy here (.safetensors) at the end of the run, and a model card."
+        ),
     ] = None,
     num_threads: Annotated[
         int | None, Option(help="Threads of torch and of the environment; -1: all. [default: 1]")
@@ -112,8 +117,8 @@ def train(
 ) -> int:
     """Train a policy, evaluate it on held-out episodes, and export it.
 
-    Ctrl-C stops it after the current iteration with everything saved and exported, and exit status 130; -i resumes
-    it, with bit-identical weights at the end. A second Ctrl-C ends it at once.
+    Ctrl-C, or SIGTERM, stops it after the current iteration with everything saved, and exit status 130; a second one
+    ends it at once. -i resumes the run, also after a kill, with bit-identical weights at the end.
     """
     missing = [package for module, package in NEEDS.items() if find_spec(module) is None]
     if missing:
@@ -191,22 +196,29 @@ def train(
     }
     settings = replace(settings, **{name: value for name, value in given.items() if value is not None})
     prepare(None, export)
-    for logs in (None if agent else log_folder, tensorboard_log):
+    for logs in (log_folder if trained_agent is None else None, tensorboard_log):
         prepare(logs, None)
-    return _run(settings, folder, agent, export, tensorboard_log, show_progress, verbose)
+    if trained_agent is not None:
+        hold(folder)
+        from uvms_gym.training.finished import is_finished
+        from uvms_gym.training.run import POLICY
+
+        if export is not None and n_timesteps is None and is_finished(folder / POLICY):
+            _export(folder / POLICY, export)
+            return 0
+    return _run(settings, folder, trained_agent is None, agent, export, tensorboard_log, show_progress, verbose)
 
 
 def _run(
     settings: "Settings",
     folder: Path,
+    new: bool,
     agent: Path | None,
     export: Path | None,
     tensorboard_log: Path | None,
     show_progress: bool,
     verbose: int,
 ) -> int:
-    from uvms_gym.training.export import write_card
-
     if settings.algo == "ppo":
         from uvms_gym.training.ppo import check, train
     else:
@@ -224,10 +236,13 @@ def _run(
                 bar.console.print(_line(found), markup=False, soft_wrap=True, highlight=False)
 
         with user_errors(f"{settings.env}: ", "read or write", AssertionError, RuntimeError):
-            if agent is None:
+            if not new and verbose:
+                line(f"resuming {agent}" if agent else f"{folder} has no checkpoint: starting anew")
+            if new:
                 # Errors show before the folder is made.
                 check(settings)
                 folder = _new_folder(folder, settings)
+                hold(folder)
             outcome = train(
                 settings,
                 folder,
@@ -238,28 +253,44 @@ def _run(
                 tick=partial(bar.advance, task),
                 tell=tell,
             )
-            if export is not None:
-                write(export, outcome.policy.read_bytes())
-                write_card(export.parent)
     rate = outcome.steps / outcome.seconds
     line(f"{outcome.steps} steps in {outcome.seconds:.0f} s ({rate:.0f} per second): {_line(outcome.evaluation)}")
     line(f"{folder}: {outcome.policy.name}, {outcome.checkpoint.name}, README.md")
-    if export is not None:
-        line(str(export))
     if not outcome.finished:
-        line(f"stopped; to resume: uvms train -i {folder}")
+        line(f"stopped; to resume: uvms train -i {folder}" + (f" --export {export}" if export is not None else ""))
         return 130
+    if export is not None:
+        _export(outcome.policy, export)
     return 0
 
 
-def _resumed(agent: Path) -> tuple["Settings", Path, Path]:
-    from uvms_gym.training.run import Settings, latest_checkpoint
+def _export(policy: Path, export: Path) -> None:
+    """Copy a finished policy."""
+    from uvms_gym.training.export import write_card
+
+    with user_errors(verb="read or write"):
+        write(export, policy.read_bytes())
+        write_card(export.parent)
+    line(str(export))
+
+
+def _resumed(agent: Path) -> tuple["Settings", Path, Path | None]:
+    """Settings, folder and checkpoint of a run; None: it was stopped before its first checkpoint."""
+    from uvms_gym.training.run import POLICY, Settings, latest_checkpoint
 
     with user_errors():
         # The error names the missing file.
         agent.stat()
         folder = agent if agent.is_dir() else agent.parent
-        return Settings.load(folder), folder, latest_checkpoint(folder) if agent.is_dir() else agent
+        settings = Settings.load(folder)
+    if not agent.is_dir():
+        return settings, folder, agent
+    try:
+        return settings, folder, latest_checkpoint(folder)
+    except ValueError as error:
+        if (folder / POLICY).exists():
+            raise fail(str(error)) from None
+        return settings, folder, None
 
 
 def _new_folder(logs: Path, settings: "Settings") -> Path:

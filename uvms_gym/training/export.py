@@ -1,5 +1,6 @@
 """Export of models as policies that run without torch, and their model cards."""
 
+import contextlib
 import json
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -138,7 +139,11 @@ def write_card(folder: Path) -> None:
 
 def card(folder: Path) -> str:
     """Model card in Markdown, from the notes of the policies in a folder."""
-    files = {file.name: MLP.load(file, residual=True) for file in sorted(folder.glob("*.safetensors"))}
+    files = {}
+    for file in sorted(folder.glob("*.safetensors")):
+        # One that a full disk cut off is no reason to lose the others' card.
+        with contextlib.suppress(ValueError):
+            files[file.name] = MLP.load(file, residual=True)
     notes = {file: policy.notes for file, policy in files.items() if "environment" in policy.notes}
     if not notes:
         raise ValueError(f"{folder} has no policies of `uvms train`")

@@ -93,12 +93,12 @@ def train(
     """
     learner = make_learner(settings)
     before = 0.0 if agent is None else load(learner, agent)
-    settings.save(folder)
     record = Record(settings, folder, learner.envs.inner, time.perf_counter() - before, origin or {}, tell)
     if agent is not None:
         record.resume(learner.steps)
     if learner.left == 0.0:
-        raise ValueError(f"the run has taken its {learner.steps} steps; n_timesteps can ask for more")
+        record.refuse(learner.steps)
+    settings.save(folder)
     writer = None
     if tensorboard_log is not None:
         from torch.utils.tensorboard import SummaryWriter
@@ -127,10 +127,10 @@ def train(
             if passed(settings.save_freq, previous, steps):
                 save(learner, record.seconds, folder / checkpoint_name(steps))
         finished = learner.left == 0.0
-        if not record.curve or record.curve[-1]["steps"] != learner.steps:
-            evaluate()
         checkpoint = folder / (f"{settings.env}.zip" if finished else checkpoint_name(learner.steps))
         save(learner, record.seconds, checkpoint)
+        if not record.curve or record.curve[-1]["steps"] != learner.steps:
+            evaluate()
         notes = record.notes(learner.steps, torch.get_num_threads(), learner.notes())
         learner.actor.policy(learner.envs.inner, settings.history, notes).save(folder / POLICY)
         write_card(folder)

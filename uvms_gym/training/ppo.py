@@ -90,8 +90,8 @@ def train(
 ) -> Outcome:
     """Train, evaluate, write checkpoints and export the policy, all in `folder`.
 
-    An interrupt (Ctrl-C) stops it after the current iteration with everything saved and exported; the checkpoint
-    resumes to bit-identical weights. A second interrupt is a `KeyboardInterrupt`.
+    An interrupt (Ctrl-C, SIGTERM) stops it after the current iteration with everything saved and exported; the
+    checkpoint resumes to bit-identical weights. A second interrupt is a `KeyboardInterrupt`.
 
     Parameters
     ----------
@@ -128,7 +128,6 @@ def train(
         given = arguments(settings.hyperparameters)
         schedules = {key: given[key] for key in ("learning_rate", "clip_range") if key in given}
         model, before = continuation.load(agent, venv, device=settings.device, **schedules, **log)
-    settings.save(folder)
     record = Record(settings, folder, envs, time.perf_counter() - before, origin or {}, tell, base)
     run = _Run(record, tick)
     run.init_callback(model)
@@ -136,17 +135,19 @@ def train(
         record.resume(model.num_timesteps)
     left = settings.steps - model.num_timesteps
     if left <= 0:
-        raise ValueError(f"the run has taken its {model.num_timesteps} steps; n_timesteps can ask for more")
+        record.refuse(model.num_timesteps)
+    settings.save(folder)
     finished = True
     with interrupt_event() as run.interrupted:
         try:
             model.learn(left, run, tb_log_name=settings.env, reset_num_timesteps=agent is None)
         except _Stop:
             finished = False
-        if not record.curve or record.curve[-1]["steps"] != model.num_timesteps:
-            run.evaluate()
+        # First the checkpoint: a cluster that asked to stop does not wait for an evaluation.
         name = f"{settings.env}.zip" if finished else checkpoint_name(model.num_timesteps)
         run.save(folder / name)
+        if not record.curve or record.curve[-1]["steps"] != model.num_timesteps:
+            run.evaluate()
         policy = run.export(folder / POLICY)
         write_card(folder)
     venv.close()

@@ -1,9 +1,11 @@
 """A training run: settings, folder, evaluations, export, interruption; the same for all algorithms."""
 
 import json
+import re
 import signal
 import threading
 import time
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -17,6 +19,7 @@ from uvms_gym.controllers.registry import tuned
 from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.training.evaluation import SEED, evaluate
 from uvms_gym.training.export import versions
+from uvms_gym.training.finished import is_finished
 from uvms_gym.training.hyperparameters import count
 
 #: Algorithms, and their titles in model cards.
@@ -143,6 +146,17 @@ class Record:
         """Time spent on the run so far."""
         return time.perf_counter() - self.begun
 
+    def refuse(self, steps: int) -> None:
+        """Refuse to go on with a finished run; one that was stopped before its policy was written is completed.
+
+        Raises
+        ------
+        ValueError
+            All files of the run are there.
+        """
+        if is_finished(self.folder / POLICY):
+            raise ValueError(f"the run has taken its {steps} steps; n_timesteps can ask for more")
+
     def resume(self, steps: int) -> None:
         """Read the learning curve so far; later evaluations are forgotten."""
         if (self.folder / CURVE).exists():
@@ -187,26 +201,31 @@ class Record:
 
 @contextmanager
 def interrupt_event() -> Iterator[threading.Event]:
-    """Event set by the first interrupt; a second one has its usual effect."""
+    """Event set by the first Ctrl-C or SIGTERM, which clusters send; a second one has its usual effect."""
     asked = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield asked
         return
-    usual = signal.getsignal(signal.SIGINT)
+    usual = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def restore() -> None:
+        for number, handler in usual.items():
+            signal.signal(number, handler)
 
     def ask(number: int, frame: Any) -> None:
         asked.set()
-        signal.signal(signal.SIGINT, usual)
+        restore()
 
-    signal.signal(signal.SIGINT, ask)
+    for number in usual:
+        signal.signal(number, ask)
     try:
         yield asked
     finally:
-        signal.signal(signal.SIGINT, usual)
+        restore()
 
 
 def latest_checkpoint(folder: Path) -> Path:
-    """Find the newest checkpoint of a run.
+    """Find the checkpoint of a run with the most steps; files that are not whole do not count.
 
     Raises
     ------
@@ -214,9 +233,27 @@ def latest_checkpoint(folder: Path) -> Path:
         The folder has none.
     """
     found = [*folder.glob(checkpoint_name("*")), *folder.glob(f"{Settings.load(folder).env}.zip")]
-    if not found:
+    steps = {path: _steps(path) for path in found}
+    if not steps or max(steps.values()) < 0:
         raise ValueError(f"{folder} has no checkpoint")
-    return max(found, key=lambda path: path.stat().st_mtime_ns)
+    return max(steps, key=steps.__getitem__)
+
+
+def _steps(path: Path) -> int:
+    """Steps of a checkpoint, by its name, or by its content where the name has none; -1 if the file is not whole."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            if file.testzip() is not None:
+                return -1
+            if match := re.fullmatch(checkpoint_name(r"(\d+)"), path.name):
+                return int(match[1])
+            if "data" in file.namelist():
+                return int(json.loads(file.read("data"))["num_timesteps"])
+        import torch
+
+        return int(torch.load(path, weights_only=True)["steps"])
+    except (OSError, ValueError, LookupError, RuntimeError, zipfile.BadZipFile):
+        return -1
 
 
 def checkpoint_name(steps: int | str) -> str:
