@@ -21,6 +21,7 @@ from uvms_gym.studies.comparison.conditions import make_conditions
 from uvms_gym.studies.comparison.own import make_controller
 from uvms_gym.studies.comparison.scoreboard import ENVS, RULE, read_entries
 from uvms_gym.studies.comparison.study import verify
+from uvms_gym.training.hyperparameters import give_way
 
 ENV = "UVMS-StationKeep-v0"
 #: An environment of one's own, and the flags that make it.
@@ -112,6 +113,33 @@ def test_options_of_their_own_and_pairs_are_put_together() -> None:
     assert condition.options["disturbance"] == components["disturbance"] and condition.steps == 7
 
 
+def test_the_control_period_of_a_training_is_the_one_that_its_flags_have_elsewhere() -> None:
+    shipped = {"n_envs": 8, "env_kwargs": {"dtype": "float32", "dt": 0.025, "substeps": 2}}
+    assert give_way(shipped, {"scene": SMALL}) == shipped
+    for flags in ({"substeps": 10}, {"dt": 0.02}):
+        assert give_way(shipped, flags) == {"n_envs": 8, "env_kwargs": {"dtype": "float32"}}
+    assert give_way({}, {"dt": 0.02}) == {"env_kwargs": {}}
+
+
+@pytest.mark.learning
+def test_a_policy_is_played_and_compared_with_the_flags_of_its_training(trained: str) -> None:
+    given = [
+        *FLAGS,
+        "--algo",
+        "distill",
+        "--teacher",
+        "pid",
+        "-n",
+        "100",
+        "-params",
+        "n_envs:2",
+        "-params",
+        "n_steps:20",
+    ]
+    assert main(["train", *given, "--eval-episodes", "2", "--export", "learned.safetensors", "--verbose", "0"]) == 0
+    assert main(["play", *FLAGS, "--controller", "mlp:learned.safetensors", "--seconds", "0.2", "--plot", "x.png"]) == 0
+
+
 @pytest.mark.parametrize("command", ["play", "compare"])
 @pytest.mark.parametrize(
     ("arguments", "words"),
@@ -142,7 +170,7 @@ def test_wrong_ones_are_one_line(
     [
         ({}, None),
         ({"dtype": "float64", "disturbance": "waves"}, "measurements 1 control periods old; here they are 0"),
-        ({"thruster_lag": 0.1}, "with thruster_lag the scene's; here it is 0.1 s: it may be much worse"),
+        ({"thruster_lag": 0.1}, "with thruster_lag as in the scene; here it is 0.1 s: it may be much worse"),
     ],
 )
 def test_a_policy_is_warned_of_what_it_was_not_trained_with(

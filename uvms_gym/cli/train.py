@@ -165,7 +165,7 @@ def train(
         ):
             if value is not None and algo not in owners:
                 raise fail(f"{option} is for --algo {' or '.join(owners)}")
-        from uvms_gym.training.hyperparameters import parse_pairs, read_hyperparameters
+        from uvms_gym.training.hyperparameters import give_way, parse_pairs, read_hyperparameters
         from uvms_gym.training.run import Settings
 
         arguments = environment_arguments(env_kwargs)
@@ -173,7 +173,7 @@ def train(
             pairs = parse_pairs(hyperparams or ())
             gymnasium.spec(env)
             variant = "residual" if base is not None else "start" if start is not None else None
-            found = read_hyperparameters(env, conf_file, variant=variant, algo=algo) | pairs
+            found = give_way(read_hyperparameters(env, conf_file, variant=variant, algo=algo), arguments) | pairs
         if n_envs is not None:
             found["n_envs"] = n_envs
         settings = Settings(env, found, arguments, seed or 0, base, algo=algo, teacher=teacher)

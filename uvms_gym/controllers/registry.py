@@ -358,7 +358,7 @@ def _warn_of_training(name: str, notes: dict[str, str], given: dict[str, Any]) -
     except (TypeError, ValueError):
         return  # Notes of another version.
     if lag != (here := given.get("thruster_lag")):
-        trained, found = ("the scene's" if one is None else f"{one:g} s" for one in (lag, here))
+        trained, found = ("as in the scene" if one is None else f"{one:g} s" for one in (lag, here))
         warnings.warn(
             f"{name} was trained in {env} with thruster_lag {trained}; here it is {found}: it may be much worse",
             ControllerWarning,

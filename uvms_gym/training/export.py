@@ -144,7 +144,7 @@ def card(folder: Path) -> str:
         # One that a full disk cut off is no reason to lose the others' card.
         with contextlib.suppress(ValueError):
             files[file.name] = MLP.load(file, residual=True)
-    notes = {file: policy.notes for file, policy in files.items() if "environment" in policy.notes}
+    notes = {file: policy.notes for file, policy in files.items() if "evaluation" in policy.notes}
     if not notes:
         raise ValueError(f"{folder} has no policies of `uvms train`")
     found = {file: json.loads(note["evaluation"]) for file, note in notes.items()}

@@ -43,6 +43,17 @@ def read_hyperparameters(
     return {**tables[env], **(tables.get(f"{env}/{variant}", {}) if variant else {})}
 
 
+def give_way(hyperparameters: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Hyperparameters for an environment with arguments of the user's.
+
+    Step and substeps make the control period together, so either of the user's takes the place of both.
+    """
+    own = dict(hyperparameters.get("env_kwargs", {}))
+    if "dt" in arguments or "substeps" in arguments:
+        own = {key: value for key, value in own.items() if key not in ("dt", "substeps")}
+    return {**hyperparameters, "env_kwargs": own}
+
+
 def parse_pairs(given: Iterable[str]) -> dict[str, Any]:
     """Read KEY:VALUE; values other than Python literals are strings.
 
