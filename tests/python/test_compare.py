@@ -316,39 +316,6 @@ def test_a_comparison_takes_any_file(tmp_path: Path) -> None:
     assert errors[1] < min(errors[0], errors[2])
 
 
-# Stored results
-
-
-def test_stored_results_are_reproduced(shipped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    given = ["--scene", SMALL, "--episodes", "20", *repeated("--controller", "pd", "ppo")]
-    given += repeated("--condition", "design", "lag")
-    compared(tmp_path, *given)
-    file = tmp_path / "compare.json"
-    assert study.verify(file) == study.verify(file, full=True) == []
-    assert main(["verify", str(file)]) == 0
-    assert "all numbers are reproduced" in capsys.readouterr().out
-    MLP(scene=SMALL, substeps=10, **layers((24, 6), 7)).save(shipped / "ppo-1.safetensors")
-    first, second = study.verify(file)[::2]
-    assert first.startswith(f"{STORM}, {SMALL}, design, ppo, pose: ") and "lag" in second
-    assert main(["verify", str(file)]) == 2
-    assert "numbers are not reproduced" in capsys.readouterr().err
-    (shipped / "ppo-1.safetensors").unlink()
-    assert any("shape (2, 16) is stored, (1, 16) found" in line for line in study.verify(file))
-    (shipped / "ppo-0.safetensors").unlink()
-    assert study.verify(file) == [f"{STORM}, {SMALL}, {label}, ppo: no policy" for label in ("design", "lag")]
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"circumstances": {"arguments": {"seed": 0}}, "results": [{}]}'])
-def test_what_holds_no_results_is_refused(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "results.json"
-    assert main(["verify", str(file)]) == 2
-    assert f"cannot read {file}" in capsys.readouterr().err
-    file.write_text(text)
-    assert main(["verify", str(file)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{file} holds no results of uvms compare" in line
-
-
 # Bad input
 
 
@@ -422,30 +389,6 @@ def test_numbers_are_written_to_the_digits_that_their_intervals_leave() -> None:
 def test_controllers_are_told_apart_by_colours() -> None:
     colours = plots.colours([*registry.names("station-keep")])
     assert len(set(colours.values())) == len(colours)
-
-
-def test_results_without_their_numbers_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    compared(tmp_path, "--scene", SMALL, "--episodes", "2", "--controller", "pd")
-    file = tmp_path / "compare.json"
-    sound = file.read_bytes()
-    file.write_bytes(b"\xff" + sound)
-    damaged = [file.read_bytes()]
-    for change in (
-        {"controllers": ["pd"]},
-        *(
-            {"controllers": {"pd": {"kept": {}, "metrics": {}, "episodes": 2, key: value}}}
-            for key, value in (("kept", None), ("kept", {"no": [1.0]}), ("metrics", {}), ("episodes", "two"))
-        ),
-    ):
-        data = json.loads(sound)
-        data["results"][0] |= change
-        damaged.append(json.dumps(data).encode())
-    damaged.append(json.dumps(json.loads(sound) | {"results": []}).encode())
-    for content in damaged:
-        file.write_bytes(content)
-        assert main(["verify", str(file)]) == 2
-        (line,) = capsys.readouterr().err.splitlines()
-        assert f"{file} holds no results of uvms compare" in line
 
 
 def test_a_stopped_comparison_goes_on_with_the_controllers_that_are_left(

@@ -20,7 +20,7 @@ from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import make_conditions
 from uvms_gym.studies.comparison.own import make_controller
 from uvms_gym.studies.comparison.scoreboard import ENVS, RULE, read_entries
-from uvms_gym.studies.comparison.study import verify
+from uvms_gym.studies.comparison.verification import verify
 from uvms_gym.training.hyperparameters import give_way
 
 ENV = "UVMS-StationKeep-v0"
@@ -73,7 +73,7 @@ def test_what_was_trained_is_played_compared_and_verified_with_one_set_of_flags(
     } == OWN
     own, pid = (result["controllers"][name]["kept"]["pose"] for name in ("py:own.py:Own", "pid"))
     np.testing.assert_allclose(own, pid, rtol=1e-9)
-    assert verify(Path("c/compare.json")) == []
+    assert verify(Path("c/compare.json"), run_code=True) == []
     # An easier environment is no entry of the scoreboard.
     result |= RULE | {"env": ENVS[0], "controllers": {"pid": {"episodes": RULE["episodes"]}}}
     Path("c/compare.json").write_text(json.dumps(data))

@@ -77,15 +77,22 @@ def test_a_submitted_result_is_computed_again(folder: Path, capsys: pytest.Captu
     stored = json.loads((folder / "compare.json").read_text())
     (own,) = stored["results"][0]["controllers"]["py:own.py:Own"]["origin"]["files"]
     assert own["name"] == "own.py" and len(own["sha256"]) == 64
-    assert main(["verify", "compare.json"]) == 0
+    (folder / "own.py").write_text(OWN + 'open("ran", "w")\n')
+    assert main(["verify", "compare.json"]) == 2
+    assert "py:own.py:Own is Python code; read it, then run it with --run-code" in capsys.readouterr().err
+    assert not (folder / "ran").exists()
+    (folder / "own.py").write_text(OWN)
+    assert main(["verify", "--run-code", "compare.json"]) == 0
     capsys.readouterr()
     assert main(["verify", "--scoreboard", "compare.json"]) == 2
     error = capsys.readouterr().err
     assert "compare.json: pd: scene is 'bluerov2-heavy', but the scoreboard has 'petasus-pum'" in error
     assert error.count("\n") == 1
     (folder / "own.py").write_text(OWN.replace("GAIN = 1.0", "GAIN = 0.99"))
-    assert main(["verify", "compare.json"]) == 2
-    assert all("py:own.py:Own" in line for line in capsys.readouterr().out.splitlines())
+    assert main(["verify", "--run-code", "compare.json"]) == 2
+    lines = capsys.readouterr().out.splitlines()
+    assert 'controllers["py:own.py:Own"].origin.files[0].sha256: ' in lines[0]
+    assert any('controllers["py:own.py:Own"].kept.pose[0][0]: ' in line for line in lines)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +128,7 @@ def test_the_tables_are_of_files_that_follow_the_rule(path: Path) -> None:
 @pytest.mark.parametrize("path", SUBMITTED, ids=str)
 def test_entries_of_the_scoreboard_come_out_again(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(path.parent)
-    assert main(["verify", "--scoreboard", path.name]) == 0
+    assert main(["verify", "--scoreboard", "--run-code", path.name]) == 0
 
 
 @pytest.mark.parametrize(
@@ -142,6 +149,16 @@ def test_other_arguments_are_refused(key: str, value: Any, folder: Path) -> None
     stored["circumstances"]["arguments"][key] = value
     (folder / "compare.json").write_text(json.dumps(stored))
     with pytest.raises(ValueError, match=f"{key} is {value!r}, but the scoreboard has"):
+        read_entries(folder / "compare.json")
+
+
+@pytest.mark.parametrize("name", ["`<script>`", "mlp:a|b", "py:a.py:N\nb", "nobody"])
+def test_a_name_that_would_alter_the_table_is_refused(name: str, folder: Path) -> None:
+    stored = json.loads(RESULTS[0].read_text())
+    controllers = stored["results"][0]["controllers"]
+    controllers[name] = controllers.pop("pd" if "pd" in controllers else "resolved")
+    (folder / "compare.json").write_text(json.dumps(stored))
+    with pytest.raises(ValueError, match=r"controller .* is unknown"):
         read_entries(folder / "compare.json")
 
 

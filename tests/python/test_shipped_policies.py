@@ -11,7 +11,7 @@ import pytest
 
 from uvms_gym import MLP, Rollout
 from uvms_gym.controllers.registry import CLASSICAL, LEARNED, PRETRAINED, make_controller
-from uvms_gym.studies.comparison.study import verify
+from uvms_gym.studies.comparison.verification import verify
 
 # Without control an arm may be flung at its stops.
 pytestmark = pytest.mark.filterwarnings("ignore::uvms_gym.StepWarning")

@@ -77,7 +77,7 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
     Raises
     ------
     TyperException
-        In place of ValueError, TypeError, ImportError, OSError and errors of Gymnasium.
+        In place of ValueError, TypeError, ImportError, OSError, RecursionError and errors of Gymnasium.
     """
     caught: tuple[type[Exception], ...] = (ValueError, TypeError, ImportError, gymnasium.error.Error, *also)
     try:
@@ -85,6 +85,8 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
     except OSError as error:
         what = f"cannot {verb} {error.filename}: " if error.filename else place
         raise fail(f"{what}{error.strerror or error}") from None
+    except RecursionError:
+        raise fail(f"{place}the input is nested too deeply") from None
     except caught as error:
         # Gymnasium appends all arguments, whole scenes among them.
         reason = str(error).split(" was raised from the environment creator")[0]

@@ -29,17 +29,13 @@ from uvms_gym.studies.comparison import plots
 from uvms_gym.studies.comparison.conditions import DEPARTURES, DESIGN, make_conditions
 from uvms_gym.studies.comparison.own import PREFIX
 from uvms_gym.studies.comparison.scoreboard import read_entries
-from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
-from uvms_gym.studies.comparison.study import STORED, TOLERANCE, as_data, make_comparisons, run_all, scores_by_name
-from uvms_gym.studies.comparison.study import verify as run_again
+from uvms_gym.studies.comparison.study import STORED, as_document, make_comparisons, run_all, scores_by_name
 from uvms_gym.studies.comparison.summary import summarise
 from uvms_gym.studies.comparison.unfinished import Unfinished
+from uvms_gym.studies.comparison.verification import MOST_CURRENT, MOST_EPISODES, TOLERANCE
+from uvms_gym.studies.comparison.verification import verify as make_again
 from uvms_gym.studies.records import circumstances
 
-#: Most episodes of a run: a typing error must not exhaust the memory.
-MOST_EPISODES = 100_000
-#: Greatest speed of the current, m/s.
-MOST_CURRENT = 10.0
 KNOWN = f"{', '.join(registry.NAMES)}, {registry.MLP_PREFIX}FILE, {PREFIX}FILE.py:NAME"
 
 
@@ -113,6 +109,8 @@ def compare(
     with user_errors():
         conditions = make_conditions(given["env"], loaded, levels, given["condition"], **options, **arguments)
         comparisons = make_comparisons(conditions, given["controllers"], frontier)
+    # By name, also where all are asked for: later versions have more.
+    given["controllers"] = list(dict.fromkeys(name for one in comparisons for name in (*one.contenders, *one.missing)))
     departing = len(comparisons) > len({comparison.condition.group for comparison in comparisons})
     pictures = [*(["off-design.png"] if departing else []), *(["frontier.png"] if frontier else [])]
     files = ("compare.json", "scores.npz", "compare.png", "profiles.png", *pictures)
@@ -132,14 +130,9 @@ def compare(
                 runs = run_all(comparison, episodes, seed, lambda steps: bar.advance(task, steps), kept)
             scores |= scores_by_name(comparison, runs)
             results.append((comparison, summarise(comparison.contenders, runs, seed)))
-        data = {
-            "circumstances": circumstances("compare", given | options),
-            "statistics": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": seed},
-            "results": [as_data(*result) for result in results],
-        }
         with user_errors(verb="write"), replacing(out / "scores.npz") as file:
             np.savez(file, **scores)
-        write_results(out, files, json_file, data)
+        write_results(out, files, json_file, as_document(circumstances("compare", given | options), seed, results))
         bar.update(task, description="pictures")
         groups: dict[str, list[Any]] = {}
         for result in results:
@@ -176,17 +169,23 @@ def verify(
     scoreboard: Annotated[
         bool, Option("--scoreboard", help="Refuse a file that does not follow the rule of the scoreboard.")
     ] = False,
+    run_code: Annotated[
+        bool, Option("--run-code", help="Run the code of controllers that the file names as py:FILE.py:NAME.")
+    ] = False,
 ) -> None:
-    """Run a stored comparison again, and report differences; the exit status is 2 if there are any.
+    """Make a stored comparison again, and report every entry that differs; the exit status is 2 if there are any.
 
-    Files of its controllers are looked up in the working folder; the code of `py:FILE.py:NAME` is run.
+    Files of its controllers are looked up in the working folder.
     """
     with user_errors():
         if scoreboard:
             read_entries(file)
-        differences = run_again(file, full=True)
+        differences = make_again(file, full=True, run_code=run_code)
     for difference in differences:
         line(difference)
     if differences:
-        raise fail(f"{file}: {len(differences)} numbers are not reproduced to {TOLERANCE:g}")
-    line(f"{file}: all numbers are reproduced to {TOLERANCE:g}")
+        raise fail(f"{file}: entries that are not reproduced: {len(differences)} (numbers: to {TOLERANCE:g})")
+    line(
+        f"{file}: all entries are reproduced, numbers to {TOLERANCE:g}; records of the run (time, versions, commit, "
+        "machine) are checked for their form alone"
+    )

@@ -15,6 +15,9 @@ import numpy as np
 import uvms_gym
 from uvms_gym._files import write
 
+#: Size of the largest file of results that is read, bytes; the shipped ones have up to 2 MB.
+MOST_BYTES = 1 << 26
+
 
 def circumstances(command: str, arguments: dict[str, Any]) -> dict[str, Any]:
     """Everything that a result depends on: command, arguments, versions, commit and machine."""
@@ -49,21 +52,69 @@ def write_json(path: Path, data: dict[str, Any]) -> None:
     OSError
         The file cannot be written.
     """
-    write(path, json.dumps(_plain(data), indent=1, allow_nan=False) + "\n")
+    write(path, json.dumps(plain(data), indent=1, allow_nan=False) + "\n")
 
 
-def _plain(value: Any) -> Any:
-    """Convert to the types of JSON."""
+def read_json(path: Path) -> Any:
+    """Read JSON in the standard's own terms: UTF-8, no key twice in an object, no NaN and no infinity.
+
+    Raises
+    ------
+    ValueError
+        The file is larger than `MOST_BYTES`, nested too deeply, or no such JSON.
+    OSError
+        The file cannot be read.
+    """
+    with path.open("rb") as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"larger than {MOST_BYTES >> 20} MiB")
+    try:
+        return json.loads(
+            content.decode(),
+            object_pairs_hook=_once,
+            parse_constant=_finite,
+            parse_float=_finite,
+            parse_int=_integer,
+        )
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Object of pairs; no key twice."""
+    made = dict(pairs)
+    if len(made) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in made if names.count(name) > 1)
+        raise ValueError(f"key {twice!a:.60} is there twice")
+    return made
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(value := float(text)):
+        raise ValueError(f"a number is {text:.40}, but must be finite")
+    return value
+
+
+def _integer(text: str) -> int:
+    if len(text) > 20:
+        raise ValueError(f"an integer has {len(text)} digits, but may have 20")
+    return int(text)
+
+
+def plain(value: Any) -> Any:
+    """Convert to the types of JSON; NaN and infinity become None."""
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if hasattr(value, "_asdict"):
-        return _plain(value._asdict())
+        return plain(value._asdict())
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     if isinstance(value, os.PathLike):

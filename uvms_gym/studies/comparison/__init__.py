@@ -2,5 +2,5 @@
 
 `conditions` (environments and departures from their design), `metrics` (measures of episodes), `contenders`
 (controllers and their runs), `statistics` (interquartile means and bootstrap intervals), `summary` (statistics of a
-comparison), `study` (whole comparisons, and their verification) and `plots`.
+comparison), `study` (whole comparisons), `verification` (of stored ones) and `plots`.
 """

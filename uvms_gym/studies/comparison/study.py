@@ -1,27 +1,22 @@
-"""Whole comparisons: contenders under conditions, their summaries as data, and verification of stored results."""
+"""Whole comparisons: contenders under conditions, and their summaries as data."""
 
-import json
-from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-import uvms_gym
 from uvms_gym.controllers import registry
-from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, informed, make_conditions
+from uvms_gym.studies.comparison.conditions import DEPARTURES, Condition, informed
 from uvms_gym.studies.comparison.contenders import Contender, EpisodeScores, make_contender, make_envs, run
 from uvms_gym.studies.comparison.own import PREFIX
-from uvms_gym.studies.comparison.summary import KEPT, Summary, summarise
+from uvms_gym.studies.comparison.statistics import CONFIDENCE, RESAMPLES
+from uvms_gym.studies.comparison.summary import Summary
 
 #: Note in place of a controller without a shipped policy.
 NO_POLICY = "no policy"
 #: Arguments of environments that results hold by name; the others are in `env_kwargs`.
 STORED = ("action", "max_current")
-#: Relative tolerance of stored numbers, which other machines reproduce.
-TOLERANCE = 1e-4
 
 Tick = Callable[[int], object]
 
@@ -60,17 +55,18 @@ def make_comparisons(
         A file cannot be read.
     """
     for name in names or ():
-        if not any(_suits(name, condition) for condition in conditions):
+        if not any(suits(name, condition) for condition in conditions):
             registry.check_name(name, conditions[0].designed["task"])
     return [
         make_comparison(condition, (registry.names if frontier else registry.rivals)(condition.designed["task"]))
         if names is None
-        else make_comparison(condition, [name for name in names if _suits(name, condition)], required=True)
+        else make_comparison(condition, [name for name in names if suits(name, condition)], required=True)
         for condition in conditions
     ]
 
 
-def _suits(name: str, condition: Condition) -> bool:
+def suits(name: str, condition: Condition) -> bool:
+    """True for a controller of the condition's task, and for files."""
     return name in registry.names(condition.designed["task"]) or name.startswith((registry.MLP_PREFIX, PREFIX))
 
 
@@ -144,10 +140,9 @@ def scores_by_name(comparison: Comparison, runs: Mapping[str, EpisodeScores]) ->
     }
 
 
-def as_data(comparison: Comparison, summary: Summary) -> dict[str, Any]:
-    """Condition and statistics as a dictionary, which `verify` reads."""
-    condition, profiles = comparison.condition, dict(summary.profiles)
-    data = {key: value for key, value in summary._asdict().items() if key not in ("thresholds", "profiles")}
+def design(comparison: Comparison) -> dict[str, Any]:
+    """All about a comparison that is known before it is run."""
+    condition = comparison.condition
     return {
         "env": condition.env,
         "scene": condition.scene,
@@ -156,91 +151,23 @@ def as_data(comparison: Comparison, summary: Summary) -> dict[str, Any]:
         "summary": DEPARTURES[condition.departure].summary,
         "options": {key: value for key, value in condition.options.items() if key != "scene"},
         "steps": condition.steps,
-        **data,
         "missing": comparison.missing,
-        "profiles": {"thresholds": summary.thresholds, **profiles},
     }
 
 
-def verify(path: Path, full: bool = False, tolerance: float = TOLERANCE) -> list[str]:
-    """Run stored comparisons again.
-
-    Parameters
-    ----------
-    path : Path
-        A compare.json, or the results.json of shipped policies.
-    full : bool
-        Compare all statistics over all episodes, not only the stored scores of the first episodes.
-    tolerance : float
-        Relative tolerance of numbers.
-
-    Returns
-    -------
-    list of str
-        A line for each difference.
-
-    Raises
-    ------
-    ValueError
-        The file holds no results, or a controller does not exist any more.
-    OSError
-        A file cannot be read.
-    """
-    differences = []
-    for stored, comparison, seed, episodes in _read(path):
-        name_of = comparison.condition.name
-        differences += [f"{name_of}, {name}: {reason}" for name, reason in comparison.missing.items()]
-        runs = run_all(comparison, episodes if full else min(episodes, KEPT), seed)
-        summary = summarise(comparison.contenders, runs, seed) if full else None
-        with _readable(path):
-            pairs = list(_pairs(stored["controllers"], runs, summary))
-        for what, old, new in pairs:
-            if old.shape != new.shape:
-                differences.append(f"{name_of}, {what}: shape {old.shape} is stored, {new.shape} found")
-            elif not np.allclose(new, old, rtol=tolerance, atol=1e-9):
-                worst = np.unravel_index(np.argmax(np.abs(new - old)), old.shape)
-                differences.append(f"{name_of}, {what}: {old[worst]:.9g} is stored, {new[worst]:.9g} found")
-    return differences
+def as_data(comparison: Comparison, summary: Summary) -> dict[str, Any]:
+    """Condition and statistics as a dictionary."""
+    statistics = {key: value for key, value in summary._asdict().items() if key not in ("thresholds", "profiles")}
+    profiles = {"thresholds": summary.thresholds, **summary.profiles}
+    return {**design(comparison), **statistics, "profiles": profiles}
 
 
-def _pairs(
-    expected: Mapping[str, Any], runs: Mapping[str, EpisodeScores], summary: Summary | None
-) -> Iterator[tuple[str, NDArray[np.float64], NDArray[np.float64]]]:
-    """Names, stored and new values: of the first episodes, and of all statistics of a summary."""
-    for name, scored in runs.items():
-        for metric, rows in expected[name]["kept"].items():
-            yield f"{name}, {metric}", np.asarray(rows, dtype=np.float64), scored.scores[metric]["whole"][:, :KEPT]
-    for name, entry in summary.controllers.items() if summary else ():
-        for metric, parts in entry["metrics"].items():
-            for part, estimates in parts.items():
-                for kind, estimate in estimates.items():
-                    value = np.asarray(expected[name]["metrics"][metric][part][kind]["value"], dtype=np.float64)
-                    yield f"{name}, {metric}, {part}, {kind}", value, np.asarray(estimate.value)
-
-
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Errors about the content of a file, as one that names the file."""
-    try:
-        yield
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} holds no results of uvms compare: {type(error).__name__}: {error}") from None
-
-
-def _read(path: Path) -> list[tuple[dict[str, Any], Comparison, int, int]]:
-    """Read stored results, each with its comparison, the seed of the first episode and the number of episodes."""
-    with _readable(path):
-        data = json.loads(path.read_text(encoding="utf-8"))
-        arguments, results = data["circumstances"]["arguments"], data["results"]
-        options = {name: arguments[name] for name in STORED if name in arguments} | arguments.get("env_kwargs", {})
-        found = []
-        for stored in results:
-            scenes = {stored["scene"]: uvms_gym.load_scene(stored["scene"])}
-            levels = [] if stored["disturbance"] is None else [stored["disturbance"]]
-            (condition,) = make_conditions([stored["env"]], scenes, levels, [stored["condition"]], **options)
-            comparison = make_comparison(condition, list(stored["controllers"]))
-            episodes = min(int(entry["episodes"]) for entry in stored["controllers"].values())
-            found.append((stored, comparison, int(arguments["seed"]), episodes))
-        if not found:
-            raise ValueError("the list of results is empty")
-    return found
+def as_document(
+    circumstances: Mapping[str, Any], seed: int, results: Iterable[tuple[Comparison, Summary]]
+) -> dict[str, Any]:
+    """All that is stored of a run; `verification` makes it once more, and compares every entry."""
+    return {
+        "circumstances": circumstances,
+        "statistics": {"resamples": RESAMPLES, "confidence": CONFIDENCE, "seed": seed},
+        "results": [as_data(*result) for result in results],
+    }

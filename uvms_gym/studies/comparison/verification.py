@@ -1,0 +1,282 @@
+"""Verification of stored comparisons: all that is stored is made again, and compared entry by entry.
+
+Records of the run that made the file (time, versions, machine) are checked for their form. An entry that is neither
+made again nor of a known form is a difference.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import uvms_gym
+from uvms_gym.controllers import registry
+from uvms_gym.studies import records
+from uvms_gym.studies.comparison.conditions import Condition, make_conditions
+from uvms_gym.studies.comparison.own import PREFIX
+from uvms_gym.studies.comparison.study import (
+    STORED,
+    Comparison,
+    as_data,
+    as_document,
+    design,
+    make_comparison,
+    run_all,
+    suits,
+)
+from uvms_gym.studies.comparison.summary import KEPT, summarise
+
+#: Relative tolerance of stored numbers, which other machines reproduce; numbers below ABSOLUTE are 0.
+TOLERANCE, ABSOLUTE = 1e-4, 1e-9
+#: Most episodes of a run: a typing error must not exhaust the memory.
+MOST_EPISODES = 100_000
+#: Maximum speed of the current, m/s.
+MOST_CURRENT = 10.0
+#: Arguments of environments that have entries of their own.
+_LISTED = {"envs", "scenes", "levels", "departures", "scene", "disturbance", "task", *STORED}
+#: Statistics over all episodes.
+_OVER_ALL = ("against", "baseline", "winner", "runner_up", "margin", "profiles")
+
+
+class Form(NamedTuple):
+    """Allowed values of an entry that cannot be made again: in words, and as a test."""
+
+    allowed: str
+    holds: Callable[[Any], bool]
+
+
+def _integer(least: int, most: int) -> Form:
+    return Form(f"an integer from {least} to {most}", lambda x: type(x) is int and least <= x <= most)
+
+
+def _number(most: float) -> Form:
+    return Form(f"a number from 0 to {most:g}", lambda x: type(x) in (int, float) and 0 <= x <= most)
+
+
+def _names(least: int) -> Form:
+    allowed = f"a list of at least {least} different names"
+    return Form(allowed, lambda x: _is_names(x) and len(set(x)) == len(x) >= least)
+
+
+def _is_names(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)
+
+
+def _text(allowed: str, pattern: str, null: bool = False) -> Form:
+    def holds(value: Any) -> bool:
+        return re.fullmatch(pattern, value) is not None if isinstance(value, str) else null and value is None
+
+    return Form(allowed + " or null" * null, holds)
+
+
+_ANY = Form("anything", lambda x: True)
+_VERSION = _text("a version", r"\d[\w.+!-]*")
+_WORDS = _text("text in one line", r"[ -~]{0,200}")
+#: Records of the run that made the file.
+SECONDS = _number(1e9)
+RECORDS: Mapping[str, Any] = {
+    "command": "compare",
+    "uvms_gym": _VERSION,
+    "commit": _text("a commit", r"[0-9a-f]{40,64}\+?", null=True),
+    "python": _VERSION,
+    "numpy": _VERSION,
+    "gymnasium": _VERSION,
+    "matplotlib": _text("a version", r"\d[\w.+!-]*", null=True),
+    "machine": {
+        "system": _WORDS,
+        "architecture": _WORDS,
+        "processor": _WORDS,
+        "cores": _integer(1, 1 << 20),
+        "instruction_set": _WORDS,
+    },
+}
+#: Arguments of `uvms compare`: they say what is made again.
+ARGUMENTS: Mapping[str, Form] = {
+    "env": _names(1),
+    "scene": _names(1),
+    "controllers": Form("null or a list of at least 1 name", lambda x: x is None or _names(1).holds(x)),
+    "episodes": _integer(2, MOST_EPISODES),
+    "seed": _integer(0, 2**64 - 1),
+    "condition": _names(1),
+    "disturbance": _names(0),
+    "action": Form("wrench or thrusters", lambda x: x in ("wrench", "thrusters")),
+}
+OPTIONAL: Mapping[str, Form] = {
+    "max_current": _number(MOST_CURRENT),
+    "env_kwargs": Form("an object of further arguments", lambda x: isinstance(x, dict) and not _LISTED & x.keys()),
+}
+
+
+def verify(path: Path, full: bool = False, run_code: bool = False) -> list[str]:
+    """Make a stored comparison again.
+
+    Parameters
+    ----------
+    path : Path
+        A compare.json, or the results.json of shipped policies.
+    full : bool
+        Compare all statistics over all episodes, not only the stored scores of the first episodes.
+    run_code : bool
+        Run the Python code that the file names (`py:FILE.py:NAME`).
+
+    Returns
+    -------
+    list of str
+        A line for each difference.
+
+    Raises
+    ------
+    ValueError
+        The file holds no results, names Python code without `run_code`, or a controller does not exist any more.
+    OSError
+        A file cannot be read.
+    """
+    data = read_results(path)
+    results, arguments = data["results"], data["circumstances"]["arguments"]
+    try:
+        comparisons = [
+            _comparison(condition, stored, arguments["controllers"], run_code)
+            for condition, stored in zip(_conditions(arguments, len(results)), results, strict=True)
+        ]
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    # No run is needed for a file that names another.
+    if found := list(_heads(data, comparisons)):
+        return found
+    for stored, comparison in zip(results, comparisons, strict=True):
+        expected = expect(comparison, arguments["episodes"], arguments["seed"], full)
+        found += differences(f"{comparison.condition.name}: ", stored, expected)
+    return found
+
+
+def read_results(path: Path) -> dict[str, Any]:
+    """Read stored results, with their frame and arguments checked.
+
+    Raises
+    ------
+    ValueError
+        The file holds no results of `uvms compare`; the message says where.
+    OSError
+        The file cannot be read.
+    """
+    try:
+        data = records.read_json(path)
+        frame = {"circumstances": _ANY, "statistics": _ANY, "results": Form("a list of objects", _is_filled)}
+        faults = list(differences("", data, frame))
+        if not faults:
+            given = data["circumstances"].get("arguments") if isinstance(data["circumstances"], dict) else None
+            optional = {name: form for name, form in OPTIONAL.items() if isinstance(given, dict) and name in given}
+            faults = list(differences("circumstances.arguments", given, {**ARGUMENTS, **optional}))
+    except ValueError as error:
+        faults = [str(error)]
+    if faults:
+        raise ValueError(f"{path} holds no results of uvms compare: {faults[0]}")
+    return dict(data)
+
+
+def _is_filled(value: Any) -> bool:
+    return isinstance(value, list) and value != [] and all(isinstance(entry, dict) for entry in value)
+
+
+def _conditions(arguments: Mapping[str, Any], count: int) -> list[Condition]:
+    """Conditions of the arguments, as many as there are results."""
+    lists = [arguments[name] for name in ("env", "scene", "disturbance", "condition")]
+    if (asked := math.prod(max(1, len(values)) for values in lists)) != count:
+        raise ValueError(f"results: {count} are stored, but circumstances.arguments name {asked} conditions")
+    envs, scenes, levels, departures = lists
+    options = {name: arguments[name] for name in STORED if name in arguments} | arguments.get("env_kwargs", {})
+    return make_conditions(envs, {name: uvms_gym.load_scene(name) for name in scenes}, levels, departures, **options)
+
+
+def _comparison(condition: Condition, stored: Mapping[str, Any], named: list[str] | None, run_code: bool) -> Comparison:
+    """Comparison of the named controllers; without names of all, also along the frontier if they are stored."""
+    task = condition.designed["task"]
+    if named is None:
+        entries = [part for key in ("controllers", "missing") if isinstance(part := stored.get(key), dict)]
+        frontier = {name for part in entries for name in part} == set(registry.names(task))
+        named = list(registry.names(task) if frontier else registry.rivals(task))
+    named = [name for name in named if suits(name, condition)]
+    if not run_code and (code := [name for name in named if name.startswith(PREFIX)]):
+        raise ValueError(f"{code[0]} is Python code; read it, then run it with --run-code")
+    return make_comparison(condition, named)
+
+
+def _heads(data: Mapping[str, Any], comparisons: list[Comparison]) -> Iterator[str]:
+    """Differences that are seen without a run."""
+    arguments = data["circumstances"]["arguments"]
+    expected = as_document({**RECORDS, "arguments": arguments}, arguments["seed"], [])
+    for key in ("circumstances", "statistics"):
+        yield from differences(key, data[key], expected[key])
+    for stored, comparison in zip(data["results"], comparisons, strict=True):
+        place, known = f"{comparison.condition.name}: ", records.plain(design(comparison))
+        yield from differences(place, {key: stored[key] for key in known if key in stored}, known)
+        entries = stored["controllers"] if isinstance(stored.get("controllers"), dict) else {}
+        counts = {name: {"episodes": one.get("episodes")} for name, one in entries.items() if isinstance(one, dict)}
+        asked = {name: {"episodes": arguments["episodes"]} for name in comparison.contenders}
+        yield from differences(f"{place}controllers", counts, asked)
+
+
+def expect(comparison: Comparison, episodes: int, seed: int, full: bool = True) -> dict[str, Any]:
+    """Run a comparison: the entries to be stored, with forms in place of those that no other run makes again.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    episodes, seed : int
+    full : bool
+        False: run the individually stored episodes only; statistics over all are not compared.
+    """
+    runs = run_all(comparison, episodes if full else min(episodes, KEPT), seed)
+    expected: dict[str, Any] = records.plain(as_data(comparison, summarise(comparison.contenders, runs, seed)))
+    for entry in expected["controllers"].values():
+        entry["seconds"] = SECONDS
+        if not full:
+            entry |= {"episodes": episodes, "metrics": _ANY}
+    return expected if full else expected | dict.fromkeys(_OVER_ALL, _ANY)
+
+
+def differences(place: str, stored: Any, expected: Any) -> Iterator[str]:
+    """Lines for all entries that differ; each names the place, the stored value and the expected one."""
+    if isinstance(expected, Form):
+        if not expected.holds(stored):
+            yield f"{place} is {_brief(stored)}, but must be {expected.allowed}"
+    elif isinstance(expected, Mapping) and isinstance(stored, dict):
+        yield from (f"{_below(place, key)} is stored, but unknown" for key in stored if key not in expected)
+        for key, value in expected.items():
+            if key in stored:
+                yield from differences(_below(place, key), stored[key], value)
+            else:
+                yield f"{_below(place, key)} is not stored"
+    elif isinstance(expected, list) and isinstance(stored, list) and len(expected) == len(stored):
+        for i, (old, new) in enumerate(zip(stored, expected)):
+            yield from differences(f"{place}[{i}]", old, new)
+    elif not _same(stored, expected):
+        yield f"{place}: {_brief(stored)} is stored, {_brief(expected)} found"
+
+
+def _same(stored: Any, expected: Any) -> bool:
+    """Equality; of numbers to the tolerances, of integers exactly."""
+    if type(expected) is float and type(stored) in (int, float):
+        return math.isclose(stored, expected, rel_tol=TOLERANCE, abs_tol=ABSOLUTE)
+    return type(stored) is type(expected) and not isinstance(stored, (dict, list)) and bool(stored == expected)
+
+
+def _below(place: str, key: str) -> str:
+    """Place of a key, in one line whatever the key."""
+    if re.fullmatch(r"[\w-]{1,60}", key, re.ASCII) is None:
+        return f"{place}[{_brief(key)}]"
+    return f"{place}.{key}" if place and not place.endswith(" ") else place + key
+
+
+def _brief(value: Any) -> str:
+    """A value in one short line."""
+    if isinstance(value, (dict, Mapping)):
+        return f"an object of {len(value)}"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    if isinstance(value, float):
+        return f"{value:.9g}"
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
