@@ -1,4 +1,4 @@
-"""`uvms compare` and `uvms verify`: conditions, episodes, statistics, and files."""
+"""`uvms compare`: conditions, episodes, statistics, and files."""
 
 import json
 import os
