@@ -2,12 +2,15 @@
 
 import copy
 import itertools
+import sys
+import types
 from collections.abc import Iterator
 from dataclasses import fields
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import gymnasium
 import numpy as np
+import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import uvms_gym
@@ -238,3 +241,24 @@ def disturbances(task: str) -> list[str]:
 def option_names(options: type[TaskOptions]) -> list[str]:
     """Names of the fields of options."""
     return [field.name for field in fields(options)]
+
+
+def fake_moviepy(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, tuple[int, ...], float]]:
+    """Replace the package that Gymnasium writes videos with; number and shape of pictures, and rate, of each video."""
+    clips = []
+
+    class Clip:
+        def __init__(self, frames: list[np.ndarray], fps: float) -> None:
+            clips.append((len(frames), frames[0].shape, fps))
+
+        def write_videofile(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def close(self) -> None:
+            pass
+
+    names = ["moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"]
+    for name in names:
+        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    sys.modules[names[-1]].ImageSequenceClip = Clip  # type: ignore[attr-defined]
+    return clips

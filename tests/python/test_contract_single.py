@@ -5,7 +5,6 @@ import json
 import pickle
 import subprocess
 import sys
-import types
 from pathlib import Path
 from unittest import mock
 
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
-from helpers import LEAVING, control_rate, same, scenes_with_thrusters, small, task_ids
+from helpers import LEAVING, control_rate, fake_moviepy, same, scenes_with_thrusters, small, task_ids
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -484,23 +483,7 @@ def test_a_time_limit_may_be_added(task):
 
 def test_videos_are_recorded(task, tmp_path, monkeypatch):
     env = pictures(task, max_episode_steps=4)
-    clips = []
-
-    class Clip:
-        def __init__(self, frames, fps):
-            clips.append((len(frames), frames[0].shape, fps))
-
-        def write_videofile(self, path, **_):
-            pass
-
-        def close(self):
-            pass
-
-    # What it writes with is no concern of ours, and not small.
-    names = ["moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"]
-    for name in names:
-        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
-    sys.modules[names[-1]].ImageSequenceClip = Clip
+    clips = fake_moviepy(monkeypatch)
     env = gym.wrappers.RecordVideo(env, str(tmp_path / "videos"), episode_trigger=lambda episode: episode == 0)
     env.reset(seed=0)
     for _ in range(4):

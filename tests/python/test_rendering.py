@@ -2,9 +2,7 @@
 
 import copy
 import pickle
-import sys
 import threading
-import types
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from helpers import fake_moviepy
 from PIL import Image
 
 import uvms_gym
@@ -188,22 +187,7 @@ def test_pictures_are_a_sequence_of_what_was() -> None:
 
 
 def test_videos_of_vector_environments_are_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    clips = []
-
-    class Clip:
-        def __init__(self, frames: list[np.ndarray], fps: float) -> None:
-            clips.append((len(frames), frames[0].shape, fps))
-
-        def write_videofile(self, *_: Any, **__: Any) -> None:
-            pass
-
-        def close(self) -> None:
-            pass
-
-    names = ["moviepy", "moviepy.video", "moviepy.video.io", "moviepy.video.io.ImageSequenceClip"]
-    for name in names:
-        monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
-    sys.modules[names[-1]].ImageSequenceClip = Clip  # type: ignore[attr-defined]
+    clips = fake_moviepy(monkeypatch)
     envs = gym.make_vec(ENV, num_envs=2, scene=PETASUS, render_mode="rgb_array")
     envs = gym.wrappers.vector.RecordVideo(envs, str(tmp_path / "videos"), episode_trigger=lambda episode: True)
     envs.reset(seed=0)
@@ -216,10 +200,16 @@ def test_videos_of_vector_environments_are_recorded(tmp_path: Path, monkeypatch:
 
 
 @pytest.mark.filterwarnings("ignore:.*not in the possible render_modes")
-@pytest.mark.parametrize("make", [gym.make, gym.make_vec])
-def test_modes_that_there_are_not_are_refused(make: Any) -> None:
-    with pytest.raises(ValueError, match="render_mode is 'ansi', but must be None or 'rgb_array'"):
-        make(ENV, render_mode="ansi")
+@pytest.mark.parametrize(
+    ("make", "mode", "known"),
+    [
+        (gym.make, "ansi", "'rgb_array' or 'human'"),
+        *((gym.make_vec, mode, "'rgb_array'") for mode in ("ansi", "human")),
+    ],
+)
+def test_modes_that_there_are_not_are_refused(make: Any, mode: str, known: str) -> None:
+    with pytest.raises(ValueError, match=f"render_mode is '{mode}', but must be None or {known}$"):
+        make(ENV, render_mode=mode)
 
 
 # uvms play
@@ -231,7 +221,8 @@ def test_a_play_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str], s
     assert main(["play", "--scene", "bluerov2-heavy", "--seconds", "0.2", "--out", str(out)]) == 0
     assert capsys.readouterr().out.strip() == str(out)
     with Image.open(out) as image:
-        assert image.size == ((640, 480) if suffix == "png" else (320, 240))
+        assert image.size == ((960, 720) if suffix == "png" else (640, 480))
+        # Every 50 ms, from the start to the end.
         assert getattr(image, "n_frames", 1) == (1 if suffix == "png" else 5)
 
 

@@ -179,7 +179,7 @@ def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "message"),
     [
         (["--port", "0"], "--port is 0, but must be 1 to 65535"),
-        (["--out", "x.png"], "--web goes without --out, --window and --plot"),
+        (["--out", "x.png"], "--web goes without --out, --window, --size, --fps, --camera and --plot"),
         (["--disturbance", "typhoon"], "typhoon"),
         (["--controller", "joystick"], "unknown controller 'joystick'"),
     ],

@@ -1,7 +1,7 @@
-"""Files of pictures: .mp4, .gif, .png."""
+"""Films: pictures of an episode at a rate of their own, and files of them (.mp4, .gif, .png)."""
 
-from collections.abc import Iterable, Iterator
-from itertools import chain
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain, islice, product
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,80 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from uvms_gym import Renderer
 from uvms_gym._files import replacing
+from uvms_gym.cli.episode_plot import Instant
+from uvms_gym.cli.overlay import COLOURS, Overlay
+from uvms_gym.cli.pictures import Frame
+from uvms_gym.envs.rendering import shots
+from uvms_gym.viewer.curves import error_curves
 
 Picture = NDArray[np.uint8]
+Shot = Mapping[str, Any]
+#: Colours of an animation besides those that are kept; more make files larger and look alike.
+_PICTURE_COLOURS = 112
+#: What holds for a whole control period; the rest is interpolated.
+_HELD = ("thrust", "path", "payload")
 
-#: Greatest frame rate of a GIF, 1/s.
-_GIF_RATE = 25.0
+
+def film(env: Any, moments: Iterator[Instant], frame: Frame, last: bool = False) -> Iterator[Picture]:
+    """Pictures of an episode at a rate of their own: what is between control instants is interpolated.
+
+    Parameters
+    ----------
+    env : TaskEnv
+        Environment that is in the state of the instant that `moments` gave last.
+    last : bool
+        The picture of the last instant only.
+    """
+    curves = error_curves(env)
+    overlay = Overlay(frame.title, frame.disturbance, frame.seconds, frame.settings.size, curves)
+    width, height = overlay.view
+    renderer = Renderer(env._native.scene, width=width, height=height, **frame.settings.camera)
+
+    def draw(shot: Shot) -> Picture:
+        return overlay.draw(renderer.draw(**shot))
+
+    instant, shot, count = next(moments), _shot(env), 0
+    if last:
+        overlay.note(instant.time, instant.info)
+    for later in moments:
+        if last:
+            overlay.note(later.time, later.info)
+        else:
+            following = _shot(env)
+            while (time := count / frame.settings.rate) < later.time - 1e-9:
+                share = (time - instant.time) / (later.time - instant.time)
+                names = [*(curve.entry for curve in curves), *(f"current_{axis}" for axis in "xyz")]
+                overlay.note(time, {name: _mix(instant.info[name], later.info[name], share) for name in names})
+                yield draw(between(shot, following, share))
+                count += 1
+            shot = following
+        instant = later
+    if not last:
+        overlay.note(instant.time, instant.info)
+    yield draw(_shot(env))
+
+
+def _shot(env: Any) -> Shot:
+    return {name: rows[0] for name, rows in shots(env._native).items()}
+
+
+def between(before: Shot, after: Shot, share: float) -> Shot:
+    """State between two control instants; `share` is 0 at the first and 1 at the second."""
+    return {name: row if name in _HELD else _rotated(_mix(before[name], row, share)) for name, row in after.items()}
+
+
+def _mix(before: Any, after: Any, share: float) -> Any:
+    return (1.0 - share) * before + share * after
+
+
+def _rotated(mixed: Any) -> Any:
+    """Rotation matrices (3, 3) and poses (4, 4) with the nearest rotation; other arrays as they are."""
+    if np.shape(mixed) in ((3, 3), (4, 4)):
+        u, _, v = np.linalg.svd(mixed[:3, :3])
+        mixed[:3, :3] = u @ v
+    return mixed
 
 
 def write_film(path: Path, pictures: Iterable[Picture], rate: float) -> None:
@@ -25,7 +93,14 @@ def write_film(path: Path, pictures: Iterable[Picture], rate: float) -> None:
     OSError
         The file cannot be written.
     """
-    {".mp4": _write_mp4, ".gif": _write_gif, ".png": _write_png}[path.suffix.lower()](path, iter(pictures), rate)
+    if path.suffix.lower() == ".mp4":
+        _write_mp4(path, iter(pictures), rate)
+    elif path.suffix.lower() == ".gif":
+        _write_gif(path, iter(pictures), rate)
+    else:
+        *_, last = pictures
+        with replacing(path) as file:
+            Image.fromarray(last).save(file, "png", optimize=True)
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
@@ -57,25 +132,27 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
 
 def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
-    """Half the size, at most 25 pictures per second, by Pillow."""
-    every = max(1, round(rate / _GIF_RATE + 0.49))
-    images = []
-    for count, picture in enumerate(pictures):
-        if count % every == 0:
-            image = Image.fromarray(picture)
-            image = image.resize((image.width // 2, image.height // 2), Image.Resampling.LANCZOS)
-            images.append(image.quantize(128, dither=Image.Dither.NONE))
-    duration = round(1000.0 * every / rate)
-    moving: dict[str, Any] = {"save_all": True, "append_images": images[1:], "duration": duration, "loop": 0}
+    """All pictures in one palette without dithering, by Pillow: files are smaller, and nothing flickers."""
+    first = list(islice(pictures, 16))
+    palette = _palette(np.concatenate(first[::4]))
+    images = [
+        Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+        for picture in chain(first, pictures)
+    ]
+    moving: dict[str, Any] = {
+        "save_all": True,
+        "append_images": images[1:],
+        "duration": round(1000.0 / rate),
+        "loop": 0,
+    }
     with replacing(path) as file:
-        images[0].save(file, "gif", optimize=True, **moving)
+        images[0].save(file, "gif", optimize=False, **moving)
 
 
-def _write_png(path: Path, pictures: Iterator[Picture], rate: float) -> None:
-    """The last picture, by Pillow."""
-    *_, last = pictures
-    image = Image.fromarray(last)
-    # A dithered palette is small and looks like full colour.
-    palette = image.quantize(256, Image.Quantize.MAXCOVERAGE)
-    with replacing(path) as file:
-        image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(file, "png", optimize=True)
+def _palette(picture: Picture) -> Image.Image:
+    """Palette of the texts' and curves' colours as they are, a coarse cube of all colours, and those of a picture."""
+    kept = [*chain.from_iterable(chain(COLOURS, product((0, 96, 176, 255), repeat=3)))]
+    found = Image.fromarray(picture).quantize(_PICTURE_COLOURS).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*kept, *found[: 3 * _PICTURE_COLOURS]])
+    return palette

@@ -1,106 +1,128 @@
-"""Overlay of `uvms play`: time, errors, disturbance, and a chart of the errors so far."""
+"""Frame of a film of `uvms play`: a title above the picture of the scene, and a chart of the errors so far below it."""
 
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from uvms_gym.viewer.curves import CURVES, Curve
+
 Picture = NDArray[np.uint8]
+Colour = tuple[int, int, int]
 
-_WHITE, _GREY = (255, 255, 255, 255), (205, 222, 228, 255)
-_PANEL = (6, 28, 40, 165)
-_GRID = (255, 255, 255, 45)
-#: Height of the chart with its margins, and the margins, pixels.
-_CHART, _MARGIN, _LEFT = 92, 8, 56
-
-
-class Curve(NamedTuple):
-    """A charted entry of `info`."""
-
-    entry: str
-    title: str
-    unit: str
-    scale: float
-    colour: tuple[int, int, int, int]
+WHITE, GREY, GRID, PANEL = (255, 255, 255), (205, 222, 228), (52, 84, 98), (10, 44, 58)
+#: Heights of title and chart in a picture of 480 lines, pixels; both grow with the picture.
+_TITLE, _CHART = 30, 92
+_BASE = 480
 
 
-#: Errors, in readable units.
-CURVES = (
-    Curve("position_error", "position", "cm", 100.0, (120, 235, 160, 255)),
-    Curve("end_effector_position_error", "end effector", "cm", 100.0, (255, 120, 215, 255)),
-    Curve("attitude_error", "attitude", "°", 180.0 / math.pi, (255, 205, 90, 255)),
-)
+def _rgb(colour: str) -> Colour:
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue
+
+
+#: Colours of texts and curves, which a palette must keep.
+COLOURS = (WHITE, GREY, GRID, PANEL, *(_rgb(curve.colour) for curve in CURVES))
 
 
 class Overlay:
-    """Draws on the pictures of one episode; `seconds` is its duration, the width of the chart."""
+    """Composes the pictures of one episode.
 
-    def __init__(self, title: str, disturbance: str, seconds: float) -> None:
-        self._title = title
-        self._disturbance = disturbance
+    Parameters
+    ----------
+    title, disturbance : str
+        Text at the left, and level of disturbances.
+    seconds : float
+        Duration of the episode, the width of the chart.
+    size : tuple of int
+        Width and height of the whole picture, pixels.
+    curves : sequence of Curve
+        Errors in the chart.
+
+    Attributes
+    ----------
+    view : tuple of int
+        Width and height that are left for the picture of the scene.
+    """
+
+    def __init__(
+        self, title: str, disturbance: str, seconds: float, size: tuple[int, int], curves: Sequence[Curve]
+    ) -> None:
+        self._texts = (title, disturbance)
         self._seconds = seconds
+        self._size, self._curves = size, curves
+        self._scale = min(size[0] / (4 * _BASE / 3), size[1] / _BASE)
+        self._bar, self._low = round(_TITLE * self._scale), round(_CHART * self._scale)
+        self.view = (size[0], size[1] - self._bar - self._low)
+        self._inks = [_rgb(curve.colour) for curve in curves]
         self._times: list[float] = []
-        self._values: dict[str, list[float]] = {curve.entry: [] for curve in CURVES}
-        self._font, self._small = ImageFont.load_default(15), ImageFont.load_default(12)
+        self._info: Mapping[str, float] = {}
+        self._values: list[list[float]] = [[] for _ in curves]
+        self._font, self._small = (ImageFont.load_default(max(9.0, x * self._scale)) for x in (15.0, 12.0))
 
     def note(self, time: float, info: Mapping[str, float]) -> None:
-        """Append charted entries at a time, s."""
+        """Append the errors at a time, s, to the chart."""
         self._times.append(time)
-        for curve in CURVES:
-            self._values[curve.entry].append(curve.scale * info.get(curve.entry, math.nan))
+        self._info = info
+        for values, curve in zip(self._values, self._curves, strict=True):
+            values.append(curve.scale * info.get(curve.entry, math.nan))
 
-    def draw(self, picture: Picture, info: Mapping[str, float]) -> Picture:
-        """Copy of a picture with the overlay."""
-        image = Image.fromarray(picture).convert("RGBA")
-        layer = Image.new("RGBA", image.size)
-        pen = ImageDraw.Draw(layer)
-        self._text(pen, image.width, info)
-        self._chart(pen, image.width, image.height)
-        return np.asarray(Image.alpha_composite(image, layer).convert("RGB"))
+    def draw(self, picture: Picture) -> Picture:
+        """Compose the picture of the last time that was noted from the scene's picture."""
+        image = Image.new("RGB", self._size, PANEL)
+        image.paste(Image.fromarray(picture), (0, self._bar))
+        pen = ImageDraw.Draw(image)
+        self._head(pen)
+        self._chart(pen)
+        return np.asarray(image)
 
-    def _text(self, pen: ImageDraw.ImageDraw, width: int, info: Mapping[str, float]) -> None:
-        pen.rectangle((0, 0, width, 30), fill=_PANEL)
-        pen.text((10, 6), self._title, _WHITE, self._font)
-        now = self._times[-1] if self._times else 0.0
-        speed = math.hypot(*(info.get(f"current_{axis}", 0.0) for axis in "xyz"))
-        right = f"current {speed:.2f} m/s    {now:5.1f} s"
-        if self._disturbance:
-            right = f"{self._disturbance}    {right}"
-        pen.text((width - 10, 6), right, _WHITE, self._font, anchor="ra")
+    def _pixels(self, length: float) -> int:
+        return max(1, round(length * self._scale))
 
-    def _chart(self, pen: ImageDraw.ImageDraw, width: int, height: int) -> None:
-        top = height - _CHART
-        pen.rectangle((0, top, width, height), fill=_PANEL)
-        left, right, low, high = _LEFT, width - 12, height - 18, top + 24
-        shown = [curve for curve in CURVES if any(map(math.isfinite, self._values[curve.entry]))]
-        most = max((v for c in shown for v in self._values[c.entry] if math.isfinite(v)), default=1.0)
+    def _head(self, pen: ImageDraw.ImageDraw) -> None:
+        title, disturbance = self._texts
+        speed = math.hypot(*(self._info.get(f"current_{axis}", 0.0) for axis in "xyz"))
+        right = "    ".join(filter(None, (disturbance, f"current {speed:.2f} m/s", f"{self._times[-1]:5.1f} s")))
+        margin, middle = self._pixels(10.0), self._bar // 2
+        # The title gives way.
+        room = self._size[0] - 3 * margin - pen.textlength(right, self._font)
+        while len(title) > 1 and pen.textlength(title, self._font) > room:
+            title = title.removesuffix("…")[:-1] + "…"
+        pen.text((margin, middle), title, WHITE, self._font, anchor="lm")
+        pen.text((self._size[0] - margin, middle), right, WHITE, self._font, anchor="rm")
+
+    def _chart(self, pen: ImageDraw.ImageDraw) -> None:
+        (width, height), pixels = self._size, self._pixels
+        top = height - self._low
+        left, right, low, high = pixels(56.0), width - pixels(12.0), height - pixels(18.0), top + pixels(24.0)
+        most = max((v for values in self._values for v in values if math.isfinite(v)), default=1.0)
         step = nice_step(most)
         ceiling = step * max(2, math.ceil(most / step))
-        for k in range(int(ceiling / step) + 1):
+        for k in range(round(ceiling / step) + 1):
             y = low - (low - high) * k * step / ceiling
-            pen.line((left, y, right, y), fill=_GRID)
-            pen.text((left - 6, y), f"{k * step:g}", _GREY, self._small, anchor="rm")
+            pen.line((left, y, right, y), fill=GRID)
+            pen.text((left - pixels(6.0), y), f"{k * step:g}", GREY, self._small, anchor="rm")
         beat = nice_step(self._seconds, 6)
-        for k in range(int(self._seconds / beat) + 1):
+        for k in range(math.floor(self._seconds / beat + 1e-9) + 1):
             x = left + (right - left) * k * beat / self._seconds
-            pen.text((x, low + 3), f"{k * beat:g} s", _GREY, self._small, anchor="ma" if k else "la")
-        x = left
-        for curve in shown:
-            values = self._values[curve.entry]
+            # The last one stays inside.
+            anchor = "la" if k == 0 else "ra" if x > right - pixels(20.0) else "ma"
+            pen.text((x, low + pixels(3.0)), f"{k * beat:g} s", GREY, self._small, anchor=anchor)
+        column = (right - left) / len(self._curves)
+        for k, (curve, ink, values) in enumerate(zip(self._curves, self._inks, self._values, strict=True)):
             label = f"{curve.title} {values[-1]:.1f} {curve.unit}"
-            pen.line((x, top + 12, x + 14, top + 12), fill=curve.colour, width=3)
-            pen.text((x + 19, top + 12), label, _WHITE, self._small, anchor="lm")
-            x += 195
+            x, y = left + k * column, top + pixels(12.0)
+            pen.line((x, y, x + pixels(14.0), y), fill=ink, width=pixels(3.0))
+            pen.text((x + pixels(19.0), y), label, WHITE, self._small, anchor="lm")
             points = [
                 (left + (right - left) * min(t / self._seconds, 1.0), low - (low - high) * v / ceiling)
                 for t, v in zip(self._times, values, strict=True)
                 if math.isfinite(v)
             ]
             if len(points) > 1:
-                pen.line(points, fill=curve.colour, width=2, joint="curve")
+                pen.line(points, fill=ink, width=pixels(2.0), joint="curve")
 
 
 def nice_step(most: float, parts: int = 3) -> float:

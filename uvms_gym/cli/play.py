@@ -2,11 +2,11 @@
 
 import contextlib
 import math
-import warnings
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import gymnasium
 from typer import Option
@@ -24,12 +24,11 @@ from uvms_gym.cli.common import (
     user_errors,
 )
 from uvms_gym.cli.episode_plot import Instant, plot_episode
+from uvms_gym.cli.pictures import GIF_RATE, GIF_SIZE, LEAST_SIZE, MOST_RATE, MOST_SIZE, RATE, SIZE, Frame, read_settings
 from uvms_gym.cli.web import serve
 from uvms_gym.controllers import registry
 from uvms_gym.studies.comparison.own import PREFIX, make_controller
-
-if TYPE_CHECKING:
-    from uvms_gym.cli.overlay import Overlay
+from uvms_gym.viewer.curves import error_curves
 
 #: Greatest duration, s.
 MOST_SECONDS = 3600.0
@@ -67,6 +66,29 @@ def play(
     window: Annotated[bool, Option("--window", help="Show the episode in a window.")] = False,
     web: Annotated[bool, Option("--web", help="Show the episode in a browser of this machine, with controls.")] = False,
     port: Annotated[int, Option(help="Port of --web, at 127.0.0.1.")] = 8080,
+    size: Annotated[
+        str | None,
+        Option(
+            metavar="WIDTHxHEIGHT",
+            help=f"Size of pictures, even numbers of pixels, {LEAST_SIZE} to {MOST_SIZE}. "
+            f"[default: {SIZE}, of animations {GIF_SIZE}]",
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None,
+        Option(
+            help=f"Pictures per second, 1 to {MOST_RATE:g}; what is between control instants is interpolated. "
+            f"[default: {RATE:g}, of animations {GIF_RATE:g}]"
+        ),
+    ] = None,
+    camera: Annotated[
+        str | None,
+        Option(
+            metavar="AZIMUTH,ELEVATION[,DISTANCE]",
+            help="Direction to the camera, degrees about the vertical from x and above the horizontal; distance, m. "
+            "[default: -54.4,18.3, with all in the picture]",
+        ),
+    ] = None,
     plot: Annotated[
         Path | None,
         Option(metavar="FILE", help="PNG of disturbances, errors and actions over time, with or without a video."),
@@ -81,8 +103,8 @@ def play(
         read_scene(given)
     level = given if isinstance(given := arguments.get("disturbance"), str) else ""
     if web:
-        if out is not None or window or plot is not None:
-            raise fail("--web goes without --out, --window and --plot")
+        if window or any(given is not None for given in (out, size, fps, camera, plot)):
+            raise fail("--web goes without --out, --window, --size, --fps, --camera and --plot")
         check_range("--port", port, 1, 65535)
         _need("viser")
         serve(_make(env, arguments, seconds), controller, seed, port)
@@ -94,115 +116,79 @@ def play(
         raise fail(f"--out is {str(out)!r}, but must end in {', '.join(_SUFFIXES)}")
     if plot is not None and plot.suffix.lower() != ".png":
         raise fail(f"--plot is {str(plot)!r}, but must end in .png")
-    pictures = ["PIL"] if out is not None or window else []
+    drawn = out is not None or window
+    if not drawn and (size, fps, camera) != (None, None, None):
+        raise fail("--size, --fps and --camera go with --out or --window")
+    settings = read_settings(size, fps, camera, suffix)
+    pictures = ["PIL"] if drawn else []
     _need(*pictures, *(["pygame"] if window else []), *(["imageio_ffmpeg"] if suffix == ".mp4" else []))
     made = _make(env, arguments, seconds)
-    chosen = controller or registry.BASELINE[made.unwrapped.task]  # type: ignore[attr-defined]
+    inner: Any = made.unwrapped
+    chosen = controller or registry.BASELINE[inner.task]
     with user_errors():
         control = make_controller(chosen, made)
     period = 1.0 / made.metadata["render_fps"]
     steps = max(1, round(seconds / period))
     name = Path(chosen).name if chosen.startswith(registry.MLP_PREFIX) else chosen
-    title = f"{made.unwrapped.snapshot().scene_name}  ·  {name}"  # type: ignore[attr-defined]
-    overlay = None
-    if pictures:
-        from uvms_gym.cli.overlay import Overlay
-
-        overlay = Overlay(title, level, steps * period)
+    title = f"{inner.snapshot().scene_name}  ·  {name}"
     prepare(None, out)
     prepare(None, plot)
-    shown = _Recorder(made, overlay, period)
+    instants: list[Instant] = []
     with progress() as bar:
         task = bar.add_task("playing", total=steps)
+
+        def moments() -> Iterator[Instant]:
+            for instant in _run(made, control, seed, steps, period):
+                instants.append(instant)
+                bar.advance(task)
+                yield instant
+
         # Errors of ffmpeg name no file.
         try:
-            if window:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    for _ in _run(gymnasium.wrappers.HumanRendering(shown), control, seed, steps):
-                        bar.advance(task)
-            elif out is None:
-                for _ in _run(shown, control, seed, steps):
-                    bar.advance(task)
+            if drawn:
+                _show(made, moments(), Frame(title, level, steps * period, settings), out)
             else:
-                _film(out, shown, _run(shown, control, seed, steps), lambda: bar.advance(task))
+                deque(moments(), maxlen=0)
         except OSError as error:
             raise fail(f"cannot write {error.filename or out}: {error.strerror or error}") from None
-    if shown.time < (steps - 0.5) * period:
-        line(f"the episode ended after {shown.time:g} s")
+    if (end := instants[-1].time) < (steps - 0.5) * period:
+        line(f"the episode ended after {end:g} s")
     if plot is not None:
-        names = [block.name for block in made.unwrapped.action_layout]  # type: ignore[attr-defined]
+        names = [block.name for block in inner.action_layout]
         with user_errors(verb="write"):
-            plot_episode(plot, f"{title}, {level}" if level else title, names, shown.instants)
+            plot_episode(plot, f"{title}, {level}" if level else title, names, error_curves(made), instants)
     for file in filter(None, (out, plot)):
         line(str(file))
 
 
-class _Recorder(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Record of an episode, and pictures with an overlay."""
-
-    def __init__(self, env: gymnasium.Env[Any, Any], overlay: "Overlay | None", period: float) -> None:
-        super().__init__(env)
-        self._overlay = overlay
-        self._period = period
-        self.instants: list[Instant] = []
-
-    @property
-    def time(self) -> float:
-        """Time since the start, s."""
-        return (len(self.instants) - 1) * self._period
-
-    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
-        observation, info = self.env.reset(**kwargs)
-        self.instants = []
-        self._append(info, None)
-        return observation, info
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        result = self.env.step(action)
-        self._append(result[4], action)
-        return result
-
-    def render(self) -> Any:
-        picture = self.env.render()
-        return picture if self._overlay is None else self._overlay.draw(picture, self.instants[-1][1])  # type: ignore[arg-type]
-
-    def _append(self, info: dict[str, Any], action: Any) -> None:
-        self.instants.append(Instant(len(self.instants) * self._period, info, action))
-        if self._overlay is not None:
-            self._overlay.note(self.time, info)
-
-
-def _run(env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int) -> Iterator[None]:
+def _run(env: gymnasium.Env[Any, Any], control: Any, seed: int, steps: int, period: float) -> Iterator[Instant]:
     """Step through an episode; yields at its start and after each step."""
-    observation, _ = env.reset(seed=seed)
+    observation, info = env.reset(seed=seed)
     state = None
-    yield
+    yield Instant(0.0, info, None)
     with contextlib.closing(env):
-        for _ in range(steps):
+        for step in range(1, steps + 1):
             # A controller of a user's own may do anything.
             with user_errors():
                 action, state = control.predict(observation, state)
-                observation, _, terminated, truncated, _ = env.step(action)
-            yield
+                observation, _, terminated, truncated, info = env.step(action)
+            yield Instant(step * period, info, action)
             if terminated or truncated:
                 return
 
 
-def _film(out: Path, env: _Recorder, instants: Iterator[None], tick: Callable[[], None]) -> None:
-    """Write pictures of all instants; for a single picture render the last one only."""
-    from uvms_gym.cli.film import write_film
+def _show(env: gymnasium.Env[Any, Any], moments: Iterator[Instant], frame: Frame, out: Path | None) -> None:
+    """Show the pictures of an episode in a window, or write them to a file."""
+    from uvms_gym.cli.film import film, write_film
+    from uvms_gym.envs.window import Window
 
-    def pictures() -> Iterator[Any]:
-        for _ in instants:
-            tick()
-            if suffix != ".png":
-                yield env.render()
-        if suffix == ".png":
-            yield env.render()
-
-    suffix = out.suffix.lower()
-    write_film(out, pictures(), env.metadata["render_fps"])
+    inner: Any = env.unwrapped
+    if out is not None:
+        write_film(out, film(inner, moments, frame, out.suffix.lower() == ".png"), frame.settings.rate)
+        return
+    with contextlib.closing(Window(frame.title)) as window:
+        for picture in film(inner, moments, frame):
+            window.show(picture, frame.settings.rate)
 
 
 def _need(*modules: str) -> None:

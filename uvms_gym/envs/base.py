@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from uvms_gym._task.arguments import Actions, as_actions, starts
 from uvms_gym._task.base import EPISODE_STEPS, TaskBase
 from uvms_gym._task.options import TaskOptions
-from uvms_gym.envs.rendering import RENDER_MODES, Picture, Pictures, Rendering
+from uvms_gym.envs.rendering import RENDER_MODES, SINGLE_MODES, Picture, Pictures, Rendering
+from uvms_gym.envs.window import Window
 
 Observations = NDArray[np.float32]
 
@@ -30,7 +31,7 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
     options : TaskOptions or None
         Options of the task; None: the defaults.
     render_mode : str or None
-        `"rgb_array"`: `render` draws a picture. `gymnasium.make` also takes `"human"`.
+        `"rgb_array"`: `render` draws a picture. `"human"`: every reset and step shows one in a window, in real time.
     **kwargs
         Fields of `options` by name; they take precedence.
 
@@ -38,14 +39,21 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
     ------
     ValueError, TypeError
         An option is unknown or out of range; the message names it and what is allowed.
+    gymnasium.error.DependencyNotInstalled
+        pygame, for a window, is not installed.
     """
 
-    metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 20.0}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": list(SINGLE_MODES), "render_fps": 20.0}  # noqa: RUF012
+    _window: Window | None = None
 
     def __init__(self, options: TaskOptions | None = None, *, render_mode: str | None = None, **kwargs: Any) -> None:
-        self._set_render_mode(render_mode)
+        self._set_render_mode(render_mode, SINGLE_MODES)
+        if render_mode == "human":
+            self._window = Window(type(self).__name__)
         self.observation_space, self.action_space = self._make(options, kwargs)
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 1.0 / self._native.control_period}
+        # `check_env` opens a window for the mode "human", which not every machine has: it is listed where it is used.
+        modes = RENDER_MODES if self._window is None else SINGLE_MODES
+        self.metadata = {"render_modes": list(modes), "render_fps": 1.0 / self._native.control_period}
         self._seeded = False
 
     def reset(
@@ -66,6 +74,8 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
         self._seeded = True
         named: dict[str, Any] = dict(zip(self.metric_names, info[:, 0].tolist(), strict=True))
         self._add_requested(named)
+        if self._window is not None:
+            self.render()
         return observations[0], named
 
     def step(self, action: ArrayLike) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
@@ -85,6 +95,8 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
         if result is None:
             result = self._native.step_one(as_actions(action, self._action_shape))
         self._add_requested(result[4])
+        if self._window is not None:
+            self.render()
         return result
 
     def _add_requested(self, info: dict[str, Any]) -> None:
@@ -94,9 +106,17 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
             info["error_estimate"] = self._errors()[0]
 
     def render(self) -> Picture | None:
-        """Draw (480, 640, 3) uint8; without a render mode warn and return None."""
+        """Draw (480, 640, 3) uint8; in a window, and without a render mode, which warns, return None."""
         pictures = self._pictures()
-        return None if pictures is None else pictures[0]
+        if pictures is None or self._window is None:
+            return None if pictures is None else pictures[0]
+        self._window.show(pictures[0], self.metadata["render_fps"])
+        return None
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._window is not None:
+            self._window.close()
 
 
 class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Actions, NDArray[Any]]):

@@ -11,8 +11,9 @@ from uvms_gym._core import Renderer, Simulator, Task
 
 Picture = NDArray[np.uint8]
 
-#: Modes of the environments themselves; others are wrappers of `gymnasium.make`.
+#: Modes of vector environments, and of single ones.
 RENDER_MODES = ("rgb_array",)
+SINGLE_MODES = (*RENDER_MODES, "human")
 #: Points along a drawn path.
 _PLACES = 97
 
@@ -49,9 +50,9 @@ class Rendering:
     _native: Task
     _renderer: Renderer | None = None
 
-    def _set_render_mode(self, render_mode: str | None) -> None:
-        if render_mode not in (None, *RENDER_MODES):
-            raise ValueError(f"render_mode is {render_mode!r}, but must be None or 'rgb_array'")
+    def _set_render_mode(self, render_mode: str | None, modes: Sequence[str] = RENDER_MODES) -> None:
+        if render_mode not in (None, *modes):
+            raise ValueError(f"render_mode is {render_mode!r}, but must be None or {' or '.join(map(repr, modes))}")
         self.render_mode = render_mode
 
     def _pictures(self) -> Pictures | None:

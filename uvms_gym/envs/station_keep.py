@@ -125,8 +125,8 @@ class StationKeepEnv(TaskEnv):
     the held mass (kg), and `thruster_gain` the remaining share of the weakest thruster's thrust.
 
     ## Arguments
-    `options`, a `StationKeepOptions`, or its fields as keyword arguments; and `render_mode` (None): `"rgb_array"`, or
-    through `gymnasium.make` also `"human"`. Pictures are drawn in Rust.
+    `options`, a `StationKeepOptions`, or its fields as keyword arguments; and `render_mode` (None): `"rgb_array"` or
+    `"human"`. Pictures are drawn in Rust.
 
     `reset(options=...)` sets parts of the start, which are drawn otherwise: `position` (3), `attitude` (quaternion
     [w, x, y, z]), `twist` (6, body axes), `q`, `qd` (n), `target_position`, `target_attitude`, and `current` (3, world,

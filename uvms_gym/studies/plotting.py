@@ -1,6 +1,6 @@
 """Style and files of all figures. Agg only: no window, no global state of pyplot."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 from uvms_gym._files import replacing
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Colours of Okabe and Ito: distinct to colour-blind readers, too.
@@ -53,3 +55,25 @@ def picture(path: Path, width: float, height: float, dpi: float = 130, **style: 
         yield figure
         with replacing(path) as file:
             figure.savefig(file, dpi=dpi, format=path.suffix.removeprefix(".").lower() or None)
+
+
+def legend_above(axes: "Axes", lines: Sequence["Artist"] | None = None, columns: int = 8) -> None:
+    """Legend of lines, or of all, above the axes at the right, where it covers no curve; the title is at the left.
+
+    Where title and legend do not fit beside each other, the title is above.
+    """
+    lines = axes.get_legend_handles_labels()[0] if lines is None else lines
+    legend = axes.legend(
+        lines,
+        [str(line.get_label()) for line in lines],
+        ncols=min(columns, len(lines)),
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        borderaxespad=0.1,
+        borderpad=0.1,
+        columnspacing=1.2,
+        handlelength=1.5,
+    )
+    title = axes._left_title  # type: ignore[attr-defined]
+    if title.get_window_extent().x1 > legend.get_window_extent().x0:
+        axes.set_title(title.get_text(), pad=6.0 + 12.0 * -(-len(lines) // columns))

@@ -12,6 +12,7 @@ import numpy as np
 import viser
 
 from uvms_gym.controllers import registry
+from uvms_gym.viewer.curves import error_curves
 from uvms_gym.viewer.episode import HOME, MAXIMA, MOST_SEED, LiveEpisode
 from uvms_gym.viewer.gate import Gate
 
@@ -20,12 +21,6 @@ SPAN = 30.0
 #: Rest of a text that is being typed, before it counts, s; time within which a notice is not repeated, s.
 REST, _NOTICE = 0.7, 8.0
 SPEEDS = {"0.25x": 0.25, "0.5x": 0.5, "1x": 1.0, "2x": 2.0, "4x": 4.0}
-#: Curves: entry of `info`, title with unit, factor, colour.
-_ERRORS = (
-    ("position_error", "position (cm)", 100.0, "#78eba0"),
-    ("attitude_error", "attitude (deg)", 180.0 / np.pi, "#ffcd5a"),
-    ("end_effector_position_error", "end effector (cm)", 100.0, "#ff78d7"),
-)
 _THRUSTERS = ("#ff8c28", "#82d7ff", "#78eba0", "#ffcd5a", "#ff78d7", "#b79cff", "#e6e6e6", "#d95f5f")
 _NOTE = (
     "A change here, or of the target, begins a new episode of the same seed from the present state: the disturbance "
@@ -86,9 +81,8 @@ class Page:
         gizmo.on_update(lambda event: self._put("target", self._drag) if event.phase == "end" else None)
         self._status = gui.add_markdown("")
         self._rows: deque[list[float]] = deque(maxlen=max(2, round(SPAN / episode.period)))
-        # Without an arm the end effector is the vehicle.
-        self._curves = _ERRORS if episode.env.snapshot().num_joints else _ERRORS[:2]
-        self._errors = self._chart("Errors", [(name, colour) for _, name, _, colour in self._curves])
+        self._curves = error_curves(episode.env)
+        self._errors = self._chart("Errors", [(f"{c.title} ({c.unit})", c.colour) for c in self._curves])
         thrusters = episode.env.snapshot().thruster_names
         self._thrusts = self._chart("Thrust (N)", list(zip(thrusters, _THRUSTERS * (len(thrusters) // 8 + 1))))
         self.note()
@@ -145,7 +139,7 @@ class Page:
     def note(self) -> None:
         """Append the present errors and thrusts to the curves."""
         episode = self._episode
-        errors = (factor * episode.info[entry] for entry, _, factor, _ in self._curves)
+        errors = (curve.scale * episode.info[curve.entry] for curve in self._curves)
         self._rows.append([episode.time, *errors, *episode.after.thrust])
 
     def draw_curves(self, rate: float) -> None:
