@@ -13,7 +13,7 @@ import pytest
 import uvms_gym
 from uvms_gym import identification
 from uvms_gym.cli import main
-from uvms_gym.identification import scene_keys, toml
+from uvms_gym.identification import least_squares, scene_keys, toml
 from uvms_gym.identification.recordings import record
 from uvms_gym.identification.replay import Corrections, Replay, equilibrium
 from uvms_gym.logs import rotations
@@ -186,6 +186,29 @@ def test_interruption_keeps_the_best_values(synthetic: Any) -> None:
     assert found.solution.interrupted and not found.solution.converged and len(costs) == 2
     assert found.solution.cost == costs[-1] < costs[0]
     assert np.isfinite(found.uncertainty.deviations).all()
+
+
+@pytest.mark.parametrize("stage", ["balance", "validate"])
+def test_an_interruption_elsewhere_is_no_silent_change_of_numbers(
+    stage: str, synthetic: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, _, logs = synthetic
+
+    def stop(at: str, iteration: int, cost: float) -> None:
+        if at == stage:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        if stage == "balance":
+            identification.fit(scene, logs[:2], FREE, report=stop)
+        else:
+            # Once, in the search of the states at the start.
+            first = iter([True])
+            step = least_squares._step
+            monkeypatch.setattr(
+                least_squares, "_step", lambda *given: stop(stage, 0, 0.0) if next(first, False) else step(*given)
+            )
+            identification.validate(scene, logs[:2])
 
 
 def test_lags_and_zeros_of_the_map_are_found() -> None:

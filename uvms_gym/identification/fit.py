@@ -141,7 +141,8 @@ def fit(
     period : float
         Interval between compared samples, s.
     report : callable, optional
-        Called after every iteration. KeyboardInterrupt ends the iteration; the result is that of the best step so far.
+        Called after every iteration. KeyboardInterrupt ends the fit of the dynamics; the result is that of the best
+        step so far.
 
     Raises
     ------
@@ -161,7 +162,7 @@ def fit(
     parameters = make_parameters(loaded, free, map_data, priors)
     chosen = counting(train, channels)
     problem = ReplayProblem(loaded, Replay(train), parameters, chosen)
-    solution = minimise(problem, problem.origin, problem.own_origin, _stage(report, "dynamics"))
+    solution = minimise(problem, problem.origin, problem.own_origin, _stage(report, "dynamics"), stoppable=True)
     changed, corrections = problem.changed(solution.common)
     # (A free rotational inertia may have scaled the rigid one; `load_scene` checks the result as a whole.)
     changed = load_scene(changed)

@@ -95,7 +95,11 @@ class _Point:
 
 
 def minimise(
-    problem: Problem, common: Floats, own: Floats, report: Callable[[int, float], None] | None = None
+    problem: Problem,
+    common: Floats,
+    own: Floats,
+    report: Callable[[int, float], None] | None = None,
+    stoppable: bool = False,
 ) -> Solution:
     """Minimise the robust cost from a start; the prior's mean is that start.
 
@@ -107,8 +111,8 @@ def minimise(
         Start.
     report : callable, optional
         Called after every iteration with its number and the cost.
-
-    An interruption (KeyboardInterrupt) ends the iteration at the best parameters so far.
+    stoppable : bool
+        An interruption (KeyboardInterrupt) ends the iteration at the best parameters so far, and the solution says so.
     """
     origin = common.copy()
     low, high = problem.bounds
@@ -132,6 +136,8 @@ def minimise(
             if report is not None:
                 report(iterations, point.cost)
     except KeyboardInterrupt:
+        if not stoppable:
+            raise
         converged, interrupted = False, True
     information, scores = _eliminated(problem, point, model)
     held = _held(problem, point.common, scores.sum(axis=0) + (point.common - origin) / problem.deviations**2)
