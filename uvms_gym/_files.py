@@ -1,16 +1,50 @@
-"""Files that stay whole, and locks of folders."""
+"""Files: reading within a limit, writing that keeps them whole, locks of folders."""
 
 import contextlib
 import errno
 import fcntl
+import io
 import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+#: Maximum size of a file that a user names, bytes.
+MOST = 100_000_000
+
 #: Start and end of the names of files that are being written.
 _PART = (".uvms-", ".part")
+
+
+def read(path: str | os.PathLike[str], most: int = MOST) -> bytes:
+    """Read a file that a user names; pipes and devices, which may have no end, are not opened.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read, is no regular file, or has more than `most` bytes.
+    """
+    found, name = os.stat(path), os.fspath(path)
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise OSError(errno.EINVAL, "not a regular file", name)
+    if found.st_size > most:
+        raise OSError(errno.EFBIG, f"{found.st_size} bytes, but at most {most} are read", name)
+    with open(path, "rb") as file:
+        return file.read(most)
+
+
+def read_text(path: str | os.PathLike[str], most: int = MOST, encoding: str = "utf-8") -> str:
+    """Read the text of a file as `read` does; every end of a line becomes a newline.
+
+    Raises
+    ------
+    OSError
+        As from `read`.
+    UnicodeDecodeError
+        The file is not in this encoding.
+    """
+    return io.TextIOWrapper(io.BytesIO(read(path, most)), encoding).read()
 
 
 @contextlib.contextmanager

@@ -204,6 +204,22 @@ def test_exit_status_reaches_the_shell() -> None:
     assert (done.returncode, done.stdout.split()[0]) == (0, "uvms")
 
 
+@pytest.mark.parametrize(
+    ("ending", "status"),
+    [("scenes show free-body >&-", 0), ("scenes show none 2>&-", 2), ("scenes show free-body >&- 2>&-", 0)],
+)
+def test_a_closed_output_is_no_error(ending: str, status: int) -> None:
+    command = f"{sys.executable} -P -m uvms_gym {ending}"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (status, "")
+
+
+def test_an_output_that_is_not_utf_8_shows_what_it_can() -> None:
+    done = uvms("scenes", "show", "petasus-pum", PYTHONIOENCODING="ascii")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "petasus-pum" in done.stdout and done.stdout.isascii()
+
+
 def test_help_names_commands_and_options() -> None:
     done = uvms("--help", COLUMNS="100")
     assert done.returncode == 0

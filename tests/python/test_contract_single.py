@@ -226,6 +226,9 @@ def test_seeds_decide_everything(task):
         assert same(one.reset(), other.reset())
         assert not same(one.reset()[0], one.reset()[0])
     assert not same(one.reset(seed=0)[0], one.reset(seed=1)[0])
+    first = one.reset(seed=0)[0]
+    for seed in (2**64, 2**65, 2**128):
+        assert not same(one.reset(seed=seed)[0], first)
 
 
 def test_a_reset_seeds_the_generator_of_gymnasium(task):

@@ -14,11 +14,14 @@ import pytest
 from helpers import policy
 
 import uvms_gym
-from uvms_gym._files import lock, replacing, write
+from uvms_gym._files import lock, read, read_text, replacing, write
 from uvms_gym.cli import film
 from uvms_gym.cli.output import write_json
 from uvms_gym.studies import records
+from uvms_gym.studies.comparison.scoreboard import read_entries
+from uvms_gym.studies.comparison.verification import verify
 from uvms_gym.studies.plotting import picture
+from uvms_gym.training.hyperparameters import read_hyperparameters
 
 #: Pictures of noise, which take space.
 NOISE = np.random.default_rng(0).integers(0, 256, (3, 64, 64, 3), dtype=np.uint8)
@@ -115,6 +118,34 @@ def test_errors_name_the_file_as_given(place: str, kind: type[OSError], tmp_path
     with pytest.raises(kind) as raised:
         write(tmp_path / place, "text")
     assert raised.value.filename == str(tmp_path / place)
+
+
+@pytest.mark.parametrize("place", ["/dev/zero", "pipe"])
+def test_pipes_and_devices_are_not_opened(place: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    file = tmp_path / place
+    readers: list[Callable[[], Any]] = [
+        lambda: read(file),
+        lambda: uvms_gym.controllers.MLP.load(file),
+        lambda: verify(file),
+        lambda: read_entries(file),
+        lambda: read_hyperparameters("UVMS-StationKeep", file),
+    ]
+    for reader in readers:
+        with pytest.raises(OSError, match="not a regular file") as raised:
+            reader()
+        assert raised.value.filename == str(file)
+
+
+def test_files_are_refused_by_size_before_they_are_read(tmp_path: Path) -> None:
+    with open(tmp_path / "large", "wb") as file:
+        file.truncate(10**9)
+    with pytest.raises(OSError, match="1000000000 bytes, but at most 100000000 are read") as raised:
+        uvms_gym.controllers.MLP.load(tmp_path / "large")
+    assert raised.value.filename == str(tmp_path / "large")
+    (tmp_path / "small").write_bytes(b"\xef\xbb\xbfa\r\nb")
+    assert read(tmp_path / "small", 10) == b"\xef\xbb\xbfa\r\nb"
+    assert read_text(tmp_path / "small", 10, "utf-8-sig") == "a\nb"
 
 
 def test_a_folder_has_one_holder(tmp_path: Path) -> None:

@@ -1,7 +1,9 @@
 """Errors of logs and maps: one line with place, value and what is allowed; nothing is half-read."""
 
+import contextlib
 import copy
 import os
+import sqlite3
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 from log_files import Motion, write_bag, write_logs
 
 from uvms_gym import Log, LogError, LogMap
+from uvms_gym.logs import ros2, tables
 
 POOL = Path(__file__).parents[1] / "data" / "pool"
 FUZZ = settings(max_examples=int(os.environ.get("UVMS_FUZZ", "100")))
@@ -84,6 +87,49 @@ def test_columns_that_the_map_does_not_name_may_hold_anything(log: tuple[Path, d
     assert np.array_equal(Log.read(folder, found, "1").pose.position, before.position)
     (folder / "1_pose.csv").write_text(text.replace('"a ""b""; c"', '"a, b"'))
     assert np.array_equal(Log.read(folder, found, "1").pose.position, before.position)
+
+
+def test_a_quoted_cell_may_go_on_in_the_next_line_but_is_no_number_then(log: tuple[Path, dict[str, Any]]) -> None:
+    folder, found = log
+    before = Log.read(folder, found, "1").pose
+    edit(folder / "1_pose.csv", put(3, 8, '"a\nb"'))
+    assert np.array_equal(Log.read(folder, found, "1").pose.position, before.position)
+    text = (folder / "1_pose.csv").read_text()
+    cell = text.split("\n")[6].split(",")[0]
+    (folder / "1_pose.csv").write_text(text.replace(f"\n{cell},", '\n"1\n2",'))
+    with pytest.raises(LogError, match=r"1_pose.csv, line 7, \w+: '1\\n2' is not a number$"):
+        Log.read(folder, found, "1")
+
+
+def test_pipes_and_devices_are_not_opened(log: tuple[Path, dict[str, Any]]) -> None:
+    folder, found = log
+    (folder / "1_imu.csv").unlink()
+    os.mkfifo(folder / "1_imu.csv")
+    with pytest.raises(LogError, match=r"1_imu.csv: cannot be read: not a regular file$"):
+        Log.read(folder, found, "1")
+    with pytest.raises(LogError, match=r"^/dev/zero: cannot be read: not a regular file$"):
+        Log.read(folder, "/dev/zero", "1")
+    bag = write_bag(folder / "bag", Motion.random())
+    (folder / "bag" / "bag.db3").unlink()
+    os.mkfifo(folder / "bag" / "bag.db3")
+    with pytest.raises(LogError, match=r"bag.db3: cannot be read: not a regular file$"):
+        Log.read(folder / "bag", bag)
+
+
+def test_files_are_refused_by_size_before_they_are_read(
+    log: tuple[Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, found = log
+    monkeypatch.setattr(tables, "_MOST", 100)
+    with pytest.raises(LogError, match=r"cannot be read: \d+ bytes, but at most 100 are read$"):
+        Log.read(folder, found, "1")
+    bag = write_bag(folder / "bag", Motion.random())
+    monkeypatch.setattr(ros2, "_MESSAGES", 10)
+    with pytest.raises(LogError, match=r"bag: \d+ messages in these topics, but at most 10 are read$"):
+        Log.read(folder / "bag", bag)
+    monkeypatch.setattr(ros2, "_BYTES", 100)
+    with pytest.raises(LogError, match=r"bag: \d+ bytes, but at most 100 are read$"):
+        Log.read(folder / "bag", bag)
 
 
 def test_files_that_cannot_be_read_are_named(log: tuple[Path, dict[str, Any]]) -> None:
@@ -276,6 +322,14 @@ def test_errors_of_bags_name_topic_and_field(tmp_path: Path, kind: str, keys: di
         Log.read(tmp_path / "bag", found)
     assert str(raised.value).startswith(str(tmp_path / "bag") + error)
     assert "\n" not in str(raised.value)
+
+
+def test_a_topic_without_messages_is_named(tmp_path: Path) -> None:
+    found = write_bag(tmp_path / "bag", Motion.random())
+    with contextlib.closing(sqlite3.connect(tmp_path / "bag" / "bag.db3")) as data, data:
+        data.execute("delete from messages where topic_id in (select id from topics where name = '/imu')")
+    with pytest.raises(LogError, match=r"bag /imu: no messages$"):
+        Log.read(tmp_path / "bag", found)
 
 
 def test_bags_that_cannot_be_read_are_named(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Commands of `uvms`, exit statuses and error lines."""
 
 import inspect
+import os
 import signal
 import sys
 import threading
@@ -73,6 +74,7 @@ def _common(
 
 def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: str = "uvms") -> int:
     """Run a command; a user error is one line on stderr. Returns the exit status."""
+    _open_outputs()
     try:
         with held, _terminable():
             status = app(args=arguments, prog_name=name, standalone_mode=False)
@@ -97,6 +99,16 @@ def run(arguments: Sequence[str] | None = None, app: typer.Typer = app, name: st
         console.on_broken_pipe()
         return 2
     return status if isinstance(status, int) else 0
+
+
+def _open_outputs() -> None:
+    """Give a closed output a place, and replace characters that an output cannot show."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+        elif hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")
 
 
 @contextmanager

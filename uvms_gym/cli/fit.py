@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from typer import Option
 
 import uvms_gym
-from uvms_gym._files import write
+from uvms_gym._files import read_text, write
 from uvms_gym.cli.common import check_list, check_range, fail, line, prepare, progress, several, user_errors
 from uvms_gym.cli.output import say, table, write_json
 from uvms_gym.cli.validate import Logs, Map, Period, Scene, print_means, print_trials, read_logs
@@ -70,7 +70,7 @@ def fit(
             raise fail(f"{file} exists: give another --out, or --force to overwrite it")
     prepare(out.absolute().parent, None, [file.name for file in written])
     read = read_logs(scene, logs, map_file)
-    data = tomllib.loads(map_file.read_text(encoding="utf-8"))
+    data = tomllib.loads(read_text(map_file))
     with progress() as bar:
         task = bar.add_task("fitting", total=ITERATIONS)
 

@@ -3,14 +3,13 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
-from uvms_gym._files import write
+from uvms_gym._files import read, write
 from uvms_gym._task.options import native
 from uvms_gym.controllers.base import Controller, options_of
 
@@ -132,13 +131,13 @@ class MLP(Controller):
         Raises
         ------
         OSError
-            The file cannot be read.
+            The file cannot be read, is no regular file, or has more than 100 MB.
         ValueError
             It holds no policy, or one of another environment; the message names the difference.
         """
         task = _task(cls.__name__, env, options)
         try:
-            policy = _core.Mlp.from_bytes(Path(file).read_bytes())
+            policy = _core.Mlp.from_bytes(read(file))
             if policy.residual and not residual:
                 raise ValueError("this is a residual policy; load it with residual=True or through Residual")
             if task is not None:

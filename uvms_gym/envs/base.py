@@ -20,7 +20,12 @@ Observations = NDArray[np.float32]
 #: Observations, rewards, terminated, truncated and metrics (k, N) of a step.
 StepArrays = tuple[Observations, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], NDArray[np.float64]]
 
-_SEEDS = 2**64
+
+def _key(seed: int) -> int:
+    """Key of the episodes of a seed: the seed itself, or 64 bits of a hash of a larger one."""
+    if seed < 2**64:
+        return seed
+    return int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])
 
 
 class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
@@ -70,7 +75,7 @@ class TaskEnv(TaskBase, Rendering, gym.Env[Observations, Actions]):
         super().reset(seed=seed)
         if seed is None and not self._seeded:
             seed = self.np_random_seed
-        observations, info = self._native.reset([None if seed is None else seed % _SEEDS], **given)
+        observations, info = self._native.reset([None if seed is None else _key(seed)], **given)
         self._seeded = True
         named: dict[str, Any] = dict(zip(self.metric_names, info[:, 0].tolist(), strict=True))
         self._add_requested(named)
@@ -212,7 +217,7 @@ class TaskVectorEnv(TaskBase, Rendering, gym.vector.VectorEnv[Observations, Acti
         if not self._seeded and None in seeds:
             first = cast(int, self.np_random_seed)
             seeds = [first + i if s is None else s for i, s in enumerate(seeds)]
-        observations, info = self._native.reset([None if s is None else s % _SEEDS for s in seeds], mask, **given)
+        observations, info = self._native.reset([None if s is None else _key(s) for s in seeds], mask, **given)
         self._seeded = True
         return observations, self._infos(info, mask)
 

@@ -12,6 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from uvms_gym import _core
+from uvms_gym._files import read_text
 from uvms_gym.logs.build import make_channel
 from uvms_gym.logs.channel_map import ChannelMap, in_scene_order
 from uvms_gym.logs.channels import Attitude, Channel, Imu, Joints, Pose, Thrusters, Twist
@@ -247,11 +248,11 @@ def _time_of(bound: Bound, default: float, directory: Path, trial: str | None, p
 def _value_of(path: Path, key: str) -> float:
     """Number of a key in a file of lines "key: value"."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, encoding="utf-8-sig")
     except FileNotFoundError:
         raise LogError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read: {error}") from None
+        raise LogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     lines = [line.partition("#")[0].partition(":") for line in text.splitlines()]
     values = {name.strip(): value.strip() for name, colon, value in lines if colon}
     if key not in values:

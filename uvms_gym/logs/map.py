@@ -5,9 +5,9 @@ import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
+from uvms_gym._files import read_text
 from uvms_gym.logs.channel_map import GAP, QUANTITIES, ChannelMap, channel_map
 from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.keys import Keys
@@ -82,11 +82,11 @@ class LogMap:
             return _log_map(source, "map")
         name = os.fspath(source)
         try:
-            return _log_map(tomllib.loads(Path(name).read_text(encoding="utf-8")), name)
+            return _log_map(tomllib.loads(read_text(name)), name)
         except FileNotFoundError:
             raise LogError(f"{name}: no such file") from None
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise LogError(f"{name}: cannot be read: {error}") from None
+            raise LogError(f"{name}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
     def of(self, trial: str | None) -> "LogMap":
         """Map of a trial: with the keys of its table in place of the general ones."""

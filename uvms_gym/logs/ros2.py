@@ -22,6 +22,9 @@ FIELDS = {
     "specific_force": ("linear_acceleration", "accel.linear", "linear", "vector"),
 }
 
+#: Maximum size of a bag, bytes, and maximum number of messages of its topics that are read.
+_BYTES, _MESSAGES = 64_000_000_000, 10_000_000
+
 Getter = Callable[[Any], float]
 #: Stamp, in place of the name of a column.
 _STAMP = "stamp"
@@ -58,10 +61,10 @@ class _Topic:
 
     def table(self) -> Table:
         """Table of all messages."""
-        rows = np.array(self._rows).reshape(len(self._rows), -1).T
-        columns = dict(zip([_STAMP, *self._getters], rows)) if self._rows else {_STAMP: np.empty(0)}
-        time = self._channel.time if self._rows else None
-        return make_table(self._place, self._where, columns, time or _STAMP, self._names)
+        if not self._rows:
+            raise LogError(f"{self._place}: no messages")
+        columns = dict(zip([_STAMP, *self._getters], np.array(self._rows).T))
+        return make_table(self._place, self._where, columns, self._channel.time or _STAMP, self._names)
 
     def _where(self, row: int) -> str:
         """Place of a message."""
@@ -111,6 +114,7 @@ def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]
         raise LogError(f"{path}: reading bags needs the package rosbags: pip install 'uvms-gym[ros2]'") from None
     if not path.exists():
         raise LogError(f"{path}: no such bag")
+    _check_files(path)
     topics = {kind: _Topic(f"{path} {channel.topic}", channel) for kind, channel in channels.items()}
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
@@ -120,6 +124,8 @@ def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]
                     raise LogError(f"{path}: {kind}: no topic {channel.topic}; topics: {known}")
             wanted = {channel.topic for channel in channels.values()}
             connections = [connection for connection in reader.connections if connection.topic in wanted]
+            if (count := sum(connection.msgcount for connection in connections)) > _MESSAGES:
+                raise LogError(f"{path}: {count} messages in these topics, but at most {_MESSAGES} are read")
             for connection, recorded, data in reader.messages(connections=connections):
                 message = reader.deserialize(data, connection.msgtype)
                 for kind, channel in channels.items():
@@ -130,6 +136,16 @@ def read_bag(path: Path, channels: Mapping[str, ChannelMap]) -> dict[str, Table]
     except Exception as error:  # (a damaged bag fails anywhere in the package, in its parsers and in SQLite)
         raise LogError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
     return {kind: topic.table() for kind, topic in topics.items()}
+
+
+def _check_files(path: Path) -> None:
+    """Refuse a bag by its files before any is read: pipes and devices have no end."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    for file in files:
+        if file.exists() and not (file.is_file() or file.is_dir()):
+            raise LogError(f"{file}: cannot be read: not a regular file")
+    if (size := sum(file.stat().st_size for file in files if file.is_file())) > _BYTES:
+        raise LogError(f"{path}: {size} bytes, but at most {_BYTES} are read")
 
 
 def _getter(name: str) -> Getter:

@@ -7,8 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from uvms_gym._files import read_text
 from uvms_gym.logs.errors import LogError
 from uvms_gym.logs.units import Floats
+
+#: Maximum size of a file, bytes.
+_MOST = 2_000_000_000
 
 
 @dataclass(frozen=True)
@@ -73,17 +77,18 @@ def read_table(path: Path, delimiter: str, time: str, names: Mapping[str, list[s
         The message names file, line and column.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_text(path, _MOST, "utf-8-sig")
     except FileNotFoundError:
         raise LogError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read: {error}") from None
+        raise LogError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     lines = text.split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
     if not lines:
         raise LogError(f"{path}: the file is empty")
-    header = [name.strip() for name in next(_cells(path, lines[:1], delimiter))]
+    _, header = next(_cells(path, lines[:1], delimiter))
+    header = [name.strip() for name in header]
     needed = list(dict.fromkeys([time, *(name for group in names.values() for name in group)]))
     for name in needed:
         if header.count(name) != 1:
@@ -105,7 +110,7 @@ def _numbers(path: Path, lines: list[str], delimiter: str, header: list[str], ne
             pass
     # Quoted cells, or an error: cell by cell.
     columns: list[list[float]] = [[] for _ in needed]
-    for number, cells in enumerate(_cells(path, lines[1:], delimiter), 2):
+    for number, cells in _cells(path, lines[1:], delimiter, 2):
         if len(cells) != len(header):
             raise LogError(f"{path}, line {number}: {len(cells)} columns, but the first line has {len(header)}")
         for column, name in zip(columns, needed):
@@ -117,9 +122,14 @@ def _numbers(path: Path, lines: list[str], delimiter: str, header: list[str], ne
     return np.array(columns)
 
 
-def _cells(path: Path, lines: list[str], delimiter: str) -> Iterator[list[str]]:
-    """Cells of each line."""
+def _cells(path: Path, lines: list[str], delimiter: str, first: int = 1) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line; of several with a quoted cell across them, the first number."""
+    # With their ends, which belong to such a cell.
+    reader = csv.reader((line + "\n" for line in lines), delimiter=delimiter)
     try:
-        yield from csv.reader(lines, delimiter=delimiter)
+        number = first
+        for cells in reader:
+            yield number, cells
+            number = first + reader.line_num
     except csv.Error as error:
         raise LogError(f"{path}: cannot be read: {error}") from None

@@ -1,5 +1,6 @@
 """Records of studies: JSON files, and the circumstances of a run."""
 
+import errno
 import json
 import math
 import os
@@ -13,7 +14,7 @@ import gymnasium
 import numpy as np
 
 import uvms_gym
-from uvms_gym._files import write
+from uvms_gym._files import read, write
 
 #: Size of the largest file of results that is read, bytes; the shipped ones have up to 2 MB.
 MOST_BYTES = 1 << 26
@@ -63,12 +64,14 @@ def read_json(path: Path) -> Any:
     ValueError
         The file is larger than `MOST_BYTES`, nested too deeply, or no such JSON.
     OSError
-        The file cannot be read.
+        The file cannot be read, or is no regular file.
     """
-    with path.open("rb") as file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise ValueError(f"larger than {MOST_BYTES >> 20} MiB")
+    try:
+        content = read(path, MOST_BYTES)
+    except OSError as error:
+        if error.errno == errno.EFBIG:
+            raise ValueError(f"larger than {MOST_BYTES >> 20} MiB") from None
+        raise
     try:
         return json.loads(
             content.decode(),

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from uvms_gym._files import read_text
+
 #: Shipped hyperparameters of the algorithm `ppo`; those of the others lie beside them.
 SHIPPED = Path(__file__).with_name("ppo.yml")
 #: Hyperparameters with schedules.
@@ -32,7 +34,7 @@ def read_hyperparameters(
 
     path = file or SHIPPED.with_name(f"{algo}.yml")
     try:
-        tables = yaml.safe_load(path.read_text())
+        tables = yaml.safe_load(read_text(path))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: {error}") from None
     if not isinstance(tables, dict) or not all(isinstance(table, dict) for table in tables.values()):

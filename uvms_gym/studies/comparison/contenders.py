@@ -10,6 +10,7 @@ import gymnasium
 import numpy as np
 
 from uvms_gym import Rollout
+from uvms_gym._files import read
 from uvms_gym.controllers import MLP, Controller, Residual, registry
 from uvms_gym.rollouts import RolloutStats
 from uvms_gym.studies.comparison.conditions import Condition, informed
@@ -85,7 +86,7 @@ def _origin(name: str, seeds: tuple[int, ...], controllers: list[Controller], op
 def _file(file: Path, controller: Any) -> dict[str, Any]:
     network = controller.correction if isinstance(controller, Residual) else controller
     notes = network.notes if isinstance(network, MLP) else {}
-    return {"name": file.name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest(), "notes": notes}
+    return {"name": file.name, "sha256": hashlib.sha256(read(file)).hexdigest(), "notes": notes}
 
 
 def make_envs(condition: Condition, episodes: int) -> Any:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from uvms_gym._files import read
 from uvms_gym.controllers import registry
 from uvms_gym.envs import TaskVectorEnv
 from uvms_gym.rollouts import RolloutStats
@@ -45,7 +46,7 @@ def load(name: str, envs: Any) -> Any:
     if file.suffix != ".py" or not attribute:
         raise ValueError(f"controller {name!r} must be {PREFIX}FILE.py:NAME")
     # An absent file is an OSError with its name.
-    file.read_bytes()
+    read(file)
     spec = importlib.util.spec_from_file_location(f"{__name__}.{file.stem}", file)
     assert spec is not None and spec.loader is not None
     # Data classes look their module up.
