@@ -181,6 +181,7 @@ def test_a_taken_port_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
         (["--port", "0"], "--port is 0, but must be 1 to 65535"),
         (["--out", "x.png"], "--web goes without --out, --window, --size, --fps, --camera and --plot"),
         (["--disturbance", "typhoon"], "typhoon"),
+        (["--seed", str(2**64)], "seed is 18446744073709551616, but must be 0 to 18446744073709551615"),
         (["--controller", "joystick"], "unknown controller 'joystick'"),
     ],
 )

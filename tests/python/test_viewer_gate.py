@@ -4,13 +4,11 @@ import os
 import random
 import socket
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -18,113 +16,23 @@ viser = pytest.importorskip("viser")
 
 import msgspec  # noqa: E402
 import websockets  # noqa: E402
-import zstandard  # noqa: E402
-from websockets.sync.client import connect  # noqa: E402
+from viewer_guest import CAMERA, Guest, free_port, open_viewer, present  # noqa: E402
 
 from uvms_gym.controllers import registry  # noqa: E402
-from uvms_gym.viewer.episode import MOST_SEED, LiveEpisode  # noqa: E402
+from uvms_gym.viewer.episode import MOST_SEED  # noqa: E402
 from uvms_gym.viewer.page import REST  # noqa: E402
 from uvms_gym.viewer.server import Viewer  # noqa: E402
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": [3.0, 0.0, 0.0],
-    "fov": 1.3,
-    "near": 0.01,
-    "far": 1000.0,
-    "image_height": 800,
-    "image_width": 1280,
-    "look_at": [0.0, 0.0, 0.0],
-    "up_direction": [0.0, 0.0, 1.0],
-}
 
-
-class Guest:
-    """Client that speaks the page's protocol.
-
-    Attributes
-    ----------
-    seen : list of dict
-        Messages received so far.
-    """
-
-    def __init__(self, viewer: Viewer, origin: str | None = None, **headers: str) -> None:
-        self.viewer = viewer
-        self.socket = connect(
-            viewer.url.replace("http", "ws"),
-            origin=viewer.url if origin is None else origin,  # type: ignore[arg-type]
-            additional_headers=headers,
-            subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-            compression=None,
-            max_size=None,
-            proxy=None,
-        )
-        self.seen: list[dict[str, Any]] = []
-        self.send(CAMERA)
-
-    def send(self, message: Any) -> None:
-        self.socket.send(message if isinstance(message, str | bytes) else msgspec.msgpack.encode(message))
-
-    def until(self, done: Callable[[], Any], seconds: float = 10.0) -> Any:
-        """Read, with pictures, until something is true."""
-        end = time.monotonic() + seconds
-        while not (value := done()):
-            assert time.monotonic() < end, "not in time"
-            self.viewer.picture(0.0)
-            self.read()
-        return value
-
-    def read(self) -> None:
-        """Take in what has come."""
-        try:
-            while True:
-                raw = self.socket.recv(timeout=0.01)
-                size = int.from_bytes(raw[8:16], "little")
-                inner = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(raw[16 : 16 + size]))
-                self.seen += inner["messages"]
-        except TimeoutError:
-            pass
-
-    def uuid(self, label: str) -> str:
-        """Identifier of the control with this label."""
-        found = lambda: [m["uuid"] for m in self.seen if m.get("props", {}).get("label") == label]  # noqa: E731
-        return str(self.until(found)[0])
-
-    def set(self, label: str, value: Any) -> None:
-        self.send({"type": "GuiUpdateMessage", "uuid": self.uuid(label), "updates": {"value": value}})
-
-    def value(self, label: str) -> Any:
-        """Last value that the server sent for a control, if it sent one."""
-        uuid = self.uuid(label)
-        values = [m["updates"]["value"] for m in self.seen if m.get("uuid") == uuid and "value" in m.get("updates", {})]
-        return values[-1] if values else None
-
-    def notices(self) -> list[str]:
-        return [f"{m['props']['title']}: {m['props']['body']}" for m in self.seen if "NotificationShow" in m["type"]]
-
-    def refusal(self) -> str:
-        """Text of the next notice."""
-        before = len(self.notices())
-        return str(self.until(lambda: self.notices()[before:])[0])
+@pytest.fixture
+def viewer() -> Iterator[Any]:
+    with open_viewer() as shown:
+        yield shown
 
 
 @pytest.fixture
-def viewer() -> Iterator[Viewer]:
-    env = gymnasium.make("UVMS-StationKeep-Storm-v0", threads=1, disable_env_checker=True)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    shown = Viewer(LiveEpisode(env.unwrapped, "pd", 3), "title", port)  # type: ignore[arg-type]
-    yield shown
-    shown.close()
-
-
-@pytest.fixture
-def guest(viewer: Viewer) -> Guest:
-    guest = Guest(viewer)
-    guest.until(viewer.server.get_clients)
-    return guest
+def guest(viewer: Any) -> Guest:
+    return present(viewer)
 
 
 def test_a_page_of_another_origin_does_not_connect(viewer: Viewer) -> None:
@@ -164,9 +72,7 @@ def test_a_viser_that_would_pass_by_the_gate_is_refused(viewer: Viewer, monkeypa
     plain = SimpleNamespace(serve=websockets.asyncio.server.serve, ServerConnection=websockets.ServerConnection)
     passing = SimpleNamespace(asyncio=SimpleNamespace(server=plain), exceptions=websockets.exceptions)
     monkeypatch.setattr("viser.infra._infra.websockets", passing)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     with pytest.raises(RuntimeError, match=r"install viser 1\.1"):
         Viewer(viewer.episode, "title", port)
     with pytest.raises(ConnectionRefusedError):
@@ -180,6 +86,7 @@ WRONG: tuple[tuple[str, Any], ...] = (
     *(("Current (m/s)", value) for value in (float("nan"), float("inf"), -float("inf"))),
     *(("Seed", value) for value in (None, -1, 1e20, ["3"], "1" * 100)),
     *(("Speed", value) for value in ("1000x", "", 1.0)),
+    *(("Follow vehicle", value) for value in (None, 1, "true", [])),
 )
 
 
@@ -199,8 +106,7 @@ def test_values_of_wrong_type_are_notices(guest: Guest, monkeypatch: pytest.Monk
 
 
 def controls(viewer: Viewer) -> tuple[Any, ...]:
-    page = viewer.page
-    return page.controller, page.pace, page.seed, page.buttons, page.strength, page.current, page.payload
+    return tuple(viewer.gate._controls.values())
 
 
 def state(viewer: Viewer) -> Any:
@@ -266,7 +172,7 @@ def test_policies_come_from_the_command_line_alone(
     assert len(texts) == 1 and made == []
 
 
-TARGET = {"type": "TransformControlsUpdateMessage", "name": "/target", "wxyz": [1.0, 0.0, 0.0, 0.0], "owner": ""}
+TARGET = {"type": "TransformControlsUpdateMessage", "name": "/world/target", "wxyz": [1.0, 0.0, 0.0, 0.0], "owner": ""}
 FORGED: tuple[Any, ...] = (
     "text",
     b"",
@@ -278,15 +184,15 @@ FORGED: tuple[Any, ...] = (
     {"type": "GuiUpdateMessage", "uuid": "unknown", "updates": {"value": 1.0}},
     {"type": "ShareUrlRequest"},
     {"type": "FileTransferStartUpload", "source_component_uuid": "x", "transfer_uuid": "y", "filename": "z"},
-    {"type": "RemoveSceneNodeMessage", "name": "/bodies/0"},
-    {"type": "SetPositionMessage", "name": "/bodies/0", "position": [0.0, 0.0, 9.0]},
+    {"type": "RemoveSceneNodeMessage", "name": "/world/bodies/0"},
+    {"type": "SetPositionMessage", "name": "/world/bodies/0", "position": [0.0, 0.0, 9.0]},
     {**CAMERA, "extra": 1.0},
     *({**CAMERA, name: value} for name in CAMERA for value in (None, "1", float("nan"), 1e300, [1e300] * 3, [])),
     {**TARGET, "position": [0.0, 0.0]},
     {**TARGET, "position": [float("nan"), 0.0, 0.0]},
     {**TARGET, "position": [1e20, 0.0, 0.0]},
     {**TARGET, "position": ["0", 0.0, 0.0]},
-    {**TARGET, "position": [0.0, 0.0, 0.0], "name": "/bodies/0"},
+    {**TARGET, "position": [0.0, 0.0, 0.0], "name": "/world/bodies/0"},
     {**TARGET, "position": [0.0, 0.0, 0.0], "owner": "1"},
 )
 

@@ -15,6 +15,7 @@ from uvms_gym.controllers import registry
 from uvms_gym.viewer.curves import error_curves
 from uvms_gym.viewer.episode import HOME, MAXIMA, MOST_SEED, LiveEpisode
 from uvms_gym.viewer.gate import Gate
+from uvms_gym.viewer.world import World
 
 #: Duration of the curves, s.
 SPAN = 30.0
@@ -48,10 +49,10 @@ class Page:
         server: viser.ViserServer,
         gate: Gate,
         episode: LiveEpisode,
-        gizmo: viser.TransformControlsHandle,
+        world: World,
         title: str,
     ) -> None:
-        self._server, self._episode, self._gizmo = server, episode, gizmo
+        self._server, self._episode, self._world, self._gizmo = server, episode, world, world.gizmo
         self._commands: dict[str, tuple[float, Callable[[], None]]] = {}
         self._said = ("", -math.inf)
         self.running, self.speed, self.stepped = True, 1.0, False
@@ -70,6 +71,11 @@ class Page:
         self._on(self.seed, "seed", self._reseed, REST)
         self.buttons = gui.add_button_group("Episode", ("Run", "Pause", "Step", "Reset"))
         self._on(self.buttons, "button", lambda: self.press(self.buttons.value))
+        self.view = gui.add_button_group("View", ("Home",))
+        self.view.on_click(lambda event: self.home(event.client))
+        self.follow, self.handles = gui.add_checkbox("Follow vehicle", False), gui.add_checkbox("Target handles", True)
+        self._on(self.follow, "follow", self._set_view)
+        self._on(self.handles, "handles", self._set_view)
         with gui.add_folder(f"Disturbance: {episode.level}"):
             now = episode.conditions
             self.strength = gui.add_slider("Strength", 0.0, MAXIMA["strength"], 0.05, now.strength)
@@ -78,7 +84,7 @@ class Page:
             gui.add_markdown(f"<small>{_NOTE}</small>")
         for name in MAXIMA:
             self._on(getattr(self, name), name, partial(self._slide, name))
-        gizmo.on_update(lambda event: self._put("target", self._drag) if event.phase == "end" else None)
+        self._gizmo.on_update(lambda event: self._put("target", self._drag) if event.phase == "end" else None)
         self._status = gui.add_markdown("")
         self._rows: deque[list[float]] = deque(maxlen=max(2, round(SPAN / episode.period)))
         self._curves = error_curves(episode.env)
@@ -86,8 +92,8 @@ class Page:
         thrusters = episode.env.snapshot().thruster_names
         self._thrusts = self._chart("Thrust (N)", list(zip(thrusters, _THRUSTERS * (len(thrusters) // 8 + 1))))
         self.note()
-        inputs = (self.controller, self.pace, self.seed, self.buttons, self.strength, self.current, self.payload)
-        gate.admit(*inputs, handles=gizmo)
+        inputs = (self.controller, self.pace, self.seed, self.buttons, self.view, self.follow, self.handles)
+        gate.admit(*inputs, self.strength, self.current, self.payload, handles=self._gizmo)
         gate.refused = lambda reason: self._put("refused", lambda: self.say("Refused", reason))
 
     def run_commands(self) -> None:
@@ -118,6 +124,12 @@ class Page:
             for client in self._server.get_clients().values():
                 client.add_notification(title, text, auto_close_seconds=_NOTICE)
 
+    def home(self, client: viser.ClientHandle | None) -> None:
+        """Turn the camera of one browser to the vehicle."""
+        if client is not None:
+            place = partial(self._world.place_camera, client.camera, client.camera.image_width)
+            self._put(f"home of {client.client_id}", place)
+
     def press(self, button: str) -> None:
         """Do what a button says: Run, Pause, Step or Reset."""
         if button == "Reset":
@@ -146,9 +158,9 @@ class Page:
         """Send the curves, and the state in words with the rate of pictures, 1/s."""
         columns = np.array(self._rows).T
         count = len(self._curves)
-        self._errors.data = (columns[0], *columns[1 : 1 + count])
-        self._thrusts.data = (columns[0], *columns[1 + count :])
         info, time = self._episode.info, self._episode.time
+        self._errors.data = (columns[0] - time, *columns[1 : 1 + count])
+        self._thrusts.data = (columns[0] - time, *columns[1 + count :])
         speed = np.linalg.norm(self._episode.after.current)
         state = "running" if self.running else "paused"
         self._status.content = (
@@ -180,6 +192,9 @@ class Page:
             getattr(self, name).value = getattr(episode.conditions, name)
         self._gizmo.position, self._gizmo.wxyz = episode.target
 
+    def _set_view(self) -> None:
+        self._world.follow, self._gizmo.visible = self.follow.value, self.handles.value
+
     def _set_speed(self) -> None:
         self.speed = SPEEDS[self.pace.value]
 
@@ -192,15 +207,19 @@ class Page:
         self._commands[kind] = (time.monotonic() + rest, command)
 
     def _chart(self, title: str, curves: list[tuple[str, str]]) -> Any:
-        """Chart of named curves over time."""
+        """Chart of named curves over the time before now."""
         axis = {"stroke": "#cddee4", "grid": {"stroke": "#ffffff22", "width": 1}}
-        series = ({"label": "t (s)"}, *({"label": name, "stroke": colour, "width": 1.5} for name, colour in curves))
+        series = (
+            {"label": "before now (s)"},
+            *({"label": name, "stroke": colour, "width": 1.5} for name, colour in curves),
+        )
         empty = tuple(np.zeros(1) for _ in series)
         return self._server.gui.add_uplot(
             empty,
             series,
             title=title,
-            scales={"x": {"time": False}},
+            # A constant range: charts that follow their data lose it in browsers that come later.
+            scales={"x": {"time": False, "range": (-SPAN, 0.0)}},
             axes=(axis, axis),
             aspect=1.7,
         )

@@ -65,7 +65,8 @@ class Viewer:
             raise OSError(f"port {port} is taken; {bound} would be free")
         self.episode = episode
         self.world = World(self.server, episode.env.snapshot(), episode.target)
-        self.page = Page(self.server, self.gate, episode, self.world.gizmo, title)
+        self.page = Page(self.server, self.gate, episode, self.world, title)
+        self.server.on_client_connect(self.page.home)
         self.server.on_client_connect(lambda _: say("browser connected"))
         self.server.on_client_disconnect(lambda _: say("browser closed"))
         self._shown = episode.time

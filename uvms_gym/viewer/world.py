@@ -14,15 +14,19 @@ Floats = NDArray[np.float64]
 _WATER, _JET, _CURRENT, _AIM = (12, 62, 84), (255, 140, 40), (60, 170, 255), (120, 235, 160)
 #: Length of the arrow of the current, edges of the vehicle per m/s.
 _CURRENT_SCALE = 2.0
+#: Width from which viser puts the controls beside the picture, px.
+_NARROW = 576
 
 
 class World:
-    """Objects of one scene on a server.
+    """Objects of one scene on a server, under one frame.
 
     Attributes
     ----------
     gizmo : viser.TransformControlsHandle
         Handles of the target.
+    follow : bool
+        True where the frame moves so that the vehicle stays at the origin.
     """
 
     def __init__(self, server: viser.ViserServer, simulator: Simulator, target: Target) -> None:
@@ -38,13 +42,14 @@ class World:
         home = Simulator(scene, threads=1)
         files = [vehicle_glb(scene), *link_glbs(scene, home.body_poses()[0], home.end_effector_pose()[0])]
 
+        self._world, self.follow = api.add_frame("/world", show_axes=False), False
         api.set_background_image(_gradient())
         # The default lights' environment map would be fetched from the network.
         api.configure_environment_map(None)
         api.add_light_hemisphere("/light", sky_color=(235, 248, 255), ground_color=(40, 80, 95), intensity=2.6)
         cell = renderer.cell
         api.add_grid(
-            "/floor",
+            "/world/floor",
             60.0 * cell,
             60.0 * cell,
             cell_size=cell,
@@ -54,14 +59,14 @@ class World:
             fade_distance=3.0 * renderer.distance,
             position=(0.0, 0.0, renderer.floor),
         )
-        self._bodies = [api.add_glb(f"/bodies/{k}", file) for k, file in enumerate(files)]
+        self._bodies = [api.add_glb(f"/world/bodies/{k}", file) for k, file in enumerate(files)]
         self._thrust = api.add_line_segments(
-            "/bodies/0/thrust", np.zeros((len(thrusters), 2, 3), np.float32), _JET, thickness=0.03 * reach
+            "/world/bodies/0/thrust", np.zeros((len(thrusters), 2, 3), np.float32), _JET, thickness=0.03 * reach
         )
-        self._tip = api.add_frame("/tip", show_axes=False)
-        self._payload = api.add_icosphere("/tip/payload", 1.0, (168, 72, 58), visible=False)
+        self._tip = api.add_frame("/world/tip", show_axes=False)
+        self._payload = api.add_icosphere("/world/tip/payload", 1.0, (168, 72, 58), visible=False)
         self._current = api.add_arrows(
-            "/current",
+            "/world/current",
             np.zeros((1, 2, 3), np.float32),
             _CURRENT,
             shaft_radius=0.02 * reach,
@@ -69,14 +74,22 @@ class World:
             head_length=0.12 * reach,
         )
         self._above, self._arrow = np.array([0.0, 0.0, 0.5 * size[2] + 0.3 * reach]), _CURRENT_SCALE * reach
-        self._brackets = api.add_line_segments("/aim", _brackets(centre, size), _AIM, thickness=0.012 * reach)
-        self._axes = api.add_frame("/reference", axes_length=0.2 * reach, axes_radius=0.008 * reach, visible=False)
-        self._path = api.add_line_segments("/path", np.zeros((1, 2, 3), np.float32), _AIM, thickness=0.01 * reach)
+        self._brackets = api.add_line_segments("/world/aim", _brackets(centre, size), _AIM, thickness=0.012 * reach)
+        self._axes = api.add_frame(
+            "/world/reference", axes_length=0.2 * reach, axes_radius=0.008 * reach, visible=False
+        )
+        self._path = api.add_line_segments("/world/path", np.zeros((1, 2, 3), np.float32), _AIM, thickness=0.01 * reach)
         self._drawn_path = np.zeros((0, 3))
         self.gizmo = api.add_transform_controls(
-            "/target", scale=0.9 * reach, position=target[0], wxyz=target[1], depth_test=False, opacity=0.75
+            "/world/target",
+            scale=reach,
+            # Squares to drag in planes would cover the vehicle.
+            disable_sliders=True,
+            position=target[0],
+            wxyz=target[1],
         )
-        _place_camera(server.initial_camera, 0.75 * renderer.distance)
+        self._vehicle, self._distance = target[0], 0.75 * renderer.distance
+        self.place_camera(server.initial_camera)
 
     def show(self, before: Frame, after: Frame, share: float) -> None:
         """Draw the state between two frames; `share` is 0 at the first and 1 at the second."""
@@ -85,6 +98,8 @@ class World:
         for body, position, wxyz in zip(self._bodies, positions, rotations):
             body.position, body.wxyz = position, wxyz
         self._tip.position, self._tip.wxyz = positions[-1], rotations[-1]
+        self._vehicle = positions[0]
+        self._world.position = -positions[0] if self.follow else np.zeros(3)
         if self._places.size:
             jets = self._jets * (after.thrust / self._limits)[:, None]
             self._thrust.points = np.stack([self._places, self._places + jets], axis=1).astype(np.float32)
@@ -96,6 +111,27 @@ class World:
             self._payload.visible = visible
         if visible and self._payload.scale != (radius := payload_radius(after.payload)):
             self._payload.scale = radius
+
+    def place_camera(self, camera: viser.InitialCameraConfig | viser.CameraHandle, width: int = 1280) -> None:
+        """Look at the vehicle from the side of the software renderer's pictures, beside or above the controls.
+
+        Parameters
+        ----------
+        camera : viser.InitialCameraConfig or viser.CameraHandle
+            Camera of coming browsers, or of one that is open.
+        width : int
+            Width of the browser's picture, px.
+        """
+        azimuth, elevation = -0.95, 0.32
+        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        away = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
+        # The controls cover the right, or the lower 60 % of a narrow window.
+        narrow = width < _NARROW
+        aside = -0.45 * np.cross(away, right) if narrow else 0.16 * right - (0.0, 0.0, 0.06)
+        distance = (1.6 if narrow else 1.0) * self._distance
+        look_at = (0.0 if self.follow else self._vehicle) + distance * aside
+        camera.position = tuple(look_at + distance * away)
+        camera.look_at = tuple(look_at)
 
     def _show_aim(self, before: Frame, after: Frame, share: float) -> None:
         """Brackets at the vehicle's pose to be, or axes and path of the end effector's."""
@@ -109,16 +145,6 @@ class World:
         if tracks and not np.array_equal(after.path, self._drawn_path):
             self._drawn_path = after.path
             self._path.points = np.stack([after.path[:-1], after.path[1:]], axis=1).astype(np.float32)
-
-
-def _place_camera(camera: viser.InitialCameraConfig, distance: float) -> None:
-    """Look from the side of the software renderer's pictures, with the vehicle left of the controls."""
-    azimuth, elevation = -0.95, 0.32
-    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    look_at = 0.16 * distance * right - (0.0, 0.0, 0.06 * distance)
-    away = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
-    camera.look_at = tuple(look_at)
-    camera.position = tuple(look_at + distance * away)
 
 
 def _blend(a: Floats, b: Floats, share: float) -> Floats:
