@@ -48,7 +48,7 @@ test-learning: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## tests with Stable-
 test-python: $(VENV)/test uvms_gym/_core.abi3.so ## Python tests against this tree, for development
 	PYTHONPATH="$(CURDIR)" UVMS_GYM_UNDER_TEST="$(CURDIR)" $(BIN)/python -m pytest -n auto
 
-test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/wheel test-ray ## long tests: debug assertions, all methods, fuzzing, Ray
+test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/pyright $(VENV)/wheel test-ray ## long tests: debug assertions, all methods, fuzzing, types in an editor, Ray
 	cargo test --locked
 	$(installed) -m nightly
 	UVMS_FUZZ=10000 && export UVMS_FUZZ && $(installed)/test_fuzz.py
@@ -99,6 +99,11 @@ $(VENV)/zig: $(VENV)/made
 
 $(VENV)/learning: $(VENV)/made pyproject.toml
 	$(call requirements,train)
+	touch $@
+
+# Pyright with its Node.js: the package of that name downloads both when it runs.
+$(VENV)/pyright: $(VENV)/made
+	$(pip) 'basedpyright>=1.40,<2'
 	touch $@
 
 dist/made: $(VENV)/made pyproject.toml $(RUST) $(PACKAGE)

@@ -27,6 +27,15 @@ except ModuleNotFoundError as error:
         "Python outside of it",
         name=error.name,
     ) from None
+
+# Editors know a submodule as an attribute only where it is imported under its own name.
+from uvms_gym import controllers as controllers
+from uvms_gym import disturbances as disturbances
+from uvms_gym import envs as envs
+from uvms_gym import logs as logs
+from uvms_gym import planning as planning
+from uvms_gym import robots as robots
+from uvms_gym import rollouts as rollouts
 from uvms_gym.controllers import (
     DOB,
     MLP,

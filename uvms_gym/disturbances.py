@@ -1,13 +1,23 @@
 """Named levels of disturbances."""
 
 import json
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from uvms_gym._core import disturbance_levels as _levels
 
 
-class Level(NamedTuple):
-    """Level of disturbances: description, and components by name as the option `disturbance` takes them."""
+@dataclass(frozen=True)
+class Level:
+    """Level of disturbances.
+
+    Attributes
+    ----------
+    description : str
+        Purpose of the level.
+    components : dict
+        Components by name, as the option `disturbance` takes them.
+    """
 
     description: str
     components: dict[str, Any]

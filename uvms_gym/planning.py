@@ -1,5 +1,7 @@
 """Trajectory optimisation on the steps of a simulator."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -18,31 +20,51 @@ _INPUTS = ("thrust", "fin", "wrench", "joint_torque", "joint_target")
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Optimal trajectories of N problems over K control periods."""
+    """Optimal trajectories of N problems over K control periods.
 
-    #: Inputs held over each period (N, K, w), by name.
+    Attributes
+    ----------
+    inputs : dict of str to numpy.ndarray (N, K, w)
+        Inputs held over each period, by name.
+    position : numpy.ndarray (N, K + 1, 3)
+        Vehicle origin in the world, m.
+    rotation : numpy.ndarray (N, K + 1, 3, 3)
+        Body to world.
+    q : numpy.ndarray (N, K + 1, n)
+        Joint coordinates, rad or m.
+    twist : numpy.ndarray (N, K + 1, 6)
+        Absolute body twist [v; omega], m/s and rad/s.
+    qd : numpy.ndarray (N, K + 1, n)
+        Joint rates, rad/s or m/s.
+    end_effector : numpy.ndarray (N, K + 1, 3)
+        End effector in the world, m.
+    gains : numpy.ndarray (N, K, w, s)
+        Feedback of the inputs, in the order of `inputs`, on the deviation of the state in coordinates of
+        `step_jacobians`, as a time-varying linear-quadratic regulator; 0 for inputs on a bound.
+    costs : list of numpy.ndarray (iterations + 1,)
+        Costs of each problem, first of the initial inputs.
+    converged : numpy.ndarray (N,), bool
+        True where the iterations have converged.
+    decrement : numpy.ndarray (N,)
+        Decrease of the cost expected of another iteration, over the cost.
+    """
+
     inputs: dict[str, Floats]
-    #: Vehicle origin in the world (N, K + 1, 3), m.
     position: Floats
-    #: Body to world (N, K + 1, 3, 3).
     rotation: Floats
-    #: Joint coordinates (N, K + 1, n), rad or m.
     q: Floats
-    #: Absolute body twist [v; omega] (N, K + 1, 6), m/s and rad/s.
     twist: Floats
-    #: Joint rates (N, K + 1, n), rad/s or m/s.
     qd: Floats
-    #: End effector in the world (N, K + 1, 3), m.
     end_effector: Floats
-    #: Feedback (N, K, w, s) of the inputs, in the order of `inputs`, on the deviation of the state in coordinates of
-    #: `step_jacobians`: time-varying linear-quadratic regulator; 0 for inputs on a bound.
     gains: Floats
-    #: Costs of each problem, that of the initial inputs first (iterations + 1,).
     costs: list[Floats]
-    #: True where the iterations have converged (N,).
     converged: NDArray[np.bool_]
-    #: Decrease of the cost expected of another iteration, over the cost (N,).
     decrement: Floats
+
+    def __repr__(self) -> str:
+        n, periods = self.position.shape[0], self.position.shape[1] - 1
+        inputs, over = ", ".join(self.inputs), int(np.count_nonzero(self.converged))
+        return f"Trajectory({n} problems, {periods} control periods, {inputs}; {over} converged)"
 
     @property
     def cost(self) -> Floats:

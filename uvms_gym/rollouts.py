@@ -1,7 +1,10 @@
 """Episodes under a controller, run natively: no Python between control periods."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +18,8 @@ Floats = NDArray[np.float64]
 _PIECE = 1 << 18
 
 
-class RolloutStats(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class RolloutStats:
     """Statistics of the control periods so far, per instance; those after its episode's end do not count.
 
     Attributes
@@ -24,10 +28,14 @@ class RolloutStats(NamedTuple):
         Number of control periods.
     returns : numpy.ndarray (N,)
         Sum of their rewards.
-    terminated, truncated : numpy.ndarray (N,), bool
-        End of the episode, for a reason within the task or by its time limit.
-    sums, squares : dict of str to numpy.ndarray (N,)
-        Sums of every metric in `info`, and of its square.
+    terminated : numpy.ndarray (N,), bool
+        True where the episode ended for a reason within the task.
+    truncated : numpy.ndarray (N,), bool
+        True where it ended by its time limit.
+    sums : dict of str to numpy.ndarray (N,)
+        Sum of every metric in `info` (the names are the environment's `metric_names`).
+    squares : dict of str to numpy.ndarray (N,)
+        Sum of the square of every metric.
     last : dict of str to numpy.ndarray (N,)
         Every metric after the last control period; 0 without control periods.
     """
@@ -39,6 +47,10 @@ class RolloutStats(NamedTuple):
     sums: dict[str, Floats]
     squares: dict[str, Floats]
     last: dict[str, Floats]
+
+    def __repr__(self) -> str:
+        n, over = len(self.steps), int(np.count_nonzero(self.terminated | self.truncated))
+        return f"RolloutStats({n} instances, {int(self.steps.sum())} control periods, {over} episodes over)"
 
     def mean(self, name: str) -> Floats:
         """Mean of a metric over each instance's control periods, (N,); 0 without any."""
@@ -78,8 +90,11 @@ class Rollout:
             raise TypeError(f"a rollout takes a native UVMS vector environment, not {type(inner).__name__}")
         if not isinstance(controller, Controller):
             raise TypeError(f"a rollout takes a controller of uvms_gym, not {type(controller).__name__}")
-        self._env = inner
+        self._env, self._controller = inner, controller
         self._rollout = inner._native.rollout(controller.native, list(trace))
+
+    def __repr__(self) -> str:
+        return f"Rollout({self._env!r}, {self._controller!r})"
 
     def run(self, steps: int, tick: Callable[[int], object] | None = None) -> None:
         """Run `steps` control periods in parts; `tick` is called after each part with its number of control periods.

@@ -1,5 +1,7 @@
 """Checks of the arguments of `step` and `reset`."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

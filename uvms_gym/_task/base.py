@@ -1,7 +1,10 @@
 """Construction and read access that single and vector environments of all tasks share."""
 
+from __future__ import annotations
+
 import logging
 import os
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -28,12 +31,16 @@ class Block:
     ----------
     name : str
         Name of the quantity.
-    offset, length : int
-        First entry and number of entries; `row[..., block.slice]` are the entries.
+    offset : int
+        First entry; `row[..., block.slice]` are the block's entries.
+    length : int
+        Number of entries.
     scale : tuple of float (length,)
         Physical value of an entry of 1. An action's entry of -1 asks for `low`, which may differ from `-scale`.
-    low, high : tuple of float (length,)
-        Physical values at the least and at the greatest entry; infinite where there is no bound.
+    low : tuple of float (length,)
+        Physical value at the minimum of the entry; infinite where there is no bound.
+    high : tuple of float (length,)
+        Physical value at its maximum; infinite where there is no bound.
     unit : str
         Unit of the physical value.
     description : str
@@ -82,6 +89,16 @@ class TaskBase:
         self._action_shape = action.shape
         return spaces.Box(-bound, bound, dtype=np.float32), spaces.Box(-action, action, dtype=np.float32)
 
+    def __repr__(self) -> str:
+        parts = [spec.id] if (spec := getattr(self, "spec", None)) is not None else []
+        parts += [f"num_envs={count}"] if (count := getattr(self, "num_envs", None)) is not None else []
+        parts.append(f"scene={self._native.snapshot().scene_name!r}")
+        own = self.options_class()
+        for name, value in self.options.to_dict().items():
+            if name != "scene" and value != getattr(own, name):
+                parts.append(f"{name}={reprlib.repr(value)}")
+        return f"{type(self).__name__}({', '.join(parts)})"
+
     def _mention_certificate(self) -> None:
         """Log, once per process, the command that certifies the accuracy for a user's own scene.
 
@@ -117,7 +134,7 @@ class TaskBase:
 
     @property
     def metric_names(self) -> tuple[str, ...]:
-        """Names of the metrics in `info`: those of all tasks, and the task's own."""
+        """Names of the metrics in `info`, first of those that all tasks share, then of the task's own."""
         return tuple(self._native.metric_names)
 
     @property

@@ -81,10 +81,14 @@ class TaskOptions:
     max_current : float
         Greatest speed of the drawn steady current, m/s, >= 0; used where `disturbance` is None. The scene's own current
         is added.
-    start_distance, start_angle : float
-        Greatest initial position error, m, in [0, 10), and attitude error, rad, >= 0.
-    target_distance, target_heading : float
-        Greatest distance of a drawn target from the world origin, m, >= 0, and its greatest heading, rad, >= 0.
+    start_distance : float
+        Maximum initial position error, m, in [0, 10).
+    start_angle : float
+        Maximum initial attitude error, rad, >= 0.
+    target_distance : float
+        Maximum distance of a drawn target from the world origin, m, >= 0.
+    target_heading : float
+        Maximum heading of a drawn target, rad, >= 0.
     disturbance : str, dict or None
         Name of a level, or components by name; see `StationKeepEnv`. None: a steady current.
     randomize : bool, float, dict or None

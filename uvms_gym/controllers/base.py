@@ -1,5 +1,7 @@
 """Base classes of controllers."""
 
+from __future__ import annotations
+
 import inspect
 import warnings
 from functools import partial

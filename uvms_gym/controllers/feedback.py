@@ -8,8 +8,10 @@ class NoControl(ClassicalController):
 
     Parameters
     ----------
-    env, **options
-        As for `PD`, of either task.
+    env : UVMS environment or None
+        Environment of any task, single or vector; it determines the number of actions.
+    **options
+        Without `env`: arguments of its environment, and `task`, by default "station-keep". Errors as in `PD`.
     """
 
     kind = "none"
@@ -55,8 +57,13 @@ class PID(ClassicalController):
 
     Parameters
     ----------
-    env, kp, kd, **options
-        As for `PD`, as are errors; `dt` and `substeps` matter, too.
+    env : UVMS environment or None
+        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    kp, kd : array_like (6,) or None
+        Gains of `PD`.
+    **options
+        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt` and `substeps` matter. Errors as
+        in `PD`.
     ki : array_like (6,) or None
         Integral gains, N/(m s) and N m/(rad s). Where None, from the others by T_i = 2 T_d: `ki = kp**2 / (2 kd)`.
         (On a critically damped PD the slowest poles then have a damping ratio of 0.69.)
@@ -73,8 +80,12 @@ class PDRestoring(ClassicalController):
 
     Parameters
     ----------
-    env, kp, kd, **options
-        As for `PD`, as are errors.
+    env : UVMS environment or None
+        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    kp, kd : array_like (6,) or None
+        Gains of `PD`.
+    **options
+        Without `env`: arguments of `StationKeepEnv`, of which `scene` and `action` matter. Errors as in `PD`.
     """
 
     kind = "pd-restoring"
@@ -89,8 +100,13 @@ class DockPD(ClassicalController):
 
     Parameters
     ----------
-    env, kp, kd, **options
-        As for `PD`, as are errors, but of `DockEnv`; another task is a `ValueError`.
+    env : UVMS environment or None
+        Environment of docking, single or vector; it determines the scene and the kind of action.
+    kp, kd : array_like (6,) or None
+        Gains of `PD`.
+    **options
+        Without `env`: arguments of `DockEnv`, of which `scene` and `action` matter. Errors as in `PD`; another task is
+        a `ValueError`.
     approach_speed : float or None
         Greatest speed of approach, m/s. 0.5 by default.
     turn_speed : float or None

@@ -1,5 +1,7 @@
 """Neural policies, alone or as corrections to a controller, without torch."""
 
+from __future__ import annotations
+
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -100,7 +102,7 @@ class MLP(Controller):
             `model.policy.state_dict()` of Stable-Baselines3's PPO or A2C (a `MlpPolicy` on the CPU) or SAC, or
             `state_dict()` of an `nn.Sequential`: layers are taken in the order of their numbers.
         env, **arguments
-            As for `MLP`; the activation is not in the arrays.
+            Meaning as in `MLP`; the activation is not in the arrays.
 
         Raises
         ------
@@ -165,7 +167,7 @@ class MLP(Controller):
 
     @property
     def spec(self) -> dict[str, Any] | None:
-        """Environment of the policy: task, scene, action, actions, control_period and observation."""
+        """Task, scene, action, actions, control_period and observation of the policy's environment; None if unknown."""
         return self.native.spec
 
     @property
@@ -180,8 +182,14 @@ class MLP(Controller):
 
     @property
     def notes(self) -> dict[str, str]:
-        """Notes: seeds, steps, scores."""
+        """Notes in the policy's file, such as seeds, steps and scores."""
         return self.native.notes
+
+    def __repr__(self) -> str:
+        spec = self.spec or {}
+        kind = {"history": self.history, "residual": self.residual}
+        kind |= {name: spec[name] for name in ("task", "scene", "action", "control_period") if name in spec}
+        return f"MLP(sizes={self.sizes}, {', '.join(f'{name}={value!r}' for name, value in kind.items())})"
 
     def __getstate__(self) -> bytes:
         return self.native.to_bytes()
@@ -214,6 +222,9 @@ class Residual(Controller):
     def __init__(self, base: Controller, correction: MLP, limit: float = 0.3) -> None:
         self.base, self.correction, self.limit = base, correction, float(limit)
         self.native = correction.native.correcting(base.native, self.limit)
+
+    def __repr__(self) -> str:
+        return f"Residual({self.base!r}, {self.correction!r}, limit={self.limit:g})"
 
     def __reduce__(self) -> Any:
         return type(self), (self.base, self.correction, self.limit)

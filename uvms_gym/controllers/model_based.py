@@ -43,8 +43,13 @@ class DOB(ModelBased):
 
     Parameters
     ----------
-    env, kp, kd, **options
-        As for `PD`, as are errors; `dt`, `substeps`, `thruster_lag` and the delay of `disturbance` matter, too.
+    env : UVMS environment or None
+        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    kp, kd : array_like (6,) or None
+        Gains of `PD`.
+    **options
+        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
+        the delay of `disturbance` matter. Errors as in `PD`.
     observer_bandwidth : array_like (2,) or None
         Bandwidth, linear and angular, rad/s; 0: no observer. 2 by default.
     wave_acceleration : array_like (2,) or None
@@ -98,10 +103,15 @@ class AdaptiveDOB(MultipleModel):
 
     Parameters
     ----------
-    env, kp, kd, **options
-        As for `DOB`, as are errors.
+    env : UVMS environment or None
+        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    kp, kd : array_like (6,) or None
+        Gains of `PD`.
+    **options
+        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
+        the delay of `disturbance` matter. Errors as in `PD`.
     observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon
-        As for `DOB`, for all models.
+        Meaning as in `DOB`, for all models.
     delay : int or None
         Greatest delay of the bank, control periods, 0 to 10. By default the greatest of the environment's sensors.
     delay_schedule : array_like (2,) or None
@@ -129,12 +139,15 @@ class ComputedTorque(ModelBased):
 
     Parameters
     ----------
-    env, **options
-        As for `DOB`, as are errors.
+    env : UVMS environment or None
+        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    **options
+        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
+        the delay of `disturbance` matter. Errors as in `PD`.
     kp, kd : array_like (6,) or None
         Gains per body axis, 1/s2 and 1/s. Where None: the scene's, over the diagonal of M at home.
     observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, prediction_horizon, delay
-        As for `DOB`; by default 8, 0.3, 1, (0.05, 0.3), 0 and that of the environment's sensors.
+        Meaning as in `DOB`; by default 8, 0.3, 1, (0.05, 0.3), 0 and that of the environment's sensors.
     """
 
     kind = "computed-torque"
@@ -152,15 +165,18 @@ class MPC(ModelBased):
 
     Parameters
     ----------
-    env, **options
-        As for `DOB`, as are errors.
+    env : UVMS environment or None
+        Environment of station keeping, single or vector; it determines the scene and the kind of action.
+    **options
+        Without `env`: arguments of `StationKeepEnv`, of which `scene`, `action`, `dt`, `substeps`, `thruster_lag` and
+        the delay of `disturbance` matter. Errors as in `PD`.
     velocity : array_like (2,) or None
         Weights on velocities, linear and angular, s2. 0.02 by default.
     effort, change : array_like (2,) or None
         Weights on wrenches over their limits, forces and moments, and on their changes from one move to the next, m2.
         (0.03, 0.06) and (0.01, 0.02) by default.
     observer_bandwidth, wave_acceleration, wave_frequency, acceleration_noise, delay
-        As for `ComputedTorque`.
+        Meaning as in `ComputedTorque`.
     """
 
     kind = "mpc"
@@ -185,9 +201,12 @@ class NMPC(ClassicalController):
 
     Parameters
     ----------
-    env, **options
-        As for `PD`, as are errors, but of `StationKeepEnv` or `EETrackEnv`; `dt`, `substeps`, `preview`,
-        `thruster_lag` and the delay of `disturbance` matter, too. A delay beyond 10 is a `ValueError`.
+    env : UVMS environment or None
+        Environment of station keeping or tracking, single or vector; it determines the scene and the kind of action.
+    **options
+        Without `env`: arguments of `StationKeepEnv` or `EETrackEnv`, of which `task`, `scene`, `action`, `dt`,
+        `substeps`, `preview`, `thruster_lag` and the delay of `disturbance` matter. Errors as in `PD`; a delay beyond
+        10 is a `ValueError`, too.
     velocity : array_like (3,) or None
         Weights on velocities: linear, angular and, in tracking, of joints, s2. 0.02 by default, in tracking
         (0.05, 0.05, 0.01).
@@ -204,7 +223,7 @@ class NMPC(ClassicalController):
         Bandwidths of the observer, rad/s: of forces, moments and, in tracking, torques on joints. 8 by default, in
         tracking (7, 7, 10).
     wave_acceleration, wave_frequency, acceleration_noise
-        As for `ComputedTorque`. Station keeping alone.
+        Meaning as in `ComputedTorque`; station keeping alone.
     delay : int or None
         Age of measurements in control periods, which is compensated, 0 to 10. By default that of the environment's
         sensors.
@@ -228,9 +247,12 @@ class ResolvedMotion(ClassicalController):
 
     Parameters
     ----------
-    env, **options
-        As for `PD`, as are errors, but of `EETrackEnv`; options of the observation matter, too. Another task, actions
-        that are corrections to a controller, and a delay beyond 10 are each a `ValueError`.
+    env : UVMS environment or None
+        Environment of end-effector tracking, single or vector; it determines the scene and the kind of action.
+    **options
+        Without `env`: arguments of `EETrackEnv`, of which `scene`, `action`, `dt`, `substeps`, `preview`,
+        `thruster_lag` and the delay of `disturbance` matter. Errors as in `PD`; another task, actions that are
+        corrections to a controller, and a delay beyond 10 are each a `ValueError`, too.
     pose_gain : float or None
         Pose error to the commanded twist, 1/s. 2.5 by default.
     twist_gain, joint_gain : float or None
@@ -275,12 +297,16 @@ class AdaptiveResolvedMotion(MultipleModel):
 
     Parameters
     ----------
-    env, **options
-        As for `ResolvedMotion`, as are errors.
+    env : UVMS environment or None
+        Environment of end-effector tracking, single or vector; it determines the scene and the kind of action.
+    **options
+        Without `env`: arguments of `EETrackEnv`, of which `scene`, `action`, `dt`, `substeps`, `preview`,
+        `thruster_lag` and the delay of `disturbance` matter. Errors as in `PD`; another task, actions that are
+        corrections to a controller, and a delay beyond 10 are each a `ValueError`, too.
     pose_gain, twist_gain, joint_gain, posture_gain, levelling_gain, arm_weight, lag_compensation, integral_gain
-        As for `ResolvedMotion`, for all models.
+        Meaning as in `ResolvedMotion`, for all models.
     observer_bandwidth : array_like (3,) or None
-        As for `ResolvedMotion`; (4, 4, 8) by default.
+        Meaning as in `ResolvedMotion`; (4, 4, 8) by default.
     delay : int or None
         Greatest delay of the bank, control periods, 0 to 10. By default the greatest of the environment's sensors.
     delay_schedule : array_like (2,) or None

@@ -1,5 +1,7 @@
 """Single and vector environments of any task."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any, cast
 

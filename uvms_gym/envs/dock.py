@@ -23,8 +23,10 @@ class DockOptions(TaskOptions, task="dock"):
         Joints stay at home, or follow references as in station keeping.
     arm_amplitude : float
         Greatest amplitude of a moving arm's reference about home, rad, >= 0 (0.25 m per rad for prismatic joints).
-    dock_sway, dock_heave : float
-        Horizontal and vertical motion of the dock, relative to that of the water at its place, in [0, 1].
+    dock_sway : float
+        Horizontal motion of the dock, relative to the water's at its place, in [0, 1].
+    dock_heave : float
+        Vertical motion of the dock, relative to the water's at its place, in [0, 1].
     dock_tilt : float
         Tilt of the dock, relative to the wave slope at its place, in [0, 1].
     hold_speed : float

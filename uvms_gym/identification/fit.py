@@ -1,5 +1,7 @@
 """Fits of a scene to logs."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,8 +29,10 @@ class Fit:
 
     Attributes
     ----------
-    start, scene : dict
-        Scene before, and fitted.
+    start : dict
+        Scene before the fit.
+    scene : dict
+        Fitted scene.
     corrections : Corrections
         Corrections of the logs by the parameters of the map.
     parameters : list of Parameter
@@ -39,8 +43,10 @@ class Fit:
         Covariance of the coordinates.
     channels : tuple of str
         Channels that counted.
-    train, held_out : tuple of str
-        Names of trials.
+    train : tuple of str
+        Names of the trials that were fitted.
+    held_out : tuple of str
+        Names of the trials that the fit did not see.
     table : Table
         Errors of all trials, by predictor: "fitted", "start", "balance fitted", "balance" (with the fitted scene),
         "constant".
@@ -74,7 +80,7 @@ class Fit:
 
     @property
     def deviations(self) -> dict[str, float]:
-        """Standard deviations of the values by key: to first order, clustered by trial."""
+        """Standard deviations of the values by key, to first order, clustered by trial."""
         found = {}
         for p, x, d in zip(self.parameters, self.solution.common.tolist(), self.uncertainty.deviations.tolist()):
             found[p.key] = d * p.value(x) if p.logarithmic else d
@@ -87,7 +93,7 @@ class Fit:
 
     @property
     def undetermined(self) -> list[tuple[float, dict[str, float]]]:
-        """Directions that the data leave open: share of the prior's variance, and entries of 0.3 up by key."""
+        """Directions that the data leave open, with shares of the prior's variance and entries of 0.3 up by key."""
         return [
             (share, {p.key: float(d) for p, d in zip(self.parameters, direction) if abs(d) >= 0.3})
             for share, direction in self.uncertainty.undetermined

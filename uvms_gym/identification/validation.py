@@ -1,5 +1,7 @@
 """Validation: replays of logs beside a constant predictor and one of static balance."""
 
+from __future__ import annotations
+
 import fnmatch
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -45,7 +47,7 @@ class Table:
             for predictor, errors in self.errors.items()
         }
 
-    def of(self, trials: Sequence[str]) -> "Table":
+    def of(self, trials: Sequence[str]) -> Table:
         """Table of some trials."""
         rows = [self.trials.index(trial) for trial in trials]
         return Table(tuple(trials), {name: errors[rows] for name, errors in self.errors.items()})

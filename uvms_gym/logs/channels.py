@@ -1,5 +1,7 @@
 """Channels of a log: samples of one source with their own stamps."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self

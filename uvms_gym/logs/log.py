@@ -1,5 +1,7 @@
 """Log of one trial: channels of a vehicle's motion, sensors and commands."""
 
+from __future__ import annotations
+
 import glob
 import math
 import os
@@ -35,8 +37,10 @@ class Log:
     ----------
     name : str
         Name of the trial.
-    start, end : float
-        Start and end of the trial, s. All channels have samples in between, and one beyond each end where there is one.
+    start : float
+        Start of the trial, s. All channels have samples from there to `end`, and one beyond each where there is one.
+    end : float
+        End of the trial, s.
     pose : Pose or None
         Position and attitude of the vehicle frame.
     attitude : Attitude or None
@@ -62,9 +66,7 @@ class Log:
     thrusters: Thrusters | None = None
 
     @classmethod
-    def read(
-        cls, path: str | os.PathLike[str], map: Map, trial: str | None = None, scene: Scene | None = None
-    ) -> "Log":
+    def read(cls, path: str | os.PathLike[str], map: Map, trial: str | None = None, scene: Scene | None = None) -> Log:
         """Read the log of one trial.
 
         Parameters
@@ -90,7 +92,7 @@ class Log:
         return cls._read(Path(path), LogMap.read(map) if not isinstance(map, LogMap) else map, trial, _names(scene))
 
     @classmethod
-    def _read(cls, directory: Path, whole: LogMap, trial: str | None, names: Mapping[str, Sequence[str]]) -> "Log":
+    def _read(cls, directory: Path, whole: LogMap, trial: str | None, names: Mapping[str, Sequence[str]]) -> Log:
         """Read the log of one trial, with the names of the scene's joints and thrusters."""
         if whole.by_trial != (trial is not None):
             problem = "is missing" if whole.by_trial else f"is given, but no file's name has {TRIAL}"
@@ -112,7 +114,7 @@ class Log:
         return cls(name=name, start=start, end=end, **given).between(start, end)
 
     @classmethod
-    def read_all(cls, path: str | os.PathLike[str], map: Map, scene: Scene | None = None) -> "list[Log]":
+    def read_all(cls, path: str | os.PathLike[str], map: Map, scene: Scene | None = None) -> list[Log]:
         """Read the logs of all trials of a directory, sorted by name; arguments and errors as of `read`."""
         found = LogMap.read(map) if not isinstance(map, LogMap) else map
         which = trials(Path(path), found) if found.by_trial else [None]

@@ -53,8 +53,10 @@ class LogMap:
         Name of the bag, in which "{trial}" is replaced; None: the path that is read is the bag.
     first : bool
         Zero of the log's clock at its first sample; otherwise that of the stamps.
-    start, end : Bound
-        Start and end of the trial, within the samples that all channels share.
+    start : Bound
+        Start of the trial, within the samples that all channels share.
+    end : Bound
+        End of the trial, within the same samples.
     channels : dict of str to ChannelMap
         Channels by name.
     trials : dict of str to LogMap
