@@ -15,7 +15,7 @@ installed = cd dist && UVMS_GYM_UNDER_TEST="$$("$(abspath $(BIN)/python)" -c 'im
 	--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-rust lint test-wheel test-learning test-python test-nightly test-ray docs wheel clean
+.PHONY: help run test test-rust lint test-wheel test-learning test-python test-nightly test-ray docs pictures wheel clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -38,6 +38,17 @@ lint: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## rustfmt, clippy, ruff, mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	cd dist && "$(abspath $(BIN)/python)" -P -m mypy.stubtest uvms_gym._core
+
+pictures: $(VENV)/wheel $(VENV)/cli ## pictures of README.md and docs that take seconds, into .github
+	cd .github && PATH="$(abspath $(BIN)):$$PATH" && \
+	uvms play --env UVMS-StationKeep-Storm-v0 --controller dob-delay --seconds 4.8 --seed 3 --size 480x360 --fps 10 --out storm.gif && \
+	uvms play --seconds 6 --seed 3 --size 800x600 --out station-keep.png && \
+	uvms play --disturbance storm --seed 3 --plot storm.png && \
+	uvms disturbances --out ../$(OUT)/disturbances && cp ../$(OUT)/disturbances/shapes.png disturbances.png && \
+	uvms validate bluerov2-alpha5-pool ../tests/data/pool --map ../tests/data/pool/map-fitted.toml --out ../$(OUT)/validate && \
+	cp ../$(OUT)/validate/replays.png identification-replays.png && \
+	python -P -c "from pathlib import Path; from uvms_gym.studies.comparison.plots import plot_frontier, stored_panels; \
+	plot_frontier(Path('frontier.png'), stored_panels(sorted(Path('../uvms_gym/pretrained').glob('*/*/*/results.json'), reverse=True)))"
 
 test-wheel: $(VENV)/test $(VENV)/wheel ## Python tests against the installed wheel
 	$(installed)

@@ -141,7 +141,8 @@ def compare(
             plots.plot_bars(out / "compare.png", [members[0] for members in groups.values()])
             plots.plot_profiles(out / "profiles.png", results)
             if frontier:
-                plots.plot_frontier(out / "frontier.png", [members[0] for members in groups.values()])
+                first = {members[0][0].condition.name: members[0][1].controllers for members in groups.values()}
+                plots.plot_frontier(out / "frontier.png", first)
             if departing:
                 plots.plot_departures(out / "off-design.png", groups)
             unfinished.remove()

@@ -12,7 +12,7 @@ from typer import Argument, Option
 import uvms_gym
 from uvms_gym.cli.common import check_range, fail, line, prepare, read_scene, user_errors
 from uvms_gym.cli.output import Out, say, table
-from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
+from uvms_gym.studies.plotting import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, picture
 
 Profile = dict[str, NDArray[np.float64]]
 
@@ -95,9 +95,8 @@ def _plot(path: Path, title: str, profile: Mapping[str, Any]) -> None:
         time = profile["time"]
         for k, (axis, colour) in enumerate(zip("xyz", (BLUE, VERMILION, GREEN), strict=True)):
             water.plot(time, profile["current"][:, k], color=colour, label=axis)
-            force.plot(time, profile["wrench"][:, k], color=colour, drawstyle="steps-post")
+            force.plot(time, profile["wrench"][:, k], color=colour, drawstyle="steps-post", label=axis)
         water.set(title=title, ylabel="water (m/s), world")
-        water.legend(ncols=3, loc="upper right")
         force.set(ylabel="force (N), body")
         rest.plot(time, 100.0 * profile["gains"], color=PURPLE, linewidth=1.2)
         rest.set(ylabel="thrusters (%)", ylim=(-5.0, 105.0), xlabel="time (s)")
@@ -106,11 +105,13 @@ def _plot(path: Path, title: str, profile: Mapping[str, Any]) -> None:
         mass.set_ylabel("payload (kg)", color=ORANGE)
         mass.set_ylim(bottom=0.0)
         mass.grid(visible=False)
+        for axes in (water, force):
+            legend_above(axes)
 
 
 def _plot_shapes(path: Path, shapes: Mapping[str, Mapping[str, Any]]) -> None:
     """Changing quantity of each component, one panel each."""
-    small = {"font__size": 8.0, "axes__titlesize": 9.0, "lines__linewidth": 1.1}
+    small = {"font__size": 8.0, "axes__titlesize": 9.0, "legend__fontsize": 7.5, "lines__linewidth": 1.1}
     with picture(path, 8.0, 5.4, **small) as figure:
         for axes, (title, profile) in zip(figure.subplots(3, 3).flat, shapes.items(), strict=False):
             time = profile["time"]
@@ -122,8 +123,12 @@ def _plot_shapes(path: Path, shapes: Mapping[str, Mapping[str, Any]]) -> None:
             }
             changes = {unit: lines for unit, lines in parts.items() if np.ptp(lines, axis=0).max() > 0.0}
             unit, lines = next(iter(changes.items()), ("m/s", profile["current"]))
-            for curve, colour in zip(lines.T, np.resize((BLUE, VERMILION, GREEN), lines.shape[1]), strict=True):
-                axes.plot(time, curve, color=str(colour), drawstyle="steps-post")
+            for k, curve in enumerate(lines.T):
+                axes.plot(
+                    time, curve, color=(BLUE, VERMILION, GREEN)[k % 3], drawstyle="steps-post", label="xyz"[k % 3]
+                )
             axes.set(title=title, ylabel=unit)
+            if unit in ("N", "m/s"):
+                legend_above(axes)
             if axes.get_subplotspec().is_last_row():
                 axes.set_xlabel("time (s)")

@@ -1,16 +1,22 @@
-"""Style and files of all figures. Agg only: no window, no global state of pyplot."""
+"""Style, legends, ticks and files of all figures. Agg only: no window, no global state of pyplot."""
 
+import itertools
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from uvms_gym._files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
+    from matplotlib.text import Annotation
 
 # Colours of Okabe and Ito: distinct to colour-blind readers, too.
 BLACK, ORANGE, BLUE, GREEN, VERMILION, PURPLE = "#000000", "#e69f00", "#0072b2", "#009e73", "#d55e00", "#cc79a7"
@@ -51,7 +57,7 @@ def picture(path: Path, width: float, height: float, dpi: float = 130, **style: 
 
     settings: Any = {**STYLE, **{name.replace("__", "."): value for name, value in style.items()}}
     with mpl.rc_context(settings):
-        figure = Figure(figsize=(width, height))
+        figure = Figure(figsize=(width, height), dpi=dpi)
         yield figure
         with replacing(path) as file:
             figure.savefig(file, dpi=dpi, format=path.suffix.removeprefix(".").lower() or None)
@@ -63,17 +69,91 @@ def legend_above(axes: "Axes", lines: Sequence["Artist"] | None = None, columns:
     Where title and legend do not fit beside each other, the title is above.
     """
     lines = axes.get_legend_handles_labels()[0] if lines is None else lines
-    legend = axes.legend(
-        lines,
-        [str(line.get_label()) for line in lines],
-        ncols=min(columns, len(lines)),
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        borderaxespad=0.1,
-        borderpad=0.1,
-        columnspacing=1.2,
-        handlelength=1.5,
-    )
-    title = axes._left_title  # type: ignore[attr-defined]
-    if title.get_window_extent().x1 > legend.get_window_extent().x0:
-        axes.set_title(title.get_text(), pad=6.0 + 12.0 * -(-len(lines) // columns))
+    style: Any = {"borderaxespad": 0.1, "borderpad": 0.1, "columnspacing": 1.2, "handlelength": 1.5}
+    # The layout may still make the axes narrower.
+    width = 0.9 * axes.get_window_extent().width
+    labels = [str(line.get_label()) for line in lines]
+    for count in range(min(columns, len(lines)), 0, -1):
+        legend = axes.legend(lines, labels, ncols=count, loc="lower right", bbox_to_anchor=(1.0, 1.0), **style)
+        if legend.get_window_extent().width <= width:
+            break
+    text = axes.get_title(loc="left")
+    room = width - legend.get_window_extent().width
+    if text and axes.set_title(text).get_window_extent().width > room:
+        height = legend.get_window_extent().height / axes.get_figure(root=True).dpi  # type: ignore[union-attr]
+        axes.set_title(text, pad=72.0 * height + 5.0)
+
+
+def log_ticks(axis: "Axis") -> None:
+    """Ticks of a logarithmic axis with its final limits: few enough not to collide, in plain numbers."""
+    from matplotlib import ticker
+
+    low, high = axis.get_view_interval()
+    decades = math.log10(high / low)
+    subs = (1.0,) if decades > 2.6 else (1.0, 2.0, 5.0) if decades > 1.0 else (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)
+    axis.set_major_locator(ticker.LogLocator(subs=subs, numticks=12))
+    plain = 1e-4 < low and high < 1e5
+    axis.set_major_formatter(ticker.FormatStrFormatter("%g") if plain else ticker.LogFormatterSciNotation())
+    axis.set_minor_formatter(ticker.NullFormatter())
+
+
+def label_points(axes: "Axes", points: Sequence[tuple[float, float, str, str]], **text: Any) -> list["Annotation"]:
+    """Write names beside points (x, y, name, colour), where they cover neither each other nor lines nor points.
+
+    Limits and layout of the figure must be final. Names that are moved away are joined to their points.
+    """
+    from matplotlib.transforms import Bbox
+
+    figure: Any = axes.get_figure(root=True)
+    figure.draw_without_rendering()
+    frame, em = axes.get_window_extent(), figure.dpi / 72.0
+    taken = [axes.transData.transform(point[:2]) for point in points]
+    for line in axes.lines:
+        corners = axes.transData.transform(np.asarray(line.get_xydata(), float))
+        # Lines across the axes have other coordinates along x.
+        if len(corners) > 1 and line.get_transform() == axes.transData:
+            taken += [a + t * (b - a) for a, b in itertools.pairwise(corners) for t in np.linspace(0.0, 1.0, 40)]
+    places = np.array(taken)
+    boxes: list[Any] = []
+    made: list[Any] = []
+    for x, y, name, colour in sorted(points, key=lambda point: (point[1], point[0])):
+        at = axes.transData.transform((x, y))
+        note = axes.annotate(name, (x, y), (0, 0), textcoords="offset points", color=colour, **text)
+        note.set_in_layout(False)
+        size = note.get_window_extent()
+        best: tuple[float, Any, Any] | None = None
+        for away, angle in itertools.product(
+            (7.0, 10.0, 14.0, 20.0, 28.0, 38.0, 50.0), np.linspace(0.0, 2.0 * np.pi, 25)[:-1]
+        ):
+            way = np.array([np.cos(angle), np.sin(angle)])
+            # The nearest edge of the text is at this distance.
+            middle = at + em * away * way + 0.5 * way * (size.width, size.height)
+            half = 0.5 * np.array([size.width, size.height]) + 1.0 * em
+            box = Bbox([middle - half, middle + half])
+            inside = frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+            hidden = int((np.abs(places - middle) < half).all(axis=1).sum())
+            cost = away + 8.0 * hidden + 1e6 * sum(box.overlaps(other) for other in boxes) + (0.0 if inside else 1e4)
+            if best is None or cost < best[0]:
+                best = cost, middle, box
+        assert best is not None
+        _, middle, box = best
+        boxes.append(box)
+        note.set_position(tuple((middle - at) / em))
+        note.set(ha="center", va="center")
+        if np.hypot(*(np.clip(at, box.min, box.max) - at)) > 6.5 * em:
+            style = {"arrowstyle": "-", "color": colour, "linewidth": 0.6, "shrinkA": 1.0, "shrinkB": 2.0}
+            note.remove()
+            note = axes.annotate(
+                name,
+                (x, y),
+                tuple((middle - at) / em),
+                textcoords="offset points",
+                color=colour,
+                ha="center",
+                va="center",
+                arrowprops=style,
+                **text,
+            )
+            note.set_in_layout(False)
+        made.append(note)
+    return made

@@ -8,7 +8,7 @@ import numpy as np
 
 from uvms_gym.studies.accuracy.conservation import QUANTITIES
 from uvms_gym.studies.accuracy.work_precision import DIVERGED, FLOOR, by_method
-from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, picture
+from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, log_ticks, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -126,6 +126,7 @@ def _draw(axes: "Axes", result: Mapping[str, Any], large: bool) -> None:
         axes.text(0.01, floor, "uncertainty of the reference", transform=axes.get_yaxis_transform(), va="top", **grey)
         if diverged:
             axes.text(0.995, 0.97, "x: diverged", transform=axes.transAxes, ha="right", va="center", **grey)
+    log_ticks(axes.xaxis)
 
 
 def _lines(rows: Sequence[Mapping[str, Any]]) -> Iterator[Line]:
@@ -236,4 +237,5 @@ def plot_certificates(path: Path, results: Mapping[str, Any], limits: Mapping[st
                 axes.set(xscale="log", yscale="log", xlabel="step (s)")
                 axes.set_title(title, fontsize=9.5)
             axes_row[0].set_ylabel(f"{name.replace(', ', chr(10))}\nerror over limit", fontsize=8.5)
-        axes_row[0].legend(fontsize=7.5)
+        handles = {label: h for axes in figure.axes for h, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=4)

@@ -1,5 +1,6 @@
 """Figures of comparisons."""
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -7,16 +8,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from uvms_gym.controllers.registry import FAMILIES, is_bound
+from uvms_gym.studies.comparison.conditions import DESIGN
 from uvms_gym.studies.comparison.metrics import HEADLINE, METRICS
 from uvms_gym.studies.comparison.study import Comparison
 from uvms_gym.studies.comparison.summary import Summary, is_learned, short_names
-from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, picture
+from uvms_gym.studies.plotting import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILION, label_points, log_ticks, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Comparisons with their summaries.
 Results = Sequence[tuple[Comparison, Summary]]
+#: Estimates by controller: of a summary, or of a file.
+Controllers = Mapping[str, Any]
 
 #: Metrics of the bar charts.
 _BARS = ("pose", "position", "attitude", "end_effector", "power", "variation", "recovery", "within")
@@ -81,6 +85,9 @@ def _bars(axes: "Axes", summary: Summary, metric: str) -> None:
     axes.grid(axis="y", visible=False)
     axes.set_axisbelow(True)
     axes.set_xlim(left=0.0)
+    axes.locator_params(axis="x", nbins=5)
+    # Long numbers have their power of ten at the end of the axis.
+    axes.ticklabel_format(axis="x", scilimits=(-2, 4), useMathText=True)
     if description.error:
         _cut(axes, summary, metric)
 
@@ -123,7 +130,7 @@ def plot_profiles(path: Path, results: Results) -> None:
                 axes.fill_between(taus, low, high, color=colour[name], alpha=0.22, linewidth=0.0)
                 handles.setdefault(name, line)
             axes.set_xscale("log")
-            _plain_ticks(axes)
+            log_ticks(axes.xaxis)
             title = comparison.condition.label if len(results) > 1 else comparison.condition.name
             axes.set(title=title, ylim=(0.0, 101.0), xlabel="RMS pose error up to, mm")
         for axes in grid.flat[len(results) :]:
@@ -133,37 +140,46 @@ def plot_profiles(path: Path, results: Results) -> None:
         figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=min(across, len(handles)))
 
 
-def _plain_ticks(axes: "Axes") -> None:
-    """Plain numbers, not powers of ten."""
-    from matplotlib import ticker
-
-    axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
-    axes.xaxis.set_minor_formatter(ticker.NullFormatter())
-
-
-def plot_frontier(path: Path, results: Results) -> None:
-    """Error of every controller against the variation of its commands and against its effort, by comparison.
+def plot_frontier(path: Path, panels: Mapping[str, Controllers]) -> None:
+    """Error of every controller against the variation of its commands and against its effort, by title of comparison.
 
     Lines join the members of a family, whose names are left out, in the order of their costs.
     """
-    with picture(path, 12.5, 5.2 * len(results)) as figure:
-        for row, (comparison, summary) in zip(figure.subplots(len(results), 2, squeeze=False), results, strict=True):
-            for axes, cost in zip(row, ("variation", "power"), strict=True):
-                _frontier(axes, summary, cost)
-                axes.set_title(comparison.condition.name, fontsize=9.0)
+    small = {"font__size": 9.0, "legend__fontsize": 8.0}
+    with picture(path, 8.4, 4.4 * len(panels), **small) as figure:
+        parts = np.atleast_1d(np.array(figure.subfigures(len(panels), 1), dtype=object))
+        labelled = []
+        for part, (title, controllers) in zip(parts, panels.items(), strict=True):
+            part.suptitle(title, x=0.01, ha="left", fontsize=10.0)
+            grid = part.subplots(1, 2, sharey=True)
+            for axes, cost in zip(grid, ("variation", "power"), strict=True):
+                labelled.append((axes, _frontier(axes, controllers, cost)))
+            grid[0].set_ylabel("RMS " + METRICS[HEADLINE].label)
+            part.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
+        for axes, points in labelled:
+            label_points(axes, points, fontsize=7.5)
 
 
-def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
-    names = [name for name in summary.controllers if name != "none"]
+def stored_panels(files: Sequence[Path]) -> dict[str, Controllers]:
+    """Panels of `plot_frontier` from files of comparisons, of the design, by title."""
+    found = (entry for file in files for entry in json.loads(file.read_text())["results"])
+    return {f"{e['env']}, {e['scene']}, {e['condition']}": e["controllers"] for e in found if e["condition"] == DESIGN}
+
+
+def _frontier(axes: "Axes", controllers: Controllers, cost: str) -> list[tuple[float, float, str, str]]:
+    """Draw points and lines; points that need names: place, name and colour."""
+    names = [name for name in controllers if name != "none"]
     families = {label: [name for name in members if name in names] for label, members in FAMILIES.items()}
     families = {label: members for label, members in families.items() if len(members) > 1}
     family = {name: label for label, members in families.items() for name in members}
     short = short_names(names)
 
     def estimate(name: str, metric: str) -> list[float]:
-        return [METRICS[metric].scale * x for x in summary.controllers[name]["metrics"][metric]["whole"]["iqm"]]
+        iqm = controllers[name]["metrics"][metric]["whole"]["iqm"]
+        numbers = [iqm[end] for end in ("value", "low", "high")] if isinstance(iqm, dict) else iqm
+        return [METRICS[metric].scale * x for x in numbers]
 
+    points: list[tuple[float, float, str, str]] = []
     bounds = [name for name in names if is_bound(name)]
     for name in (name for name in names if name not in bounds):
         (x, *_), (y, low, high) = estimate(name, cost), estimate(name, HEADLINE)
@@ -172,15 +188,16 @@ def _frontier(axes: "Axes", summary: Summary, cost: str) -> None:
             x, y, yerr=[[max(0.0, y - low)], [max(0.0, high - y)]], fmt="o", ms=4.5, color=colour, capsize=2.5
         )
         if name not in family:
-            axes.annotate(short[name], (x, y), (4, 4), textcoords="offset points", fontsize=7.5, color=colour)
+            points.append((x, y, short[name], colour))
     for label, members in families.items():
-        points = sorted((estimate(name, cost)[0], estimate(name, HEADLINE)[0]) for name in members)
-        axes.plot(*np.transpose(points), color=_FAMILY[label], lw=1.2, label=label)
+        course = sorted((estimate(name, cost)[0], estimate(name, HEADLINE)[0]) for name in members)
+        axes.plot(*np.transpose(course), color=_FAMILY[label], lw=1.2, label=label)
     for name in bounds:
         axes.axhline(estimate(name, HEADLINE)[0], ls=":", color=BLACK, lw=1.2, label=f"{name}: true, present state")
-    axes.set(xscale="log", xlabel=METRICS[cost].label, ylabel="RMS " + METRICS[HEADLINE].label, ylim=(0.0, None))
-    _plain_ticks(axes)
-    axes.legend(fontsize=7.5, loc="upper right")
+    axes.set(xscale="log", xlabel=METRICS[cost].label, ylim=(0.0, None))
+    axes.margins(x=0.12)
+    log_ticks(axes.xaxis)
+    return points
 
 
 def plot_departures(path: Path, groups: Mapping[str, Results]) -> None:

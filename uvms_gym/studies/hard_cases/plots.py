@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ def plot_hard_cases(path: Path, cases: Sequence[Case], runs: Sequence[Run]) -> N
     found = {(run.case, run.method, run.dtype): run for run in runs if run.recommended}
     ratio = np.array([[_decades(found[case.name, *column]) for column in columns] for case in cases])
     plain = {"axes__grid": False, "axes__spines__top": True, "axes__spines__right": True, "font__size": 9.0}
-    with picture(path, 3.5 + 0.55 * len(columns), 2.2 + 0.32 * len(cases), **plain) as figure:
+    with picture(path, 3.5 + 0.55 * len(columns), 3.1 + 0.33 * len(cases), **plain) as figure:
         axes = figure.subplots()
         # Blue meets, red misses the bound; paler near it.
         image = axes.imshow(ratio, cmap=mpl.colormaps["RdBu_r"], vmin=-6.0, vmax=6.0, aspect="auto")
@@ -37,7 +38,11 @@ def plot_hard_cases(path: Path, cases: Sequence[Case], runs: Sequence[Run]) -> N
         axes.axvline(len(methods()) - 0.5, color="black", linewidth=1.0)
         title = "Hard cases: decimal exponent of the relative error at the recommended step"
         axes.set_title(f"{title}\n(w: misses its bound with a warning, !: without one)", loc="left")
-        figure.colorbar(image, label="decades above (red) or below (blue) the bound", shrink=0.6)
+        layout: Any = figure.get_layout_engine()
+        layout.set(h_pad=0.1)
+        # Below, where one case is wide enough for the label, too.
+        label = "decades above (red) or below (blue) the bound"
+        figure.colorbar(image, location="bottom", label=label, shrink=0.6, aspect=40)
 
 
 def _decades(run: Run) -> float:

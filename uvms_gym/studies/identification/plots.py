@@ -26,7 +26,7 @@ def plot_replays(path: Path, validation: Validation, most: int = MOST) -> None:
     count = min(most, len(validation.recordings))
     chosen = np.unique(np.linspace(0, len(validation.recordings) - 1, count).round().astype(int))
     names = [name for name in _SHOWN if name in validation.table.channels]
-    with picture(path, 2.6 * len(chosen) + 1.0, 1.5 * len(names) + 0.6, dpi=80) as figure:
+    with picture(path, max(6.4, 3.0 * len(chosen) + 1.0), 1.5 * len(names) + 0.9) as figure:
         axes = figure.subplots(len(names), len(chosen), squeeze=False, sharex="col")
         for column, trial in zip(axes.T, chosen):
             recording = validation.recordings[trial]
@@ -42,7 +42,7 @@ def plot_replays(path: Path, validation: Validation, most: int = MOST) -> None:
                     row.plot(recording.time, factor * values[trial, shown, k], label=predictor, **style)
         for row, name in zip(axes[:, 0], names):
             row.set_ylabel(f"{name} {CHANNELS[name][0]}")
-        axes[0, -1].legend(fontsize=7)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
 
 def plot_intervals(path: Path, fit: Fit) -> None:
@@ -57,7 +57,7 @@ def plot_intervals(path: Path, fit: Fit) -> None:
     at = (fit.solution.common - np.array([p.origin for p in fit.parameters])) / u.prior
     half = u.quantile * u.deviations / u.prior
     colours = [ORANGE if share > 0.5 else BLUE for share in u.shares]
-    with picture(path, 8.0, 0.3 * count + 1.0, dpi=80) as figure:
+    with picture(path, 8.0, 0.3 * count + 1.0) as figure:
         axis = figure.subplots()
         rows: Sequence[int] = range(count)
         axis.axvspan(-2.0, 2.0, color="#eeeeee")

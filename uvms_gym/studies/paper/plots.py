@@ -8,7 +8,7 @@ import numpy as np
 
 from uvms_gym.studies.paper import free_body
 from uvms_gym.studies.paper.momentum import BAR
-from uvms_gym.studies.plotting import BLACK, BLUE, COLOURS, GREEN, ORANGE, VERMILION, picture
+from uvms_gym.studies.plotting import BLACK, BLUE, COLOURS, GREEN, ORANGE, VERMILION, legend_above, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,7 +57,7 @@ def plot_gamma_sweep(path: Path, data: Mapping[str, Any]) -> None:
             axes.set(title=titles[integrator], xlabel="gain gamma of eq. 14 (1/s)", ylabel=label, ylim=(3.5, 3.8))
             if integrator == "quaternion-rk4":
                 axes.axvline(27.85, color="#888888", linewidth=1.0, label="limit of stability, h gamma = 2.785")
-            axes.legend(loc="upper left" if integrator == "quaternion-rk4" else "center right")
+            legend_above(axes, columns=1)
 
 
 def plot_tumbling(path: Path, data: Mapping[str, Any]) -> None:
@@ -73,7 +73,7 @@ def plot_tumbling(path: Path, data: Mapping[str, Any]) -> None:
         title = f"Tumbling about three axes: attitude error after {data['time']:g} s"
         axes.set(title=title, xlabel="step h (s)", ylabel="angle from the reference (rad)")
         _step_ticks(axes, steps)
-        axes.legend()
+        legend_above(axes, columns=3)
 
 
 def plot_momentum(path: Path, data: Mapping[str, Any]) -> None:
@@ -85,7 +85,7 @@ def plot_momentum(path: Path, data: Mapping[str, Any]) -> None:
                 drift = np.maximum(run["drift"][1:, 1], 1e-17)
                 over_time.semilogy(run["time"][1:], drift, color=colour, label=f"h = {run['step']:g} s")
             over_time.set(title=f"Angular momentum, {name}", xlabel="time (s)", ylabel="relative drift")
-            over_time.legend(loc="lower right", ncols=2)
+            legend_above(over_time, columns=4)
             steps = np.array([run["step"] for run in study["runs"]])
             for kind, marker, colour in (("linear", "s", GREEN), ("angular", "o", BLUE)):
                 label = f"{kind} (order {study['orders'][kind]:.2f})"
@@ -94,7 +94,7 @@ def plot_momentum(path: Path, data: Mapping[str, Any]) -> None:
             by_step.axhline(BAR, color=VERMILION, linestyle="--", linewidth=1.0, label=label)
             by_step.set(title="Greatest drift in 100 s", xlabel="step h (s)", ylabel="relative drift")
             _step_ticks(by_step, steps)
-            by_step.legend(loc="lower right")
+            legend_above(by_step, columns=1)
 
 
 def plot_vehicle_motion(path: Path, title: str, columns: Mapping[str, Any]) -> None:
@@ -123,15 +123,14 @@ def plot_end_effector(path: Path, cases: Mapping[str, Mapping[str, Any]]) -> Non
         x.set(title="Fig. 7: end effector, world axes (y stays 0)", ylabel="x (m)")
         z.set(ylabel="z (m)")
         error.set(ylabel="distance from ideal (mm)", xlabel="time (s)", ylim=(0.0, None))
-        x.legend(loc="upper center")
+        legend_above(x)
 
 
 def _three(axes: "Axes", time: Any, values: Any, names: Sequence[str]) -> None:
     # Curves may coincide: dashes keep the lower one visible.
     for k, (name, colour, line) in enumerate(zip(names, (BLUE, ORANGE, VERMILION), ("-", "--", "-."), strict=True)):
         axes.plot(time, values[:, k], line, color=colour, label=name)
-    axes.legend(loc="upper right", ncols=3)
-    axes.margins(y=0.2)
+    legend_above(axes)
 
 
 def _step_ticks(axes: "Axes", steps: Any) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uvms_gym.studies.plotting import BLUE, COLOURS, GREEN, ORANGE, VERMILION, picture
+from uvms_gym.studies.plotting import BLUE, COLOURS, GREEN, ORANGE, VERMILION, legend_above, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,9 +49,9 @@ def _rates(axes: "Axes", rows: Sequence[Mapping[str, Any]], many: int) -> None:
         xticklabels=scenes,
     )
     axes.set_axisbelow(True)
-    axes.margins(y=0.3)
+    axes.margins(y=0.1)
     axes.grid(axis="x", visible=False)
-    axes.legend(ncols=2)
+    legend_above(axes, columns=4)
 
 
 def _peers(axes: "Axes", scene: str, step: Mapping[str, Any]) -> None:
