@@ -69,18 +69,26 @@ def legend_above(axes: "Axes", lines: Sequence["Artist"] | None = None, columns:
     Where title and legend do not fit beside each other, the title is above.
     """
     lines = axes.get_legend_handles_labels()[0] if lines is None else lines
-    style: Any = {"borderaxespad": 0.1, "borderpad": 0.1, "columnspacing": 1.2, "handlelength": 1.5}
-    # The layout may still make the axes narrower.
-    width = 0.9 * axes.get_window_extent().width
+    style: Any = {
+        "loc": "lower right",
+        "bbox_to_anchor": (1.0, 1.0),
+        "borderaxespad": 0.1,
+        "borderpad": 0.1,
+        "columnspacing": 1.2,
+        "handlelength": 1.5,
+    }
+    # Of what the layout will give to the axes: all but an inch of labels.
+    figure: Any = axes.get_figure(root=True)
+    width = axes.get_window_extent().width / 0.775 - 0.95 * figure.dpi
     labels = [str(line.get_label()) for line in lines]
-    for count in range(min(columns, len(lines)), 0, -1):
-        legend = axes.legend(lines, labels, ncols=count, loc="lower right", bbox_to_anchor=(1.0, 1.0), **style)
+    for rows in range(-(-len(lines) // columns), len(lines) + 1):
+        legend = axes.legend(lines, labels, ncols=-(-len(lines) // rows), **style)
         if legend.get_window_extent().width <= width:
             break
     text = axes.get_title(loc="left")
     room = width - legend.get_window_extent().width
     if text and axes.set_title(text).get_window_extent().width > room:
-        height = legend.get_window_extent().height / axes.get_figure(root=True).dpi  # type: ignore[union-attr]
+        height = legend.get_window_extent().height / figure.dpi
         axes.set_title(text, pad=72.0 * height + 5.0)
 
 
