@@ -133,8 +133,8 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
 def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
     """All pictures in one palette without dithering, by Pillow: files are smaller, and nothing flickers."""
-    first = list(islice(pictures, 16))
-    palette = _palette(np.concatenate(first[::4]))
+    first = list(islice(pictures, 64))
+    palette = _palette(np.concatenate(first[::8]))
     images = [
         Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
         for picture in chain(first, pictures)
@@ -151,8 +151,9 @@ def _write_gif(path: Path, pictures: Iterator[Picture], rate: float) -> None:
 
 def _palette(picture: Picture) -> Image.Image:
     """Palette of the texts' and curves' colours as they are, a coarse cube of all colours, and those of a picture."""
-    kept = [*chain.from_iterable(chain(COLOURS, product((0, 96, 176, 255), repeat=3)))]
-    found = Image.fromarray(picture).quantize(_PICTURE_COLOURS).getpalette() or []
+    kept = [*chain.from_iterable(chain(COLOURS, product((0, 128, 255), repeat=3)))]
+    # By an octree: other methods lose shadows, or what is small.
+    found = Image.fromarray(picture).quantize(_PICTURE_COLOURS, Image.Quantize.FASTOCTREE).getpalette() or []
     palette = Image.new("P", (1, 1))
     palette.putpalette([*kept, *found[: 3 * _PICTURE_COLOURS]])
     return palette
