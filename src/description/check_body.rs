@@ -6,8 +6,11 @@ use super::fault::{Fault, range};
 use super::{Body, Frame, SceneWarning, Water};
 use crate::error::{Numbers, Problem};
 
-/// Greatest asymmetry that counts as rounding, relative to the largest entry.
-const SYMMETRY: f64 = 1e-9;
+/// Maximum difference of the entries ij and ji of a symmetric matrix A that counts as rounding of published digits, relative to
+/// `sqrt(A_ii A_jj)`, the maximum that the entry can have: their mean changes the motion by less.
+const SYMMETRY: f64 = 1e-3;
+/// Rounding in double precision, relative to the largest entry.
+const ROUNDING: f64 = 1e-9;
 /// Allowed violation of the triangle inequality by rounded tables, relative to the largest moment.
 const TRIANGLE: f64 = 1e-6;
 /// Least eigenvalue of a positive definite matrix, relative to the greatest.
@@ -52,7 +55,8 @@ fn symmetric<const N: usize>(m: &SMatrix<f64, N, N>, key: impl FnOnce() -> Strin
     let pairs = (0..N).flat_map(|row| (row + 1..N).map(move |column| (row, column)));
     for (row, column) in pairs {
         let (upper, lower) = (m[(row, column)], m[(column, row)]);
-        if (upper - lower).abs() > SYMMETRY * m.amax() {
+        let coupling = (m[(row, row)] * m[(column, column)]).max(0.0).sqrt();
+        if (upper - lower).abs() > (SYMMETRY * coupling).max(ROUNDING * m.amax()) {
             return Err(Fault::new(key(), Problem::Asymmetric { row, column, upper, lower, tolerance: SYMMETRY }));
         }
     }
@@ -151,7 +155,7 @@ fn quadratic_damping(m: &Matrix6<f64>, key: String) -> Result<Option<SceneWarnin
         .map(|n| Vector6::from_fn(|i, _| LEVELS[n / LEVELS.len().pow(i as u32) % LEVELS.len()]));
     let power = |v: &Vector6<f64>| -v.dot(&(m * v.component_mul(&v.abs())));
     let worst = twists.map(|v| (power(&v), v)).max_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(worst.filter(|(power, _)| *power > SYMMETRY * m.amax()).map(|(power, v)| SceneWarning::DampingAddsEnergy {
+    Ok(worst.filter(|(power, _)| *power > ROUNDING * m.amax()).map(|(power, v)| SceneWarning::DampingAddsEnergy {
         key,
         twist: v.into(),
         power,

@@ -58,10 +58,10 @@ pub enum Problem {
     /// Direction of zero length.
     #[error("is {axis:?}, but must have a nonzero length")]
     ZeroAxis { axis: [f64; 3] },
-    /// Matrix whose entries above and below the diagonal differ beyond rounding; the tolerance is relative.
+    /// Matrix whose entries above and below the diagonal differ beyond rounding of published digits; the tolerance is relative.
     #[error(
         "not symmetric: entries [{row}][{column}] and [{column}][{row}] are {upper:?} and {lower:?}, which differ by more \
-         than {tolerance:e} of the largest entry"
+         than {tolerance:e} of the root of the product of the diagonal entries {row} and {column}"
     )]
     Asymmetric { row: usize, column: usize, upper: f64, lower: f64, tolerance: f64 },
     /// Matrix that is not positive (semi-)definite: its least eigenvalue, and all in ascending order.

@@ -165,3 +165,24 @@ def test_any_dict_is_simulated_or_refused(data: st.DataObject) -> None:
 def test_any_other_dict_is_refused(scene: dict[str, Any]) -> None:
     with pytest.raises(SceneError):
         load_scene(scene)
+
+
+def test_added_mass_may_differ_across_the_diagonal_by_the_rounding_of_published_digits() -> None:
+    added = np.diag([800.0, 1200.0, 3660.0, 535.0, 843.0, 224.0])
+    body = {"mass": 1800.0, "inertia": [500.0, 800.0, 700.0], "volume": 1.8}
+
+    def scene(upper: float, lower: float) -> dict[str, Any]:
+        added[2, 5], added[5, 2] = upper, lower
+        return {
+            "name": "r",
+            "water": {"density": 1028.0, "gravity": [0.0, 0.0, -9.81]},
+            "vehicle": {"name": "r", "body": body | {"added_mass": added.tolist()}},
+        }
+
+    read = load_scene(scene(10.774, 10.775))["vehicle"]["body"]["added_mass"]
+    assert read[2][5] == read[5][2] == (10.774 + 10.775) / 2
+    # The bound is 1e-3 of the root of 3660 times 224, 0.905.
+    load_scene(scene(10.0, 10.9))
+    for upper, lower in ((10.774, -10.774), (10.0, 10.91)):
+        with pytest.raises(SceneError, match=r"not symmetric: entries \[2\]\[5\] and \[5\]\[2\] are"):
+            load_scene(scene(upper, lower))
