@@ -1,5 +1,6 @@
 //! Reading scenes from TOML text, files and dicts, and writing them.
 
+use std::io;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
@@ -8,6 +9,9 @@ use toml::Value;
 use super::axes::NedTables;
 use super::{Fault, Scene, check, path};
 use crate::error::{DescriptionError, Problem};
+
+/// Maximum size of a file of a scene, an outline or a robot.
+const MAX_BYTES: u64 = 16_000_000;
 
 /// Scenes shipped with the package.
 const SHIPPED: [(&str, &str); 7] = [
@@ -93,13 +97,23 @@ impl Scene {
     }
 }
 
-/// Text of a file, and its path as errors name it.
+/// Text of a file, and its path as errors name it. Pipes and devices, which may have no end, are not opened.
 ///
 /// # Errors
-/// [`DescriptionError::File`] if it cannot be read.
+/// [`DescriptionError::File`] if it cannot be read, is no regular file or has more than 16 MB.
 pub fn read_file(path: &Path) -> Result<(String, String), DescriptionError> {
+    let read = || {
+        let file = std::fs::metadata(path)?;
+        if !file.is_file() && !file.is_dir() {
+            return Err(io::Error::other("not a regular file"));
+        }
+        if file.len() > MAX_BYTES {
+            return Err(io::Error::other(format!("{} bytes, but at most {MAX_BYTES} are read", file.len())));
+        }
+        std::fs::read_to_string(path)
+    };
     let source_name = path.display().to_string();
-    match std::fs::read_to_string(path) {
+    match read() {
         Ok(text) => Ok((text, source_name)),
         Err(error) => Err(DescriptionError::File { path: source_name, error }),
     }

@@ -8,6 +8,8 @@ pub struct Chain {
     pub tip: usize,
     /// Indices of the joints.
     pub joints: Vec<usize>,
+    /// For each joint of the robot, true where it is one of them.
+    pub has: Vec<bool>,
 }
 
 impl Robot {
@@ -22,33 +24,44 @@ impl Robot {
 
     /// Joints with this link as parent.
     pub fn joints_of(&self, link: usize) -> impl Iterator<Item = (usize, &Joint)> {
-        self.joints.iter().enumerate().filter(move |(_, joint)| joint.parent == link)
+        self.below[link].iter().map(|index| (*index, &self.joints[*index]))
     }
 
-    fn moves(&self, joint: usize) -> bool {
-        let child = self.joints[joint].child;
-        self.joints[joint].kind != Kind::Fixed || self.joints_of(child).any(|(next, _)| self.moves(next))
+    /// For each joint, true where it or a joint behind it moves.
+    fn moving(&self) -> Vec<bool> {
+        let mut moving = vec![false; self.joints.len()];
+        for start in (0..self.joints.len()).filter(|i| self.joints[*i].kind != Kind::Fixed) {
+            let mut next = Some(start);
+            while let Some(joint) = next.filter(|joint| !moving[*joint]) {
+                moving[joint] = true;
+                next = self.above[self.joints[joint].parent];
+            }
+        }
+        moving
     }
 
     /// Refuses loops; all later steps assume a tree.
     fn no_loops(&self) -> Result<()> {
+        let mut ends = vec![false; self.links.len()];
         for (start, link) in self.links.iter().enumerate() {
-            let mut at = start;
-            for _ in 0..self.links.len() {
-                match self.joints.iter().find(|joint| joint.child == at) {
-                    Some(joint) => at = joint.parent,
+            let (mut at, mut way) = (start, Vec::new());
+            while !ends[at] {
+                way.push(at);
+                if way.len() > self.links.len() {
+                    return self.fault(1, &format!("link \"{}\"", link.name), "is part of a loop of joints");
+                }
+                match self.above[at] {
+                    Some(joint) => at = self.joints[joint].parent,
                     None => break,
                 }
             }
-            if self.joints.iter().any(|joint| joint.child == at) {
-                return self.fault(1, &format!("link \"{}\"", link.name), "is part of a loop of joints");
-            }
+            way.into_iter().for_each(|link| ends[link] = true);
         }
         Ok(())
     }
 
     fn root(&self) -> Result<usize> {
-        let roots: Vec<_> = (0..self.links.len()).filter(|i| self.joints.iter().all(|j| j.child != *i)).collect();
+        let roots: Vec<_> = (0..self.links.len()).filter(|i| self.above[*i].is_none()).collect();
         match roots[..] {
             [root] => Ok(root),
             _ => {
@@ -77,14 +90,16 @@ impl Robot {
             let element = format!("joint \"{}\" <mimic>", joint.name);
             return self.fault(joint.line, &element, "mimic joints are not supported");
         }
-        Ok(Chain { base, tip, joints })
+        let mut has = vec![false; self.joints.len()];
+        joints.iter().for_each(|joint| has[*joint] = true);
+        Ok(Chain { base, tip, joints, has })
     }
 
     fn path(&self, base: usize, tip: usize) -> Result<Vec<usize>> {
         let mut joints = Vec::new();
         let mut at = tip;
         while at != base {
-            let Some(up) = self.joints.iter().position(|joint| joint.child == at) else {
+            let Some(up) = self.above[at] else {
                 let (base, tip) = (&self.links[base].name, &self.links[tip].name);
                 let problem = format!("is not a descendant of the base link \"{base}\"");
                 return self.fault(1, &format!("link \"{tip}\""), problem);
@@ -98,11 +113,11 @@ impl Robot {
 
     /// Follows the only moving branch, else the only branch.
     fn only_path(&self, base: usize) -> Result<(Vec<usize>, usize)> {
-        let mut joints = Vec::new();
+        let (mut joints, all_moving) = (Vec::new(), self.moving());
         let mut at = base;
         loop {
             let branches: Vec<_> = self.joints_of(at).map(|(i, _)| i).collect();
-            let moving: Vec<_> = branches.iter().copied().filter(|i| self.moves(*i)).collect();
+            let moving: Vec<_> = branches.iter().copied().filter(|i| all_moving[*i]).collect();
             let choice = if moving.is_empty() { &branches } else { &moving };
             match choice[..] {
                 [] => return Ok((joints, at)),

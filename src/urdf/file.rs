@@ -1,5 +1,7 @@
 //! Links and joints of a URDF file. `[URDF: wiki.ros.org/urdf/XML]`
 
+use std::collections::HashMap;
+
 use nalgebra::{Matrix3, Vector3};
 use roxmltree::{Document, Node};
 
@@ -10,6 +12,9 @@ use crate::estimate::{Axis, Ends, Round, Shape};
 /// Greatest magnitude of a number, as for scenes.
 const MAX_MAGNITUDE: f64 = 1e12;
 
+/// Maximum number of an element's attributes.
+const ATTRIBUTES: usize = 100;
+
 /// All links and joints of a file.
 pub struct Robot {
     pub name: String,
@@ -17,6 +22,9 @@ pub struct Robot {
     pub source: String,
     pub links: Vec<Link>,
     pub joints: Vec<Joint>,
+    /// Joint with each link as child, and joints with each link as parent.
+    pub above: Vec<Option<usize>>,
+    pub below: Vec<Vec<usize>>,
 }
 
 pub struct Link {
@@ -70,6 +78,8 @@ struct Element<'a> {
     node: Node<'a, 'a>,
     path: String,
     source: &'a str,
+    /// Offsets of the lines' ends.
+    lines: &'a [usize],
 }
 
 pub type Result<T> = std::result::Result<T, DescriptionError>;
@@ -82,7 +92,7 @@ fn fault<T>(source: &str, line: u32, element: &str, problem: impl Into<String>) 
 
 impl<'a> Element<'a> {
     fn line(&self) -> u32 {
-        self.node.document().text_pos_at(self.node.range().start).row
+        self.lines.partition_point(|end| *end < self.node.range().start) as u32 + 1
     }
 
     fn fault<T>(&self, problem: impl Into<String>) -> Result<T> {
@@ -94,9 +104,9 @@ impl<'a> Element<'a> {
     }
 
     fn children(&self, tag: &'a str) -> impl Iterator<Item = Element<'a>> + use<'a> {
-        let (path, source) = (self.path.clone(), self.source);
+        let (path, source, lines) = (self.path.clone(), self.source, self.lines);
         let nodes = self.node.children().filter(move |node| node.has_tag_name(tag));
-        nodes.map(move |node| Element { node, path: format!("{path} <{tag}>"), source })
+        nodes.map(move |node| Element { node, path: format!("{path} <{tag}>"), source, lines })
     }
 
     /// The only child of this name, if there is one.
@@ -178,24 +188,27 @@ impl Robot {
 
     /// Parses the text of a file.
     pub fn read(text: &str, source: &str) -> Result<Self> {
+        few_attributes(text, source)?;
         let document = Document::parse(text).map_err(|error| DescriptionError::Syntax {
             source_name: source.to_owned(),
             message: format!("line {}: {error}", error.pos().row),
         })?;
         let root = document.root_element();
-        let robot = Element { node: root, path: "<robot>".to_owned(), source };
+        let lines: Vec<usize> = text.bytes().enumerate().filter(|(_, byte)| *byte == b'\n').map(|(at, _)| at).collect();
+        let robot = Element { node: root, path: "<robot>".to_owned(), source, lines: &lines };
         if !root.has_tag_name("robot") {
             return robot.fault(format!("the outermost element is <{}>, but must be <robot>", root.tag_name().name()));
         }
         let is_xacro = |node: Node| node.tag_name().namespace().is_some_and(|space| space.contains("xacro"));
         if let Some(node) = root.descendants().find(|node| is_xacro(*node)) {
             let name = format!("<xacro:{}>", node.tag_name().name());
-            return Element { node, path: name, source }.fault("run xacro on the file first");
+            return Element { node, path: name, ..robot }.fault("run xacro on the file first");
         }
         let mut links: Vec<Link> = Vec::new();
+        let mut indices = HashMap::new();
         for element in robot.children("link") {
             let link = link(&element)?;
-            if links.iter().any(|other| other.name == link.name) {
+            if indices.insert(link.name.clone(), links.len()).is_some() {
                 return element.fault(format!("the name \"{}\" is taken by an earlier link", link.name));
             }
             links.push(link);
@@ -204,17 +217,36 @@ impl Robot {
             return robot.fault("has no <link>");
         }
         let mut joints: Vec<Joint> = Vec::new();
+        let (mut above, mut below) = (vec![None; links.len()], vec![Vec::new(); links.len()]);
         for element in robot.children("joint") {
-            let joint = joint(&element, &links)?;
-            if let Some(other) = joints.iter().find(|other| other.child == joint.child) {
-                let (child, before) = (&links[joint.child].name, &other.name);
+            let joint = joint(&element, &indices)?;
+            if let Some(other) = above[joint.child] {
+                let (child, before): (_, &Joint) = (&links[joint.child].name, &joints[other]);
+                let before = &before.name;
                 return element.fault(format!("link \"{child}\" is the child of joint \"{before}\" already"));
             }
+            above[joint.child] = Some(joints.len());
+            below[joint.parent].push(joints.len());
             joints.push(joint);
         }
         let name = root.attribute("name").unwrap_or_default().to_owned();
-        Ok(Self { name, source: source.to_owned(), links, joints })
+        Ok(Self { name, source: source.to_owned(), links, joints, above, below })
     }
+}
+
+/// Refuses elements with very many attributes, which the parser compares each with each.
+fn few_attributes(text: &str, source: &str) -> Result<()> {
+    let mut line = 1;
+    for tag in text.split('<') {
+        let count = tag.matches("=\"").count() + tag.matches("='").count();
+        if count > ATTRIBUTES {
+            let name = tag.split(|c: char| c.is_whitespace()).next().unwrap_or_default();
+            let problem = format!("has {count} attributes, but at most {ATTRIBUTES} are read");
+            return fault(source, line, &format!("<{name}>"), problem);
+        }
+        line += tag.matches('\n').count() as u32;
+    }
+    Ok(())
 }
 
 fn link(element: &Element) -> Result<Link> {
@@ -265,7 +297,7 @@ fn geometry(element: &Element) -> Result<Option<Shape>> {
         return geometry.fault("is empty");
     };
     let tag = solid.tag_name().name();
-    let solid = Element { node: solid, path: format!("{} <{tag}>", geometry.path), source: element.source };
+    let solid = Element { node: solid, path: format!("{} <{tag}>", geometry.path), ..geometry };
     let round = || Ok(Round { radius: solid.positive("radius")?, length: solid.positive("length")?, axis: Axis::Z });
     Ok(Some(match tag {
         "box" => {
@@ -283,7 +315,7 @@ fn geometry(element: &Element) -> Result<Option<Shape>> {
     }))
 }
 
-fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
+fn joint(element: &Element, links: &HashMap<String, usize>) -> Result<Joint> {
     let name = element.text("name")?.to_owned();
     let element = &Element { path: format!("joint \"{name}\""), ..element.clone() };
     let kind = match element.text("type")? {
@@ -298,8 +330,8 @@ fn joint(element: &Element, links: &[Link]) -> Result<Joint> {
     let end = |tag| {
         let end = element.needed(tag)?;
         let name = end.text("link")?;
-        match links.iter().position(|link| link.name == name) {
-            Some(index) => Ok(index),
+        match links.get(name) {
+            Some(index) => Ok(*index),
             None => end.fault(format!("unknown link \"{name}\"")),
         }
     };

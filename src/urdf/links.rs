@@ -110,7 +110,7 @@ impl Robot {
             }
             for (index, joint) in self.joints_of(at) {
                 let beyond = compose(&frame, &joint.frame);
-                if joint.kind != Kind::Fixed && chain.joints.contains(&index) {
+                if joint.kind != Kind::Fixed && chain.has[index] {
                     next = Some((index, beyond));
                     continue;
                 }

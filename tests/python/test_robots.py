@@ -1,6 +1,7 @@
 """Users' own robots: template, estimates, arms from URDF, warnings; the functions and their commands."""
 
 import json
+import os
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -179,3 +180,45 @@ def test_wrong_arguments_are_one_line(arguments: list[str], message: str, capsys
     assert main(["scenes", *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error and error.count("\n") == 1
+
+
+def chain(count: int) -> str:
+    """Arm whose first joint moves, with many links behind fixed joints."""
+    inertial = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
+    links = [f'<link name="l{i}">{inertial if i in (0, 1, count) else ""}</link>' for i in range(count + 1)]
+    limit = '<limit lower="-1" upper="1"/>'
+    joint = '<joint name="j{0}" type="{1}"><parent link="l{2}"/><child link="l{0}"/>{3}</joint>'
+    joints = [
+        joint.format(1, "revolute", 0, limit),
+        *(joint.format(i, "fixed", i - 1, "") for i in range(2, count + 1)),
+    ]
+    return "<robot name='r'>\n" + "\n".join([*links, *joints]) + "</robot>"
+
+
+def test_thousands_of_links_are_imported_soon(tmp_path: Path) -> None:
+    path = tmp_path / "long.urdf"
+    path.write_text(chain(30000))
+    assert [link["name"] for link in uvms_gym.import_urdf(path)["arm"]["links"]] == ["l1"]
+    path.write_text(chain(5).replace('link="l0"/><child link="l1"', 'link="l5"/><child link="l1"'))
+    with pytest.raises(SceneError, match=r'line 1: link "l1": is part of a loop of joints'):
+        uvms_gym.import_urdf(path)
+
+
+def test_elements_with_very_many_attributes_are_refused_by_their_line(tmp_path: Path) -> None:
+    path = tmp_path / "wide.urdf"
+    many = " ".join(f"a{i}='1'" for i in range(100000))
+    path.write_text(chain(2).replace('<joint name="j1"', f'<joint {many} name="j1"'))
+    with pytest.raises(SceneError, match=r"line 5: <joint>: has 100002 attributes, but at most 100 are read"):
+        uvms_gym.import_urdf(path)
+
+
+def test_pipes_devices_and_large_files_are_not_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.toml")
+    with open(tmp_path / "large.toml", "wb") as file:
+        file.truncate(10**9)
+    for read in (uvms_gym.load_scene, uvms_gym.estimate, uvms_gym.import_urdf):
+        for name, problem in (("pipe", "not a regular file"), ("large", "1000000000 bytes, but at most 16000000")):
+            with pytest.raises(SceneError, match=rf"{name}.toml: {problem}"):
+                read(tmp_path / f"{name}.toml")
+    with pytest.raises(SceneError, match=r"^/dev/zero: not a regular file$"):
+        uvms_gym.load_scene(Path("/dev/zero"))
