@@ -4,6 +4,7 @@
 //!
 //! ```text
 //! lane          numbers, one or many at a time
+//! limits        interrupts of long computations, memory
 //! lie           SO(3), SE(3), dexp
 //! spatial       twists, wrenches, inertia
 //! hydro         drag, restoring
@@ -34,6 +35,7 @@ pub mod hydro;
 pub mod integrate;
 pub mod lane;
 pub mod lie;
+pub mod limits;
 pub mod optimize;
 pub mod planning;
 pub mod render;

@@ -146,8 +146,8 @@ impl ActionMap {
     }
 }
 
-/// Ratio to a limit, clipped to [-1, 1]; 0 where the limit is.
+/// Ratio to a limit, clipped to [-1, 1]; 0 where the limit is, and for NaN: a law that overflows asks for nothing.
 #[inline(always)]
 fn over(value: f64, limit: f64) -> f32 {
-    if limit > 0.0 { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 }
+    if limit > 0.0 && !value.is_nan() { (value / limit).clamp(-1.0, 1.0) as f32 } else { 0.0 }
 }

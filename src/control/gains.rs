@@ -6,6 +6,11 @@ use serde_json::{Map, Value};
 
 use crate::error::ControlError;
 
+/// Maximum age of measurements, control periods: of sensors, and of those that an observer bridges.
+pub const MAX_SENSOR_DELAY: usize = 100;
+/// Maximum time beyond the present for which a model predicts, s.
+const MAX_HORIZON: f64 = 10.0;
+
 /// Gains by name: numbers and lists of numbers; null for a gain that is not given.
 pub type GainMap = Map<String, Value>;
 
@@ -47,6 +52,19 @@ pub(super) fn check(gains: &impl Serialize) -> Result<(), ControlError> {
                 return Err(ControlError::Gain { name, index, value });
             }
         }
+    }
+    Ok(())
+}
+
+/// Refuses a prediction that would take too long: over a measurement's age in control periods, and beyond the present by a horizon
+/// (s).
+pub(super) fn check_prediction(delay: usize, horizon: f64) -> Result<(), ControlError> {
+    if delay > MAX_SENSOR_DELAY {
+        return Err(ControlError::Delay { periods: delay, most: MAX_SENSOR_DELAY });
+    }
+    if horizon > MAX_HORIZON {
+        let (name, value) = ("prediction_horizon".to_owned(), horizon.to_string());
+        return Err(ControlError::GainShape { name, value, expected: format!("at most {MAX_HORIZON} s") });
     }
     Ok(())
 }

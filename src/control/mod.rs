@@ -31,7 +31,7 @@ pub use allocation::{AXES, Allocation, THRUSTERS, Thrusts};
 pub use controller::{Controller, NoControl, Widths};
 pub use dob::FeedbackGains;
 pub use dock_pd::{DockPd, DockPdGains};
-pub use gains::{GainMap, gain_names, gain_value, merge};
+pub use gains::{GainMap, MAX_SENSOR_DELAY, gain_names, gain_value, merge};
 pub use indices::{ATTITUDE_LEVER, BlockIndices, ModelIndices, ObservationIndices};
 pub use mlp::{Activation, Layer, Mlp, Network, Normalisation, Output, PolicySpec};
 pub use model_based::{LawGains, ModelBased};

@@ -24,6 +24,7 @@ use crate::dynamics::aba::Scratch;
 use crate::error::ControlError;
 use crate::lane::{Isa, Kernel, Lane, Real};
 use crate::lie::Vector6;
+use crate::limits::interrupt;
 use crate::spatial::SpatialInertia;
 
 /// Control law, by its gains.
@@ -84,8 +85,9 @@ impl ModelBased {
     /// For a checked scene, acting every `period` s.
     ///
     /// # Errors
-    /// `ControlError` for a gain that is not finite or is negative; on a bank and for NMPC, also for a delay beyond
-    /// [`MAX_DELAY`](super::MAX_DELAY); on a bank, for a factor or a deviation of 0.
+    /// `ControlError` for a gain that is not finite or is negative; for a delay beyond [`MAX_SENSOR_DELAY`](super::MAX_SENSOR_DELAY),
+    /// on a bank and for NMPC beyond [`MAX_DELAY`](super::MAX_DELAY); for a prediction horizon beyond 10 s; on a bank, for a factor
+    /// or a deviation of 0.
     pub fn new(
         gains: LawGains,
         indices: ModelIndices,
@@ -97,6 +99,14 @@ impl ModelBased {
             LawGains::Adaptive(gains) => gains.check()?,
             LawGains::Nmpc(gains) => gains.check()?,
             gains => gains::check(gains)?,
+        }
+        match &gains {
+            LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => {
+                gains::check_prediction(gains.observer.delay, gains.prediction_horizon)?;
+            }
+            LawGains::Adaptive(gains) => gains::check_prediction(0, gains.feedback.prediction_horizon)?,
+            LawGains::Mpc(gains) => gains::check_prediction(gains.observer.delay, 0.0)?,
+            LawGains::Nmpc(_) => {}
         }
         let bank = match &gains {
             LawGains::Dob(gains) | LawGains::ComputedTorque(gains) => {
@@ -170,6 +180,9 @@ impl Kernel<f64> for Rows<'_> {
         let (plant, period) = (bank.observer().plant(), bank.observer().period());
         let count = self.observations.len() / observation;
         for first in (0..count).step_by(L::LANES) {
+            if interrupt::requested() {
+                break;
+            }
             let lanes = L::LANES.min(count - first);
             let rows = &self.observations[first * observation..][..lanes * observation];
             let remembered = &mut self.memory[first * width..][..lanes * width];

@@ -2,6 +2,7 @@
 
 mod control;
 mod dynamics;
+mod memory;
 mod planning;
 mod policy;
 mod render;
@@ -11,6 +12,7 @@ mod task;
 
 pub use control::ControlError;
 pub use dynamics::DynamicsError;
+pub use memory::OutOfMemory;
 pub use planning::PlanningError;
 pub use policy::PolicyError;
 pub use render::RenderError;

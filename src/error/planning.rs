@@ -24,7 +24,7 @@ pub enum PlanningError {
     #[error("bounds of {name} of problem {problem}, knot {knot}, entry {entry}: {lower} is not below {upper}")]
     Bounds { name: &'static str, problem: usize, knot: usize, entry: usize, lower: f64, upper: f64 },
     /// Inputs at the start under which the motion diverges.
-    #[error("problem {problem}: the motion under its initial inputs is not finite")]
+    #[error("problem {problem}: the motion under its initial inputs is not finite, or its cost or derivatives are not")]
     Diverged { problem: usize },
     /// Single precision.
     #[error("trajectories are optimised in float64: make the simulator with dtype='float64'")]

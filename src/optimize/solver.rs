@@ -1,6 +1,7 @@
 //! Iterations: model, backward pass, line search.
 
 use super::backward::{Expansion, Policy, Ranges, backward};
+use crate::limits::interrupt;
 
 /// Step sizes of a line search: the first alone, then the others at once.
 pub const STEP_SIZES: [f64; 8] = [1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125, 0.015625, 0.0078125];
@@ -43,7 +44,8 @@ pub struct Solution {
     pub converged: bool,
 }
 
-/// Minimises the cost from the present inputs on. None where their cost is not finite.
+/// Minimises the cost from the present inputs on. None where their cost is not finite, or where their model has no minimum at
+/// any damping: its numbers are not finite. None at an interrupt, too.
 pub fn solve(problem: &mut impl Problem, settings: &Settings) -> Option<Solution> {
     let mut cost = problem.search(None, &STEP_SIZES[..1])[0];
     if !cost.is_finite() {
@@ -54,6 +56,9 @@ pub fn solve(problem: &mut impl Problem, settings: &Settings) -> Option<Solution
     let mut solution = Solution { costs: Vec::new(), policies: Vec::new(), decrement: f64::INFINITY, converged: false };
     'iterations: loop {
         let (model, ranges) = (problem.expand(), problem.ranges());
+        if interrupt::requested() {
+            return None;
+        }
         loop {
             if let Some(pass) = backward(&model, &ranges, damping) {
                 // A damped step is shorter by about that factor, and expects less.
@@ -85,5 +90,6 @@ pub fn solve(problem: &mut impl Problem, settings: &Settings) -> Option<Solution
             }
         }
     }
-    Some(Solution { costs, ..solution })
+    // Without knots' policies no pass succeeded.
+    (!solution.policies.is_empty()).then_some(Solution { costs, ..solution })
 }

@@ -226,3 +226,16 @@ def test_an_integral_takes_out_what_a_current_leaves(scene: str) -> None:
         return stats.rms("position_error")
 
     assert np.median(settled(PID(scene=scene))) < 0.5 * np.median(settled(PD(scene=scene)))
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@pytest.mark.parametrize("output", ["clip", "tanh"])
+def test_actions_stay_in_their_range_where_numbers_overflow(activation: Any, output: Any) -> None:
+    large = [np.array([[3e38, -3e38, 1.0], [3e38, 3e38, -1.0]]), np.array([[1.0, -1.0]])]
+    network = MLP(weights=large, biases=[np.zeros(2), np.zeros(1)], activation=activation, output=output)
+    for row in ([3e38, 3e38, 0.0], [-3e38, 3e38, 3e38], [1.0, 1.0, 3e38]):
+        assert abs(network.predict(np.float32(row))[0][0]) <= 1.0
+    gains = {"kp": [1e300] * 6, "kd": [1e300] * 6}
+    for kind, more in ((PD, {}), (PID, {"ki": [1e300] * 6})):
+        action, _ = kind(**gains, **more).predict(np.float32([3e38, -3e38] * 50)[: kind().native.widths[0]])
+        assert np.all(np.abs(action) <= 1.0)

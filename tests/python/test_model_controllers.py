@@ -172,6 +172,19 @@ def test_gains_are_checked_and_survive_pickling(kind: Any) -> None:
         kind(gym.make("UVMS-EETrack-v0"))
 
 
+@pytest.mark.parametrize("kind", [DOB, ComputedTorque, MPC, AdaptiveDOB])
+def test_predictions_that_would_take_for_ever_are_refused(kind: Any) -> None:
+    most = 10 if kind is AdaptiveDOB else 100
+    for delay in (most + 1, 2**31):
+        with pytest.raises(ValueError, match=f"delay is {delay} control periods, but at most {most} are supported"):
+            kind(delay=delay)
+    if kind is not MPC:
+        with pytest.raises(ValueError, match=r"gain prediction_horizon is 1000000, but must be at most 10 s"):
+            kind(prediction_horizon=1e6)
+    allowed = {} if kind is MPC else {"prediction_horizon": 10.0}
+    assert np.all(np.abs(kind(delay=most, **allowed).predict(np.zeros(kind().native.widths[0]))[0]) <= 1.0)
+
+
 def test_restoring_compensation_leaves_no_tilt() -> None:
     """A payload at the gripper tilts the vehicle under a PD."""
     scene = uvms_gym.load_scene("petasus-pum")

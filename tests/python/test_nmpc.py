@@ -78,3 +78,18 @@ def test_a_dock_is_refused() -> None:
     with pytest.raises(ValueError, match="for a dock"):
         NMPC(gym.make("UVMS-Dock-v0"))
     assert {"station-keep", "ee-track"} == set(uvms_gym.controllers.registry.CLASSICAL["nmpc"].tasks)
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("value", [1e15, -1e25, 3e38])
+def test_a_huge_observation_gives_an_action_and_leaves_other_rows_as_they_are(task: str, value: float) -> None:
+    env = gym.make_vec(f"{task}-v0", num_envs=2)
+    controller, begun = NMPC(env), np.ones(2, dtype=bool)
+    observations, _ = env.reset(seed=0)
+    usual, state = controller.predict(observations)
+    for entry in range(observations.shape[1]):
+        changed = observations.copy()
+        changed[0, entry] = value
+        actions, memory = controller.predict(changed, episode_start=begun)
+        assert np.all(np.abs(actions) <= 1.0) and np.all(np.isfinite(memory))
+        assert actions[1].tobytes() == usual[1].tobytes() and memory[1].tobytes() == state[1].tobytes()

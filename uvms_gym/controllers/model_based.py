@@ -60,10 +60,11 @@ class DOB(ModelBased):
         White noise on accelerations, m/s2 and rad/s2 times the root of a second. 0 by default.
     delay : int or None
         Age of measurements in control periods, which is compensated: the observer works at the instant of the
-        measurements, and the model predicts from there to the present, with the actions since. 0 by default; None: that
-        of the environment's sensors.
+        measurements, and the model predicts from there to the present, with the actions since. 0 to 100, 0 by default;
+        None: that of the environment's sensors.
     prediction_horizon : float or None
-        Time beyond the present for which the model predicts before the feedback, s: the thrusters' lag. 0 by default.
+        Time beyond the present for which the model predicts before the feedback, s, at most 10: the thrusters' lag. 0
+        by default.
     """
 
     kind = "dob"

@@ -137,7 +137,9 @@ impl Kernel<f32> for Forward<'_> {
             for j in 0..rows {
                 let row = &mut self.actions[(first + j) * outputs..][..outputs];
                 for k in 0..outputs {
-                    row[k] = input[k].0[j];
+                    let x = input[k].0[j];
+                    // Layers overflow under huge observations.
+                    row[k] = if self.output.is_some() && x.is_nan() { 0.0 } else { x };
                 }
             }
         }

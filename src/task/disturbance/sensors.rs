@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::column::Column;
 use super::draws::{QUAD, normal_pair};
 use super::span::{Span, check, refuse};
+use crate::control::MAX_SENSOR_DELAY;
 use crate::error::TaskError;
 use crate::lane::{Lane, Real, Routine, Rows};
 use crate::system::JOINTS;
@@ -86,15 +87,12 @@ impl Default for Delay {
     }
 }
 
-/// Most control periods of delay.
-const MOST_DELAY: f64 = 100.0;
-
 impl Delay {
     pub(super) fn check(&self, period: f64) -> Result<(), TaskError> {
         self.time.check("delay.time", 0.0, 1e3)?;
         let periods = self.time.high / period + f64::from(self.periods);
-        if periods > MOST_DELAY {
-            return refuse("delay", format!("{periods:.0} control periods, but at most {MOST_DELAY} are taken"));
+        if periods > MAX_SENSOR_DELAY as f64 {
+            return refuse("delay", format!("{periods:.0} control periods, but at most {MAX_SENSOR_DELAY} are taken"));
         }
         Ok(())
     }

@@ -9,9 +9,10 @@ use super::modules::Module;
 use super::{files, source};
 
 /// Each layer, lowest first, and what it may import. Every layer may import `error`.
-const LAYERS: [(&str, &[&str]); 18] = [
+const LAYERS: [(&str, &[&str]); 19] = [
     ("lane", &[]),
     ("error", &["lane"]),
+    ("limits", &[]),
     ("lie", &["lane"]),
     ("spatial", &["lane", "lie"]),
     ("hydro", &["lane", "lie", "spatial"]),
@@ -22,20 +23,33 @@ const LAYERS: [(&str, &[&str]); 18] = [
     ("dynamics", &["lane", "lie", "spatial", "hydro", "description", "system"]),
     ("integrate", &["lane", "lie"]),
     ("render", &["lane", "lie", "description", "system"]),
-    ("optimize", &[]),
-    ("control", &["lane", "lie", "spatial", "description", "system", "dynamics", "optimize"]),
+    ("optimize", &["limits"]),
+    ("control", &["lane", "limits", "lie", "spatial", "description", "system", "dynamics", "optimize"]),
     ("task", &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "control"]),
     (
         "batch",
-        &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "integrate", "control", "task"],
+        &[
+            "lane",
+            "limits",
+            "lie",
+            "spatial",
+            "hydro",
+            "description",
+            "system",
+            "dynamics",
+            "integrate",
+            "control",
+            "task",
+        ],
     ),
-    ("planning", &["lane", "lie", "system", "batch", "optimize"]),
+    ("planning", &["lane", "limits", "lie", "system", "batch", "optimize"]),
     (
         "python",
         &[
             "optimize",
             "planning",
             "lane",
+            "limits",
             "lie",
             "spatial",
             "hydro",

@@ -1,0 +1,4 @@
+//! Limits of computations: interrupts and memory.
+
+pub mod interrupt;
+pub mod memory;
