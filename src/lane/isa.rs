@@ -47,12 +47,13 @@ impl Isa {
     fn chosen() -> Result<(Isa, bool), UnknownIsa> {
         static CHOSEN: OnceLock<Result<(Isa, bool), UnknownIsa>> = OnceLock::new();
         CHOSEN
+            // Empty counts as unset, as a shell script sets it.
             .get_or_init(|| match std::env::var(FORCE) {
-                Ok(name) => match Isa::available().find(|isa| isa.name() == name) {
+                Ok(name) if !name.is_empty() => match Isa::available().find(|isa| isa.name() == name) {
                     Some(isa) => Ok((isa, true)),
                     None => Err(UnknownIsa(name)),
                 },
-                Err(_) => Ok((Isa::available().next().unwrap_or(Isa::Plain), false)),
+                _ => Ok((Isa::available().next().unwrap_or(Isa::Plain), false)),
             })
             .clone()
     }

@@ -1,11 +1,17 @@
 //! Array arguments in, fresh arrays out.
 
 use numpy::ndarray::{Array2, ArrayD, Dimension, IxDyn};
-use numpy::{Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{
+    Element, IntoPyArray, PyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+
+use super::errors::OrRaise;
+use uvms_gym::limits::memory;
 
 /// An argument that may be left out.
 pub type Given<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
@@ -37,13 +43,19 @@ pub fn matrix<'py, T: Element>(py: Python<'py>, flat: Vec<T>, count: usize) -> P
 /// Shape and numbers by rows of anything that NumPy takes for an array of real numbers.
 pub fn read(name: &str, given: &Bound<'_, PyAny>) -> PyResult<(Vec<usize>, Vec<f64>)> {
     let py = given.py();
-    if let Ok(array) = given.cast::<PyArrayDyn<f64>>()
+    // Subclasses may have masks.
+    let plain = given.get_type().is(py.get_type::<PyUntypedArray>());
+    if plain
+        && let Ok(array) = given.cast::<PyArrayDyn<f64>>()
         && array.is_c_contiguous()
         && array.data().is_aligned()
     {
         return numbers(array);
     }
     let numpy = py.import(intern!(py, "numpy"))?;
+    if !plain && numpy.getattr(intern!(py, "ma"))?.call_method1(intern!(py, "is_masked"), (given,))?.is_truthy()? {
+        return Err(PyValueError::new_err(format!("{name} has masked entries: fill them, or leave them out")));
+    }
     let array = numpy.call_method1(intern!(py, "asarray"), (given,))?;
     let dtype = array.getattr(intern!(py, "dtype"))?;
     let kind: String = dtype.getattr(intern!(py, "kind"))?.extract()?;
@@ -76,6 +88,7 @@ pub fn copied<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> PyR
 pub fn rows(name: &str, given: &Bound<'_, PyAny>, instances: usize, row: &[usize]) -> PyResult<Vec<f64>> {
     let (shape, numbers) = read(name, given)?;
     if shape == row {
+        memory::check("the input", &[instances, numbers.len(), size_of::<f64>()]).or_raise()?;
         Ok(numbers.repeat(instances))
     } else if shape.split_first().is_some_and(|(first, rest)| *first == instances && rest == row) {
         Ok(numbers)

@@ -1,13 +1,14 @@
 //! `_core.Task`.
 
 use numpy::ndarray::{Array1, Array2};
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
 use super::arrays::{self, Row, Rows, copied, matrix};
 use super::choices::{name_of, one_of};
+use super::computation::{detached, interruptible};
 use super::error_estimate::error_estimate;
 use super::errors::OrRaise;
 use super::outputs::StepArrays;
@@ -17,7 +18,11 @@ use super::stability::warn;
 use super::starts;
 use uvms_gym::batch::{Autoreset, Outputs, Saved, SimulatorOptions, TaskBatch};
 use uvms_gym::error::TaskError;
+use uvms_gym::limits::memory;
 use uvms_gym::task::{INFO, METRICS, Metrics, TASKS, TaskOptions};
+
+/// Steps of instances that are too short to interrupt: some ten milliseconds.
+const SHORT: f64 = 65536.0;
 
 const MODES: [(&str, Autoreset); 3] =
     [("next_step", Autoreset::NextStep), ("same_step", Autoreset::SameStep), ("disabled", Autoreset::Disabled)];
@@ -125,8 +130,10 @@ impl Task {
     }
 
     /// Simulator with a copy of the current state.
-    fn snapshot(&self) -> Simulator {
-        Simulator { inner: self.batch.simulator().clone() }
+    fn snapshot(&self) -> PyResult<Simulator> {
+        let simulator = self.batch.simulator();
+        memory::check("the copy", &[simulator.instances(), simulator.bytes_per_instance()]).or_raise()?;
+        Ok(Simulator { inner: simulator.clone() })
     }
 
     /// Greatest magnitude of each entry of an observation, (d,).
@@ -143,7 +150,7 @@ impl Task {
     /// Observations of the true, present state, (N, d): sensors without noise and delay.
     fn perfect_observations<'py>(&mut self, py: Python<'py>) -> PyResult<Rows<'py, f32>> {
         let batch = &mut self.batch;
-        let observations = py.detach(|| batch.perfect_observations()).or_raise()?;
+        let observations = detached(py, || batch.perfect_observations())?.or_raise()?;
         self.observations(py, observations)
     }
 
@@ -184,7 +191,7 @@ impl Task {
         let actions = copied(actions)?;
         let mut guards = out.lock()?;
         let outputs = guards.outputs()?;
-        let finals = self.advance(py, |batch| batch.step_into(&actions, outputs))?;
+        let finals = self.advance(py, 1.0, |batch| batch.step_into(&actions, outputs))?;
         if finals.is_empty() {
             return Ok(None);
         }
@@ -197,8 +204,9 @@ impl Task {
 
     /// One control period of a single instance under `action` (a,), float32; TypeError for anything else.
     fn step_one<'py>(&mut self, py: Python<'py>, action: &Row<'py, f32>) -> PyResult<OneStep<'py>> {
-        if action.len() != self.batch.task().action_len() {
-            return Err(PyTypeError::new_err("an action of another length"));
+        // Subclasses may have masks.
+        if action.len() != self.batch.task().action_len() || !action.get_type().is(py.get_type::<PyUntypedArray>()) {
+            return Err(PyTypeError::new_err("an action of another length or kind"));
         }
         let action = copied(action)?;
         // Copied afterwards: locking an array for writing takes longer.
@@ -206,7 +214,7 @@ impl Task {
         let (mut reward, mut flags, mut info) = ([0.0], [[false]; 2], [0.0; INFO]);
         let each = flags.each_mut().map(|flag| &mut flag[..]);
         let outputs = Outputs::new(&mut observation, &mut reward, each, &mut info[..self.info.len()]);
-        self.advance(py, |batch| batch.step_into(&action, outputs))?;
+        self.advance(py, 1.0, |batch| batch.step_into(&action, outputs))?;
         let observation = PyArray1::from_slice(py, &observation);
         let [[terminated], [truncated]] = flags;
         Ok((observation, reward[0], terminated, truncated, self.info.fill(py, &info)?))
@@ -221,8 +229,15 @@ impl Task {
 
     /// Continues from the state of a batch with the same arguments.
     fn __setstate__(&mut self, state: (Bound<'_, PyAny>, Bound<'_, PyAny>)) -> PyResult<()> {
-        let (physics, episodes) = (arrays::read("physics", &state.0)?.1, arrays::read("episodes", &state.1)?.1);
-        self.batch.load(&Saved { physics, episodes }).or_raise()
+        let rows = |name: &str, given| {
+            let (shape, numbers) = arrays::read(name, given)?;
+            match shape[..] {
+                [rows, _] if rows == self.batch.instances() => Ok(numbers),
+                _ => Err(arrays::wrong_shape(name, &shape, &format!("({}, n)", self.batch.instances()))),
+            }
+        };
+        let saved = Saved { physics: rows("physics", &state.0)?, episodes: rows("episodes", &state.1)? };
+        self.batch.load(&saved).or_raise()
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
@@ -272,15 +287,21 @@ impl Task {
 }
 
 impl Task {
-    /// Steps of the batch without the GIL, and their warnings.
+    /// Control periods of the batch without the GIL, and their warnings. Ctrl-C interrupts many: instances have then taken some of
+    /// them, not all equally many.
     pub(super) fn advance<R: Send>(
         &mut self,
         py: Python<'_>,
+        periods: f64,
         steps: impl FnOnce(&mut TaskBatch) -> Result<R, TaskError> + Send,
     ) -> PyResult<R> {
         let batch = &mut self.batch;
         warn(py, batch.warn_of_step())?;
-        let result = py.detach(|| steps(batch)).or_raise()?;
+        let result = match periods * batch.instances() as f64 * f64::from(batch.task().options().substeps) > SHORT {
+            true => interruptible(py, || steps(batch)),
+            false => detached(py, || steps(batch)),
+        };
+        let result = result?.or_raise()?;
         while let Some(warning) = batch.warn_of_motion() {
             warn(py, Some(warning))?;
         }

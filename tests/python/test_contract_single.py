@@ -318,6 +318,7 @@ BAD = [
     ("complex", lambda a: a.astype(complex)),
     ("none", lambda a: None),
     ("ragged", lambda a: [1.0, [2.0]]),
+    ("masked", lambda a: np.ma.array(a, mask=a == a)),
 ]
 
 

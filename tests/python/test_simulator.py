@@ -171,7 +171,7 @@ def test_the_place_of_numbers_in_memory_makes_no_difference(dtype: str) -> None:
     apart[::2, ::2] = thrust
     frozen = thrust.copy()
     frozen.flags.writeable = False
-    masked = np.ma.masked_array(thrust, thrust > 0)
+    masked = np.ma.masked_array(thrust)
     for other in (thrust, odd, apart[::2, ::2], np.asfortranarray(thrust), thrust[::-1].copy()[::-1], frozen, masked):
         assert_same(stepped(other), expected)
 
@@ -474,6 +474,26 @@ def test_a_foreign_pickle_is_refused(state: Any) -> None:
     with pytest.raises((ValueError, TypeError)):
         s.__setstate__(state)
     assert_same(state_of(s), before)
+
+
+def test_a_transposed_state_is_refused() -> None:
+    s = moving("free-body")
+    state = s.__getstate__()
+    with pytest.raises(ValueError, match=r"state has shape \(\d+, 3\), but must have \[3, \d+\]"):
+        s.__setstate__(state.T)
+    s.__setstate__(np.asfortranarray(state))
+    assert np.array_equal(s.__getstate__(), state)
+
+
+def test_masked_entries_are_refused() -> None:
+    s = moving("free-body")
+    before = state_of(s)
+    for masked in (np.ma.array(np.ones(3), mask=[0, 1, 0]), np.ma.masked_invalid([[1.0, np.nan, 0.0]] * 3)):
+        with pytest.raises(ValueError, match="position has masked entries"):
+            s.set_state(position=masked)
+    assert_same(state_of(s), before)
+    s.set_state(position=np.ma.array(np.ones(3)))
+    assert np.array_equal(s.position, np.ones((3, 3)))
 
 
 def test_memory_per_instance() -> None:

@@ -104,6 +104,11 @@ def test_unknown_lanes_are_refused() -> None:
     assert 'ValueError: UVMS_INSTRUCTION_SET="mmx": this machine offers' in result.stderr
 
 
+def test_an_empty_name_of_lanes_counts_as_none() -> None:
+    result = run_with_instruction_set("")
+    assert (result.returncode, result.stderr) == (0, "")
+
+
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("integrator", ["mk4", "mk1", "quaternion-rk4"])
 @pytest.mark.parametrize("name", scene_names())

@@ -28,6 +28,12 @@ RESET_OPTIONS = (
 _FLOAT32 = np.dtype(np.float32)
 
 
+def refuse_masked(name: str, given: Any) -> None:
+    """Refuse an array with masked entries, whose numbers mean nothing."""
+    if type(given) is not np.ndarray and np.ma.is_masked(given):
+        raise ValueError(f"{name} has masked entries: fill them, or leave them out")
+
+
 def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
     """Actions as float32, clipped where float32 overflows; refuses other shapes and types.
 
@@ -35,6 +41,7 @@ def as_actions(given: ArrayLike, shape: tuple[int, ...]) -> Actions:
     """
     if type(given) is np.ndarray and given.dtype is _FLOAT32 and given.shape == shape:
         return given
+    refuse_masked("action", given)
     try:
         array = np.asarray(given)
     except ValueError:

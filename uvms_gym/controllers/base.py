@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
-from uvms_gym._task.arguments import Actions
+from uvms_gym._task.arguments import Actions, refuse_masked
 from uvms_gym._task.base import TaskBase
 from uvms_gym._task.options import native, option_names
 
@@ -72,6 +72,7 @@ class Controller:
             Once, where a controller with memory is called a second time in a row without its state, and
             `episode_start` does not say that all rows begin an episode.
         """
+        refuse_masked("observation", observation)
         given = np.asarray(observation, dtype=np.float32)
         if given.ndim not in (1, 2):
             raise ValueError(f"observation has shape {given.shape}, but must have (d,) or (n, d)")
@@ -82,6 +83,7 @@ class Controller:
         if width and state is None:
             self._check_state(episode_start)
         elif width:
+            refuse_masked("state", state)
             remembered = np.asarray(state, dtype=np.float64)
             if remembered.shape != (*given.shape[:-1], width):
                 raise ValueError(f"state has shape {remembered.shape}, but must have {(*given.shape[:-1], width)}")
