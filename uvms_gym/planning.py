@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uvms_gym import _core
+from uvms_gym._task.arguments import refuse_masked
 
 Floats: TypeAlias = NDArray[np.float64]
 Arrays: TypeAlias = Mapping[str, ArrayLike]
@@ -140,7 +141,9 @@ def optimize_trajectory(
     ------
     ValueError
         A name is unknown, a shape, weight, bound or rotation is wrong; the motion under the initial inputs is not
-        finite; the simulator has no derivatives of steps.
+        finite, or its cost or derivatives are not; the simulator has no derivatives of steps.
+    MemoryError
+        The trajectories do not fit into memory.
 
     Examples
     --------
@@ -240,6 +243,7 @@ def _known(argument: str, given: Mapping[str, Any], known: Mapping[str, Any]) ->
 
 def _broadcast(name: str, given: ArrayLike, shape: tuple[int, ...]) -> Floats:
     """Array of `shape`, a copy."""
+    refuse_masked(name, given)
     array = np.asarray(given, dtype=np.float64)
     try:
         return np.broadcast_to(array, shape).copy()

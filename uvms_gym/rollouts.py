@@ -14,7 +14,7 @@ from uvms_gym.envs.base import TaskVectorEnv
 
 Floats = NDArray[np.float64]
 
-#: Control periods of all instances between two checks for signals: about a second.
+#: Control periods of all instances in a part: about a second without a controller.
 _PIECE = 1 << 18
 
 
@@ -99,7 +99,8 @@ class Rollout:
     def run(self, steps: int, tick: Callable[[int], object] | None = None) -> None:
         """Run `steps` control periods in parts; `tick` is called after each part with its number of control periods.
 
-        An interrupt (Ctrl-C) stops the run between parts. The parts do not change the result.
+        The parts do not change the result. An interrupt (Ctrl-C) ends the run within a tenth of a second; instances
+        have then taken some of the control periods, not all equally many: reset them before going on.
         """
         part = max(1, _PIECE // self._env.num_envs)
         for done in range(0, steps, part):

@@ -53,7 +53,7 @@ pub trait Controller: Send + Sync {
     }
 
     /// Writes actions (n x a) for finite observations (n x d), and updates the memory (n x m). The memory of an
-    /// instance is all 0 when its episode begins.
+    /// instance is all 0 when its episode begins. Rows may be left as they are after an interrupt.
     ///
     /// # Errors
     /// `ControlError::Shape` if the lengths are no whole rows, or not equally many; nothing has changed then.

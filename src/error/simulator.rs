@@ -1,6 +1,6 @@
 //! Errors of the simulator: options and inputs.
 
-use super::{ControlError, DynamicsError};
+use super::{ControlError, DynamicsError, OutOfMemory};
 
 /// Invalid option or input of a simulator.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -41,6 +41,12 @@ pub enum SimulatorError {
     /// Out of memory.
     #[error("num_envs is {instances}: not enough memory for that many instances")]
     Memory { instances: usize },
+    /// Interrupted by the caller.
+    #[error("interrupted")]
+    Interrupted,
+    /// Out of memory for results.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
     /// Matrix that is not a rotation, by the greatest entry of `|R^T R - I|`.
     #[error(
         "{name} of instance {instance} is not a rotation: R^T R differs from the identity by {deviation:.3e}, det R is {determinant:.6}"

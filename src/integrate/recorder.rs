@@ -5,6 +5,9 @@ use super::motion::Motion;
 use crate::lane::{Lane, Tape};
 use crate::lie::Vector6;
 
+/// Numbers for which a record keeps its memory: 64 MB.
+const KEPT: usize = 1 << 23;
+
 /// Recorder of steps. `()` records nothing.
 pub trait Recorder<L: Lane, const N: usize> {
     /// Records the start of a step, with further numbers of the state.
@@ -101,6 +104,13 @@ impl<L: Lane> StepRecord<L> {
     /// Empty record.
     pub fn new() -> Self {
         Self { tape: Tape::new(), sub_intervals: Vec::new() }
+    }
+
+    /// Frees memory that only very many steps need.
+    pub fn trim(&mut self) {
+        if self.tape.len() + self.tape.room() > KEPT {
+            *self = Self::new();
+        }
     }
 }
 

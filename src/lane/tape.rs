@@ -34,6 +34,29 @@ impl<T: Real> Tape<T> {
         self.numbers.resize(2 * size, T::default());
     }
 
+    /// Count of numbers.
+    pub fn len(&self) -> usize {
+        self.at
+    }
+
+    /// True for a tape without numbers.
+    pub fn is_empty(&self) -> bool {
+        self.at == 0
+    }
+
+    /// Count of further numbers for which memory is reserved.
+    pub fn room(&self) -> usize {
+        self.numbers.len() - self.at
+    }
+
+    /// Makes room for `count` more numbers, and not for more.
+    pub fn reserve_exact(&mut self, count: usize) {
+        if let Some(more) = count.checked_sub(self.room()) {
+            self.numbers.reserve_exact(more);
+            self.numbers.resize(self.at + count, T::default());
+        }
+    }
+
     /// Pushes the first `count` numbers; none beyond the room reserved.
     #[inline(always)]
     pub fn push<L: Lane<Real = T>>(&mut self, x: &[L], count: usize) {

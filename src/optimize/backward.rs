@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::box_qp::minimise;
+use crate::limits::interrupt;
 
 /// Quadratic model about a knot in `z = [dx; du]`: next state `dynamics z`, cost `gradient^T z + z^T hessian z / 2`.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,13 +40,16 @@ pub struct Pass {
 }
 
 /// Policies that minimise the model within the ranges, with the diagonal of the inputs' Hessian times `1 + damping`: Levenberg's
-/// and Marquardt's. None where that Hessian is not positive definite. `[TET12, TMT14]`
+/// and Marquardt's. None where that Hessian is not positive definite, and at an interrupt. `[TET12, TMT14]`
 pub fn backward(model: &Expansion, ranges: &Ranges, damping: f64) -> Option<Pass> {
     let (mut v, mut value) = model.end.clone();
     let (mut slope, mut curvature) = (0.0, 0.0);
     let states = v.len();
     let mut policies = Vec::with_capacity(model.knots.len());
     for (knot, [lower, upper]) in model.knots.iter().zip(ranges).rev() {
+        if interrupt::requested() {
+            return None;
+        }
         // Products of transposes are several times as fast as `tr_mul`.
         let transposed = knot.dynamics.transpose();
         let q = &knot.gradient + &transposed * &v;

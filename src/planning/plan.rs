@@ -6,9 +6,10 @@ use super::cost::{StateCost, reference_width, residuals};
 use super::tracking::{Numbers, Tracking, Trajectory};
 use crate::batch::stepping::threads::for_each;
 use crate::batch::{Argument, Inputs, Precision, Simulator, SimulatorOptions};
-use crate::error::PlanningError;
+use crate::error::{PlanningError, SimulatorError};
+use crate::limits::{interrupt, memory};
 use crate::optimize::{STEP_SIZES, Settings, Solution, solve};
-use crate::system::EndEffector;
+use crate::system::{EndEffector, State};
 
 /// Inputs that can be chosen, in their order.
 const CHOICES: [Argument; 5] =
@@ -100,6 +101,14 @@ pub fn optimize(simulator: &Simulator, problems: &Problems) -> Result<Vec<Plan>,
     }
     let (lower, upper) = check(simulator, problems, &arguments)?;
     let instances = simulator.instances();
+    // Of each knot, of problems that are solved at once: Jacobians, their model and policies, and the states of all trials; and of
+    // the results of all problems.
+    let (s, w) = (simulator.state_size(), arguments.iter().map(|(_, width)| width).sum::<usize>());
+    let states = simulator.save_len() + size_of::<State>() / size_of::<f64>();
+    let solving = 3 * s * (s + w) + 2 * (s + w) * (s + w) + 3 * w * s + (STEP_SIZES.len() + 4) * (states + w);
+    let numbers = simulator.threads().min(instances) * solving + instances * (3 * w * s + states + w);
+    memory::check("the trajectories (take a shorter horizon)", &[problems.horizon, numbers, size_of::<f64>()])
+        .map_err(SimulatorError::from)?;
     let saved = simulator.save();
     let places: Vec<Mutex<Option<Result<Plan, PlanningError>>>> = (0..instances).map(|_| Mutex::new(None)).collect();
     for_each(0..instances, simulator.threads(), |i| {
@@ -120,6 +129,9 @@ fn optimize_one(
     i: usize,
     start: Vec<f64>,
 ) -> Result<Plan, PlanningError> {
+    if interrupt::requested() {
+        return Err(PlanningError::Diverged { problem: i });
+    }
     let (scene, horizon) = (simulator.scene_of(i), problems.horizon);
     let w: usize = arguments.iter().map(|(_, width)| width).sum();
     let copies = |instances| {

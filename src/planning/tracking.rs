@@ -6,6 +6,7 @@ use super::cost::{StateCost, reference_width, residuals};
 use super::tangent::difference;
 use crate::batch::{Argument, Inputs, Simulator};
 use crate::error::SimulatorError;
+use crate::limits::interrupt;
 use crate::optimize::{Expansion, Knot, Policy, Problem, Ranges};
 use crate::system::State;
 
@@ -120,6 +121,9 @@ impl Tracking<'_> {
         self.trials[which].load(&self.start.repeat(sizes.len()))?;
         let mut found = vec![Trajectory::default(); sizes.len()];
         for knot in 0..=horizon {
+            if interrupt::requested() {
+                return Ok(vec![f64::NAN; sizes.len()]);
+            }
             let (saved, mut rows) = (self.trials[which].save(), Vec::with_capacity(sizes.len() * w));
             for (k, trajectory) in found.iter_mut().enumerate() {
                 let state = self.trials[which].state(k);
@@ -163,7 +167,8 @@ impl Tracking<'_> {
             }
             Knot { dynamics: na::DMatrix::from_row_slice(s, s + w, rows), gradient, hessian }
         };
-        Ok(jacobians.numbers.chunks_exact(s * (s + w)).enumerate().map(knot).collect())
+        let rows = jacobians.numbers.chunks_exact(s * (s + w)).enumerate();
+        Ok(rows.take_while(|_| !interrupt::requested()).map(knot).collect())
     }
 }
 

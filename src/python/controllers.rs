@@ -10,6 +10,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use super::arrays::{Rows, copied, matrix};
 use super::choices::{name_of, one_of};
+use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::task::Task;
 use uvms_gym::control::{
@@ -79,7 +80,7 @@ impl Controller {
         }
         let (observations, mut memory) = (copied(&observations)?, copied(&memory)?);
         let mut actions = vec![0.0; n * a];
-        py.detach(|| self.inner.act(&observations, &mut memory, &mut actions)).or_raise()?;
+        interruptible(py, || self.inner.act(&observations, &mut memory, &mut actions))?.or_raise()?;
         Ok((matrix(py, actions, n)?, matrix(py, memory, n)?))
     }
 }

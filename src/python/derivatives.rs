@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Array, Given, array, count, rows};
+use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::inputs::{InputArguments, InputArrays};
 use super::simulator::Simulator;
@@ -74,7 +75,7 @@ impl Simulator {
     /// Saturated actuators have derivative 0, at their limit too. At other kinks the derivative is one-sided; that of |v| at 0 is
     /// 0. Sub-intervals of a step are constant. An instance whose state becomes NaN has derivatives NaN. With dtype="float32"
     /// derivatives are those of the step in double precision, from the present state and factors; from the slopes of the rounded
-    /// step they differ by rounding.
+    /// step they differ by rounding. The GIL is released; Ctrl-C interrupts.
     ///
     /// Parameters
     /// ----------
@@ -98,6 +99,8 @@ impl Simulator {
     ///     An input has the wrong shape or type, or is not finite; a parameter is unknown; the
     ///     integrator is a baseline method with Euler angles, quaternions or lagged added mass; the machine has neither AVX2
     ///     nor NEON.
+    /// MemoryError
+    ///     The result does not fit into memory.
     #[pyo3(
         signature = (
             *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None,
@@ -123,7 +126,7 @@ impl Simulator {
         let call = Call::read(self, &inputs, substeps, parameters)?;
         let inner = &mut self.inner;
         let run = || inner.step_jacobians(&call.arrays.inputs(), call.substeps, &call.parameters);
-        let jacobians = py.detach(run).or_raise()?;
+        let jacobians = interruptible(py, run)?.or_raise()?;
         call.dict(py, self, jacobians.size, &jacobians.numbers)
     }
 
@@ -192,7 +195,7 @@ impl Simulator {
         let numbers: Vec<f64> = (0..instances).flat_map(row).copied().collect();
         let inner = &mut self.inner;
         let run = || inner.step_jvp(&call.arrays.inputs(), call.substeps, &call.parameters, &numbers);
-        let product = py.detach(run).or_raise()?;
+        let product = interruptible(py, run)?.or_raise()?;
         array(py, &[instances, self.inner.state_size()], product)
     }
     /// Product of a cotangent of the next state with the Jacobian of the step: the gradient of a scalar by state, inputs and
@@ -215,6 +218,8 @@ impl Simulator {
     /// ------
     /// ValueError, TypeError
     ///     As `step_jacobians`; the cotangents have the wrong shape.
+    /// MemoryError
+    ///     The record of the steps does not fit into memory.
     #[pyo3(
         signature = (
             cotangents, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None,
@@ -242,7 +247,7 @@ impl Simulator {
         let cotangents = rows("cotangents", cotangents, self.inner.instances(), &[self.inner.state_size()])?;
         let inner = &mut self.inner;
         let run = || inner.step_vjp(&call.arrays.inputs(), call.substeps, &call.parameters, &cotangents);
-        let product = py.detach(run).or_raise()?;
+        let product = interruptible(py, run)?.or_raise()?;
         call.dict(py, self, 0, &product)
     }
 }

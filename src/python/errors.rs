@@ -1,11 +1,12 @@
 //! Library errors as Python exceptions.
 
 use pyo3::create_exception;
-use pyo3::exceptions::{PyUserWarning, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyUserWarning, PyValueError};
 use pyo3::prelude::*;
 
 use uvms_gym::error::{
-    ControlError, DescriptionError, DynamicsError, PlanningError, PolicyError, RenderError, SimulatorError, TaskError,
+    ControlError, DescriptionError, DynamicsError, OutOfMemory, PlanningError, PolicyError, RenderError,
+    SimulatorError, TaskError,
 };
 
 create_exception!(
@@ -58,11 +59,39 @@ macro_rules! value_errors {
     )*};
 }
 
-value_errors!(DynamicsError, ControlError, PlanningError, PolicyError, RenderError, SimulatorError);
+value_errors!(DynamicsError, ControlError, PolicyError, RenderError);
 
-/// Calls out of order raise Gymnasium's `ResetNeeded`, all other errors a `ValueError`.
+impl IntoPyErr for OutOfMemory {
+    fn into_py_err(self) -> PyErr {
+        PyMemoryError::new_err(self.to_string())
+    }
+}
+
+/// Lack of memory raises a `MemoryError`, all other errors a `ValueError`.
+impl IntoPyErr for SimulatorError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            SimulatorError::OutOfMemory(error) => error.into_py_err(),
+            _ => PyValueError::new_err(self.to_string()),
+        }
+    }
+}
+
+impl IntoPyErr for PlanningError {
+    fn into_py_err(self) -> PyErr {
+        match self {
+            PlanningError::Simulator(error) => error.into_py_err(),
+            _ => PyValueError::new_err(self.to_string()),
+        }
+    }
+}
+
+/// Calls out of order raise Gymnasium's `ResetNeeded`, errors of the simulator as there, all others a `ValueError`.
 impl IntoPyErr for TaskError {
     fn into_py_err(self) -> PyErr {
+        if let TaskError::Simulator(error) = self {
+            return error.into_py_err();
+        }
         if !matches!(self, TaskError::NotBegun { .. } | TaskError::Over { .. }) {
             return PyValueError::new_err(self.to_string());
         }

@@ -36,7 +36,7 @@ impl Simulator {
         external: Given,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
         let n = self.inner.joints();
-        let loads = self.loads(&InputArguments { thrust, external, ..Default::default() })?;
+        let loads = self.loads(py, &InputArguments { thrust, external, ..Default::default() })?;
         let accelerations = self.finite_rows("acceleration", acceleration, 6 + n)?;
         let [wrench, torque] = self.each(py, [&[6], &[n]], |i, form| {
             let acceleration = DVector::from_column_slice(&accelerations[i * (6 + n)..(i + 1) * (6 + n)]);

@@ -2,6 +2,7 @@
 
 mod arrays;
 mod choices;
+mod computation;
 mod controllers;
 mod derivatives;
 mod disturbance;

@@ -3,10 +3,10 @@
 use pyo3::prelude::*;
 
 use super::arrays::{Array, Given, array};
+use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
-use uvms_gym::error::SimulatorError;
 
 #[pymethods]
 impl Simulator {
@@ -44,17 +44,7 @@ impl Simulator {
         let given = InputArguments { thrust, wrench, joint_torque, external, fin, ..Default::default() };
         let arrays = given.read(&self.inner)?;
         let (simulator, instances) = (&self.inner, self.inner.instances());
-        let (a, b) = py
-            .detach(|| {
-                let (mut a, mut b) = (Vec::new(), Vec::new());
-                for i in 0..instances {
-                    let linear = simulator.linearize(&arrays.inputs(), i)?;
-                    a.extend_from_slice(linear.a.transpose().as_slice());
-                    b.extend_from_slice(linear.b.transpose().as_slice());
-                }
-                Ok::<_, SimulatorError>((a, b))
-            })
-            .or_raise()?;
+        let [a, b] = interruptible(py, || simulator.linearizations(&arrays.inputs()))?.or_raise()?;
         let rates = 6 + simulator.joints();
         Ok((array(py, &[instances, 2 * rates, 2 * rates], a)?, array(py, &[instances, 2 * rates, rates], b)?))
     }

@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 
 use super::arrays::{Array, Given, array, rows};
+use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
@@ -17,7 +18,7 @@ use uvms_gym::error::DynamicsError;
 pub(super) type Arrays<'py> = PyResult<Bound<'py, PyDict>>;
 
 impl Simulator {
-    /// K arrays (N, ...) from rows that `f` computes per instance.
+    /// K arrays (N, ...) from rows that `f` computes per instance, on the simulator's threads; Ctrl-C interrupts.
     pub(super) fn each<'py, const K: usize>(
         &self,
         py: Python<'py>,
@@ -25,18 +26,9 @@ impl Simulator {
         f: impl Fn(usize, &ClosedForm) -> Result<[Vec<f64>; K], DynamicsError> + Sync,
     ) -> PyResult<[Array<'py>; K]> {
         let (simulator, instances) = (&self.inner, self.inner.instances());
-        let f = &f;
-        let columns = py
-            .detach(|| {
-                let mut columns = [const { Vec::new() }; K];
-                for i in 0..instances {
-                    for (column, row) in columns.iter_mut().zip(simulator.closed_form(i, |form| f(i, form))?) {
-                        column.extend(row);
-                    }
-                }
-                Ok::<_, DynamicsError>(columns)
-            })
-            .or_raise()?;
+        let widths = shapes.map(|row| row.iter().product::<usize>());
+        let rows = |i| Ok(simulator.closed_form(i, |form| f(i, form))?);
+        let columns = interruptible(py, || simulator.each_instance(widths, rows))?.or_raise()?;
         let shapes = shapes.into_iter().map(|row| [&[instances], row].concat());
         let arrays: Vec<_> =
             shapes.zip(columns).map(|(shape, column)| array(py, &shape, column)).collect::<PyResult<_>>()?;
@@ -72,8 +64,9 @@ impl Simulator {
         Ok(rows)
     }
 
-    pub(super) fn loads(&self, arguments: &InputArguments) -> PyResult<Vec<AppliedLoads>> {
-        self.inner.applied_loads(&arguments.read(&self.inner)?.inputs()).or_raise()
+    pub(super) fn loads(&self, py: Python<'_>, arguments: &InputArguments) -> PyResult<Vec<AppliedLoads>> {
+        let arrays = arguments.read(&self.inner)?;
+        interruptible(py, || self.inner.applied_loads(&arrays.inputs()))?.or_raise()
     }
 }
 
@@ -161,7 +154,8 @@ impl Simulator {
         pose_target: Given,
         fin: Given,
     ) -> Arrays<'py> {
-        let loads = self.loads(&InputArguments { thrust, wrench, external, pose_target, fin, ..Default::default() })?;
+        let loads =
+            self.loads(py, &InputArguments { thrust, wrench, external, pose_target, fin, ..Default::default() })?;
         let bodies = self.inner.joints() + 1;
         let names = ["damping", "restoring", "flow", "thrust", "fins", "tether", "external", "sum"];
         self.named(py, names, &[bodies, 6], |i, form| {
@@ -202,7 +196,7 @@ impl Simulator {
         fin: Given,
     ) -> Arrays<'py> {
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let loads = self.loads(&arguments)?;
+        let loads = self.loads(py, &arguments)?;
         self.named(py, ["command", "friction", "end_stop", "sum"], &[self.inner.joints()], |i, form| {
             let torques = form.joint_torques(&loads[i].loads())?;
             Ok([torques.command, torques.friction, torques.end_stop, torques.sum].map(|t| t.as_slice().to_vec()))
@@ -249,7 +243,7 @@ impl Simulator {
         fin: Given,
     ) -> Arrays<'py> {
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let loads = self.loads(&arguments)?;
+        let loads = self.loads(py, &arguments)?;
         let names = [
             "damping",
             "friction",

@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 use super::arrays::{Array, Given, array, count};
+use super::computation::detached;
 use super::errors::OrRaise;
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
@@ -85,7 +86,7 @@ impl Simulator {
             interrupt = Python::attach(|py| py.check_signals());
             interrupt.is_ok()
         };
-        py.detach(|| self.inner.step_while(&arrays.inputs(), substeps, &mut go_on)).or_raise()?;
+        detached(py, || self.inner.step_while(&arrays.inputs(), substeps, &mut go_on))?.or_raise()?;
         interrupt?;
         while let Some(warning) = self.inner.warn_of_motion() {
             warn(py, Some(warning))?;
@@ -116,7 +117,7 @@ impl Simulator {
     ) -> PyResult<Array<'py>> {
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
         let arrays = arguments.read(&self.inner)?;
-        let accelerations = py.detach(|| self.inner.forward_dynamics(&arrays.inputs())).or_raise()?;
+        let accelerations = detached(py, || self.inner.forward_dynamics(&arrays.inputs()))?.or_raise()?;
         array(py, &[self.inner.instances(), 6 + self.inner.joints()], accelerations)
     }
 }

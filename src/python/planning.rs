@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use super::arrays::{array, read};
+use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::simulator::Simulator;
 use uvms_gym::batch::Argument;
@@ -62,7 +63,7 @@ pub fn optimize_trajectory<'py>(
         settings: Settings { iterations, tolerance },
     };
     let inner = &simulator.inner;
-    let plans = py.detach(|| optimize(inner, &problems)).or_raise()?;
+    let plans = interruptible(py, || optimize(inner, &problems))?.or_raise()?;
     let (count, joints) = (plans.len(), inner.joints());
     let result = PyDict::new(py);
     let all = |name: &str, shape: &[usize], of: &dyn Fn(&Plan) -> Vec<f64>| {

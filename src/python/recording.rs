@@ -33,7 +33,7 @@ impl Task {
         }
         let noise = copied(noise)?;
         let teacher = teacher.map(|teacher| teacher.inner.clone());
-        let recording = self.advance(py, |batch| {
+        let recording = self.advance(py, f64::INFINITY, |batch| {
             let teacher = teacher.as_deref().map(|controller| Teacher { controller, acts: teacher_acts });
             batch.record(Recorder { actor: &actor, noise: &noise, teacher })
         })?;

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Array, Given, array, count, read, rows, wrong_shape};
+use super::computation::detached;
 use super::errors::OrRaise;
 use super::inputs::poses;
 use super::scene;
@@ -79,7 +80,7 @@ impl Renderer {
             distance: distance.map(|x| number("distance", Some(x), 0.0)).transpose()?,
             floor: floor.map(|x| number("floor", Some(x), 0.0)).transpose()?,
         };
-        let inner = py.detach(|| render::Renderer::new(&scene, &settings)).or_raise()?;
+        let inner = detached(py, || render::Renderer::new(&scene, &settings))?.or_raise()?;
         Ok(Self { inner, scene, settings })
     }
 
@@ -193,7 +194,7 @@ impl Renderer {
             payload: number("payload", payload, 0.0)?,
             time: number("time", time, 0.0)?,
         };
-        let picture = py.detach(|| self.inner.draw(&shot));
+        let picture = detached(py, || self.inner.draw(&shot))?;
         let picture = Array3::from_shape_vec((self.height(), self.width(), 3), picture);
         Ok(picture.map_err(|e| PyValueError::new_err(e.to_string()))?.into_pyarray(py))
     }

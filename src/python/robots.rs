@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict, PyString};
 
 use super::arrays::{Given, read as numbers};
+use super::computation::detached;
 use super::errors::{OrRaise, SceneError};
 use super::scene::{object, read, text, to_python, tree};
 use uvms_gym::description::{Frame, Scene};
@@ -94,7 +95,10 @@ pub fn estimate<'py>(outline: &Bound<'py, PyAny>, table: &str) -> PyResult<Bound
     let py = outline.py();
     let outline = match outline.cast::<PyDict>() {
         Ok(dict) => Outline::from_value(tree(dict)?, "<dict>").or_raise()?,
-        Err(_) => Outline::from_file(outline.extract::<PathBuf>()?).or_raise()?,
+        Err(_) => {
+            let path = outline.extract::<PathBuf>()?;
+            detached(py, || Outline::from_file(path))?.or_raise()?
+        }
     };
     let estimate = outline.estimate();
     let body = toml::Value::try_from(&estimate.body).map_err(|e| SceneError::new_err(e.to_string()))?;
@@ -130,6 +134,7 @@ pub fn import_urdf<'py>(
     let mount = Frame { position: vector("position", position)?, rpy: vector("rpy", rpy)? };
     let base = base.as_ref().map(|base| text(base, "base")).transpose()?;
     let tip = tip.as_ref().map(|tip| text(tip, "tip")).transpose()?;
-    let Imported { scene, notes } = Import { vehicle: &vehicle, mount, base, tip }.from_file(path).or_raise()?;
+    let import = Import { vehicle: &vehicle, mount, base, tip };
+    let Imported { scene, notes } = detached(py, || import.from_file(path))?.or_raise()?;
     Ok((to_python(&scene, py)?, notes))
 }

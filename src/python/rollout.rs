@@ -77,9 +77,9 @@ impl Task {
     }
 
     /// Runs `steps` control periods of all instances under the rollout's controller from their current states. Instances
-    /// whose episode is over wait.
+    /// whose episode is over wait. Ctrl-C interrupts: see [`Task::advance`].
     fn run(&mut self, py: Python<'_>, mut rollout: PyRefMut<'_, Rollout>, steps: u32) -> PyResult<()> {
         let Rollout { rollout, controller, .. } = &mut *rollout;
-        self.advance(py, |batch| batch.run(&**controller, rollout, steps))
+        self.advance(py, f64::INFINITY, |batch| batch.run(&**controller, rollout, steps))
     }
 }

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 use toml::Value;
 
+use super::computation::detached;
 use super::errors::{OrRaise, SceneError};
 use uvms_gym::description::{Scene, SceneEditor};
 use uvms_gym::error::DescriptionError;
@@ -49,13 +50,15 @@ pub fn load_scene<'py>(scene: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>>
 /// The scene that an argument means.
 pub fn read(given: &Bound<'_, PyAny>) -> PyResult<Scene> {
     if let Ok(name) = given.cast::<PyString>() {
-        return Scene::load(text(name, "scene")?).or_raise();
+        let name = text(name, "scene")?;
+        return detached(given.py(), || Scene::load(name))?.or_raise();
     }
     if given.is_instance_of::<PyDict>() {
         return Scene::from_value(value(given, "", 0)?, DICT).or_raise();
     }
     if given.hasattr(intern!(given.py(), "__fspath__"))? {
-        return Scene::from_file(given.extract::<PathBuf>()?).or_raise();
+        let path = given.extract::<PathBuf>()?;
+        return detached(given.py(), || Scene::from_file(path))?.or_raise();
     }
     Err(PyTypeError::new_err(format!("scene must be a name, a path or a dict, not {}", kind(given)?)))
 }
@@ -66,9 +69,12 @@ pub fn read_each(
     instances: Option<usize>,
     parameters: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Vec<Scene>> {
+    let each = |item: PyResult<Bound<'_, PyAny>>| {
+        given.py().check_signals()?;
+        read(&item?)
+    };
     let list = given.is_instance_of::<PyList>() || given.is_instance_of::<PyTuple>();
-    let mut scenes =
-        if list { given.try_iter()?.map(|item| read(&item?)).collect::<PyResult<_>>()? } else { vec![read(given)?] };
+    let mut scenes = if list { given.try_iter()?.map(each).collect::<PyResult<_>>()? } else { vec![read(given)?] };
     let Some(parameters) = parameters.filter(|parameters| !parameters.is_empty()) else { return Ok(scenes) };
     let mut columns = Vec::new();
     let mut count = if list { Some(scenes.len()) } else { instances };
@@ -92,11 +98,19 @@ pub fn read_each(
     let count = count.unwrap_or(1);
     if !list {
         let editor = SceneEditor::new(&scenes[0], keys).or_raise()?;
-        scenes = (0..count).map(|i| edited(&editor, &columns, i).or_raise()).collect::<PyResult<_>>()?;
+        let edit = |i| {
+            given.py().check_signals()?;
+            edited(&editor, &columns, i).or_raise()
+        };
+        scenes = (0..count).map(edit).collect::<PyResult<_>>()?;
         return Ok(scenes);
     }
     let edit = |(i, scene): (usize, &Scene)| edited(&SceneEditor::new(scene, keys.clone())?, &columns, i);
-    scenes.iter().enumerate().map(|all| edit(all).or_raise()).collect()
+    let edit = |all| {
+        given.py().check_signals()?;
+        edit(all).or_raise()
+    };
+    scenes.iter().enumerate().map(edit).collect()
 }
 
 /// Name, shape and numbers of a parameter.

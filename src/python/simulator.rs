@@ -4,12 +4,14 @@ use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 
-use super::arrays::{Array, Given, array, count, read};
+use super::arrays::{Array, Given, array, count, read, wrong_shape};
 use super::choices::{name_of, one_of};
+use super::computation::interruptible;
 use super::errors::OrRaise;
 use super::scene;
 use uvms_gym::batch::{self, Precision, SimulatorOptions};
 use uvms_gym::description::Scene;
+use uvms_gym::limits::memory;
 
 /// Batched simulator of one scene, or of scenes that differ in their numbers, without a task.
 ///
@@ -160,7 +162,7 @@ impl Simulator {
             (Some(scene), true) => batch::Simulator::new(scene, options),
             (last, _) => batch::Simulator::with_scenes(scenes.into_iter().chain(last).collect(), options),
         };
-        Ok(Self { inner: py.detach(|| make(scenes)).or_raise()? })
+        Ok(Self { inner: interruptible(py, || make(scenes))?.or_raise()? })
     }
 
     /// int: number of instances N.
@@ -319,11 +321,12 @@ impl Simulator {
         ))
     }
 
-    fn __copy__(&self) -> Self {
-        Self { inner: self.inner.clone() }
+    fn __copy__(&self) -> PyResult<Self> {
+        memory::check("the copy", &[self.num_envs(), self.inner.bytes_per_instance()]).or_raise()?;
+        Ok(Self { inner: self.inner.clone() })
     }
 
-    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
         self.__copy__()
     }
 
@@ -344,11 +347,18 @@ impl Simulator {
     }
 
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let size = self.inner.save_len() * size_of::<f64>();
+        memory::check("the state", &[self.num_envs(), size]).or_raise()?;
         let numbers = self.inner.save();
         array(py, &[self.num_envs(), numbers.len() / self.num_envs()], numbers)
     }
 
     fn __setstate__(&mut self, state: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.inner.load(&read("state", state)?.1).or_raise()
+        let (shape, numbers) = read("state", state)?;
+        let expected = [self.num_envs(), self.inner.save_len()];
+        if shape != expected {
+            return Err(wrong_shape("state", &shape, &format!("{expected:?}")));
+        }
+        self.inner.load(&numbers).or_raise()
     }
 }

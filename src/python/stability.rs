@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyComplex, PyDict};
 
 use super::arrays::{Given, read, wrong_shape};
+use super::computation::detached;
 use super::errors::{OrRaise, StepWarning};
 use super::simulator::Simulator;
 use uvms_gym::batch::{ModalAnalysis, stabilities};
@@ -60,7 +61,7 @@ impl Simulator {
         result: impl FnOnce(&ModalAnalysis) -> R + Send,
     ) -> PyResult<R> {
         let (simulator, speed) = (&self.inner, speeds(speed)?);
-        py.detach(|| simulator.modal_analysis(speed.as_ref()).map(|analysis| result(&analysis))).or_raise()
+        detached(py, || simulator.modal_analysis(speed.as_ref()).map(|analysis| result(&analysis)))?.or_raise()
     }
 }
 

@@ -8,6 +8,7 @@ import contextlib
 import copy
 import faulthandler
 import inspect
+import itertools
 import os
 import pickle
 import random
@@ -27,7 +28,7 @@ from hypothesis import strategies as st
 from test_scenes import ALL, JUNK, paths, set_at
 
 import uvms_gym
-from uvms_gym import SceneError, Simulator
+from uvms_gym import SceneError, Simulator, controllers
 
 CASES = int(os.environ.get("UVMS_FUZZ", "0"))
 SOAK = CASES > 0
@@ -361,3 +362,117 @@ def test_random_arguments_make_no_simulator() -> None:
         positional, keywords = arguments(Simulator, rng, (1, 3, 6))
         with attempt((*WRONG, gymnasium.error.Error)):
             Simulator(rng.choice(["free-body", "rexrov", *positional[:1]]), *positional[1:], **keywords)
+
+
+#: Controllers of each task.
+CONTROLLERS = {
+    "UVMS-StationKeep-v0": "NoControl PD PID PDRestoring DOB AdaptiveDOB ComputedTorque MPC NMPC".split(),
+    "UVMS-EETrack-v0": "NoControl ResolvedMotion AdaptiveResolvedMotion NMPC".split(),
+    "UVMS-Dock-v0": "NoControl DockPD".split(),
+}
+
+
+def extreme(rng: random.Random, shape: tuple[int, ...], largest: float) -> np.ndarray:
+    """Finite numbers of usual size, with some that are extreme."""
+    chance = np.random.default_rng(rng.randrange(2**32))
+    values = chance.normal(size=shape)
+    sizes = chance.choice([0.0, 1e-300, 1e-20, 1e3, 1e10, 1e15, 1e19, 1e25, 1e38, 1e100, 1e200, 1e300], size=shape)
+    share = rng.choice([0.02, 0.3, 1.0])
+    values = np.where(chance.random(shape) < share, np.copysign(sizes, values), values)
+    return np.clip(values, -largest, largest)
+
+
+def layers(rng: random.Random, inputs: int, outputs: int) -> dict[str, Any]:
+    """Weights of a network."""
+    sizes = [inputs, 4, outputs]
+    return {
+        "weights": [extreme(rng, (b, a), 3e38) for a, b in itertools.pairwise(sizes)],
+        "biases": [extreme(rng, (b,), 3e38) for b in sizes[1:]],
+        "activation": rng.choice(["tanh", "relu", "elu"]),
+        "output": rng.choice(["clip", "tanh"]),
+    }
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_finite_observations_give_actions_within_their_range(name: str) -> None:
+    rng = random.Random() if SOAK else random.Random(name)
+    envs = {
+        scene: gymnasium.make_vec(name, num_envs=2, scene=scene, action=rng.choice(["wrench", "thrusters"]))
+        for scene in ("petasus-pum", "bluerov2-heavy-alpha5")
+    }
+    for _ in range(CASES // len(CONTROLLERS) if SOAK else 40):
+        env = rng.choice(list(envs.values()))
+        usual, _ = env.reset(seed=0)
+        kind = rng.choice([*CONTROLLERS[name], "MLP"])
+        with attempt((ValueError,)):
+            if kind == "MLP":
+                controller: Any = controllers.MLP(env, **layers(rng, usual.shape[1], env.action_space.shape[1]))
+            else:
+                controller = getattr(controllers, kind)(env)
+                for gain in rng.sample(sorted(controller.gains), min(len(controller.gains), rng.randrange(3))):
+                    value = controller.gains[gain]
+                    extremes = np.abs(extreme(rng, np.shape(value), 1e300))
+                    given = int(min(extremes, 2e9)) if isinstance(value, int) else extremes.tolist()
+                    controller = type(controller)(env, **controller.gains | {gain: given})
+            state = None
+            for _ in range(4):
+                observations = np.where(rng.random() < 0.5, usual, extreme(rng, usual.shape, 3e38)).astype(np.float32)
+                actions, state = controller.predict(observations, state, np.zeros(2, dtype=bool))
+                assert np.all(np.abs(actions) <= 1.0), (kind, controller)
+
+
+PLAN_INPUTS = ("thrust", "wrench", "joint_torque", "fin", "joint_target")
+
+
+def test_extreme_problems_are_planned_or_refused() -> None:
+    rng = random.Random() if SOAK else random.Random(13)
+    for _ in range(CASES if SOAK else 60):
+        simulator = Simulator(rng.choice(["petasus-pum", "bluerov2-heavy-alpha5", "remus-100"]), 2, dt=0.02)
+        simulator.set_state(twist=extreme(rng, (6,), rng.choice([1.0, 1e300])))
+        joints, widths = simulator.num_joints, (simulator.num_thrusters, 6, simulator.num_joints, simulator.num_fins)
+        chosen = dict(zip(PLAN_INPUTS, (*widths, joints), strict=True))
+        chosen = {name: width for name, width in chosen.items() if width and rng.random() < 0.5}
+        rows = {"position": 3, "attitude": 3, "q": joints, "twist": 6, "qd": joints, "end_effector": 3}
+        largest = rng.choice([10.0, 1e300])
+        with attempt((ValueError,)), np.errstate(all="ignore"):
+            found = uvms_gym.optimize_trajectory(
+                simulator,
+                horizon=rng.randint(1, 5),
+                substeps=rng.randint(1, 3),
+                weights={name: np.abs(extreme(rng, (width,), largest)) for name, width in rows.items()},
+                input_weights={name: np.abs(extreme(rng, (width,), largest)) + 1e-9 for name, width in chosen.items()},
+                references={"position": extreme(rng, (3,), largest)},
+                bounds={name: (-(x := np.abs(extreme(rng, (w,), largest)) + 1e-9), x) for name, w in chosen.items()},
+                initial={name: extreme(rng, (width,), largest) for name, width in chosen.items()},
+                max_iterations=rng.randint(0, 5),
+                tolerance=rng.choice([0.0, 1e-9, 1e300]),
+            )
+            assert np.all(np.isfinite(found.cost)) and np.all(np.isfinite(found.gains))
+
+
+def test_extreme_states_and_inputs_have_derivatives_or_are_refused() -> None:
+    rng = random.Random() if SOAK else random.Random(17)
+    integrators = [entry["name"] for entry in uvms_gym.integrators()]
+    for _ in range(CASES if SOAK else 60):
+        with attempt((ValueError, MemoryError)), np.errstate(all="ignore"):
+            simulator = Simulator(
+                rng.choice(uvms_gym.scene_names()),
+                rng.randint(1, 3),
+                dt=10.0 ** rng.uniform(-6, 3),
+                integrator=rng.choice(integrators),
+                dtype=rng.choice(["float64", "float32"]),
+            )
+            m, n, k = simulator.num_thrusters, simulator.num_joints, simulator.num_fins
+            largest = 1e300 if simulator.dtype == "float64" else 3e38
+            parts = {"position": 3, "twist": 6, "q": n, "qd": n, "current": 3}
+            if not simulator.scene["vehicle"].get("fixed", False):
+                for name in rng.sample(sorted(parts), 2):
+                    simulator.set_state(**{name: extreme(rng, (parts[name],), largest)})
+            inputs = {"thrust": m, "wrench": 6, "joint_torque": n, "fin": k}
+            given = {name: extreme(rng, (inputs[name],), largest) for name in rng.sample(sorted(inputs), 2)}
+            given |= {"substeps": rng.randint(1, 3), "parameters": rng.sample(sorted(simulator.parameters), 2)}
+            size = simulator.state_size
+            simulator.step_jacobians(**given)
+            simulator.step_jvp({"state": extreme(rng, (size,), largest)}, **given)
+            simulator.step_vjp(extreme(rng, (size,), largest), **given)
+            simulator.linearize(**{name: given[name] for name in given if name in inputs})

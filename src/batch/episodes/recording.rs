@@ -6,6 +6,7 @@ use super::outputs::{Transition, split};
 use crate::control::{Controller, Mlp};
 use crate::error::ControlError;
 use crate::lane::Real;
+use crate::limits::interrupt;
 use crate::task::{TaskDefinition, TaskKernel};
 
 /// Controller on perfect observations, whose actions are recorded.
@@ -121,6 +122,9 @@ impl RecordingChunk<'_> {
         let mut memory = vec![0.0; n * teacher.map_or(0, |teacher| teacher.controller.widths().memory)];
         chunk.observe(&vec![true; n], &mut transition.outputs());
         for t in 0..steps {
+            if interrupt::requested() {
+                break;
+            }
             chunk.observe_perfect(&mut perfect);
             put(&perfect, self.perfect, d, [t, steps + 1]);
             put(&transition.observations, self.observations, d, [before + t, before + steps]);

@@ -5,6 +5,7 @@ use super::outputs::{Outputs, Transition};
 use crate::control::Controller;
 use crate::error::ControlError;
 use crate::lane::Real;
+use crate::limits::interrupt;
 use crate::task::{INFO, TaskDefinition, TaskKernel};
 
 /// Statistics of an instance's control periods up to its episode's end.
@@ -121,6 +122,9 @@ impl RolloutChunk<'_> {
                 break;
             }
             self.controller.act(&transition.observations, self.memory, &mut actions)?;
+            if interrupt::requested() {
+                break;
+            }
             for trace in self.traces.iter_mut().filter(|trace| runs[trace.instance - first]) {
                 let k = trace.instance - first;
                 trace.observations.extend(&transition.observations[k * widths.observation..][..widths.observation]);

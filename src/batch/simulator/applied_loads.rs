@@ -13,6 +13,7 @@ use crate::dynamics::dense::actuator_torque;
 use crate::error::SimulatorError;
 use crate::hydro::{ThrusterDynamics, Thrusts};
 use crate::lie::{self, Matrix3, Pose, Vector3};
+use crate::limits::interrupt;
 use crate::system::{Compiled, State};
 
 /// Loads on one instance.
@@ -53,6 +54,9 @@ impl Simulator {
         let inputs = CheckedInputs::new(inputs, self.scene(), self.allocation(), self.own.as_ref(), self.options())?;
         let prescribed = self.compiled().system.prescribed;
         let loads = (0..self.instances()).map(|i| {
+            if interrupt::requested() {
+                return Err(SimulatorError::Interrupted);
+            }
             let mut loads = self.loads_of(&inputs, i);
             if prescribed {
                 let torques = self.closed_form(i, |form| form.drive_torques(&loads.loads()))?;

@@ -13,6 +13,7 @@ use crate::batch::storage::inputs::{CheckedInputs, Inputs};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, Kind};
 use crate::lane::Isa;
+use crate::limits::memory;
 use crate::system::Factors;
 
 /// Jacobians of steps.
@@ -55,7 +56,8 @@ impl Simulator {
     /// precision, from its present state.
     ///
     /// # Errors
-    /// As [`Self::step`]; [`SimulatorError::DerivativeLanes`] and [`SimulatorError::DerivativeIntegrator`].
+    /// As [`Self::step`]; [`SimulatorError::DerivativeLanes`], [`SimulatorError::DerivativeIntegrator`], and
+    /// [`SimulatorError::OutOfMemory`].
     pub fn step_jacobians(
         &mut self,
         inputs: &Inputs,
@@ -130,10 +132,15 @@ impl Simulator {
         let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
         let coordinates =
             Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, size, product };
+        // Results, and their copies by arguments.
+        memory::check(
+            "the derivatives (take fewer instances)",
+            &[2, options.instances, coordinates.width(), size_of::<f64>()],
+        )?;
         let blocks: &mut Blocks<f64> = storage.as_any().downcast_mut().expect("the precision of the options");
         if let Product::Cotangents(of) = product {
             let gradients = Gradients { coordinates: &coordinates, of };
-            return Ok(blocks.pull_back(&settings, &inputs, &gradients, coordinates.width()));
+            return Ok(blocks.pull_back(&settings, &inputs, &gradients, coordinates.width())?);
         }
         Ok(blocks.differentiate::<Duals>(&settings, &inputs, &coordinates, coordinates.width()))
     }

@@ -6,6 +6,7 @@ pub mod derivatives;
 mod double_precision;
 pub mod error_estimate;
 mod gradients;
+mod instances;
 mod parameters;
 mod scenes;
 pub mod states;
@@ -316,6 +317,11 @@ impl Simulator {
     /// Every number of all instances, instance by instance: [`Self::load`] restores them bit for bit.
     pub fn save(&self) -> Vec<f64> {
         (0..self.instances()).flat_map(|i| self.storage.column(i)).collect()
+    }
+
+    /// Count of an instance's numbers in [`Self::save`].
+    pub fn save_len(&self) -> usize {
+        self.storage.column_len()
     }
 
     /// Restores the numbers that [`Self::save`] of a simulator with the same scene and options returned.

@@ -73,6 +73,10 @@ impl Simulator {
     /// As [`Self::step`].
     pub fn linearize(&self, inputs: &Inputs, i: usize) -> Result<Linearization, SimulatorError> {
         let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
+        Ok(self.linearize_checked(&inputs, i))
+    }
+
+    pub(super) fn linearize_checked(&self, inputs: &CheckedInputs, i: usize) -> Linearization {
         let mut given = InstanceLoads::default();
         inputs.fill(i, self.factors(i).thrust, &mut given);
         let mut loads = ArmLoads::none();
@@ -96,6 +100,6 @@ impl Simulator {
             let thrust: [f64; 6] = thrust_wrench(thrusters, &settled).to_array();
             wrench = std::array::from_fn(|k| wrench[k] + thrust[k]);
         }
-        Ok(linearize(&compile(&scene).system, &state, &flow, &wrench, &given.fins, &loads))
+        linearize(&compile(&scene).system, &state, &flow, &wrench, &given.fins, &loads)
     }
 }

@@ -5,6 +5,7 @@
 
 use std::mem::ManuallyDrop;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use super::blocks::Blocks;
 use super::chunk::StepSettings;
@@ -16,11 +17,15 @@ use super::threads::for_each;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::CheckedInputs;
 use crate::batch::storage::table::Table;
-use crate::lane::{Kernel, Lane, Real};
+use crate::error::OutOfMemory;
+use crate::lane::{Kernel, Lane, Real, Tape};
+use crate::limits::{interrupt, memory};
 use crate::system::{InstanceSystem, System};
 
 /// Columns of a block.
 const COLUMNS: usize = f64::BLOCK;
+/// Recorded steps between two questions for an interrupt.
+const PORTION: usize = 1 << 12;
 
 /// An instance in rows of cotangents.
 pub struct CotangentColumn<'a> {
@@ -62,27 +67,37 @@ pub trait Cotangents: Sync {
 }
 
 impl Blocks<f64> {
-    /// Gradients of all instances under these inputs: `width` numbers of each. The instances are not stepped.
+    /// Gradients of all instances under these inputs: `width` numbers of each. The instances are not stepped. Numbers after an
+    /// interrupt mean nothing.
+    ///
+    /// # Errors
+    /// [`OutOfMemory`] if the record of the steps does not fit into memory.
     pub fn pull_back(
         &self,
         settings: &StepSettings,
         inputs: &CheckedInputs,
         cotangents: &impl Cotangents,
         width: usize,
-    ) -> Vec<f64> {
+    ) -> Result<Vec<f64>, OutOfMemory> {
         let size = self.table.layout.rows * COLUMNS;
         let mut out = vec![0.0; self.instances * width];
+        let failure = Mutex::new(Ok(()));
         if width > 0 {
             let items = self.rows.chunks_exact(size).zip(out.chunks_mut(COLUMNS * width)).enumerate();
             for_each(items, settings.threads, |(block, (rows, out))| {
+                if interrupt::requested() {
+                    return;
+                }
                 let first = block * COLUMNS;
                 let count = COLUMNS.min(self.instances - first);
                 let mut start = rows.to_vec();
                 self.table.apply(self.isa, &mut start, inputs, first, count);
-                self.pull_back_block(settings, cotangents, block, &start, out);
+                if let Err(error) = self.pull_back_block(settings, cotangents, block, &start, out) {
+                    *failure.lock().unwrap_or_else(PoisonError::into_inner) = Err(error);
+                }
             });
         }
-        out
+        failure.into_inner().unwrap_or_else(PoisonError::into_inner).map(|()| out)
     }
 
     /// The same of one block, whose rows hold the inputs.
@@ -93,7 +108,7 @@ impl Blocks<f64> {
         block: usize,
         start: &[f64],
         out: &mut [f64],
-    ) {
+    ) -> Result<(), OutOfMemory> {
         let (table, scene) = (&self.table, &self.scene);
         let count = COLUMNS.min(self.instances - block * COLUMNS);
         let width = out.len() / count;
@@ -127,12 +142,15 @@ impl Blocks<f64> {
             }
         };
         let (factors, pool) = (cotangents.factors(), &scene.adjoint_pools[2]);
-        let mut kernel = Reverse { step, block, of: &mut of, seed: &seed, factors, pool };
+        let records = settings.threads.min(self.instances.div_ceil(COLUMNS));
+        let mut kernel = Reverse { step, block, of: &mut of, seed: &seed, factors, pool, records, failure: Ok(()) };
         f64::dispatch_fused(self.isa, &mut kernel);
+        kernel.failure?;
         for (column, out) in out.chunks_exact_mut(width).enumerate() {
             let column = CotangentColumn { table, start, end: &rows, cotangents: &mut of, column };
             cotangents.read(block * COLUMNS + column.column, &column, out);
         }
+        Ok(())
     }
 }
 
@@ -147,6 +165,9 @@ struct Reverse<'s, 'a> {
     seed: &'s Seed<'s>,
     factors: bool,
     pool: &'s ScratchPool,
+    /// Records at a time.
+    records: usize,
+    failure: Result<(), OutOfMemory>,
 }
 
 impl Kernel<f64> for Reverse<'_, '_> {
@@ -173,13 +194,67 @@ impl Kernel<f64> for Reverse<'_, '_> {
             }
             reverse.record.tape.clear();
             reverse.record.sub_intervals.clear();
-            step.step_group::<_, _, _, false>(&instances.system, &[], &mut columns, &mut memory, &mut reverse.record);
+            let (before, substeps) = (step.before, step.substeps);
+            let (records, end) = (self.records, before + substeps);
+            let mut portions = Portions { next: before, end, records, recorded: 0, largest: 0 };
+            self.failure = loop {
+                match portions.next(step, &mut reverse.record.tape) {
+                    Ok(true) => {}
+                    end => break end.map(drop),
+                }
+                let (system, record) = (&instances.system, &mut reverse.record);
+                step.step_group::<_, _, _, false>(system, &[], &mut columns, &mut memory, record);
+            };
+            (step.before, step.substeps) = (before, substeps);
+            if portions.next < end || self.failure.is_err() {
+                break;
+            }
             (self.seed)(&mut *self.of, &*columns.rows, first..(first + L::LANES).min(step.count));
             let of = &mut Columns { rows: &mut *self.of, first };
             step.reverse_group(instances, &columns, of, &mut reverse, self.factors);
         }
         step.return_memory(memory, Some(ManuallyDrop::into_inner(instances)));
+        reverse.record.trim();
         self.pool.put(reverse);
+    }
+}
+
+/// Portions of recorded steps.
+struct Portions {
+    /// Next step, and the first that is not taken.
+    next: usize,
+    end: usize,
+    /// Records at a time.
+    records: usize,
+    /// Numbers recorded before the last portion, and by a portion at most.
+    recorded: usize,
+    largest: usize,
+}
+
+impl Portions {
+    /// Sets the steps to the next portion, for which the record has room; false after the last one, at an interrupt, and where
+    /// memory ends. (A call, as the next two functions: the steps themselves contain none.)
+    #[inline(never)]
+    fn next(&mut self, step: &mut Step<f64>, tape: &mut Tape<f64>) -> Result<bool, OutOfMemory> {
+        if self.next == self.end || interrupt::requested() {
+            return Ok(false);
+        }
+        let last = tape.len() - self.recorded;
+        if last > 0 {
+            // At first for all portions to come; later for one, as sub-intervals of steps differ.
+            let portions = if self.largest == 0 { (self.end - self.next).div_ceil(PORTION) } else { 1 };
+            self.largest = self.largest.max(last);
+            let count = (self.largest + self.largest / 8).saturating_mul(portions);
+            if tape.room() < count {
+                let what = "the record of the steps (take fewer substeps)";
+                memory::check(what, &[self.records, count, size_of::<f64>()])?;
+                tape.reserve_exact(count);
+            }
+        }
+        self.recorded = tape.len();
+        (step.before, step.substeps) = (self.next, PORTION.min(self.end - self.next));
+        self.next += step.substeps;
+        Ok(true)
     }
 }
 

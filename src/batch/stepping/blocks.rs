@@ -17,6 +17,7 @@ use crate::error::SimulatorError;
 use crate::hydro::Thrusts;
 use crate::integrate::Integrator;
 use crate::lane::{Isa, Real, Shared};
+use crate::limits::interrupt;
 use crate::system::{Compiled, Factors, Flow, State};
 
 /// Instances per thread below which threads cost more than they save.
@@ -127,8 +128,11 @@ impl<T: Real> Blocks<T> {
         let rows = Aligned::filled(size, T::from_f64(0.0)).map_err(|_| memory())?;
         let mut links = vec![compiled.links.clone()];
         if let Some((samples, own)) = own
-            && (1..samples).any(|i| own(i).links != compiled.links)
+            && (1..samples).any(|i| interrupt::requested() || own(i).links != compiled.links)
         {
+            if interrupt::requested() {
+                return Err(SimulatorError::Interrupted);
+            }
             links = (0..samples).map(|i| own(i).links).collect();
         }
         let own = own.map_or(Ok(None), |(samples, own)| OwnNumbers::new(instances, samples, own))?;
@@ -145,8 +149,8 @@ impl<T: Real> Blocks<T> {
         Ok(blocks)
     }
 
-    /// Calls `work` on each chunk with its item, on as many threads as the settings allow; violations of the settings'
-    /// limits.
+    /// Calls `work` on each chunk with its item, on as many threads as the settings allow, and on no more after an interrupt;
+    /// violations of the settings' limits.
     pub fn for_each_chunk<I: Send>(
         &mut self,
         settings: &StepSettings,
@@ -164,6 +168,9 @@ impl<T: Real> Blocks<T> {
         let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows).map(own);
         let chunks = chunks.zip(&mut self.scaled).zip(items);
         for_each(chunks.enumerate(), threads, |(k, (((rows, own), scaled), item))| {
+            if interrupt::requested() {
+                return;
+            }
             let first = k * CHUNK;
             let count = CHUNK.min(instances - first);
             let found = Violations::default();

@@ -15,9 +15,12 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::inputs::CheckedInputs;
 use crate::batch::storage::table::Table;
 use crate::lane::{Dual, Kernel, Lane, Real};
+use crate::limits::interrupt;
 
 /// Columns of a block.
 const COLUMNS: usize = f64::BLOCK;
+/// Steps of a block's columns between two questions for an interrupt: some tens of milliseconds.
+const PORTION: usize = 1 << 12;
 
 /// A column of a dual block: an instance along a direction.
 pub struct DualColumn<'a> {
@@ -93,7 +96,7 @@ impl Pairs for Duals {
 
 impl Blocks<f64> {
     /// Derivatives of the steps of all instances under these inputs, along all directions: `width` numbers of each instance. The
-    /// instances are not stepped.
+    /// instances are not stepped. Numbers after an interrupt mean nothing.
     pub fn differentiate<N: Pairs>(
         &self,
         settings: &StepSettings,
@@ -106,6 +109,9 @@ impl Blocks<f64> {
         if width > 0 {
             let items = self.rows.chunks_exact(size).zip(out.chunks_mut(COLUMNS * width)).enumerate();
             for_each(items, settings.threads, |(block, (rows, out))| {
+                if interrupt::requested() {
+                    return;
+                }
                 let mut rows = rows.to_vec();
                 let first = block * COLUMNS;
                 self.table.apply(self.isa, &mut rows, inputs, first, COLUMNS.min(self.instances - first));
@@ -147,7 +153,7 @@ impl Blocks<f64> {
             if let Some((_, rows)) = own_rows {
                 gather(rows, &instances, &mut own);
             }
-            let step = Step {
+            let mut step = Step {
                 system: &scene.system,
                 scalar_system: None,
                 unscaled: &scene.unscaled,
@@ -166,7 +172,16 @@ impl Blocks<f64> {
                 count: filled,
                 blocks: &mut [],
             };
-            N::step(&step, &mut dual);
+            // The portions make no difference to the result, as those of the steps.
+            let end = settings.before + settings.substeps;
+            while step.before < end {
+                step.substeps = PORTION.min(end - step.before);
+                N::step(&step, &mut dual);
+                step.before += step.substeps;
+                if interrupt::requested() {
+                    return;
+                }
+            }
             let (values, slopes) = dual.split_at_mut(rows.len());
             for column in 0..filled {
                 let (out, start) = (&mut out[instances[column] * width..][..width], (rows, instances[column]));

@@ -13,7 +13,18 @@ use crate::integrate::{
 };
 use crate::lane::{Lane, Real, Routine, Tape};
 use crate::lie::{Matrix3, Vector3, Vector6};
+use crate::limits::interrupt;
 use crate::system::{InstanceSystem, JOINTS, System};
+
+/// Reversed steps between two questions for an interrupt.
+const PORTION: usize = 1 << 10;
+
+/// [`interrupt::requested`]. (A call, and no closure: the steps themselves contain none.)
+#[cold]
+#[inline(never)]
+fn interrupted() -> bool {
+    interrupt::requested()
+}
 
 /// Memory of the reverse of a column group.
 pub(super) struct ReverseMemory<L: Lane> {
@@ -194,6 +205,9 @@ impl<T: Real> Step<'_, T> {
         };
         let parts = if of_factors { &instances.unscaled[..] } else { &[] };
         for k in (self.before..self.before + self.substeps).rev() {
+            if k % PORTION == PORTION - 1 && interrupted() {
+                return;
+            }
             let held = (of_motion.position, of_motion.turn);
             if system.fixed {
                 of_motion.twist = Vector6::zero();

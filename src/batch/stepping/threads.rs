@@ -6,23 +6,27 @@
 use std::hint::spin_loop;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread::available_parallelism;
+use std::thread::{self, Thread, available_parallelism};
 use std::time::{Duration, Instant};
 
 use once_cell::race::OnceBox;
 use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::limits::interrupt;
 
 /// Time that a thread which has finished spins for the others before it sleeps: mostly they finish within it, and sleeping
 /// and waking takes as long.
 const PATIENCE: Duration = Duration::from_micros(50);
 
 /// Calls `work` on all items, on up to `threads` threads: this one, and idle ones of the pool. The assignment of items to
-/// threads does not influence the result. A panic in `work` is raised here, once all threads are done.
+/// threads does not influence the result. A panic in `work` is raised here, once all threads are done. All of them take part in the
+/// computation of this one ([`interrupt::requested`]), which goes on asking while it waits.
 pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads: usize, work: impl Fn(I) + Sync) {
     let helpers = threads.min(items.len()).saturating_sub(1);
     let busy = AtomicUsize::new(0);
     let engaged = if helpers == 0 { None } else { Pool::of_this_process().engage(helpers, &busy) };
     let Some((pool, engaged)) = engaged else { return items.for_each(work) };
+    let watch = interrupt::current();
     let items = Mutex::new(items);
     let turn = || {
         loop {
@@ -32,10 +36,11 @@ pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads
         }
     };
     pool.in_place_scope(|scope| {
-        for helper in engaged {
-            let turn = &turn;
+        for mut helper in engaged {
+            let (turn, watch) = (&turn, watch.clone());
+            helper.waiting = watch.is_some().then(thread::current);
             scope.spawn(move |_| {
-                let _until_done = helper;
+                let _until_done = (helper, interrupt::join(watch));
                 turn();
             });
         }
@@ -43,6 +48,10 @@ pub fn for_each<I: Send>(items: impl ExactSizeIterator<Item = I> + Send, threads
         let done = Instant::now();
         while busy.load(Ordering::Acquire) > 0 && done.elapsed() < PATIENCE {
             spin_loop();
+        }
+        while watch.is_some() && busy.load(Ordering::Acquire) > 0 {
+            interrupt::requested();
+            thread::park_timeout(interrupt::INTERVAL);
         }
     });
 }
@@ -61,12 +70,17 @@ struct Pool {
 struct Helper<'a> {
     idle: &'a AtomicUsize,
     busy: &'a AtomicUsize,
+    /// The thread that waits for it and asks for interrupts.
+    waiting: Option<Thread>,
 }
 
 impl Drop for Helper<'_> {
     fn drop(&mut self) {
         self.idle.fetch_add(1, Ordering::Relaxed);
         self.busy.fetch_sub(1, Ordering::Release);
+        if let Some(waiting) = &self.waiting {
+            waiting.unpark();
+        }
     }
 }
 
@@ -105,6 +119,6 @@ impl Pool {
         let before = self.idle.fetch_update(Ordering::Relaxed, Ordering::Relaxed, take).ok()?;
         let engaged = before.min(most);
         busy.store(engaged, Ordering::Relaxed);
-        Some((threads, (0..engaged).map(move |_| Helper { idle: &self.idle, busy })))
+        Some((threads, (0..engaged).map(move |_| Helper { idle: &self.idle, busy, waiting: None })))
     }
 }

@@ -3,6 +3,7 @@
 use super::aligned::Aligned;
 use crate::error::SimulatorError;
 use crate::lane::{Lane, Real};
+use crate::limits::interrupt;
 use crate::system::{Compiled, InstanceSystem, RunVisitor};
 
 /// First row of each run of numbers ([`InstanceSystem::visit`]); none where all instances share the run.
@@ -72,6 +73,9 @@ impl<T: Real> OwnNumbers<T> {
         let runs = runs_of(&compiled(0));
         let mut differs = vec![false; runs.len()];
         for i in 1..samples {
+            if interrupt::requested() {
+                return Err(SimulatorError::Interrupted);
+            }
             for ((differs, first), run) in differs.iter_mut().zip(&runs).zip(runs_of(&compiled(i))) {
                 *differs |= *first != run;
             }
@@ -93,6 +97,9 @@ impl<T: Real> OwnNumbers<T> {
         let mut numbers = Self { layout: OwnLayout { run_rows, width, runs }, rows };
         let first = compiled(0);
         for i in 0..columns {
+            if interrupt::requested() {
+                return Err(SimulatorError::Interrupted);
+            }
             // Columns past the last instance hold valid numbers too.
             if i < samples.min(instances) { numbers.set(i, &compiled(i)) } else { numbers.set(i, &first) }
         }

@@ -3,6 +3,7 @@
 use crate::control::Allocation;
 use crate::description::Scene;
 use crate::error::SimulatorError;
+use crate::limits::interrupt;
 use crate::system::{Compiled, compile, structural_difference};
 
 /// Scenes of all instances, of equal structure.
@@ -26,6 +27,9 @@ impl OwnScenes {
         let keys = model.joint_keys();
         let mut allocations = Vec::with_capacity(scenes.len());
         for (instance, scene) in scenes.iter().enumerate() {
+            if interrupt::requested() {
+                return Err(SimulatorError::Interrupted);
+            }
             let difference = difference_outside_kernels(model, scene)
                 .or_else(|| structural_difference(first, &compile(scene), &keys));
             if let Some(place) = difference {

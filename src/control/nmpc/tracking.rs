@@ -13,6 +13,7 @@ use crate::control::resolved_motion::{Bank, NominalModel, TrackingIndices, reach
 use crate::control::{ActionMap, Actuation};
 use crate::description::Scene;
 use crate::error::ControlError;
+use crate::limits::interrupt;
 
 /// Control periods of a plan.
 const HORIZON: usize = 10;
@@ -195,6 +196,9 @@ impl Controller for TrackingNmpc {
         widths.rows(observations, memory, actions)?;
         let rows = observations.chunks_exact(widths.observation).zip(memory.chunks_exact_mut(widths.memory));
         for ((observation, memory), action) in rows.zip(actions.chunks_exact_mut(widths.action)) {
+            if interrupt::requested() {
+                break;
+            }
             self.control(observation, memory, action);
         }
         Ok(())

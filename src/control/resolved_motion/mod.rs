@@ -22,6 +22,7 @@ use super::{ACTIONS, ActionMap, Actuation};
 use crate::description::{JointLimits, Scene};
 use crate::dynamics::{EquationsOfMotion, VELOCITIES, Velocities};
 use crate::error::ControlError;
+use crate::limits::interrupt;
 use crate::system::JOINTS;
 
 /// Share of its travel within which a joint near a limit loses mobility.
@@ -251,6 +252,9 @@ impl Controller for ResolvedMotion {
         widths.rows(observations, memory, actions)?;
         let rows = observations.chunks_exact(widths.observation).zip(actions.chunks_exact_mut(widths.action.max(1)));
         for (k, (observation, action)) in rows.enumerate() {
+            if interrupt::requested() {
+                break;
+            }
             self.control(observation, &mut memory[k * widths.memory..][..widths.memory], action);
         }
         Ok(())

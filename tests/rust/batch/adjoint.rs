@@ -229,7 +229,7 @@ fn recorded_steps_are_those_of_the_simulator() {
     for scene in scenes() {
         for name in production() {
             with_case(&scene, (9, 3), (name, 1e-9, Isa::Avx2), |blocks, settings, inputs, _| {
-                let recorded = blocks.pull_back(settings, inputs, &Ends, blocks.column_len());
+                let recorded = blocks.pull_back(settings, inputs, &Ends, blocks.column_len()).unwrap();
                 blocks.step(settings, Some(inputs));
                 let stepped: Vec<_> = (0..9).flat_map(|i| blocks.column(i)).map(f64::to_bits).collect();
                 let recorded: Vec<_> = recorded.into_iter().map(f64::to_bits).collect();
@@ -246,7 +246,7 @@ fn gradients_have_the_same_bits_in_all_lanes() {
             let [fma, others @ ..] = [Isa::Fma, Isa::Avx2, Isa::Avx512].map(|isa| {
                 let mut bits = Vec::new();
                 with_case(&scene, (9, 2), (name, Gains::DEFAULT.tolerance, isa), |blocks, settings, inputs, _| {
-                    let gradients = blocks.pull_back(settings, inputs, &RandomCotangents, blocks.column_len());
+                    let gradients = blocks.pull_back(settings, inputs, &RandomCotangents, blocks.column_len()).unwrap();
                     bits = gradients.into_iter().map(f64::to_bits).collect();
                 });
                 bits

@@ -1,0 +1,45 @@
+//! Computations without the interpreter's lock.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+use uvms_gym::limits::interrupt::watched;
+
+/// Runs `work` without the lock.
+///
+/// # Errors
+/// `RuntimeError` for a panic, which is a fault of this package.
+pub fn detached<R: Send>(py: Python<'_>, work: impl FnOnce() -> R + Send) -> PyResult<R> {
+    py.detach(|| catch_unwind(AssertUnwindSafe(work))).map_err(|panic| {
+        let text = text(&*panic);
+        PyRuntimeError::new_err(format!("internal error, a fault of uvms_gym, which should be reported: {text}"))
+    })
+}
+
+/// As [`detached`]; a signal (Ctrl-C) ends the work within a tenth of a second.
+///
+/// # Errors
+/// As [`detached`]; the exception of a signal's handler.
+pub fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce() -> R + Send) -> PyResult<R> {
+    let raised = Arc::new(Mutex::new(None));
+    let place = raised.clone();
+    let go_on = move || {
+        let checked = Python::attach(|py| py.check_signals());
+        checked.map_err(|error| *place.lock().unwrap_or_else(PoisonError::into_inner) = Some(error)).is_ok()
+    };
+    let result = detached(py, || watched(go_on, work))?;
+    match raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        Some(error) => Err(error),
+        None => Ok(result),
+    }
+}
+
+/// Message of a panic.
+fn text(panic: &(dyn Any + Send)) -> &str {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("unknown")
+}
