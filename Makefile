@@ -15,7 +15,7 @@ installed = cd dist && UVMS_GYM_UNDER_TEST="$$("$(abspath $(BIN)/python)" -c 'im
 	--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-rust lint test-wheel test-learning test-python test-nightly test-ray docs pictures wheel clean
+.PHONY: help run test test-rust lint audit test-wheel test-learning test-python test-nightly test-ray docs pictures wheel clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -50,6 +50,10 @@ pictures: $(VENV)/wheel $(VENV)/cli ## pictures of README.md and docs that take 
 	python -P -c "from pathlib import Path; from uvms_gym.studies.comparison.plots import plot_frontier, stored_panels; \
 	plot_frontier(Path('frontier.png'), stored_panels(sorted(Path('../uvms_gym/pretrained').glob('*/*/*/results.json'), reverse=True)))"
 
+audit: $(VENV)/audit ## licences, sources and known vulnerabilities of dependencies; needs cargo-deny and the network
+	cargo deny --workspace --config .cargo/deny.toml check
+	$(BIN)/python .ci/requirements.py cli video human web ros2 train jax test docs | $(BIN)/pip-audit --requirement /dev/stdin
+
 test-wheel: $(VENV)/test $(VENV)/wheel ## Python tests against the installed wheel
 	$(installed)
 
@@ -79,6 +83,7 @@ docs: $(VENV)/docs $(VENV)/learning $(VENV)/wheel ## documentation site into out
 
 wheel: $(VENV)/zig ## wheel for any Linux with glibc 2.17 (CPython 3.11 and later) and source distribution, into dist/
 	rm -rf dist
+	$(BIN)/python .ci/licenses.py
 	PATH="$(abspath $(BIN)):$$PATH" maturin build --release --strip --quiet --zig --compression-level 9 --compatibility manylinux2014 --interpreter "$(abspath $(BIN)/python)" \
 		--target "$$(rustc -vV | sed -n 's/^host: //p')" --out dist
 	$(BIN)/maturin sdist --out dist
@@ -100,6 +105,10 @@ $(VENV)/test: $(VENV)/made pyproject.toml
 	$(call requirements,test)
 	touch $@
 
+$(VENV)/audit: $(VENV)/made pyproject.toml
+	$(call requirements,audit)
+	touch $@
+
 $(VENV)/docs: $(VENV)/made pyproject.toml
 	$(call requirements,docs)
 	touch $@
@@ -117,8 +126,9 @@ $(VENV)/pyright: $(VENV)/made
 	$(pip) 'basedpyright>=1.40,<2'
 	touch $@
 
-dist/made: $(VENV)/made pyproject.toml $(RUST) $(PACKAGE)
+dist/made: $(VENV)/made pyproject.toml .ci/licenses.py $(RUST) $(PACKAGE)
 	rm -rf dist
+	$(BIN)/python .ci/licenses.py
 	$(BIN)/maturin build --release --quiet --interpreter "$(abspath $(BIN)/python)" --out dist
 	touch $@
 

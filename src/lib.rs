@@ -24,6 +24,7 @@
 //! ```
 //!
 #![doc = include_str!("NOTATION.md")]
+#![deny(unsafe_code)]
 
 pub mod batch;
 pub mod control;

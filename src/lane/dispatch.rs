@@ -27,10 +27,12 @@ macro_rules! real {
 
             #[cfg(target_arch = "x86_64")]
             fn dispatch<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                // SAFETY: each branch is taken only where its features have been detected.
                 match isa {
+                    // SAFETY: the features have been detected.
                     Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
+                    // SAFETY: the features have been detected.
                     Isa::Avx2 if isa.detected() => unsafe { avx2::run(kernel) },
+                    // SAFETY: the features have been detected.
                     Isa::Fma if isa.detected() => unsafe { fma::run(kernel) },
                     _ => plain::run(kernel),
                 }
@@ -38,9 +40,9 @@ macro_rules! real {
 
             #[cfg(target_arch = "x86_64")]
             fn dispatch_narrow<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                // SAFETY: its features have been detected.
                 match isa {
                     Isa::Plain => plain::run(kernel),
+                    // SAFETY: the features have been detected.
                     _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
                     _ => plain::run(kernel),
                 }
@@ -56,10 +58,12 @@ macro_rules! real {
 
             #[cfg(target_arch = "x86_64")]
             fn dispatch_fused<K: Kernel<Self>>(isa: Isa, kernel: &mut K) {
-                // SAFETY: each branch is taken only where its features have been detected.
                 match isa {
+                    // SAFETY: the features have been detected.
                     Isa::Avx512 if isa.detected() => unsafe { avx512::run(kernel) },
+                    // SAFETY: the features have been detected.
                     Isa::Avx2 if isa.detected() => unsafe { avx2::run(kernel) },
+                    // SAFETY: the features have been detected.
                     _ if Isa::Fma.detected() => unsafe { fma::run(kernel) },
                     _ => {}
                 }

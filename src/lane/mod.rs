@@ -32,22 +32,31 @@ macro_rules! unroll {
 }
 pub(crate) use unroll;
 
+#[allow(unsafe_code)]
 mod dispatch;
 mod dual;
 mod elementary;
 mod isa;
 #[cfg(target_arch = "aarch64")]
+#[allow(unsafe_code)]
 mod neon;
 mod number;
+#[allow(unsafe_code)]
 mod param;
+#[allow(unsafe_code)]
 mod prefetch;
+#[allow(unsafe_code)]
 mod rows;
+#[allow(unsafe_code)]
 mod scalar;
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+#[allow(unsafe_code)]
 mod simd;
 mod tape;
+#[allow(unsafe_code)]
 mod transpose;
 #[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)]
 mod x86;
 
 pub use dual::Dual;

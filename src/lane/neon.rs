@@ -38,11 +38,10 @@ simd_lane! {
     widen_f32x4
 }
 
-// SAFETY (all below): as in the expansions above, their only callers.
-
 /// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f64x2(x: float64x2_t) -> (float64x2_t, float64x2_t) {
+    // SAFETY: every aarch64 has NEON.
     unsafe {
         let bits = vreinterpretq_u64_f64(x);
         let one = vreinterpretq_u64_f64(vdupq_n_f64(1.0));
@@ -55,6 +54,7 @@ unsafe fn split_f64x2(x: float64x2_t) -> (float64x2_t, float64x2_t) {
 /// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f32x4(x: float32x4_t) -> (float32x4_t, float32x4_t) {
+    // SAFETY: every aarch64 has NEON.
     unsafe {
         let bits = vreinterpretq_u32_f32(x);
         let one = vreinterpretq_u32_f32(vdupq_n_f32(1.0));
@@ -67,6 +67,7 @@ unsafe fn split_f32x4(x: float32x4_t) -> (float32x4_t, float32x4_t) {
 /// Estimates of inverse square roots: half the exponent, negated.
 #[inline(always)]
 unsafe fn estimate_f64x2(x: float64x2_t) -> float64x2_t {
+    // SAFETY: every aarch64 has NEON.
     unsafe {
         let half = vshrq_n_u64::<1>(vreinterpretq_u64_f64(x));
         vreinterpretq_f64_u64(vsubq_u64(vdupq_n_u64(INVERSE_SQRT), half))
@@ -76,6 +77,7 @@ unsafe fn estimate_f64x2(x: float64x2_t) -> float64x2_t {
 /// Estimates of inverse square roots: half the exponent, negated.
 #[inline(always)]
 unsafe fn estimate_f32x4(x: float32x4_t) -> float32x4_t {
+    // SAFETY: every aarch64 has NEON.
     unsafe {
         let half = vshrq_n_u32::<1>(vreinterpretq_u32_f32(x));
         vreinterpretq_f32_u32(vsubq_u32(vdupq_n_u32(INVERSE_SQRT_SINGLE), half))
@@ -85,6 +87,7 @@ unsafe fn estimate_f32x4(x: float32x4_t) -> float32x4_t {
 /// Stores as f64.
 #[inline(always)]
 unsafe fn widen_f32x4(to: *mut f64, x: float32x4_t) {
+    // SAFETY: all lanes fit at `to`, by the contract of the function.
     unsafe {
         vst1q_f64(to, vcvt_f64_f32(vget_low_f32(x)));
         vst1q_f64(to.add(2), vcvt_high_f64_f32(x));

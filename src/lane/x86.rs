@@ -69,13 +69,12 @@ simd_lane! {
     widen_f32x8
 }
 
-// SAFETY (all below): as in the expansions above, their only callers.
-
 /// Short functions. (Closures would not be inlined: they have no instruction set of their own.)
 macro_rules! inlined {
     ($($name:ident($($x:ident: $from:ty),+) -> $to:ty = $value:expr;)+) => {
         $(#[inline(always)]
         unsafe fn $name($($x: $from),+) -> $to {
+            // SAFETY: by the contract of the function; its callers are the expansions above.
             #[allow(unused_unsafe, reason = "operations on masks are safe")]
             unsafe { $value }
         })+
@@ -107,6 +106,7 @@ inlined! {
 /// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f64x8(x: __m512d) -> (__m512d, __m512d) {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let bits = _mm512_castpd_si512(x);
         let fraction = _mm512_and_si512(bits, _mm512_set1_epi64(FRACTION));
@@ -120,6 +120,7 @@ unsafe fn split_f64x8(x: __m512d) -> (__m512d, __m512d) {
 /// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f32x16(x: __m512) -> (__m512, __m512) {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let bits = _mm512_castps_si512(x);
         let fraction = _mm512_and_si512(bits, _mm512_set1_epi32(FRACTION_SINGLE));
@@ -133,6 +134,7 @@ unsafe fn split_f32x16(x: __m512) -> (__m512, __m512) {
 /// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f64x4(x: __m256d) -> (__m256d, __m256d) {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let bits = _mm256_castpd_si256(x);
         let fraction = _mm256_and_si256(bits, _mm256_set1_epi64x(FRACTION));
@@ -146,6 +148,7 @@ unsafe fn split_f64x4(x: __m256d) -> (__m256d, __m256d) {
 /// Mantissas and exponents of positive normal numbers, from their bits.
 #[inline(always)]
 unsafe fn split_f32x8(x: __m256) -> (__m256, __m256) {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let bits = _mm256_castps_si256(x);
         let fraction = _mm256_and_si256(bits, _mm256_set1_epi32(FRACTION_SINGLE));
@@ -158,6 +161,7 @@ unsafe fn split_f32x8(x: __m256) -> (__m256, __m256) {
 /// Estimates of inverse square roots: half the exponent, negated.
 #[inline(always)]
 unsafe fn estimate_f64x8(x: __m512d) -> __m512d {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let half = _mm512_srli_epi64::<1>(_mm512_castpd_si512(x));
         _mm512_castsi512_pd(_mm512_sub_epi64(_mm512_set1_epi64(INVERSE_SQRT as i64), half))
@@ -167,6 +171,7 @@ unsafe fn estimate_f64x8(x: __m512d) -> __m512d {
 /// Estimates of inverse square roots: half the exponent, negated.
 #[inline(always)]
 unsafe fn estimate_f32x16(x: __m512) -> __m512 {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let half = _mm512_srli_epi32::<1>(_mm512_castps_si512(x));
         _mm512_castsi512_ps(_mm512_sub_epi32(_mm512_set1_epi32(INVERSE_SQRT_SINGLE as i32), half))
@@ -176,6 +181,7 @@ unsafe fn estimate_f32x16(x: __m512) -> __m512 {
 /// Estimates of inverse square roots: half the exponent, negated.
 #[inline(always)]
 unsafe fn estimate_f64x4(x: __m256d) -> __m256d {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let half = _mm256_srli_epi64::<1>(_mm256_castpd_si256(x));
         _mm256_castsi256_pd(_mm256_sub_epi64(_mm256_set1_epi64x(INVERSE_SQRT as i64), half))
@@ -185,6 +191,7 @@ unsafe fn estimate_f64x4(x: __m256d) -> __m256d {
 /// Estimates of inverse square roots: half the exponent, negated.
 #[inline(always)]
 unsafe fn estimate_f32x8(x: __m256) -> __m256 {
+    // SAFETY: by the contract of the function: the CPU has the feature.
     unsafe {
         let half = _mm256_srli_epi32::<1>(_mm256_castps_si256(x));
         _mm256_castsi256_ps(_mm256_sub_epi32(_mm256_set1_epi32(INVERSE_SQRT_SINGLE as i32), half))
@@ -194,6 +201,7 @@ unsafe fn estimate_f32x8(x: __m256) -> __m256 {
 /// Stores as f64.
 #[inline(always)]
 unsafe fn widen_f32x16(to: *mut f64, x: __m512) {
+    // SAFETY: by the contract of the function: the CPU has the feature, and all lanes fit at `to`.
     unsafe {
         let high = _mm512_extractf64x4_pd::<1>(_mm512_castps_pd(x));
         _mm512_storeu_pd(to, _mm512_cvtps_pd(_mm512_castps512_ps256(x)));
@@ -204,6 +212,7 @@ unsafe fn widen_f32x16(to: *mut f64, x: __m512) {
 /// Stores as f64.
 #[inline(always)]
 unsafe fn widen_f32x8(to: *mut f64, x: __m256) {
+    // SAFETY: by the contract of the function: the CPU has the feature, and all lanes fit at `to`.
     unsafe {
         _mm256_storeu_pd(to, _mm256_cvtps_pd(_mm256_castps256_ps128(x)));
         _mm256_storeu_pd(to.add(4), _mm256_cvtps_pd(_mm256_extractf128_ps::<1>(x)));

@@ -1,4 +1,5 @@
 //! The Python module `uvms_gym._core`: arguments in, arrays out, and nothing else.
+#![deny(unsafe_code)]
 
 mod arrays;
 mod choices;

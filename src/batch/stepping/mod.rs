@@ -13,5 +13,6 @@ mod joint_coordinates;
 mod lagged_added_mass;
 mod reverse;
 mod scratch_pool;
+#[allow(unsafe_code)]
 pub mod step;
 pub mod threads;
