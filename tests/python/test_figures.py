@@ -32,7 +32,7 @@ TOUCH = 1.0
 
 
 @pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[Figure, float]]]:
+def drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[Figure, float]]]:
     """Figures and their resolution, in their final layout, in place of files; the laws hold for each."""
     found: list[tuple[Figure, float]] = []
 
@@ -43,6 +43,8 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[tuple[Figure, float]
         found.append((figure, dpi))
 
     monkeypatch.setattr(Figure, "savefig", keep)
+    # Files are made, though empty.
+    monkeypatch.chdir(tmp_path)
     yield found
     assert found
 
