@@ -159,5 +159,5 @@ def test_what_cannot_be_is_refused() -> None:
             AdaptiveResolvedMotion(env, **gains)
     with pytest.raises(ValueError, match="state has shape"):
         AdaptiveResolvedMotion(env).probabilities(np.zeros(3))
-    with pytest.raises(ValueError, match="needs an end effector that follows a path"):
+    with pytest.raises(ValueError, match="is for UVMS-EETrack, not for UVMS-StationKeep; controllers of"):
         AdaptiveResolvedMotion(scene="petasus-pum", task="station-keep")

@@ -228,14 +228,20 @@ def native(
         given["disturbance"] = as_json("disturbance", given["disturbance"])
     if isinstance(given.get("randomize"), Mapping):
         given["randomize"] = {name: span for name, span in given["randomize"].items() if span is not None}
-    return Task(
-        options.scene,
-        given,
-        **batch,
-        num_envs=num_envs,
-        autoreset=autoreset,
-        max_episode_steps=max_episode_steps or None,
-    )
+    limit = max_episode_steps or None
+    try:
+        return Task(options.scene, given, **batch, num_envs=num_envs, autoreset=autoreset, max_episode_steps=limit)
+    except ValueError as error:
+        if type(error) is not ValueError or not str(error).startswith("options: "):
+            raise
+        reason = str(error)
+    raise ValueError(_once(reason.removeprefix("options: ")))
+
+
+def _once(reason: str) -> str:
+    """Reason of a refused option with its key once: the native reader repeats it, at the start and in a last line."""
+    key, _, rest = reason.split("\nin `")[0].strip().partition(": ")
+    return f"{key}: {rest.removeprefix(f'{key}: ')}" if rest else key
 
 
 def _check_group(name: str, given: Any) -> None:

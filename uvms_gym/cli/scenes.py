@@ -8,7 +8,7 @@ from typer import Argument, Option
 
 import uvms_gym
 from uvms_gym.cli.common import check_range, console, fail, prepare, read_scene
-from uvms_gym.cli.output import Json, table, write_json
+from uvms_gym.cli.output import Json, say, table, write_json
 from uvms_gym.studies.numerics import bodies
 
 Scene = Annotated[str, Argument(metavar="SCENE", help="Name of a shipped scene, or path of a TOML file.")]
@@ -51,8 +51,13 @@ def show(scene: Scene, json_file: Json = None) -> None:
     console.print()
     links = loaded.get("arm", {}).get("links", [])
     named = [("vehicle", loaded["vehicle"]["body"]), *((link["name"], link["body"]) for link in links)]
-    rows = [(name, f"{body['mass']:.4g}", f"{1e3 * body.get('volume', 0.0):.4g}") for name, body in named]
-    table("Bodies", ("body", "mass kg", "volume L"), rows)
+    rows: list[tuple[str, ...]] = []
+    for name, body in named:
+        buoyancy, specific = _buoyancy(loaded, body), _specific_weight(loaded)
+        # Scenes give the volume or the buoyancy.
+        volume = 1e3 * body.get("volume", buoyancy / specific if specific else 0.0)
+        rows.append((name, f"{body['mass']:.4g}", f"{volume:.4g}", f"{buoyancy:.4g}"))
+    table("Bodies", ("body", "mass kg", "volume L", "buoyancy N"), rows)
     if simulator.num_joints:
         table("Joints", ("index", "joint"), enumerate(simulator.joint_names))
     if simulator.num_thrusters:
@@ -120,14 +125,23 @@ def _freedom(simulator: uvms_gym.Simulator) -> int:
     return simulator.num_joints + (0 if simulator.scene["vehicle"]["fixed"] else 6)
 
 
+def _specific_weight(scene: dict[str, Any]) -> float:
+    """Weight of the water, N/m3."""
+    return float(scene["water"]["density"] * math.hypot(*scene["water"]["gravity"]))
+
+
+def _buoyancy(scene: dict[str, Any], body: dict[str, Any]) -> float:
+    """Buoyancy of a body, N."""
+    return float(body.get("buoyancy", _specific_weight(scene) * body.get("volume", 0.0)))
+
+
 def _balance(simulator: uvms_gym.Simulator) -> dict[str, float]:
     """Degrees of freedom, mass, weight and buoyancy."""
     scene = simulator.scene
     gravity = math.hypot(*scene["water"]["gravity"])
     mass = sum(body["mass"] for body in bodies(scene))
     weight = mass * gravity
-    density = scene["water"]["density"]
-    buoyancy = sum(body.get("buoyancy", density * gravity * body.get("volume", 0.0)) for body in bodies(scene))
+    buoyancy = sum(_buoyancy(scene, body) for body in bodies(scene))
     return {
         "degrees of freedom": _freedom(simulator),
         "joints": simulator.num_joints,
@@ -160,6 +174,8 @@ def _show_rates(simulator: uvms_gym.Simulator, speed: float | None) -> tuple[lis
             [(m["what"], m["where"], _rate(m["rate"]), _period(m["period"])) for m in modes[:SHOWN]],
             text_columns=2,
         )
+        if any(mode["rate"].real > 0.0 for mode in modes[:SHOWN]):
+            say("A positive rate is unstable: the motion grows without control, as by the Munk moment in a flow.")
     rows = [(name, *(_step(step[name]) for step in steps.values())) for name in steps["servos off"]]
     table("Greatest stable step, s", ("integrator", *choices), rows)
     return modes, steps

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import warnings
+from collections.abc import Iterator
 from functools import partial
 from typing import Any, ClassVar
 
@@ -120,7 +121,9 @@ class ClassicalController(Controller):
 
     #: Name of the native controller.
     kind: ClassVar[str]
+    #: Task without an environment, and all tasks; none: that one alone.
     _task: ClassVar[str] = "station-keep"
+    _tasks: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
@@ -147,8 +150,22 @@ class ClassicalController(Controller):
             arguments = {"task": self._task, **arguments}
         # The disturbance tells the sensors' delay, which is a gain from here on.
         options = options_of(name, env, arguments, "disturbance")
+        self._check_task(options.get("task", "station-keep"))
         self.native = native(options).controller(self.kind, {key: _plain(key, gain) for key, gain in gains.items()})
         self._options = {key: value for key, value in options.items() if key != "disturbance"}
+
+    @classmethod
+    def _check_task(cls, task: str) -> None:
+        """Refuse a task that the controller is not for, and name the controllers that are."""
+        known = dict(_core.tasks())
+        own = cls._tasks or (cls._task,)
+        if task in known and task not in own:
+            others = [kind for kind in _below(ClassicalController) if "kind" in vars(kind)]
+            fit = [kind.__name__ for kind in others if task in (kind._tasks or (kind._task,))]
+            raise ValueError(
+                f"{cls.__name__} is for {' and '.join(known[one] for one in own)}, not for {known[task]}; "
+                f"controllers of {known[task]}: {', '.join(fit)}"
+            )
 
     @property
     def gains(self) -> dict[str, Any]:
@@ -166,6 +183,13 @@ class ClassicalController(Controller):
 
     def __reduce__(self) -> Any:
         return partial(type(self), **self.gains, **self._options), ()
+
+
+def _below(kind: type[ClassicalController]) -> Iterator[type[ClassicalController]]:
+    """All classes below one."""
+    for one in kind.__subclasses__():
+        yield one
+        yield from _below(one)
 
 
 def options_of(controller: str, env: Any, given: dict[str, Any], *more: str) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """Classical feedback: PD, PID, PD with restoring compensation, PD for docking, and zero action."""
 
+from uvms_gym._core import tasks
 from uvms_gym.controllers.base import ClassicalController
 
 
@@ -15,6 +16,7 @@ class NoControl(ClassicalController):
     """
 
     kind = "none"
+    _tasks = tuple(dict(tasks()))
 
 
 class PD(ClassicalController):

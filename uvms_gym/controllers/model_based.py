@@ -231,6 +231,7 @@ class NMPC(ClassicalController):
     """
 
     kind = "nmpc"
+    _tasks = ("station-keep", "ee-track")
 
 
 class ResolvedMotion(ClassicalController):

@@ -92,7 +92,7 @@ class StationKeepEnv(TaskEnv):
     | `waves` | Airy waves, decaying with depth | `height` (m), `period` (s), `depth` (m), `trains` (1 to 3) |
     | `impulse` | pushes | `share` or `force` (N), `duration`, `pause` (s), `reach` |
     | `tether` | cable | `height`, `distance`, `slack`, `diameter`, `drag`, `weight`, `stiffness`, `attachment` |
-    | `payload` | mass grasped and released | `share` or `mass` (kg), `pick`, `hold` (s) |
+    | `payload` | mass that is held for a time | `share` or `mass` (kg), `pick`, `hold` (s) |
     | `thrusters` | thrusters that weaken or fail | `count`, `gain` (or `gains` of all), `time`, `fade` (s) |
     | `arm` | factors on the arm's motion | `amplitude`, `speed` |
     | `noise` | white noise of sensors, and bias | deviations by block (`position`, ..., `joint_rate`), `bias` (share) |
@@ -100,6 +100,7 @@ class StationKeepEnv(TaskEnv):
     | `parameters` | as `randomize` | ranges by name |
     | `script` | time series per control period | `current` (T, 3), `wrench` (T, 6), `repeat` |
 
+    A payload is held at the end effector, on a vehicle without an arm at its origin.
     Noise and delay act on the errors, velocities and joints in observations, and on the integral of the errors; rewards
     and infos are computed from the true state. `env.unwrapped.disturbance()` forecasts the disturbance.
 
