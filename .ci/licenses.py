@@ -21,7 +21,9 @@ def main() -> None:
     out = Path(next(file for file in files if file.startswith("target/")))
     tree = cargo("tree", "--package", PACKAGE, "--edges", "normal,no-proc-macro", "--prefix", "none", "--format", "{p}")
     linked = {tuple(line.split()[:2]) for line in tree.splitlines() if line}
-    packages = json.loads(cargo("metadata", "--format-version", "1"))["packages"]
+    rustc = subprocess.run(["rustc", "-vV"], check=True, stdout=subprocess.PIPE, text=True).stdout
+    host = next(line.removeprefix("host: ") for line in rustc.splitlines() if line.startswith("host: "))
+    packages = json.loads(cargo("metadata", "--format-version", "1", "--filter-platform", host))["packages"]
     crates: dict[str, list[str]] = {}
     for package in packages:
         if (package["name"], f"v{package['version']}") not in linked or package["source"] is None:
