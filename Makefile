@@ -15,7 +15,7 @@ installed = cd dist && UVMS_GYM_UNDER_TEST="$$("$(abspath $(BIN)/python)" -c 'im
 	--rootdir "$(CURDIR)" -c "$(CURDIR)/pyproject.toml" "$(CURDIR)/tests/python"
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-rust lint audit test-wheel test-learning test-python test-nightly test-ray docs pictures wheel clean
+.PHONY: help run test test-rust lint audit test-wheel test-learning test-python test-nightly test-ray chromium docs pictures wheel clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{ printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -63,7 +63,7 @@ test-learning: $(VENV)/test $(VENV)/learning $(VENV)/wheel ## tests with Stable-
 test-python: $(VENV)/test uvms_gym/_core.abi3.so ## Python tests against this tree, for development
 	PYTHONPATH="$(CURDIR)" UVMS_GYM_UNDER_TEST="$(CURDIR)" $(BIN)/python -m pytest -n auto
 
-test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/pyright $(VENV)/wheel test-ray ## long tests: debug assertions, all methods, fuzzing, types in an editor, Ray
+test-nightly: $(VENV)/test $(VENV)/learning $(VENV)/pyright $(VENV)/wheel test-ray chromium ## long tests: debug assertions, all methods, fuzzing, types in an editor, Ray, the page in Chromium
 	cargo test --locked
 	$(installed) -m nightly
 	UVMS_FUZZ=10000 && export UVMS_FUZZ && $(installed)/test_fuzz.py
@@ -77,6 +77,11 @@ test-ray: .venv-ray/made ## contracts with Gymnasium 1.2, training and evaluatio
 	mkdir -p $(OUT)
 	.venv-ray/bin/python training/ray_train.py --frames 16384 --out $(OUT)/ray.safetensors
 	.venv-ray/bin/python training/ray_evaluate.py --controller pd --controller mlp:$(OUT)/ray.safetensors --episodes 32
+
+# For tests of the page, which are skipped without it.
+chromium:
+	@command -v chromium || command -v chromium-browser || command -v google-chrome || { sudo=$$(command -v sudo); \
+		$$sudo apt-get update && $$sudo apt-get install --yes --no-install-recommends chromium; } || echo 'chromium cannot be installed'
 
 docs: $(VENV)/docs $(VENV)/learning $(VENV)/wheel ## documentation site into out/docs; executes its tutorials; downloads torch
 	nice -n 10 $(BIN)/sphinx-build -W --keep-going -q docs $(OUT)/docs

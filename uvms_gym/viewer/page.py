@@ -127,8 +127,7 @@ class Page:
     def home(self, client: viser.ClientHandle | None) -> None:
         """Turn the camera of one browser to the vehicle."""
         if client is not None:
-            place = partial(self._world.place_camera, client.camera, client.camera.image_width)
-            self._put(f"home of {client.client_id}", place)
+            self._put(f"home of {client.client_id}", partial(self._home, client.client_id))
 
     def press(self, button: str) -> None:
         """Do what a button says: Run, Pause, Step or Reset."""
@@ -167,6 +166,11 @@ class Page:
             f"{state}, {time:.1f} s: pose error {100.0 * info['pose_error']:.1f} cm, water {speed:.2f} m/s, "
             f"{rate:.0f} pictures/s"
         )
+
+    def _home(self, number: int) -> None:
+        # It may have left meanwhile.
+        if client := self._server.get_clients().get(number):
+            self._world.place_camera(client.camera, client.camera.image_width)
 
     def _choose(self) -> None:
         if self.controller.value != self._episode.controller:
