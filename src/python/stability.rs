@@ -71,16 +71,17 @@ impl Simulator {
     ///
     /// Eigenvalues of the linearized motion (damping, restoring, friction, servos, gyroscopic terms) at a spread of states:
     /// at home and at 8 configurations within the limits of the joints, each at rest, with the vehicle at its expected
-    /// speed through the water along each axis in turn, and with all joints at their speed limits (1 rad/s or
-    /// 0.25 m/s without); and with each joint against each of its end stops, whose stiffness acts only there. For each
+    /// speed through the water along each axis in turn (of a fixed vehicle, the water past it), and with all joints at their
+    /// speed limits (1 rad/s or 0.25 m/s without); and with each joint against each of its end stops, whose stiffness acts only there. For each
     /// coordinate, of the modes in which it has most of the kinetic energy, the list has the fastest decaying one, the fastest
     /// growing one, and the fastest one at an end stop. All without the factors of `scale_parameters`.
     ///
     /// Parameters
     /// ----------
     /// speed : float or array_like (6,)
-    ///     Expected speed, m/s and rad/s, along all axes or along each. By default the speed at which full thrust along the
-    ///     axis balances the vehicle's damping, at most 5; 0 without thrust.
+    ///     Expected speed through the water, m/s and rad/s, along all axes or along each. By default the speed at which full
+    ///     thrust along the axis balances the vehicle's damping, at most 5, or the speed of the scene's current, from any
+    ///     heading, where that is greater.
     /// joint_servos, vehicle_servo : bool
     ///     True where the servos of the joints and of the vehicle are on, if the scene has them.
     ///

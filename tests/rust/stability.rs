@@ -1,8 +1,8 @@
 //! Rates of scenes against closed forms, and stable steps against what steps do.
 
 use nalgebra::{Complex, Matrix3, Matrix6, Vector3, Vector6};
-use uvms_gym::batch::{Cause, Inputs, Precision, Simulator, SimulatorOptions, stabilities};
-use uvms_gym::description::{Friction, JointServo, Scene};
+use uvms_gym::batch::{Cause, Inputs, Mode, Precision, Simulator, SimulatorOptions, stabilities};
+use uvms_gym::description::{Friction, JointServo, Scene, Tether};
 use uvms_gym::dynamics::{ClosedFormModel, Servos};
 use uvms_gym::integrate::{EULER, GROWTH, Gains, HEUN3, Integrator, MIDPOINT, PASSING, RK4, Stability, Tableau};
 use uvms_gym::system::State;
@@ -383,6 +383,57 @@ fn a_held_vehicle_has_no_rates_and_a_speed_must_be_one() {
     }
 }
 
+/// A sphere of 2 kg on a tether, without thrusters: at the speed v its drag `c v |v|` adds the rates `2 c v / m` along the
+/// current and `c v / m` across it.
+#[test]
+fn val_rates_of_a_tether_in_the_current_of_a_scene() {
+    let (mass, speed) = (5.0, 1.0);
+    let mut scene = body();
+    scene.vehicle.body.added_mass = Matrix6::from_diagonal(&Vector6::new(3.0, 3.0, 3.0, 0.0, 0.0, 0.0));
+    scene.vehicle.tether = Some(Tether {
+        position: Vector3::zeros(),
+        length: 40.0,
+        diameter: 0.02,
+        drag: 1.2,
+        mass_per_length: 1000.0 * std::f64::consts::FRAC_PI_4 * 0.02 * 0.02,
+    });
+    let drag = 0.5 * 1000.0 * 1.2 * 0.02 * 20.0;
+    let (along, across) = (2.0 * drag * speed / mass, drag * speed / mass);
+    let at_rest =
+        simulator(&scene, "mk4", 0.01).modal_analysis(None).unwrap().stable_step(Stability::Explicit(&RK4), OFF, true);
+    for current in [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [-0.6, 0.8, 0.0]] {
+        scene.water.current = current.into();
+        let s = simulator(&scene, "mk4", 0.03);
+        let survey = s.modal_analysis(None).unwrap();
+        let modes = survey.modes(OFF);
+        assert!((modes[0].rate + along).norm() < 1e-4 * along, "{current:?}: {:?}", modes[0]);
+        let rates: Vec<_> = modes.iter().map(|mode| mode.rate).collect();
+        assert_has(&rates, real(-if current[2] == 0.0 { along } else { across }), 1e-4);
+        let (step, _) = survey.stable_step(Stability::Explicit(&RK4), OFF, true);
+        assert!((step * along - 2.785).abs() < 0.01 && step < 0.1 * at_rest.0, "{step} s, {} s at rest", at_rest.0);
+        // A speed that is given is the one through the water.
+        assert!(
+            s.modal_analysis(Some(&[0.0; 6])).unwrap().modes(OFF).iter().all(|mode| mode.rate.norm() < 0.1 * along)
+        );
+    }
+}
+
+/// A held vehicle stays in the current: its arm has the rates of the motion of an arm through water at rest.
+#[test]
+fn a_held_vehicle_has_the_rates_of_its_arm_in_the_current() {
+    let mut scene = Scene::shipped("petasus-pum").unwrap();
+    scene.vehicle.fixed = true;
+    let modes = |scene: &Scene, speed| simulator(scene, "mk4", 0.01).modal_analysis(speed).unwrap().modes(OFF);
+    let still = modes(&scene, None);
+    let given = modes(&scene, Some(&[5.0, 5.0, 0.0, 0.0, 0.0, 0.0]));
+    scene.water.current = Vector3::new(5.0, 0.0, 0.0);
+    let own = modes(&scene, None);
+    assert_eq!(own, given);
+    let decaying = |modes: &[Mode]| modes.iter().find(|mode| !mode.stop).unwrap().rate.norm();
+    assert!(decaying(&own) > 2.0 * decaying(&still), "{own:?} and {still:?}");
+    assert!(own.iter().all(|mode| mode.what.starts_with("joint")));
+}
+
 #[test]
 fn the_expected_speed_is_the_terminal_one() {
     let mut scene = Scene::shipped("bluerov2-heavy").unwrap();
@@ -397,6 +448,8 @@ fn the_expected_speed_is_the_terminal_one() {
     assert_eq!(simulator(&scene, "mk4", 0.01).expected_speed(), [5.0; 6]);
     scene.vehicle.thrusters.clear();
     assert_eq!(simulator(&scene, "mk4", 0.01).expected_speed(), [0.0; 6]);
+    scene.water.current = Vector3::new(3.0, -4.0, -0.5);
+    assert_eq!(simulator(&scene, "mk4", 0.01).expected_speed(), [5.0, 5.0, 0.5, 0.0, 0.0, 0.0]);
 }
 
 #[test]

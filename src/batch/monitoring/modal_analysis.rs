@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use nalgebra::{Complex, Vector3};
+use nalgebra::{Complex, Vector3, Vector6};
 
 use super::step_monitor::InaccurateStep;
 use super::step_quality::ACCUMULATED_LIMIT;
@@ -85,9 +85,9 @@ fn text(rate: Complex<f64>) -> String {
 /// Modal analysis of a scene, linearized at a spread of states.
 ///
 /// Configurations of the arm: home, and a fixed low-discrepancy sequence within the limits. Motions: at rest; the vehicle
-/// at its expected speed along each axis in turn; all joints at their expected speeds. At home also each joint against
-/// each end stop, as deep as its expected speed carries it. All of them level, in water at rest, without loads, servos at
-/// their targets.
+/// at its expected speed through the water along each axis in turn, or the water past a held one; all joints at their expected
+/// speeds. At home also each joint against each end stop, as deep as its expected speed carries it. All of them level, without
+/// loads, servos at their targets.
 #[derive(Debug)]
 pub struct ModalAnalysis {
     joint_names: Vec<String>,
@@ -102,7 +102,7 @@ struct Sample {
     place: String,
     /// Joint against a stop.
     stop: Option<usize>,
-    /// True where nothing moves.
+    /// True where nothing moves but the water past a held vehicle.
     rest: bool,
     linear: Linearization,
 }
@@ -122,9 +122,14 @@ impl ModalAnalysis {
         let joints: Vec<&Joint> = scene.joints().collect();
         let joint_names = scene.joint_names();
         let system = &compiled.system;
+        let held = scene.vehicle.fixed;
+        // `twist` through the water.
         let at = |q: &Joints, twist: [f64; 6], qd: Joints| {
-            let state = State { q: *q, qd, twist: twist.into(), ..State::default() };
-            linearize(system, &state, &Vector3::zeros().into(), &[0.0; 6], &system.deflections(), &ArmLoads::none())
+            let twist = Vector6::from(twist);
+            let (own, water) = if held { (Vector6::zeros(), -twist) } else { (twist, Vector6::zeros()) };
+            let state = State { q: *q, qd, twist: own, ..State::default() };
+            let water: Vector3<f64> = water.fixed_rows::<3>(0).into();
+            linearize(system, &state, &water.into(), &[0.0; 6], &system.deflections(), &ArmLoads::none())
         };
         let still = [0.0; JOINTS];
         let mut joint_speeds = still;
@@ -138,11 +143,13 @@ impl ModalAnalysis {
                 samples.push(Sample { place: format!("{place}, {motion}"), stop: None, rest, linear });
             };
             add("at rest", true, at(&q, [0.0; 6], still));
-            for (axis, &speed) in speeds.iter().enumerate().filter(|(_, speed)| **speed > 0.0) {
+            // The water turns past nothing.
+            let axes = if held { 3 } else { 6 };
+            for (axis, &speed) in speeds.iter().enumerate().take(axes).filter(|(_, speed)| **speed > 0.0) {
                 let mut twist = [0.0; 6];
                 twist[axis] = speed;
                 let unit = if axis < 3 { "m/s" } else { "rad/s" };
-                add(&format!("{} at {} {unit}", AXES[axis], digits(speed)), false, at(&q, twist, still));
+                add(&format!("{} at {} {unit}", AXES[axis], digits(speed)), held, at(&q, twist, still));
             }
             if joint_speeds != still {
                 add("joints at speed", false, at(&q, [0.0; 6], joint_speeds));
@@ -284,16 +291,19 @@ fn of_kind(joint: &Joint, [revolute, prismatic]: [f64; 2]) -> f64 {
 static ANALYSES: Mutex<VecDeque<(Scene, Arc<ModalAnalysis>)>> = Mutex::new(VecDeque::new());
 
 impl Simulator {
-    /// Expected speed through the water along each axis: damping balances full thrust, arm at home. At most 5 m/s and
-    /// 5 rad/s; 0 without thrust and for a held vehicle.
+    /// Expected speed through the water along each axis: that of the scene's current, which may come from any heading, or, where
+    /// that is greater, the one at which damping balances full thrust, arm at home, at most 5 m/s and 5 rad/s. A held vehicle has
+    /// that of the current.
     pub fn expected_speed(&self) -> [f64; 6] {
         let thrust = self.allocation().wrench_limits();
+        let [x, y, z] = self.scene().water.current.into();
+        let current = [x.hypot(y), x.hypot(y), z.abs(), 0.0, 0.0, 0.0];
         std::array::from_fn(|axis| {
             if self.scene().vehicle.fixed || thrust[axis] == 0.0 {
-                return 0.0;
+                return current[axis];
             }
             let drag = |speed: f64| {
-                let twist = nalgebra::Vector6::ith(axis, speed);
+                let twist = Vector6::ith(axis, speed);
                 let state = State { q: self.scene().home(), twist, ..State::default() };
                 let power = self.closed_form_model.at(&state, Vector3::zeros()).power(&Loads::default());
                 power.map_or(0.0, |power| -power.damping / speed)
@@ -303,7 +313,7 @@ impl Simulator {
             let quadratic = 0.5 * at_two - at_one;
             let linear = at_one - quadratic;
             let speed = 2.0 * thrust[axis] / (linear + (linear * linear + 4.0 * quadratic * thrust[axis]).sqrt());
-            if speed < FASTEST { speed } else { FASTEST }
+            current[axis].max(if speed < FASTEST { speed } else { FASTEST })
         })
     }
 
@@ -317,7 +327,6 @@ impl Simulator {
             if let Some(&value) = speed.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
                 return Err(SimulatorError::Speed { value });
             }
-            let speed = if self.scene().vehicle.fixed { &[0.0; 6] } else { speed };
             return Ok(Arc::new(ModalAnalysis::new(self.scene(), self.compiled(), speed)));
         }
         let cached = || ANALYSES.lock().unwrap_or_else(PoisonError::into_inner);
