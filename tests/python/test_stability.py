@@ -4,6 +4,7 @@ import copy
 import json
 import math
 import pickle
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -137,6 +138,44 @@ def test_an_unstable_step_is_warned_of_once_and_by_its_numbers() -> None:
         assert part in text, part
     assert "\n" not in text
     assert record[0].filename == __file__
+
+
+#: Motions that are too much for an integrator: scene, step (s), twist, joint rate, factor on the servos' gains.
+TOO_MUCH = {
+    "spin": ("petasus-pum", 0.1, [2.0, 2.0, 2.0, 3.0, 3.0, 3.0], 4.0, 1.0),
+    "stiff servos": ("bluerov2-heavy-alpha5", 0.02, [0.0] * 6, 1.0, 20.0),
+    "fast": ("rexrov", 0.5, [40.0, 0.0, 0.0, 0.0, 0.0, 1.0], 0.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("motion", TOO_MUCH)
+def test_a_warning_names_integrators_that_help(motion: str) -> None:
+    name, dt, twist, rate, factor = TOO_MUCH[motion]
+    scene = load_scene(name)
+    for link in scene.get("arm", {}).get("links", []):
+        for gain in ("kp", "kd"):
+            link["joint"]["servo"][gain] *= factor
+
+    def run(integrator: str) -> list[str]:
+        s = Simulator(scene, dt=dt, integrator=integrator)
+        n = s.num_joints
+        s.set_state(twist=twist, qd=rate * np.resize([1.0, -1.0], n))
+        with caught() as record:
+            for _ in range(30):
+                s.step(joint_target=np.full(n, 0.5) if n else None)
+        return [str(w.message) for w in record]
+
+    def bounded(texts: list[str]) -> bool:
+        return not any("unstable" in text or "not finite" in text for text in texts)
+
+    runs = {entry: run(entry) for entry in ("mk4", "mk3", "mk2", "ros2", "ros3", "mk54")}
+    assert sum(map(len, runs.values())) > 3
+    for integrator, texts in runs.items():
+        for text in texts:
+            others = re.findall("'(.*?)'", text.rpartition(";")[2])
+            assert integrator not in others, text
+            for other in others:
+                assert bounded(runs[other]) if not bounded([text]) else not runs[other], f"{text}\n{runs[other]}"
 
 
 def test_a_step_at_the_stable_one_is_not_warned_of() -> None:

@@ -8,7 +8,7 @@ use nalgebra::{Complex, Vector3, Vector6};
 
 use super::step_monitor::InaccurateStep;
 use super::step_quality::ACCUMULATED_LIMIT;
-use super::text::{StiffIntegrators, digits};
+use super::text::{OtherIntegrators, digits};
 use crate::batch::options::SimulatorOptions;
 use crate::batch::simulator::Simulator;
 use crate::control::AXES;
@@ -73,7 +73,7 @@ impl fmt::Display for UnstableStep {
             text(mode.rate),
             mode.place,
             digits(*stable),
-            StiffIntegrators,
+            OtherIntegrators { failed: integrator, stiff: true },
         )
     }
 }

@@ -6,7 +6,7 @@ use super::error_estimate::ErrorEstimate;
 use super::step_quality::{
     ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality, StepViolation, Violations,
 };
-use super::text::{StiffIntegrators, digits};
+use super::text::{OtherIntegrators, digits};
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::table::Table;
@@ -209,10 +209,11 @@ impl fmt::Display for InaccurateStep {
                 write!(f, "); a step of at most {} s would do", digits(step))
             } else {
                 write!(f, ", beyond what the estimate can tell: the motion is chaotic, or the step far too long)")?;
-                write!(f, "; a smaller step{StiffIntegrators} may do")
+                write!(f, "; a smaller step{} may do", OtherIntegrators { failed: integrator, stiff: false })
             }
         } else {
             let excited = stiffness.is_finite() && stiffness > 0.0;
+            let too_fast = excited && stiffness > *range;
             let mut figures = Vec::new();
             if excited {
                 figures.push(format!("rate {} 1/s, h*lambda = {}", digits(stiffness / dt), digits(stiffness)));
@@ -227,12 +228,17 @@ impl fmt::Display for InaccurateStep {
             if !figures.is_empty() {
                 write!(f, " ({})", figures.join(", "))?;
             }
-            if *cause == Cause::Inaccurate && excited && stiffness > *range {
+            if *cause == Cause::Inaccurate && too_fast {
                 write!(f, "; a step of at most {} s", digits(dt * range / stiffness))?;
             } else {
                 write!(f, "; a smaller step")?;
             }
-            write!(f, "{StiffIntegrators} would do")
+            let stiff = match cause {
+                // Explicit methods diverge of fast modes; linearly implicit ones have no range.
+                Cause::NotFinite => range.is_finite() || *adaptive,
+                _ => too_fast && error <= ERROR_LIMIT,
+            };
+            write!(f, "{} would do", OtherIntegrators { failed: integrator, stiff })
         }
     }
 }

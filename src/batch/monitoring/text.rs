@@ -2,15 +2,19 @@
 
 use std::fmt;
 
-use crate::integrate::Integrator;
+/// Integrators that would do at a step that is too long for another: " or integrator 'ros2' or 'mk54'". None where neither would.
+pub struct OtherIntegrators<'a> {
+    /// The one that the step is too long for.
+    pub failed: &'a str,
+    /// True where a fast mode is the reason, which linearly implicit methods of order 2 let decay; they err more in all else.
+    pub stiff: bool,
+}
 
-/// Integrators for steps that are too long for the others: " or integrator 'ros2' or 'mk54'".
-pub struct StiffIntegrators;
-
-impl fmt::Display for StiffIntegrators {
+impl fmt::Display for OtherIntegrators<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let known = |name: &str| Integrator::NAMES.iter().any(|entry| entry.name == name);
-        for (k, name) in ["ros2", "mk54"].into_iter().filter(|name| known(name)).enumerate() {
+        let known = [("ros2", self.stiff), ("mk54", true)];
+        let others = known.into_iter().filter(|&(name, helps)| helps && name != self.failed);
+        for (k, (name, _)) in others.enumerate() {
             write!(f, "{}'{name}'", if k == 0 { " or integrator " } else { " or " })?;
         }
         Ok(())
