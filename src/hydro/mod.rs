@@ -12,6 +12,7 @@ mod tether;
 mod tether_adjoint;
 mod thruster;
 mod thruster_adjoint;
+mod thruster_dynamics;
 
 pub use central_frame::{CentralFrameTerms, FrameRotation};
 pub use damping::{CoefficientFrame, CoefficientMatrix, Damping};
@@ -19,5 +20,6 @@ pub use damping_adjoint::{DampedMotion, DampedSums};
 pub use fin::{FINS, Fin, FinAxes};
 pub use restoring::Restoring;
 pub use tether::Tether;
-pub use thruster::{Branch, LagDecay, THRUSTERS, ThrustCourse, Thruster, ThrusterDynamics, Thrusts, thrust_wrench};
-pub use thruster_adjoint::{CommandCotangents, CourseCotangents, ThrusterCotangents};
+pub use thruster::{Branch, LagDecay, THRUSTERS, Thruster, Thrusts, thrust_wrench};
+pub use thruster_adjoint::{CommandCotangents, CourseCotangents, ThrustCotangents, ThrusterCotangents};
+pub use thruster_dynamics::{ThrustCourse, ThrustCourses, ThrusterDynamics};

@@ -1,6 +1,7 @@
 //! Adjoint of thruster dynamics; of map, inflow and decay by dual numbers.
 
-use super::thruster::{LagDecay, THRUSTERS, Thruster, ThrusterDynamics};
+use super::thruster::{LagDecay, THRUSTERS, Thruster};
+use super::thruster_dynamics::{ThrustCourses, ThrusterDynamics};
 use crate::lane::{Dual, Lane, unroll};
 use crate::lie::Vector6;
 
@@ -27,6 +28,65 @@ pub struct CommandCotangents<L> {
 /// Cotangents of the wrench over a step: of its start, and of linear and quadratic term of its change.
 pub type CourseCotangents<L> = [Vector6<L>; 3];
 
+/// Cotangents of the thrusts over a step, in the order of [`super::ThrustCourses`].
+#[derive(Debug, Clone, Copy)]
+pub struct ThrustCotangents<L>([[L; 3]; THRUSTERS]);
+
+impl<L: Lane> ThrustCotangents<L> {
+    /// Zeros.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        Self([[L::zero(); 3]; THRUSTERS])
+    }
+
+    /// Adds that of the thrust at a share of the step.
+    #[inline(always)]
+    pub(super) fn add(&mut self, thruster: usize, share: L, of: L) {
+        let [start, linear, quadratic] = &mut self.0[thruster];
+        *start += of;
+        *linear = of.mul_add(share, *linear);
+        *quadratic = (of * share).mul_add(share, *quadratic);
+    }
+
+    /// Cotangents of a thrust at the start, on average and at the end: those of the values of its parabola.
+    #[inline(always)]
+    fn of_values(&self, thruster: usize) -> [L; 3] {
+        let [start, linear, quadratic] = self.0[thruster];
+        let [three, six] = [3.0, 6.0].map(L::c);
+        [
+            quadratic.mul_add(three, linear.mul_add(L::c(-4.0), start)),
+            (linear - quadratic) * six,
+            quadratic.mul_add(three, linear * L::c(-2.0)),
+        ]
+    }
+}
+
+impl<L: Lane> ThrustCourses<L> {
+    /// Cotangent of the twist from that of [`Self::wrench`]; adds those of the parabolas.
+    #[inline(always)]
+    pub fn wrench_adjoint(
+        &self,
+        thrusters: &[Thruster<L>],
+        share: L,
+        twist: Vector6<L>,
+        of: Vector6<L>,
+        of_courses: &mut ThrustCotangents<L>,
+    ) -> Vector6<L> {
+        let (zero, one) = (L::zero(), L::c(1.0));
+        let mut of_twist = Vector6::zero();
+        for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
+            let along = Vector6::from_array(thruster.along);
+            let (thrust, speed) = (self.at(i, share), along.dot(twist));
+            let by_thrust = thruster.reduced(Dual::new(thrust, one), Dual::new(speed, zero)).slope;
+            let by_speed = thruster.reduced(Dual::new(thrust, zero), Dual::new(speed, one)).slope;
+            let of = Vector6::from_array(thruster.wrench).dot(of);
+            of_twist = along.scale_add(of * by_speed, of_twist);
+            of_courses.add(i, share, of * by_thrust);
+        }
+        of_twist
+    }
+}
+
 impl<L: Lane> ThrusterCotangents<L> {
     /// Zeros.
     #[inline(always)]
@@ -38,54 +98,43 @@ impl<L: Lane> ThrusterCotangents<L> {
 }
 
 impl<L: Lane> ThrusterDynamics<L> {
-    /// Cotangent of the twist from those of the wrench of [`ThrusterDynamics::step`] from these thrusts on; those of the thrusts after
-    /// the step become those before it.
+    /// From the cotangents of wrench and thrusts over a step from these thrusts on: those of the thrusts after the step become those
+    /// before it.
     #[inline(always)]
     pub fn step_adjoint(
         &self,
         thrusters: &[Thruster<L>],
         thrusts: &[L; THRUSTERS],
-        twist: Vector6<L>,
         [start, linear, quadratic]: CourseCotangents<L>,
+        of_thrusts: &ThrustCotangents<L>,
         of: &mut ThrusterCotangents<L>,
-    ) -> Vector6<L> {
-        let (zero, one) = (L::zero(), L::c(1.0));
+    ) {
         let [three, six] = [3.0, 6.0].map(L::c);
         // As of the values of the parabola: see `ThrustCourse`.
         let of_start = quadratic.scale_add(three, linear.scale_add(L::c(-4.0), start));
         let of_mean = (linear - quadratic).scale(six);
         let of_end = quadratic.scale_add(three, linear.scale(L::c(-2.0)));
-        let of_values = [of_start, of_mean, of_end];
-        let mut of_twist = Vector6::zero();
+        let of_wrenches = [of_start, of_mean, of_end];
         for (i, thruster) in thrusters.iter().enumerate().take(THRUSTERS) {
             let (steady, decay) = (self.steady[i], &self.decay[i]);
-            let (values, _) = decay.step(thrusts[i], steady);
             let shares = [decay.start, decay.mean, decay.end];
-            let (along, wrench) = (Vector6::from_array(thruster.along), Vector6::from_array(thruster.wrench));
-            let speed = along.dot(twist);
-            let (mut of_difference, mut of_steady, mut of_speed) = (of.thrust[i] * decay.after, of.thrust[i], zero);
-            let mut of_shares = [zero; 3];
+            let wrench = Vector6::from_array(thruster.wrench);
+            let (mut of_difference, mut of_steady) = (of.thrust[i] * decay.after, of.thrust[i]);
+            let mut of_values = of_thrusts.of_values(i);
             unroll!(k in 0 1 2 => {
-                let of_value = wrench.dot(of_values[k]);
-                let by_value = thruster.reduced(Dual::new(values[k], one), Dual::new(speed, zero)).slope;
-                let by_speed = thruster.reduced(Dual::new(values[k], zero), Dual::new(speed, one)).slope;
-                of_speed = of_value.mul_add(by_speed, of_speed);
-                let of_value = of_value * by_value;
-                of_difference = of_value.mul_add(shares[k], of_difference);
-                of_steady += of_value;
-                of_shares[k] = of_value;
+                of_values[k] += wrench.dot(of_wrenches[k]);
+                of_difference = of_values[k].mul_add(shares[k], of_difference);
+                of_steady += of_values[k];
             });
-            of_twist = along.scale_add(of_speed, of_twist);
             let difference = thrusts[i] - steady;
             let of_decay = &mut of.decay[i];
-            of_decay.start = difference.mul_add(of_shares[0], of_decay.start);
-            of_decay.mean = difference.mul_add(of_shares[1], of_decay.mean);
-            of_decay.end = difference.mul_add(of_shares[2], of_decay.end);
+            of_decay.start = difference.mul_add(of_values[0], of_decay.start);
+            of_decay.mean = difference.mul_add(of_values[1], of_decay.mean);
+            of_decay.end = difference.mul_add(of_values[2], of_decay.end);
             of_decay.after = difference.mul_add(of.thrust[i], of_decay.after);
             of.thrust[i] = of_difference;
             of.steady[i] = of.steady[i] + of_steady - of_difference;
         }
-        of_twist
     }
 
     /// Cotangents of commands, gains and lag from those of the steps: see [`ThrusterDynamics::command`].

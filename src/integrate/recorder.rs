@@ -10,8 +10,10 @@ const KEPT: usize = 1 << 23;
 
 /// Recorder of steps. `()` records nothing.
 pub trait Recorder<L: Lane, const N: usize> {
-    /// Records the start of a step, with further numbers of the state.
-    fn step(&mut self, numbers: &[L], count: usize);
+    /// Records the start of a step.
+    fn begin(&mut self);
+    /// Records its end, with further numbers of the state at its start: the reverse needs them first.
+    fn end(&mut self, numbers: &[L], count: usize);
     /// Records the rates of a stage or of a solve.
     fn rates(&mut self, rates: &Rates<L, N>, joints: usize);
     /// Records a sub-interval: its start, its size and the time before it (s), and the lanes that took it. Its rates come before it.
@@ -20,7 +22,9 @@ pub trait Recorder<L: Lane, const N: usize> {
 
 impl<L: Lane, const N: usize> Recorder<L, N> for () {
     #[inline(always)]
-    fn step(&mut self, _: &[L], _: usize) {}
+    fn begin(&mut self) {}
+    #[inline(always)]
+    fn end(&mut self, _: &[L], _: usize) {}
     #[inline(always)]
     fn rates(&mut self, _: &Rates<L, N>, _: usize) {}
     #[inline(always)]
@@ -122,10 +126,14 @@ impl<L: Lane> Default for StepRecord<L> {
 
 impl<L: Lane, const N: usize> Recorder<L, N> for StepRecord<L> {
     #[inline(always)]
-    fn step(&mut self, numbers: &[L], count: usize) {
+    fn begin(&mut self) {
+        self.sub_intervals.push(0);
+    }
+
+    #[inline(always)]
+    fn end(&mut self, numbers: &[L], count: usize) {
         self.tape.reserve::<L>(count);
         self.tape.push(numbers, count);
-        self.sub_intervals.push(0);
     }
 
     #[inline(always)]

@@ -1,7 +1,20 @@
 //! Compilation of thrusters.
 
+use super::model::System;
 use crate::description::{ThrustMap, Vehicle};
 use crate::hydro::{Branch, Thruster};
+
+impl<P, B> System<P, B> {
+    /// True if inflow takes thrust of any thruster.
+    #[inline(always)]
+    pub fn has_inflow_losses(&self) -> bool {
+        let mut any = false;
+        for thruster in &self.thrusters {
+            any |= thruster.ambient_flow.is_some();
+        }
+        any
+    }
+}
 
 /// Compiled thrusters of a vehicle: all of them if any has dynamics, else none.
 pub(super) fn thrusters(vehicle: &Vehicle) -> Vec<Thruster<f64>> {

@@ -210,6 +210,35 @@ fn inflow_limits_the_speed() {
     assert!((simulator.state(0).twist[0] - 36.0 / 19.0).abs() < 1e-12);
 }
 
+/// The inflow of each stage leaves methods their order, while a thrust rises and the vehicle turns: against a fine step.
+#[test]
+fn inflow_leaves_every_method_its_order() {
+    let mut scene = puck("ambient_flow = 1.5\nlag = 0.3");
+    let mut side = scene.vehicle.thrusters[0].clone();
+    (side.name, side.position) = ("side".into(), Vector3::new(0.0, 0.05, 0.1));
+    (side.lag, side.ambient_flow) = (Some(0.0), Some(0.3));
+    scene.vehicle.thrusters.push(side);
+    let end = |integrator: &str, steps: usize| {
+        let mut simulator = by(&scene, integrator, 1.28 / steps as f64);
+        // At full inflow throughout, and without thrusts of 0: the loss has kinks there.
+        let mut state = State { twist: Vector6::new(0.5, 0.1, 0.0, 0.1, 0.2, -0.2), ..State::default() };
+        state.thrust[..2].copy_from_slice(&[20.0, 6.0]);
+        simulator.set_state(0, &state);
+        simulator.step(&thrust(&[50.0, 6.0]), steps).unwrap();
+        simulator.state(0)
+    };
+    let exact = end("mk4", 4096);
+    for (integrator, order) in [("mk4", 4.0), ("mk3", 3.0), ("mk2", 2.0), ("ros2", 2.0), ("ros3", 3.0)] {
+        let errors = [16, 32, 64].map(|steps| {
+            let state = end(integrator, steps);
+            (state.position - exact.position).norm() + (state.twist - exact.twist).norm()
+        });
+        for pair in errors.windows(2) {
+            assert!((pair[0] / pair[1]).log2() > order - 0.1, "{integrator}: {errors:?}");
+        }
+    }
+}
+
 #[test]
 fn the_hull_deducts_and_is_pushed() {
     let plain = compile(&puck("")).system;

@@ -1,11 +1,13 @@
 //! Equations of motion of a stage: the right-hand side that the integrators call.
 
+use std::hint::cold_path;
+
 use super::joint_coordinates::JointSums;
 use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
-use crate::hydro::{FinAxes, ThrustCourse};
+use crate::hydro::{FinAxes, ThrustCourse, ThrustCourses};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param, Real, unroll};
 use crate::lie::{Pose, Vector3, Vector6};
@@ -64,6 +66,8 @@ pub struct EquationsOfMotion<'a, L: Lane, P> {
     pub wrench: Vector6<L>,
     /// Wrench of thrusters with dynamics over a step, whose start is part of `wrench`, and 1 over its size, 1/s.
     pub thrust: Option<(ThrustCourse<L>, L)>,
+    /// In place of it, where inflow takes thrust: the thrusts in still water.
+    pub lossy: Option<(&'a mut ThrustCourses<L>, L)>,
     /// The vehicle's servo, where it is on.
     pub station: Option<StationServo<L>>,
     /// Deflected fins.
@@ -105,6 +109,10 @@ impl<'a, L: Lane, P: Param<L>> EquationsOfMotion<'a, L, P> {
         let mut wrench = self.wrench;
         if let Some((course, rate)) = &self.thrust {
             wrench = wrench + course.change(elapsed * *rate);
+        }
+        if let Some((courses, rate)) = &self.lossy {
+            cold_path();
+            wrench = wrench + courses.wrench(&system.thrusters, elapsed * *rate, twist);
         }
         if let (Some(station), Some(gains)) = (&self.station, &system.vehicle_servo) {
             wrench = wrench + station.wrench(gains, &at.pose(), elapsed, twist);

@@ -5,7 +5,7 @@ use crate::dynamics::aba::{ArmLoads, Instant};
 use crate::dynamics::aba_adjoint::{
     Accelerations, AdjointScratch, ImplicitStep, InstantCotangents, accelerations_adjoint,
 };
-use crate::hydro::{CourseCotangents, FinAxes};
+use crate::hydro::{CourseCotangents, FinAxes, ThrustCotangents};
 use crate::integrate::{DerivativeAdjoint, Rates, StageCotangents, StageState};
 use crate::lane::{Lane, Routine, unroll};
 use crate::lie::{Pose, Vector3, Vector6, exp_se3, rotate_back};
@@ -27,6 +27,8 @@ pub struct InputCotangents<L> {
     pub wrench: Vector6<L>,
     /// Cotangent of the wrench of thrusters with dynamics over the present step.
     pub course: CourseCotangents<L>,
+    /// Cotangent of their thrusts over it, where inflow takes part of them.
+    pub thrusts: ThrustCotangents<L>,
     /// Cotangent of the loads on joints and links.
     pub loads: ArmLoads<L>,
     /// Cotangent of chords and normals of the fins.
@@ -44,6 +46,7 @@ impl<L: Lane> InputCotangents<L> {
         Self {
             wrench: Vector6::zero(),
             course: [Vector6::zero(); 3],
+            thrusts: ThrustCotangents::zero(),
             loads: ArmLoads::none(),
             surfaces: FinAxes::blank(),
             station: PlaceCotangents { position: Vector3::zero(), turn: Vector3::zero() },
@@ -179,6 +182,11 @@ impl<L: Lane> DerivativeAdjoint<L, JOINTS> for EquationsAdjoint<'_, '_, L> {
             *first = *first + of_wrench;
             *linear = of_wrench.scale_add(share, *linear);
             *quadratic = of_wrench.scale_add(share * share, *quadratic);
+        }
+        if let Some((courses, rate)) = &equations.lossy {
+            let (thrusters, share) = (&system.thrusters, elapsed * *rate);
+            let of_twist = courses.wrench_adjoint(thrusters, share, twist, of_wrench, &mut of.thrusts);
+            of_stage.twist = of_stage.twist + of_twist;
         }
         if let (Some(station), Some(gains)) = (&equations.station, &system.vehicle_servo) {
             let pose = start.times(&exp_se3(theta));

@@ -7,7 +7,7 @@ use super::step::Step;
 use crate::batch::storage::columns::Columns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
 use crate::dynamics::aba_adjoint::{AdjointScratch, InstantCotangents, add_target};
-use crate::hydro::{FinAxes, THRUSTERS, ThrusterCotangents, ThrusterDynamics};
+use crate::hydro::{FinAxes, THRUSTERS, ThrustCotangents, ThrustCourses, ThrusterCotangents, ThrusterDynamics};
 use crate::integrate::{
     Explicit, ExplicitAdjoint, Implicit, ImplicitAdjoint, Integrator, Motion, MotionCotangents, StepRecord,
 };
@@ -37,6 +37,7 @@ pub(super) struct ReverseMemory<L: Lane> {
     loads: ArmLoads<L>,
     joints: JointSums<L>,
     propulsion: ThrusterDynamics<L>,
+    courses: ThrustCourses<L>,
     surfaces: FinAxes<L>,
     of_motion: MotionCotangents<L, JOINTS>,
     of_instant: InstantCotangents<L>,
@@ -56,6 +57,7 @@ impl<L: Lane> ReverseMemory<L> {
             loads: ArmLoads::none(),
             joints: JointSums::zero(),
             propulsion: ThrusterDynamics::blank(),
+            courses: ThrustCourses::zero(),
             surfaces: FinAxes::blank(),
             of_motion: MotionCotangents::zero(),
             of_instant: InstantCotangents::blank(),
@@ -159,6 +161,7 @@ impl<T: Real> Step<'_, T> {
             loads,
             joints,
             propulsion,
+            courses,
             surfaces,
             of_motion,
             of_instant,
@@ -171,6 +174,7 @@ impl<T: Real> Step<'_, T> {
         let mut current: Vector3<L> = columns.vector(layout.current);
         let station = if self.active.station { Some(columns.station(layout)) } else { None };
         let thrusters = &system.thrusters[..];
+        let over_h = L::c(1.0) / h;
         if !thrusters.is_empty() {
             columns.propulsion(layout, thrusters, self.h, propulsion);
         }
@@ -197,6 +201,7 @@ impl<T: Real> Step<'_, T> {
             acceleration,
             wrench: Vector6::zero(),
             thrust: None,
+            lossy: if system.has_inflow_losses() { Some((courses, over_h)) } else { None },
             station,
             surfaces,
             joints,
@@ -218,11 +223,17 @@ impl<T: Real> Step<'_, T> {
             current = current - gained;
             equations.set_current(current);
             equations.time = L::splat(T::from_f64(k as f64) * self.h);
-            if !thrusters.is_empty() {
-                let course = ThrusterDynamics::blank().step(&thrusters[..0], Vector6::zero());
-                equations.thrust = Some((course, L::c(1.0) / h));
+            let mut thrusts = [L::zero(); THRUSTERS];
+            record.tape.pop(&mut thrusts, thrusters.len());
+            if let Some((courses, _)) = &mut equations.lossy {
+                propulsion.thrust = thrusts;
+                propulsion.step_courses(thrusters.len(), courses);
+            } else if !thrusters.is_empty() {
+                let course = ThrusterDynamics::blank().step(&thrusters[..0]);
+                equations.thrust = Some((course, over_h));
             }
             of.course = [Vector6::zero(); 3];
+            of.thrusts = ThrustCotangents::zero();
             let count = record.sub_intervals.pop().unwrap_or(0);
             for _ in 0..count {
                 let equations = &mut EquationsAdjoint {
@@ -247,11 +258,8 @@ impl<T: Real> Step<'_, T> {
                 }
             }
             rotation = ends.pose.rotation;
-            let mut thrusts = [L::zero(); THRUSTERS];
-            record.tape.pop(&mut thrusts, thrusters.len());
             if !thrusters.is_empty() {
-                let of_twist = propulsion.step_adjoint(thrusters, &thrusts, ends.twist, of.course, of_thrusters);
-                of_motion.twist = of_motion.twist + of_twist;
+                propulsion.step_adjoint(thrusters, &thrusts, of.course, &of.thrusts, of_thrusters);
             }
             of_motion.turn = of_motion.turn - turn_of(&rotation, current, of_motion.twist.linear);
             if system.fixed {

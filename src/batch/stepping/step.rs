@@ -14,7 +14,7 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::batch::storage::own_numbers::OwnColumns;
 use crate::dynamics::aba::{ArmLoads, Scratch};
-use crate::hydro::{FinAxes, ThrusterDynamics};
+use crate::hydro::{FinAxes, ThrustCourses, ThrusterDynamics};
 use crate::integrate::{
     Explicit, Implicit, ImplicitStages, Integrator, Motion, Recorder, Stages, StepEstimates, implicit_interval,
     interval,
@@ -87,6 +87,7 @@ pub(super) struct Memory<L: Lane> {
     joints: JointSums<L>,
     lag: LagState<L>,
     propulsion: ThrusterDynamics<L>,
+    courses: ThrustCourses<L>,
     surfaces: FinAxes<L>,
 }
 
@@ -304,6 +305,7 @@ impl<'a, T: Real> Step<'a, T> {
         }
         let thrusters = &system.thrusters[..];
         let held = columns.six(self.layout.wrench);
+        let over_h = L::c(1.0) / L::splat(self.h);
         if !thrusters.is_empty() {
             columns.propulsion(self.layout, thrusters, self.h, &mut memory.propulsion);
         }
@@ -317,6 +319,7 @@ impl<'a, T: Real> Step<'a, T> {
             acceleration,
             wrench: held,
             thrust: None,
+            lossy: if system.has_inflow_losses() { Some((&mut memory.courses, over_h)) } else { None },
             station,
             surfaces: &memory.surfaces,
             joints: &mut memory.joints,
@@ -327,12 +330,15 @@ impl<'a, T: Real> Step<'a, T> {
         for k in self.before..self.before + self.substeps {
             equations.time = L::splat(T::from_f64(k as f64) * self.h);
             equations.joints.prescribe(system, equations.loads, equations.time, motion);
-            recorder.step(&memory.propulsion.thrust, thrusters.len());
+            recorder.begin();
+            let thrust = memory.propulsion.thrust;
             motion.twist = shift_twist(motion.twist, &motion.pose.rotation, current, -1.0);
-            if !thrusters.is_empty() {
-                let course = memory.propulsion.step(thrusters, motion.twist);
+            if let Some((courses, _)) = &mut equations.lossy {
+                memory.propulsion.step_courses(thrusters.len(), courses);
+            } else if !thrusters.is_empty() {
+                let course = memory.propulsion.step(thrusters);
                 equations.wrench = held + course.start;
-                equations.thrust = Some((course, L::c(1.0) / L::splat(self.h)));
+                equations.thrust = Some((course, over_h));
                 if lagged.is_some() {
                     memory.lag.wrench = equations.wrench;
                 }
@@ -360,6 +366,7 @@ impl<'a, T: Real> Step<'a, T> {
                     L::call(&mut ImplicitStep { method, h: self.h, motion, estimates, equations, stages, recorder });
                 }
             }
+            recorder.end(&thrust, thrusters.len());
             equations.joints.end(motion, joints);
             motion.travel(drift(current, gained, self.h));
             current = current + gained;
@@ -383,13 +390,6 @@ impl<'a, T: Real> Step<'a, T> {
         if !thrusters.is_empty() {
             columns.set_all(self.layout.thrust, &memory.propulsion.thrust, self.layout.thrusters);
         }
-        // A compensated sum: neither many steps nor their division into calls shows in the time.
-        let (mut time, mut rest): (L, L) = (columns.get(self.layout.time), columns.get(self.layout.time + 1));
-        for _ in 0..self.substeps {
-            let passed = rest + L::splat(self.h);
-            let next = time + passed;
-            (time, rest) = (next, passed - (next - time));
-        }
-        columns.set_all(self.layout.time, &[time, rest], 2);
+        columns.add_time::<L>(self.layout, self.h, self.substeps);
     }
 }

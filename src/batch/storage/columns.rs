@@ -109,6 +109,18 @@ impl<T: Real> Columns<'_, T> {
         }
     }
 
+    /// Adds steps of size `h` to the time. A compensated sum: neither many steps nor their division into calls shows in it.
+    #[inline(always)]
+    pub fn add_time<L: Lane<Real = T>>(&mut self, layout: &Layout, h: T, steps: usize) {
+        let (mut time, mut rest): (L, L) = (self.get(layout.time), self.get(layout.time + 1));
+        for _ in 0..steps {
+            let passed = rest + L::splat(h);
+            let next = time + passed;
+            (time, rest) = (next, passed - (next - time));
+        }
+        self.set_all(layout.time, &[time, rest], 2);
+    }
+
     /// Estimates of the quality of the last steps.
     #[inline(always)]
     pub fn step_estimates<L: Lane<Real = T>>(&self, layout: &Layout) -> StepEstimates<L> {

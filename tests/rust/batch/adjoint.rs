@@ -123,7 +123,9 @@ fn gradients_are_cotangents_times_jacobians() {
 /// so fast that the state becomes NaN; and at rest.
 fn case_of_divided_steps(name: &str, dt: f64, instances: usize, threads: usize) -> Case {
     let mut scene = Scene::shipped("petasus-pum").unwrap();
-    scene.vehicle.thrusters.iter_mut().for_each(|thruster| thruster.lag = Some(0.15));
+    for thruster in &mut scene.vehicle.thrusters {
+        (thruster.lag, thruster.ambient_flow) = (Some(0.15), Some(0.3));
+    }
     let options = SimulatorOptions { instances, dt, tolerance: 1e-9, threads: Some(threads), ..Default::default() };
     let mut case = Case::with_options(&scene, SimulatorOptions { integrator: name.into(), ..options });
     let twists = [[0.3, -0.2, 0.1, 20.0, -60.0, 90.0], [60.0, -40.0, 50.0, 2.0, 1.0, 3.0], [1e170; 6], [0.0; 6]];
