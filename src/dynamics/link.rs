@@ -25,6 +25,8 @@ pub(crate) struct Link<L> {
     pub U_over_D: Vector6<L>,
     /// `J / D` with the inertia J of the joint's rotor, if it has one.
     pub J_over_D: L,
+    /// Inertia about or along the joint, without what an implicit step adds for the joint's forces; set by the implicit passes only.
+    pub along: L,
     /// Twist relative to the water; set by the implicit passes only.
     pub V: Vector6<L>,
     /// `c = ad_V E q'` without its vanishing entries: x and y of the linear and of the angular part.
@@ -60,12 +62,21 @@ impl<L: Lane> Scratch<L> {
             g: Vector3::zero(),
             U_over_D: none,
             J_over_D: zero,
+            along: zero,
             V: none,
             c: [zero; 4],
             p: none,
             u_over_D: zero,
         };
         Self { links: [link; JOINTS] }
+    }
+}
+
+impl<L: Lane> Scratch<L> {
+    /// Inertia about or along joint `i` at the last implicit pass.
+    #[inline(always)]
+    pub fn inertia(&self, i: usize) -> L {
+        self.links[i].along
     }
 }
 
@@ -225,6 +236,9 @@ impl<L: Lane> Link<L> {
             Drive::Torque { tau, damping } => {
                 let mut D = damping.map_or(along, |damping| along + damping);
                 let J = joint.rotor_inertia.map_or_else(L::zero, |inertia| inertia.get());
+                if damping.is_some() {
+                    self.along = along + J;
+                }
                 if joint.rotor_inertia.is_some() {
                     D += J;
                 }

@@ -43,6 +43,7 @@ pub use dynamical_balance::{BodyMotion, Composite, Equations};
 pub use energy::{Energy, Power, relative_to_water};
 pub use fossen::FossenForm;
 pub use inverse_dynamics::GeneralizedForce;
+pub use joint_torque::lost_bounce;
 pub use linearize::{Linearization, linearize};
 pub use modes::{Modes, Servos};
 pub use momentum::Momentum;

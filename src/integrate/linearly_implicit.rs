@@ -12,6 +12,8 @@
 //! amplifies some undamped oscillations by up to 0.16 % a step. With a J that overestimates the true rate by a factor 1/p they become
 //! `sum_j w_j (1 - p)^j` there: stable for `0 < p <= 3/2` in order 2, up to 1.36 in order 3.
 
+use std::hint::cold_path;
+
 use super::chart::Increment;
 use super::motion::Motion;
 use super::recorder::Recorder;
@@ -39,10 +41,17 @@ pub trait LinearlyImplicit<L: Lane, const N: usize>: Derivative<L, N> {
         qd: &[L; N],
         rates: &mut Rates<L, N>,
     );
+
+    /// Greatest joint rate that a step of size `h` lost or gained at an end stop which would have returned another, of stops whose
+    /// `h |rate|` is beyond `range`; from joints and rates at the start and at the end, after the solves.
+    fn lost_bounce(&self, h: L, range: f64, ends: [(&[L; N], &[L; N]); 2]) -> L;
 }
 
 /// Smallest sub-interval as a fraction of the interval; a lane that needs a smaller one becomes NaN, never a wrong number.
 const LEAST_SHARE: f64 = 1.0 / 1024.0;
+
+/// Joint rate that a bounce may lose or gain, rad/s or m/s.
+const LEAST_BOUNCE: f64 = 1e-3;
 
 /// Coordinates of a point within a step.
 #[derive(Debug, Clone)]
@@ -229,8 +238,9 @@ fn extrapolated<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: 
     (greatest.max(fine.turn()), error)
 }
 
-/// Integrates over an interval of length `h`. Lanes that turn by more than the method allows within a sub-interval divide it into
-/// halves, quarters, and so on; lanes that have reached the end of the interval keep their state meanwhile.
+/// Integrates over an interval of length `h`. Lanes that turn by more than the method allows within a sub-interval, or lose a bounce that
+/// is to be resolved, divide it into halves, quarters, and so on; lanes that have reached the end of the interval keep their state
+/// meanwhile.
 #[inline(always)]
 pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, const N: usize>(
     method: &Implicit,
@@ -241,7 +251,7 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
     stages: &mut ImplicitStages<L, N>,
     recorder: &mut R,
 ) {
-    let Implicit { order, greatest_turn } = *method;
+    let Implicit { order, greatest_turn, bounce } = *method;
     let n = derivative.joints();
     let (zero, half, one) = (L::zero(), L::c(0.5), L::c(1.0));
     let limit = L::c(greatest_turn * greatest_turn);
@@ -252,7 +262,12 @@ pub fn implicit_interval<L: Lane, D: LinearlyImplicit<L, N>, R: Recorder<L, N>, 
         let when = (h * share, h * (one - left));
         let (turn, error) = extrapolated(order, when, motion, stages, derivative, recorder);
         let end = &stages.fine;
-        let fine = L::select(turn.lt(limit), one, zero);
+        let mut fine = L::select(turn.lt(limit), one, zero);
+        if let Some(range) = bounce {
+            cold_path();
+            let ends = [(&motion.q, &motion.qd), (&end.q, &end.qd)];
+            fine = L::select(derivative.lost_bounce(h * share, range, ends).lt(L::c(LEAST_BOUNCE)), fine, zero);
+        }
         let taken = L::select(zero.lt(left), fine, zero);
         let takes = half.lt(taken);
         estimates.record_errors(takes, order, (h * share, error, turn), &motion.twist, (&end.twist, &end.qd), n);

@@ -134,6 +134,7 @@ pub fn step_error<L: Lane>([error, way, spin]: [L; 3], h: f64) -> L {
     (error / way.max(L::c(REST * h))).max(spin)
 }
 
+#[inline(always)]
 fn rounding(epsilon: f64) -> f64 {
     ROUNDING * epsilon
 }

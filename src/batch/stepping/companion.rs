@@ -42,7 +42,7 @@ impl CompanionSteps {
         let order = integrator.order();
         let divisor = (divisor(order).powi(2) * divisor(2)).cbrt();
         // Rounding bounds tolerances from below: those of both motions have to differ.
-        let integrator = integrator.at_ratio(ratio, ratio.powi(order as i32), T::EPSILON);
+        let integrator = integrator.at_ratio(ratio, ratio.powi(order as i32), T::EPSILON).resolving_bounces();
         let (first, end) = (at(before), at(before + substeps));
         Self { integrator, h: h * ratio, before: first, substeps: end - first, divisor }
     }

@@ -7,6 +7,7 @@ use crate::batch::storage::columns::Columns;
 use crate::batch::storage::layout::Layout;
 use crate::dynamics::aba::{ArmLoads, Instant, Scratch, accelerations};
 use crate::dynamics::aba_implicit::{Ahead, implicit_accelerations};
+use crate::dynamics::lost_bounce;
 use crate::hydro::{FinAxes, ThrustCourse, ThrustCourses};
 use crate::integrate::{Derivative, LinearlyImplicit, Rates, StagePose};
 use crate::lane::{Lane, Param, Real, unroll};
@@ -177,5 +178,23 @@ impl<L: Lane, P: Param<L>> LinearlyImplicit<L, JOINTS> for EquationsOfMotion<'_,
         let ahead = Ahead { h, vehicle_servo: self.station.is_some() };
         let Rates { twist, qd } = rates;
         implicit_accelerations(system, &instant, ahead, self.loads, self.scratch, twist, qd);
+    }
+
+    #[inline(always)]
+    fn lost_bounce(&self, h: L, range: f64, ends: [(&[L; JOINTS], &[L; JOINTS]); 2]) -> L {
+        let joints = self.system.chain();
+        let mut greatest = L::zero();
+        for i in 0..joints.len().min(JOINTS) {
+            let mut both = [(L::zero(), L::zero()); 2];
+            for k in 0..2 {
+                both[k] = (ends[k].0[i], ends[k].1[i]);
+                if <L::Real as Real>::SINGLE {
+                    both[k].0 += self.joints.base[i];
+                }
+            }
+            let (inertia, servo_on) = (self.scratch.inertia(i), self.loads.terms > 0);
+            greatest = lost_bounce(&joints[i], (h, range), inertia, servo_on, both).max(greatest);
+        }
+        greatest
     }
 }

@@ -3,6 +3,7 @@
 mod adaptive;
 mod baselines;
 mod bodies;
+mod end_stops;
 mod energy;
 mod flow;
 mod joints;
