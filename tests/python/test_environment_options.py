@@ -65,6 +65,7 @@ def test_what_was_trained_is_played_compared_and_verified_with_one_set_of_flags(
         for name in controllers[:2]:
             assert main(["play", *FLAGS, "--controller", name, "--seconds", "0.2", "--plot", "x.png"]) == 0
         given = [word for name in controllers for word in ("--controller", name)]
+        given += ["--env-kwargs", "reward:{'effort': 0.3}"]
         assert main(["compare", *FLAGS, *given, "--episodes", "4", "--out", "c"]) == 0
     data = json.loads(Path("c/compare.json").read_text())
     (result,) = data["results"]

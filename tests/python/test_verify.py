@@ -164,6 +164,11 @@ def test_every_forged_circumstance_is_refused_but_for_plausible_records(stored: 
         ("max_current", 1e6, "circumstances.arguments.max_current is 1000000, but must be a number from 0 to 10"),
         ("env_kwargs", {"thruster_lag": 0.3}, "options.thruster_lag: 0.1 is stored, 0.3 found"),
         ("env_kwargs", {"scene": "rexrov"}, "circumstances.arguments.env_kwargs is an object of 1, but must be"),
+        (
+            "env_kwargs",
+            {"reward": {"effort": 0.3}},
+            "circumstances.arguments.env_kwargs is an object of 1, but must be",
+        ),
         ("env_kwargs", {"no_such": 1}, "no_such"),
         ("rewards", 1.0, "circumstances.arguments.rewards is stored, but unknown"),
     ],

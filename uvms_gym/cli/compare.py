@@ -95,7 +95,8 @@ def compare(
     given: dict[str, Any] = {
         "env": check_list("env", env, ["UVMS-StationKeep-Storm-v0"]),
         "scene": scenes,
-        "env_kwargs": arguments,
+        # Scores do not depend on the reward.
+        "env_kwargs": {key: value for key, value in arguments.items() if key != "reward"},
         "controllers": check_list("controller", controller, []) or None,
         "episodes": episodes,
         "seed": seed,

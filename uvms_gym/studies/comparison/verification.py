@@ -34,8 +34,8 @@ TOLERANCE, ABSOLUTE = 1e-4, 1e-9
 MOST_EPISODES = 100_000
 #: Maximum speed of the current, m/s.
 MOST_CURRENT = 10.0
-#: Arguments of environments that have entries of their own.
-_LISTED = {"envs", "scenes", "levels", "departures", "scene", "disturbance", "task", *STORED}
+#: Arguments of environments that have entries of their own, and the reward, which scores do not depend on.
+_LISTED = {"envs", "scenes", "levels", "departures", "scene", "disturbance", "task", "reward", *STORED}
 #: Statistics over all episodes.
 _OVER_ALL = ("against", "baseline", "winner", "runner_up", "margin", "profiles")
 
