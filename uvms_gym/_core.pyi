@@ -483,6 +483,7 @@ class Renderer:
         target: _Pose = None,
         path: _Rows = None,
         point: _Pose = None,
+        dock: _Pose = None,
         trail: _Rows = None,
         current: _Rows = None,
         payload: float = 0.0,
@@ -490,11 +491,20 @@ class Renderer:
     ) -> NDArray[np.uint8]:
         """(height, width, 3) picture of the vehicle at position (3,) and rotation (3, 3) with joints at q (n,).
 
-        thrust (m,) N; target and point: poses (4, 4) or (position, rotation) of vehicle and end effector; path and
-        trail (k, 3) of the end effector; current (3,) m/s; payload kg; time s. World frame.
+        thrust (m,) N; target and point: poses (4, 4) or (position, rotation) of vehicle and end effector; dock: pose of
+        the vehicle in it; path and trail (k, 3) of the end effector; current (3,) m/s; payload kg; time s. World frame.
         """
-    def project(self, points: ArrayLike, position: ArrayLike, rotation: ArrayLike, *, target: _Pose = None) -> _Floats:
-        """(k, 3) pixels from left and top, and distance, of points (k, 3) in the picture of that pose and target."""
+    def project(
+        self,
+        points: ArrayLike,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        *,
+        target: _Pose = None,
+        point: _Pose = None,
+        dock: _Pose = None,
+    ) -> _Floats:
+        """(k, 3) pixels from left and top, and distance, of points (k, 3) in the picture of these poses."""
     def __getnewargs_ex__(self) -> tuple[tuple[dict[str, Any]], dict[str, Any]]: ...
 
 _Finals: TypeAlias = tuple[NDArray[np.int64], NDArray[np.float32], _Floats, _Floats]

@@ -117,7 +117,8 @@ impl Renderer {
     /// Draw the scene in a state.
     ///
     /// The camera looks at the target, or at the vehicle without one; and not so far from the vehicle that this would
-    /// leave the picture. The GIL is released.
+    /// leave the picture. Where `point` or `dock` would be outside, it goes back until both are inside, unless the
+    /// renderer has a `distance`. The GIL is released.
     ///
     /// Parameters
     /// ----------
@@ -135,6 +136,8 @@ impl Renderer {
     ///     Points that the end effector is to pass, in the world, m.
     /// point : as target
     ///     Pose that the end effector is to have now: axes, x red, y green, z blue.
+    /// dock : as target
+    ///     Pose that the vehicle is to have in a dock, which is drawn about it.
     /// trail : array_like (k, 3)
     ///     Points where the end effector was, in the world, m.
     /// current : array_like (3,)
@@ -154,8 +157,8 @@ impl Renderer {
     /// ValueError, TypeError
     ///     An argument has another shape, or is no array of real numbers.
     #[pyo3(
-        signature = (position, rotation, q=None, *, thrust=None, target=None, path=None, point=None, trail=None, current=None, payload=None, time=None),
-        text_signature = "($self, position, rotation, q=None, *, thrust=None, target=None, path=None, point=None, trail=None, current=None, payload=0.0, time=0.0)"
+        signature = (position, rotation, q=None, *, thrust=None, target=None, path=None, point=None, dock=None, trail=None, current=None, payload=None, time=None),
+        text_signature = "($self, position, rotation, q=None, *, thrust=None, target=None, path=None, point=None, dock=None, trail=None, current=None, payload=0.0, time=0.0)"
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn draw<'py>(
@@ -168,6 +171,7 @@ impl Renderer {
         target: Given<'_, 'py>,
         path: Given<'_, 'py>,
         point: Given<'_, 'py>,
+        dock: Given<'_, 'py>,
         trail: Given<'_, 'py>,
         current: Given<'_, 'py>,
         payload: Given<'_, 'py>,
@@ -189,6 +193,7 @@ impl Renderer {
             target: target.map(|given| pose("target", given)).transpose()?,
             path: &path,
             point: point.map(|given| pose("point", given)).transpose()?,
+            dock: dock.map(|given| pose("dock", given)).transpose()?,
             trail: &trail,
             current: current.map_or_else(Vector3::zeros, |c| Vector3::from_column_slice(&c)),
             payload: number("payload", payload, 0.0)?,
@@ -199,14 +204,15 @@ impl Renderer {
         Ok(picture.map_err(|e| PyValueError::new_err(e.to_string()))?.into_pyarray(py))
     }
 
-    /// Where points of the world are in the picture that `draw` makes of the same pose and target.
+    /// Where points of the world are in the picture that `draw` makes of the same pose, target, reference and dock.
     ///
     /// Returns
     /// -------
     /// numpy.ndarray (k, 3)
     ///     Pixels from the left and from the top (the middle of the first is 0.5), and the distance ahead of the camera, m.
     ///     NaN for what is behind the camera.
-    #[pyo3(signature = (points, position, rotation, *, target=None))]
+    #[pyo3(signature = (points, position, rotation, *, target=None, point=None, dock=None))]
+    #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn project<'py>(
         &self,
         py: Python<'py>,
@@ -214,10 +220,13 @@ impl Renderer {
         position: &Bound<'py, PyAny>,
         rotation: &Bound<'py, PyAny>,
         target: Given<'_, 'py>,
+        point: Given<'_, 'py>,
+        dock: Given<'_, 'py>,
     ) -> PyResult<Array<'py>> {
         let (position, rotation) = vehicle(position, rotation)?;
-        let target = target.map(|given| pose("target", given)).transpose()?;
-        let shot = RenderState { position, rotation, target, ..RenderState::default() };
+        let given = |name: &str, given: Given<'_, 'py>| given.map(|given| pose(name, given)).transpose();
+        let (target, point, dock) = (given("target", target)?, given("point", point)?, given("dock", dock)?);
+        let shot = RenderState { position, rotation, target, point, dock, ..RenderState::default() };
         let pixels = points.iter().flat_map(|p| self.inner.project(&shot, p).unwrap_or([f64::NAN; 3]));
         array(py, &[points.len(), 3], pixels.collect())
     }

@@ -6,6 +6,7 @@
 mod arm;
 mod backdrop;
 pub mod camera;
+pub mod dock;
 pub mod hull;
 pub mod marks;
 pub mod mesh;

@@ -8,6 +8,7 @@ use super::Vector;
 use super::arm::ArmModel;
 use super::backdrop::{self, Caustics, Floor};
 use super::camera::Camera;
+use super::dock::dock;
 use super::hull::{Envelope, Thruster, hull, single};
 use super::marks;
 use super::mesh::{Mesh, Vertex};
@@ -21,6 +22,8 @@ use crate::error::RenderError;
 const MAX_PIXELS: usize = 4096;
 /// Greatest magnitude of drawn coordinates, m.
 const FAR: f64 = 1e5;
+/// Greatest radius of what the picture shows, over that of the scene.
+const WIDEST: f64 = 24.0;
 /// Azimuth relative to the camera and elevation of the sun, rad: to the left and high.
 const SUN: (f64, f64) = (-0.75, 1.05);
 
@@ -33,7 +36,7 @@ pub struct Settings {
     pub azimuth: f64,
     /// Elevation of the camera above the horizontal, rad.
     pub elevation: f64,
-    /// Distance of the camera, m; None: by the size of the scene.
+    /// Distance of the camera, m; None: by the size of what the picture shows.
     pub distance: Option<f64>,
     /// Height of the floor, m; None: below the scene at the origin.
     pub floor: Option<f64>,
@@ -80,6 +83,8 @@ pub struct RenderState<'a> {
     pub path: &'a [Vector3<f64>],
     /// Present reference pose of the end effector.
     pub point: Option<(Vector3<f64>, Matrix3<f64>)>,
+    /// Pose of the vehicle in the dock.
+    pub dock: Option<(Vector3<f64>, Matrix3<f64>)>,
     /// Past positions of the end effector in the world, m.
     pub trail: &'a [Vector3<f64>],
     /// Velocity of the water in the world, m/s.
@@ -100,6 +105,7 @@ impl Default for RenderState<'_> {
             target: None,
             path: &[],
             point: None,
+            dock: None,
             trail: &[],
             current: Vector3::zeros(),
             payload: 0.0,
@@ -111,11 +117,11 @@ impl Default for RenderState<'_> {
 /// Renderer of a scene.
 #[derive(Debug)]
 pub struct Renderer {
-    size: [usize; 2],
-    camera: Camera,
-    water: Water,
+    settings: Settings,
+    sun: Vector,
     wet: bool,
     hull: Mesh,
+    dock: Mesh,
     envelope: Envelope,
     thrusters: Vec<Thruster>,
     arm: Option<ArmModel>,
@@ -123,6 +129,8 @@ pub struct Renderer {
     /// Centre and radius of vehicle and arm at home, in the vehicle frame.
     middle: Vector,
     reach: f32,
+    /// Distance of the dock's vertices from the centre of the vehicle's body, m, at most.
+    dock_reach: f64,
     distance: f64,
     floor: f64,
     cell: f64,
@@ -158,23 +166,25 @@ impl Renderer {
         let middle = (bounds[0] + bounds[1]) * 0.5;
         let reach = ((bounds[1] - bounds[0]).norm() * 0.5).clamp(1e-3, 1e4);
         let distance = settings.distance.unwrap_or_else(|| 1.12 * Camera::distance_of(f64::from(reach)));
-        let camera = Camera::new(settings.azimuth, settings.elevation, distance, settings.size);
-        let (sun_azimuth, sun_elevation) = (settings.azimuth + SUN.0, SUN.1);
-        let sun = Camera::new(sun_azimuth, sun_elevation, 1.0, [1, 1]).eye;
+        let mut garage = Mesh::default();
+        dock(&mut garage, &envelope);
+        let away = |vertex: &Vertex| (vertex.position - envelope.middle).norm();
+        let dock_reach = f64::from(garage.vertices.iter().map(away).fold(0.0, f32::max));
         Ok(Self {
-            size: settings.size,
-            camera,
+            settings: *settings,
+            sun: Camera::new(settings.azimuth + SUN.0, SUN.1, 1.0, [1, 1]).eye,
             wet: scene.water.density > 0.0,
-            water: Water::new(scene.water.density > 0.0, distance as f32, sun),
             floor: settings.floor.unwrap_or(f64::from(bounds[0].z - 0.45 * reach)),
             cell: nice(0.6 * f64::from(reach)),
             hull,
+            dock: garage,
             envelope,
             thrusters,
             arm,
             home,
             middle,
             reach,
+            dock_reach,
             distance,
             caustics: Caustics::new(),
             scratch: Mutex::new(Vec::new()),
@@ -183,7 +193,7 @@ impl Renderer {
 
     /// Width and height, pixels.
     pub fn size(&self) -> [usize; 2] {
-        self.size
+        self.settings.size
     }
 
     /// Number of joints of the scene.
@@ -196,7 +206,7 @@ impl Renderer {
         self.thrusters.len()
     }
 
-    /// Distance of the camera, m.
+    /// Distance of the camera without a dock and with the reference within the scene's size, m.
     pub fn distance(&self) -> f64 {
         self.distance
     }
@@ -229,24 +239,50 @@ impl Renderer {
         }
     }
 
+    /// Camera, its focus, and the radius of what it shows over that of the scene: vehicle, end effector's reference and dock.
+    fn view(&self, state: &RenderState<'_>) -> (Camera, Vector3<f64>, f64) {
+        let reach = f64::from(self.reach);
+        let (mut focus, mut radius) = (self.focus(state), reach);
+        let mut include = |at: Vector3<f64>, own: f64| {
+            let apart = (at - focus).norm();
+            // Of two balls, the smallest one about both.
+            let both = (0.5 * (radius + own + apart)).max(own).min(WIDEST * reach);
+            if self.settings.distance.is_none() && both > radius {
+                focus += (at - focus) * ((both - radius) / apart.max(1e-9)).min(1.0);
+                radius = both;
+            }
+        };
+        if let Some((at, _)) = state.point.filter(|(p, _)| p.iter().all(|x| x.abs() < FAR)) {
+            include(at, 0.2 * reach);
+        }
+        if let Some((p, r)) = state.dock.filter(|(p, r)| p.iter().chain(r.iter()).all(|x| x.abs() < FAR)) {
+            include(p + r * self.envelope.middle.map(f64::from), self.dock_reach);
+        }
+        let zoom = radius / reach;
+        let Settings { azimuth, elevation, size, .. } = self.settings;
+        (Camera::new(azimuth, elevation, self.distance * zoom, size), focus, zoom)
+    }
+
     /// Pixel (along, down) and depth, m, of a point of the world in the picture of `state`; None behind the camera.
     pub fn project(&self, state: &RenderState<'_>, point: &Vector3<f64>) -> Option<[f64; 3]> {
-        let view = self.camera.view(&single(&(point - self.focus(state))));
-        let [x, y] = self.camera.project(&view);
-        (view.z >= self.camera.near).then(|| [x, y, view.z].map(f64::from))
+        let (camera, focus, _) = self.view(state);
+        let view = camera.view(&single(&(point - focus)));
+        let [x, y] = camera.project(&view);
+        (view.z >= camera.near).then(|| [x, y, view.z].map(f64::from))
     }
 
     /// Draws the picture: red, green, blue by rows from the top.
     pub fn draw(&self, state: &RenderState<'_>) -> Vec<u8> {
-        let focus = self.focus(state);
-        let (solid, clear) = self.meshes(state, &focus);
+        let (camera, focus, zoom) = self.view(state);
+        let water = Water::new(self.wet, (self.distance * zoom) as f32, self.sun);
+        let (solid, clear) = self.meshes(state, &focus, zoom);
         let mut scratch = self.scratch.lock().ok().and_then(|mut pool| pool.pop()).unwrap_or_default();
         let Scratch { canvas, corners } = &mut scratch;
-        canvas.clear(self.size);
+        canvas.clear(self.settings.size);
         let height = (self.floor - focus.z) as f32;
         let middle = single(&(state.position - focus));
         let middle = if middle.iter().all(|x| x.abs() < FAR as f32) { middle } else { Vector::zeros() };
-        let shadow = Shadow::new(&solid, height, &self.water.sun, &middle, 2.2 * self.reach);
+        let shadow = Shadow::new(&solid, height, &self.sun, &middle, 2.2 * self.reach * zoom as f32);
         let origin = [0, 1].map(|k| (-focus[k]).rem_euclid(20.0 * self.cell) as f32);
         let drift = (0.03 * state.time).rem_euclid(10.0) as f32;
         let floor = Floor {
@@ -257,18 +293,18 @@ impl Renderer {
             caustics: &self.caustics,
             drift: if drift.is_finite() { drift } else { 0.0 },
         };
-        backdrop::paint(canvas, self.size, &self.camera, &self.water, &floor);
+        backdrop::paint(canvas, self.settings.size, &camera, &water, &floor);
 
-        self.shade(&solid, corners);
+        shade(&camera, &water, &solid, corners);
         for triangle in &solid.triangles {
-            canvas.triangle(&self.camera, triangle.map(|k| &corners[k as usize]));
+            canvas.triangle(&camera, triangle.map(|k| &corners[k as usize]));
         }
-        self.shade(&clear, corners);
+        shade(&camera, &water, &clear, corners);
         let depth = |t: &[u32; 3]| -t.iter().map(|k| corners[*k as usize].view.z).sum::<f32>();
         let mut order: Vec<(f32, &[u32; 3])> = clear.triangles.iter().map(|t| (depth(t), t)).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, triangle) in order {
-            canvas.triangle(&self.camera, triangle.map(|k| &corners[k as usize]));
+            canvas.triangle(&camera, triangle.map(|k| &corners[k as usize]));
         }
         let picture = canvas.resolve();
         if let Ok(mut pool) = self.scratch.lock() {
@@ -278,7 +314,7 @@ impl Renderer {
     }
 
     /// Opaque and transparent meshes, relative to the focus.
-    fn meshes(&self, state: &RenderState<'_>, focus: &Vector3<f64>) -> (Mesh, Mesh) {
+    fn meshes(&self, state: &RenderState<'_>, focus: &Vector3<f64>, zoom: f64) -> (Mesh, Mesh) {
         let (mut solid, mut clear) = (Mesh::default(), Mesh::default());
         let thin = 0.006 * self.reach;
         if let Some(place) = placed(&state.position, &state.rotation, focus) {
@@ -304,6 +340,9 @@ impl Renderer {
                 marks::point(mesh, 3.0 * thin);
             });
         }
+        if let Some(place) = state.dock.and_then(|(p, r)| placed(&p, &r, focus)) {
+            solid.append(&self.dock, place);
+        }
         for (points, trail) in [(state.path, false), (state.trail, true)] {
             let points: Vec<Vector> = points.iter().map(|p| single(&(p - focus))).collect();
             marks::line(&mut solid, &points, thin, trail);
@@ -311,23 +350,25 @@ impl Renderer {
         if self.wet && state.current.iter().all(|x| x.abs() < FAR) && state.time.abs() < 1e12 {
             let origin = single(&(-focus));
             let floor = (self.floor - focus.z) as f32;
-            marks::flow(&mut clear, &single(&state.current), state.time, &origin, 1.9 * self.reach, floor);
+            // In steps, so that particles keep their places while the camera moves away.
+            let wide = if zoom > 1.0 { zoom.log2().ceil().exp2() as f32 } else { 1.0 };
+            marks::flow(&mut clear, &single(&state.current), state.time, &origin, 1.9 * self.reach * wide, floor);
         }
         (solid, clear)
     }
+}
 
-    /// Shades the vertices of a mesh and transforms them to camera coordinates.
-    fn shade(&self, mesh: &Mesh, corners: &mut Vec<Corner>) {
-        corners.clear();
-        corners.extend(mesh.vertices.iter().map(|vertex| {
-            let Vertex { position, normal, paint } = vertex;
-            let to_eye = self.camera.eye - position;
-            let way = to_eye.norm();
-            let to_eye = to_eye / way.max(1e-6);
-            let [r, g, b] = self.water.shade(paint, normal, &to_eye, way).map(display);
-            Corner { view: self.camera.view(position), colour: [r, g, b, paint.alpha] }
-        }));
-    }
+/// Shades the vertices of a mesh and transforms them to camera coordinates.
+fn shade(camera: &Camera, water: &Water, mesh: &Mesh, corners: &mut Vec<Corner>) {
+    corners.clear();
+    corners.extend(mesh.vertices.iter().map(|vertex| {
+        let Vertex { position, normal, paint } = vertex;
+        let to_eye = camera.eye - position;
+        let way = to_eye.norm();
+        let to_eye = to_eye / way.max(1e-6);
+        let [r, g, b] = water.shade(paint, normal, &to_eye, way).map(display);
+        Corner { view: camera.view(position), colour: [r, g, b, paint.alpha] }
+    }));
 }
 
 /// Transform of vertices from a frame to coordinates about the focus; None if it is not finite.

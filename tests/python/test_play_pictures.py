@@ -43,7 +43,7 @@ def play(task: str, scene: str, seed: int, steps: int, look: Any) -> None:
     env.close()
 
 
-@pytest.mark.parametrize(("task", "scene"), [case for case in CASES if "Dock" not in case[0]])
+@pytest.mark.parametrize(("task", "scene"), CASES)
 @pytest.mark.parametrize("size", [(640, 480), (960, 540)])
 def test_the_task_is_inside_the_picture_of_the_scene(task: str, scene: str, size: tuple[int, int]) -> None:
     env = gym.make(task, scene=scene)
@@ -55,12 +55,27 @@ def test_the_task_is_inside_the_picture_of_the_scene(task: str, scene: str, size
         shot = {name: rows[0] for name, rows in shots(env._native).items()}
         aims = {name: shot[name] for name in ("target", "point", "dock") if name in shot}
         points = [env.snapshot().end_effector_pose()[0, :3, 3], shot["position"], *(a[:3, 3] for a in aims.values())]
-        for x, y, _depth in renderer.project(points, shot["position"], shot["rotation"], target=aims.get("target")):
+        for x, y, _depth in renderer.project(points, shot["position"], shot["rotation"], **aims):
             assert 0.0 < x < width
             assert 0.0 < y < height
 
     for seed in range(4):
         play(task, scene, seed, 40, look)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_dock_is_seen_from_the_start(scene: str) -> None:
+    env: Any = gym.make("UVMS-Dock-v0", scene=scene, render_mode="rgb_array")
+    env.reset(seed=3)
+    shot = {name: rows[0] for name, rows in shots(env.unwrapped._native).items()}
+    picture, renderer = env.render(), Renderer(scene)
+    assert (picture == renderer.draw(**shot)).all()
+    dock = shot.pop("dock")
+    place = {"position": shot["position"], "rotation": shot["rotation"], "dock": dock}
+    x, y, _ = renderer.project([dock[:3, 3]], **place)[0]
+    # Its colour, which neither water nor floor has, is about its place.
+    red, green, blue = np.moveaxis(picture[int(y) - 60 : int(y) + 60, int(x) - 60 : int(x) + 60].astype(int), 2, 0)
+    assert ((red > 1.15 * green) & (green > 1.5 * blue)).sum() > 100
 
 
 def test_the_picture_of_the_scene_is_whole() -> None:

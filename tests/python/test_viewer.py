@@ -1,5 +1,6 @@
 """Browser view of episodes: `uvms play --web`."""
 
+import io
 import socket
 import threading
 import time
@@ -12,6 +13,7 @@ import gymnasium
 import numpy as np
 import pytest
 
+import uvms_gym
 from uvms_gym.cli import main
 from uvms_gym.cli import play as module
 from uvms_gym.viewer.episode import Conditions, LiveEpisode
@@ -197,3 +199,18 @@ def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     monkeypatch.setattr(module, "find_spec", lambda name: None)
     assert main(["play", "--web"]) == 2
     assert "viser not installed; run: pip install 'uvms-gym[web]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("scene", ["petasus-pum", "bluerov2-heavy", "remus-100"])
+def test_a_dock_leaves_room_for_the_vehicle(scene: str) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    from uvms_gym.viewer.shapes import dock_glb, vehicle_size
+
+    description = uvms_gym.load_scene(scene)
+    centre, size = vehicle_size(description)
+    made = trimesh.load(io.BytesIO(dock_glb(description)), file_type="glb").to_geometry()
+    away = np.abs(made.vertices - centre) / (0.5 * size)
+    # Outside of the vehicle's box, and on all sides but below.
+    assert (away.max(axis=1) > 1.0).all()
+    assert (made.bounds[0][:2] < (centre - 0.5 * size)[:2]).all()
+    assert (made.bounds[1] > centre + 0.5 * size).all()

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
 use uvms_gym::description::{Scene, Shape, ShapeKind};
 use uvms_gym::render::camera::Camera;
+use uvms_gym::render::dock::dock;
 use uvms_gym::render::hull::hull;
 use uvms_gym::render::mesh::Mesh;
 use uvms_gym::render::paint::{Paint, Water, decay};
@@ -97,6 +98,7 @@ proptest! {
             target: Some((vector(23), matrix(26))),
             path: &path,
             point: Some((vector(20), matrix(3))),
+            dock: Some((vector(21), matrix(26))),
             trail: &path,
             current: vector(35),
             payload: n[38],
@@ -360,5 +362,37 @@ fn a_vehicle_far_from_its_target_stays_in_the_picture() {
     for away in [Vector3::new(9.0, 0.0, 0.0), Vector3::new(0.0, -9.0, 2.0), Vector3::new(0.0, 0.0, -9.0)] {
         let [[x, y, _], _] = place(away);
         assert!((0.0..640.0).contains(&x) && (0.0..480.0).contains(&y), "{away:?} at {x} {y}");
+    }
+}
+
+#[test]
+fn docks_are_closed_and_face_outward() {
+    for name in Scene::shipped_names() {
+        let mut mesh = Mesh::default();
+        let envelope = hull(&Scene::shipped(name).unwrap()).0;
+        dock(&mut mesh, &envelope);
+        assert_solid(&mesh, name);
+        // The vehicle has room.
+        let outside = |v: &Vector| (v - envelope.middle).zip_map(&envelope.half, |x, half| x.abs() / half).max() > 1.0;
+        assert!(mesh.vertices.iter().all(|v| outside(&v.position)), "{name}");
+    }
+}
+
+#[test]
+fn dock_and_reference_are_in_the_picture_of_a_vehicle_far_from_them() {
+    let scene = Scene::shipped("bluerov2-heavy-alpha5").unwrap();
+    let renderer = Renderer::new(&scene, &Settings::default()).unwrap();
+    let near = Renderer::new(&scene, &Settings { distance: Some(renderer.distance()), ..Settings::default() }).unwrap();
+    let inside = |renderer: &Renderer, shot: &RenderState<'_>, point| {
+        let seen = renderer.project(shot, &point);
+        seen.is_some_and(|[x, y, _]| (0.0..640.0).contains(&x) && (0.0..480.0).contains(&y))
+    };
+    for away in [Vector3::new(5.0, 0.0, 0.0), Vector3::new(0.0, -3.0, 1.0), Vector3::new(-1.0, 2.0, -3.0)] {
+        let pose = Some((away, tilted()));
+        let default = RenderState::default();
+        for shot in [RenderState { dock: pose, ..default }, RenderState { point: pose, ..default }] {
+            assert!(inside(&renderer, &shot, away) && inside(&renderer, &shot, Vector3::zeros()), "{away:?}");
+            assert!(!inside(&near, &shot, away), "{away:?} from the distance that was asked for");
+        }
     }
 }

@@ -71,6 +71,8 @@ def shots(native: Task) -> dict[str, NDArray[Any]]:
     pose = np.zeros((native.num_envs, 4, 4))
     pose[:, :3, :3], pose[:, :3, 3], pose[:, 3, 3] = episode["target_rotation"], episode["target_position"], 1.0
     path = native.paths(_PLACES)
+    # With a path, the pose is the end effector's.
+    kind = "point" if path.size else "dock" if "docked" in native.metric_names else "target"
     return {
         "position": simulator.position,
         "rotation": simulator.rotation,
@@ -80,8 +82,7 @@ def shots(native: Task) -> dict[str, NDArray[Any]]:
         "payload": simulator.parameters["payload"],
         "thrust": _thrusts(native, simulator, episode),
         "path": path,
-        # With a path, the pose is the end effector's.
-        "point" if path.size else "target": pose,
+        kind: pose,
     }
 
 

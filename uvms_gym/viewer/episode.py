@@ -184,7 +184,7 @@ class LiveEpisode:
     def _frame(self) -> Frame:
         simulator, shot = self.env.snapshot(), shots(self.env._native)
         poses = np.concatenate([simulator.body_poses(), simulator.end_effector_pose()[:, None]], axis=1)
-        aim = shot["point" if "point" in shot else "target"]
+        aim = next(shot[name] for name in ("point", "dock", "target") if name in shot)
         rows = (aim, shot["path"], shot["thrust"], shot["current"], shot["payload"])
         return Frame(poses[0], *(row[0] for row in rows))
 

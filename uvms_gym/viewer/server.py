@@ -64,7 +64,7 @@ class Viewer:
             self.close()
             raise OSError(f"port {port} is taken; {bound} would be free")
         self.episode = episode
-        self.world = World(self.server, episode.env.snapshot(), episode.target)
+        self.world = World(self.server, episode.env.snapshot(), episode.target, episode.env.task == "dock")
         self.page = Page(self.server, self.gate, episode, self.world, title)
         self.server.on_client_connect(self.page.home)
         self.server.on_client_connect(lambda _: say("browser connected"))

@@ -1,6 +1,7 @@
 """Triangle meshes of the moving bodies, from the scene's `vehicle.shape`, thrusters and arm: for pictures alone."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ Vector = NDArray[np.float64]
 
 _DARK, _METAL, _WHITE = (62, 70, 80), (180, 188, 196), (236, 238, 234)
 _LAMP, _DUCT, _NOSE = (255, 246, 216), (52, 58, 66), (232, 81, 42)
+_FLOAT, _STARBOARD, _PORT = (242, 181, 29), (61, 255, 110), (255, 65, 54)
 _LINK, _JOINT, _RING, _TIP = (217, 220, 221), (70, 77, 87), (240, 122, 34), (255, 47, 208)
 
 
@@ -74,6 +76,40 @@ def link_glbs(scene: dict[str, Any], poses: NDArray[np.float64], tip: NDArray[np
             parts += _gripper(end, length, r)
         files.append(_glb(parts))
     return files
+
+
+def dock_glb(scene: dict[str, Any]) -> bytes:
+    """Dock about the docked vehicle, in the vehicle's frame, as a GLB file: the one of `src/render/dock.rs`."""
+    centre, size = vehicle_size(scene)
+    half = 0.5 * size
+    s = float(np.prod(half)) ** (1.0 / 3.0)
+    thin, buoy = 0.045 * s, 0.15 * s
+    rear, end, wide, top = -half[0] - 0.3 * s, half[0] + 0.35 * s, half[1] + 0.3 * s + buoy, half[2] + 0.35 * s
+    low, mouth, out, up = -0.5 * half[2], rear - 0.7 * s, wide + 0.5 * s, top + 0.4 * s
+    parts = []
+
+    def bar(start: Sequence[float], stop: Sequence[float], radius: float, colour: tuple[int, ...]) -> None:
+        parts.append(_rod(centre + start, centre + stop, radius, colour))
+
+    for side, light in ((-1.0, _STARBOARD), (1.0, _PORT)):
+        y, flared = side * wide, side * out
+        bar((rear, y, low), (end, y, low), buoy, _FLOAT)
+        bar((rear, y, low), (mouth, flared, low), 0.75 * buoy, _FLOAT)
+        bar((rear, y, top), (end, y, top), thin, _METAL)
+        bar((rear, y, top), (mouth, flared, up), thin, _METAL)
+        bar((mouth, flared, low), (mouth, flared, up), 1.2 * thin, _FLOAT)
+        fender = end - 1.6 * thin, 0.5 * side * half[1]
+        bar((*fender, low), (*fender, -low), 0.09 * s, _DARK)
+        bar((mouth, flared, up + 0.12 * s), (mouth, flared, up + 0.12 * s), 0.11 * s, light)
+        for x in (rear, 0.5 * (rear + end), end):
+            bar((x, y, low), (x, y, top), thin, _METAL)
+    bar((mouth, -out, up), (mouth, out, up), 1.2 * thin, _FLOAT)
+    for x, z in ((rear, top), (0.5 * (rear + end), top), (end, top), (end, 0.1 * half[2])):
+        bar((x, -wide, z), (x, wide, z), thin, _METAL)
+    board, place = 0.3 * s, centre + np.array([end, 0.0, top + 0.32 * s])
+    parts.append(_cuboid(place, (0.02 * s, board, board), _WHITE))
+    parts.append(_cuboid(place, (0.03 * s, 0.5 * board, 0.5 * board), _DARK))
+    return _glb(parts)
 
 
 def payload_radius(mass: float) -> float:

@@ -1,5 +1,7 @@
 """3-D scene of the page: vehicle, arm, thrust, current, reference and target."""
 
+from typing import Any
+
 import numpy as np
 import viser
 import viser.transforms
@@ -7,7 +9,7 @@ from numpy.typing import NDArray
 
 from uvms_gym import Renderer, Simulator
 from uvms_gym.viewer.episode import Frame, Target
-from uvms_gym.viewer.shapes import link_glbs, payload_radius, vehicle_glb, vehicle_size
+from uvms_gym.viewer.shapes import dock_glb, link_glbs, payload_radius, vehicle_glb, vehicle_size
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +31,7 @@ class World:
         True where the frame moves so that the vehicle stays at the origin.
     """
 
-    def __init__(self, server: viser.ViserServer, simulator: Simulator, target: Target) -> None:
+    def __init__(self, server: viser.ViserServer, simulator: Simulator, target: Target, dock: bool = False) -> None:
         scene, api = simulator.scene, server.scene
         renderer = Renderer(scene)
         centre, size = vehicle_size(scene)
@@ -74,7 +76,11 @@ class World:
             head_length=0.12 * reach,
         )
         self._above, self._arrow = np.array([0.0, 0.0, 0.5 * size[2] + 0.3 * reach]), _CURRENT_SCALE * reach
-        self._brackets = api.add_line_segments("/world/aim", _brackets(centre, size), _AIM, thickness=0.012 * reach)
+        self._aim: Any = (
+            api.add_glb("/world/aim", dock_glb(scene))
+            if dock
+            else api.add_line_segments("/world/aim", _brackets(centre, size), _AIM, thickness=0.012 * reach)
+        )
         self._axes = api.add_frame(
             "/world/reference", axes_length=0.2 * reach, axes_radius=0.008 * reach, visible=False
         )
@@ -134,9 +140,9 @@ class World:
         camera.look_at = tuple(look_at)
 
     def _show_aim(self, before: Frame, after: Frame, share: float) -> None:
-        """Brackets at the vehicle's pose to be, or axes and path of the end effector's."""
+        """Brackets or the dock at the vehicle's pose to be, or axes and path of the end effector's."""
         tracks = len(after.path) > 0
-        shown, hidden = (self._axes, self._brackets) if tracks else (self._brackets, self._axes)
+        shown, hidden = (self._axes, self._aim) if tracks else (self._aim, self._axes)
         if not shown.visible or hidden.visible:
             shown.visible, hidden.visible = True, False
         aim = np.stack([before.aim, after.aim])
