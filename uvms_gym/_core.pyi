@@ -158,7 +158,7 @@ class Simulator:
         tolerance: float = 1e-8,
         prescribed_joints: bool | Sequence[str | int] = False,
         parameters: Mapping[str, ArrayLike] | None = None,
-        error_estimate: bool = False,
+        error_estimate: bool | None = None,
     ) -> Simulator: ...
     def error_estimate(self) -> dict[str, NDArray[Any]]:
         """Estimated errors of integration since the states were set, with `error_estimate=True`.
@@ -539,7 +539,7 @@ class Task:
         threads: int | None = None,
         autoreset: str = "disabled",
         max_episode_steps: int | None = None,
-        error_estimate: bool = False,
+        error_estimate: bool | None = None,
     ) -> Task: ...
     def error_estimate(self) -> dict[str, NDArray[Any]]:
         """Estimated errors of integration since the start of the episodes: `Simulator.error_estimate`."""

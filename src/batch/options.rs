@@ -60,8 +60,9 @@ pub struct SimulatorOptions {
     pub precision: Precision,
     /// Greatest number of threads; number of cores where `None`. Few instances use fewer.
     pub threads: Option<usize>,
-    /// True where accumulated errors are estimated.
-    pub error_estimate: bool,
+    /// True where accumulated errors of all instances are estimated; false where none are; `None` where those of few instances,
+    /// or of a few out of many in turns, are watched for warnings.
+    pub error_estimate: Option<bool>,
 }
 
 impl Default for SimulatorOptions {
@@ -74,7 +75,7 @@ impl Default for SimulatorOptions {
             tolerance: Gains::DEFAULT.tolerance,
             precision: Precision::Double,
             threads: None,
-            error_estimate: false,
+            error_estimate: None,
         }
     }
 }

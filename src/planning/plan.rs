@@ -135,8 +135,12 @@ fn optimize_one(
     let (scene, horizon) = (simulator.scene_of(i), problems.horizon);
     let w: usize = arguments.iter().map(|(_, width)| width).sum();
     let copies = |instances| {
-        let options =
-            SimulatorOptions { instances, threads: Some(1), error_estimate: false, ..simulator.options().clone() };
+        let options = SimulatorOptions {
+            instances,
+            threads: Some(1),
+            error_estimate: Some(false),
+            ..simulator.options().clone()
+        };
         Simulator::new(scene.clone(), options)
     };
     let of_states = |all, width: usize| part(all, (horizon + 1) * width, i);

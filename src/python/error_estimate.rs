@@ -31,13 +31,10 @@ pub fn error_estimate<'py>(simulator: &batch::Simulator, py: Python<'py>) -> PyR
 impl Simulator {
     /// Estimated errors of integration that have accumulated since the states were set; with `error_estimate=True` only.
     ///
-    /// A companion of each instance follows its motion with the same integrator and inputs at steps that are r times as long, r
-    /// between 3/2 and 2 (5/3 for calls of 5, 10, ... steps): with a method of order p the error is the difference of both over
-    /// `r^p - 1`, however the errors of the steps add up, and where forces have kinks (end stops, dead-bands, limits, friction at
-    /// rest), which leave any method order 2, over `r^2 - 1`. The estimate divides by `(r^p - 1)^(2/3) (r^2 - 1)^(1/3)`: for `mk4`
-    /// and r = 5/3 it is 1.6 times too great in smooth motion and 2.4 times too small at kinks. In float32 differences below 1e-4
-    /// turn into rounding, whose divisor is 1.26, down to 1e-6. After a call of a single step, and where twice the step would be
-    /// unstable, r is 1/2, at twice a step's cost. A call with another r than the last counts with the smaller divisor.
+    /// A companion of each instance follows its motion with the same integrator and inputs at half the step in float64. With a
+    /// method of order p the error is the difference of both over `1 - 2^-p`, however the errors of the steps add up, and where
+    /// forces have kinks (end stops, dead-bands, limits, friction at rest), which leave any method order 2, over 3/4. The estimate
+    /// divides by `(1 - 2^-p)^(2/3) (3/4)^(1/3)`, 0.87 for `mk4`. In float32 rounding is part of the difference.
     ///
     /// Returns
     /// -------
@@ -45,8 +42,8 @@ impl Simulator {
     ///     position (N,), m; attitude (N,), rad; q (N, n), rad or m; end_effector_position (N,), m; end_effector_attitude (N,),
     ///     rad; relative (N,): the greatest of the errors in position, attitude, joints and velocities, against the greatest
     ///     distance, rotation (at most 1 rad), travel (at most 1 rad or m) and velocities since the states were set; known (N,),
-    ///     bool: True where `relative` is below 0.1. Beyond, the companion has gone another way, in chaotic motion or where the
-    ///     step is far too long: the error is then at least of the size given.
+    ///     bool: True where `relative` is below 0.1. Beyond, or where it is NaN, the companion has gone another way, in chaotic
+    ///     motion or where the step is far too long.
     ///
     /// Raises
     /// ------

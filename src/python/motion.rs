@@ -57,8 +57,9 @@ impl Simulator {
     /// StepWarning
     ///     Once per simulator before the first step with servos for which `dt` is unstable in a mode of the scene (see
     ///     `modes`); and once for each of these causes, after the first call with such instances, with their number: `stiffness`
-    ///     beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05; with `error_estimate=True`, in place of
-    ///     the latter, an accumulated error beyond 2 % of the motion (`relative` of `error_estimate`); a state that is infinite or NaN.
+    ///     beyond 2.0 for order 4, 1.6 for "mk3", 1.2 for "mk2", or `step_error` beyond 0.05 (left out where the errors of all instances
+    ///     are followed); an accumulated error beyond 2 % of the motion (`relative` of `error_estimate`) of an instance that is
+    ///     followed: see the option `error_estimate`; a state that is infinite or NaN.
     #[pyo3(
         signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=None),
         text_signature = "($self, *, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None, substeps=1)"

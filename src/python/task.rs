@@ -68,7 +68,7 @@ impl Task {
     #[new]
     #[pyo3(signature = (
         scene, options, *, num_envs=1, integrator="mk4", dtype="float64", threads=None, autoreset="disabled",
-        max_episode_steps=None, error_estimate=false
+        max_episode_steps=None, error_estimate=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn new(
@@ -81,7 +81,7 @@ impl Task {
         threads: Option<usize>,
         autoreset: &str,
         max_episode_steps: Option<u32>,
-        error_estimate: bool,
+        error_estimate: Option<bool>,
     ) -> PyResult<Self> {
         let (precision, autoreset) = (one_of("dtype", dtype, DTYPES)?, one_of("autoreset_mode", autoreset, MODES)?);
         let options = TaskOptions::from_value(scene::tree(options)?).or_raise()?;

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import warnings
 
 import gymnasium
 import numpy as np
@@ -14,7 +15,7 @@ from uvms_gym.studies.hard_cases.case import single_body
 KEYS = ("position", "attitude", "q", "end_effector_position", "end_effector_attitude", "relative", "known")
 
 
-def driven(error_estimate: bool = True, **options: object) -> Simulator:
+def driven(error_estimate: bool | None = True, **options: object) -> Simulator:
     """Three instances of petasus-pum under random wrenches, 1 s."""
     simulator = Simulator("petasus-pum", 3, error_estimate=error_estimate, **options)
     rng = np.random.default_rng(0)
@@ -41,8 +42,9 @@ def test_estimates_are_near_the_errors():
 
 
 def test_estimates_are_only_made_on_request():
-    with pytest.raises(ValueError, match="error_estimate=True"):
-        driven(error_estimate=False).error_estimate()
+    for option in (False, None):
+        with pytest.raises(ValueError, match="error_estimate=True"):
+            driven(error_estimate=option).error_estimate()
     with pytest.raises(TypeError):
         Simulator("free-body", error_estimate="yes")
 
@@ -87,3 +89,44 @@ def test_errors_that_add_up_are_said_once():
         for _ in range(80):
             simulator.step(substeps=20)
     assert len(said) == 1 and said[0].filename == __file__
+
+
+def needles(n: int, **options: object) -> Simulator:
+    """Bodies with moments 1e-8 of each other that spin so fast that a step errs."""
+    scene = single_body("needle", {"mass": 1.0, "inertia": [1.0, 1.0, 1e-8]})
+    simulator = Simulator(scene, n, **options)
+    simulator.set_state(twist=[0, 0, 0, 0.2, -0.3, 60.0])
+    return simulator
+
+
+@pytest.mark.parametrize("n", [1, 64])
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_errors_are_watched_by_default(n, dtype):
+    with pytest.warns(uvms_gym.StepWarning, match="instance 0.*: errors have added up") as said:
+        simulator = needles(n, dtype=dtype)
+        for _ in range(50):
+            simulator.step(substeps=10)
+    assert len(said) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        unwatched, finer = needles(n, dtype=dtype, error_estimate=False), needles(n, dtype=dtype, dt=0.001)
+        for quiet in (unwatched, finer):
+            for _ in range(50):
+                quiet.step(substeps=round(0.1 / quiet.dt))
+    np.testing.assert_array_equal(simulator.twist, unwatched.twist)
+
+
+@pytest.mark.parametrize("n", [1, 32])
+def test_environments_watch_errors_by_default(n):
+    def warned(**options):
+        envs = gymnasium.make_vec("UVMS-EETrack-v0", num_envs=n, integrator="mk1", action="thrusters", **options)
+        envs.reset(seed=0)
+        rng = np.random.default_rng(0)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            for _ in range(100):
+                envs.step(rng.uniform(-1, 1, envs.action_space.shape))
+        return [str(w.message) for w in said if "added up" in str(w.message)]
+
+    assert len(warned()) == 1
+    assert not warned(error_estimate=False)

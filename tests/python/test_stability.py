@@ -293,7 +293,8 @@ def test_a_motion_that_the_steps_do_not_follow_is_warned_of_once() -> None:
 def test_a_state_that_is_lost_is_warned_of_once(dtype: str) -> None:
     scene = damped()
     scene["vehicle"]["body"]["damping"]["quadratic"] = [20.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    s = Simulator(scene, 3, dt=0.1, integrator="mk1", dtype=dtype)
+    # (Watched, its errors would be said before.)
+    s = Simulator(scene, 3, dt=0.1, integrator="mk1", dtype=dtype, error_estimate=False)
     s.set_state(twist=[[0.0] * 6, [0.0] * 6, [1e3, 0.0, 0.0, 0.0, 0.0, 0.0]])
     with caught() as record:
         for _ in range(10):

@@ -73,8 +73,8 @@ def _print(cases: Sequence[Case], runs: Sequence[Run]) -> None:
         f"p/4-th power for order p < 4, at least {BOUND_FLOAT32:g} in f32, or given by the case; the step of each "
         "order was chosen to meet them. A run meets its bound, or a warning names scene, rate and step; SILENT is "
         f"neither. Steps up to 200 times coarser, of at most {COARSEST:g} s, may miss the bound, but not by an error "
-        f"above {GROSS:g} without a warning: the last column counts errors above it. Errors are estimated while "
-        "stepping (error_estimate=True)."
+        f"above {GROSS:g} without a warning: the last column counts errors above it. All options are the "
+        "defaults: errors are watched, not asked for."
     )
     alarms = sum(run.false_alarm for run in runs)
     say(f"False alarms, warnings of errors below {SMALL:g}: {alarms} of {len(runs)} runs.")

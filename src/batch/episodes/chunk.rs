@@ -44,7 +44,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
     pub fn step(&mut self, actions: &[f32], out: &mut Outputs<'_>, finals: &mut Vec<Final>) {
         for (k, _) in self.slots.iter().enumerate().filter(|(_, slot)| slot.over) {
             // Its last state may be expensive to step.
-            self.part.table.set_state(self.part.rows, k, self.context.home);
+            self.part.set_state(k, self.context.home);
         }
         let base = self.base();
         if let Some(disturbance) = self.context.kernel.disturbance() {
@@ -129,7 +129,7 @@ impl<T: Real, K: TaskDefinition> Chunk<'_, '_, T, K> {
     /// Starts the next episode of instance `k`.
     fn begin(&mut self, k: usize) {
         let (episode, state) = self.context.task.begin(self.slots[k].next);
-        self.part.table.set_state(self.part.rows, k, &state);
+        self.part.set_state(k, &state);
         self.part.table.set_flow(self.part.rows, k, &Flow::from(episode.current()));
         if let Some(factors) = self.context.task.factors(episode.key(), &StartOverride::default()) {
             self.part.set_factors(k, &factors);

@@ -16,17 +16,16 @@ pub(super) fn apply_payload_event<T: Real>(
     k: usize,
 ) {
     let Some(event) = disturbance.payload_event(memory, step) else { return };
-    let (table, rows) = (part.table, &mut *part.rows);
-    let mut factors = table.factors(rows, k);
+    let mut factors = part.table.factors(part.rows, k);
     match event {
         PayloadEvent::Grasp(mass) => {
             let own = task.scene_draws().map(|draws| draws.draw(key).0);
             let scene = own.as_ref().unwrap_or(task.scene());
             // A scene that composes with its own masses does so with scaled ones.
             if let Ok(model) = ClosedFormModel::new(&scene.varied(factors.of_bodies())) {
-                let mut state = table.state(rows, k);
+                let mut state = part.table.state(part.rows, k);
                 grasp_impulse(&model, &mut state, mass);
-                table.set_velocities(rows, k, &state);
+                part.set_velocities(k, &state);
             }
             factors.payload += mass;
             disturbance.hold(memory, mass);

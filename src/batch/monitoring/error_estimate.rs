@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::step_quality::KNOWN_LIMIT;
+use super::step_quality::{KNOWN_LIMIT, maximum};
 use super::text::digits;
 use crate::system::{JOINTS, Joints};
 
@@ -44,7 +44,7 @@ impl ErrorEstimate {
 
 impl fmt::Display for ErrorEstimate {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let joints = self.q.iter().fold(0.0, |greatest: f64, error| greatest.max(*error));
+        let joints = self.q.into_iter().fold(0.0, maximum);
         write!(f, "position {} m, attitude {} rad, ", digits(self.position), digits(self.attitude))?;
         write!(f, "joints {} rad or m, ", digits(joints))?;
         write!(

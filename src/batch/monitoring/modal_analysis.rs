@@ -9,7 +9,7 @@ use nalgebra::{Complex, Vector3, Vector6};
 use super::step_monitor::InaccurateStep;
 use super::step_quality::ACCUMULATED_LIMIT;
 use super::text::{OtherIntegrators, digits};
-use crate::batch::options::SimulatorOptions;
+use crate::batch::options::{Precision, SimulatorOptions};
 use crate::batch::simulator::Simulator;
 use crate::control::AXES;
 use crate::description::{Joint, JointKind, Scene};
@@ -347,7 +347,6 @@ impl Simulator {
         }
         let analysis = self.modal_analysis(None).ok()?;
         let (stable, mode) = analysis.stable_step(self.integrator().stability(), servos, false);
-        self.companion_halves |= 2.0 * self.options().dt > stable;
         let mode = mode.filter(|_| self.options().dt > stable)?;
         self.monitor.set_unstable_step_warned();
         let SimulatorOptions { dt, integrator, .. } = self.options().clone();
@@ -363,8 +362,23 @@ impl Simulator {
         let (scene, range) = (self.scene().name.clone(), self.range);
         let (order, adaptive) = (self.integrator().order(), self.integrator().adaptive());
         // None of an episode that has begun anew since.
-        let estimate = self.error_estimate(violation.instance).filter(|estimate| estimate.relative > ACCUMULATED_LIMIT);
-        Some(InaccurateStep { scene, integrator, order, adaptive, dt, range, instances, cause, violation, estimate })
+        let estimate = self
+            .estimate_of(violation.instance)
+            .filter(|estimate| estimate.relative > ACCUMULATED_LIMIT || estimate.relative.is_nan());
+        let single = self.options().precision == Precision::Single;
+        Some(InaccurateStep {
+            scene,
+            integrator,
+            order,
+            adaptive,
+            single,
+            dt,
+            range,
+            instances,
+            cause,
+            violation,
+            estimate,
+        })
     }
 }
 

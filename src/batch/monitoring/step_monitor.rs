@@ -15,7 +15,7 @@ use crate::integrate::{StepEstimates, step_error, stiffness};
 use crate::lane::{Isa, Kernel, Lane, Real};
 
 impl Table {
-    /// Violations of the limits by `count` instances.
+    /// Violations of the limits by the last steps of `count` instances.
     pub fn violations<T: Real>(
         &self,
         isa: Isa,
@@ -37,18 +37,15 @@ impl Table {
         violations
     }
 
-    /// Limit that instance `i` violates.
-    fn violation<T: Real>(&self, rows: &[T], i: usize, limits: QualityLimits, h: f64) -> Option<Cause> {
-        let StepQuality { stiffness, error, accumulated } = self.step_quality(rows, i, h);
+    /// Limit that the last steps of instance `i` violate.
+    pub fn violation<T: Real>(&self, rows: &[T], i: usize, limits: QualityLimits, h: f64) -> Option<Cause> {
+        let StepQuality { stiffness, error, .. } = self.step_quality(rows, i, h);
         // The rows before the time are the state.
         if !(0..self.layout.time).all(|row| self.get(rows, i, row).is_finite()) {
             return limits.finite.then_some(Cause::NotFinite);
         }
         let beyond = |x: f64, limit: f64| limit.is_finite() && (x > limit || x.is_nan());
-        if beyond(stiffness, limits.stiffness) || beyond(error, limits.error) {
-            return Some(Cause::Inaccurate);
-        }
-        beyond(accumulated, limits.accumulated).then_some(Cause::Accumulated)
+        (beyond(stiffness, limits.stiffness) || beyond(error, limits.error)).then_some(Cause::Inaccurate)
     }
 }
 
@@ -86,10 +83,7 @@ impl<T: Real> Kernel<T> for FindViolation<'_, T> {
                 let stiffness = stiffness(contrast, T::EPSILON);
                 let error = step_error([velocity_error[0], velocity_error[1], spin_error], self.h);
                 let within = L::and(stiffness.lt(L::c(self.limits.stiffness)), error.lt(L::c(self.limits.error)));
-                let mut good = L::and(sum.lt(L::c(1.0)), within);
-                if let (Some(companion), true) = (&self.layout.companion, self.limits.accumulated.is_finite()) {
-                    good = L::and(good, columns.get::<L>(companion.relative).lt(L::c(self.limits.accumulated)));
-                }
+                let good = L::and(sum.lt(L::c(1.0)), within);
                 if L::bits(good).count_ones() as usize != L::LANES {
                     self.block = Some(k);
                     return;
@@ -165,6 +159,8 @@ pub struct InaccurateStep {
     pub order: usize,
     /// True where it chooses sub-intervals by its tolerance.
     pub adaptive: bool,
+    /// True in single precision, whose rounding is part of an accumulated error.
+    pub single: bool,
     /// Step, s.
     pub dt: f64,
     /// Greatest `h |lambda|` at which the integrator is accurate.
@@ -181,7 +177,8 @@ pub struct InaccurateStep {
 
 impl fmt::Display for InaccurateStep {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scene, integrator, order, adaptive, dt, range, instances, cause, violation, estimate } = self;
+        let Self { scene, integrator, order, adaptive, single, dt, range, instances, cause, violation, estimate } =
+            self;
         let StepViolation { instance, count, time, quality: StepQuality { stiffness, error, accumulated } } =
             *violation;
         write!(f, "scene '{scene}', instance {instance}")?;
@@ -194,14 +191,19 @@ impl fmt::Display for InaccurateStep {
             Cause::Accumulated => "errors have added up",
         };
         write!(f, ": {symptom} at t = {time:.6} s with integrator '{integrator}' at dt = {dt} s")?;
-        if *cause == Cause::Accumulated {
+        if *cause == Cause::Accumulated && !accumulated.is_finite() {
+            write!(f, " (no estimate: the same motion at half the step does not stay finite)")?;
+            write!(f, "; a smaller step{} may do", OtherIntegrators { failed: integrator, stiff: false })
+        } else if *cause == Cause::Accumulated {
             write!(f, " (")?;
             if let Some(estimate) = estimate {
                 write!(f, "estimate: {estimate}; ")?;
             }
             let (percent, limit) = (100.0 * accumulated, 100.0 * ACCUMULATED_LIMIT);
             write!(f, "{percent:.1} % of the motion, limit {limit:.0} %")?;
-            if *adaptive {
+            if *single && accumulated < KNOWN_LIMIT {
+                write!(f, "); double precision or a smaller step may do")
+            } else if *adaptive {
                 write!(f, "); a smaller tolerance would do")
             } else if accumulated < KNOWN_LIMIT {
                 // To a quarter of the limit.

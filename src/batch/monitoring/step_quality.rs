@@ -7,6 +7,11 @@ pub const ACCUMULATED_LIMIT: f64 = 0.02;
 /// Greatest estimate of it at which the leading order of a method holds.
 pub const KNOWN_LIMIT: f64 = 0.1;
 
+/// Maximum; NaN where either number is.
+pub fn maximum(a: f64, b: f64) -> f64 {
+    if a >= b || a.is_nan() { a } else { b }
+}
+
 /// Quality of an instance's steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepQuality {

@@ -23,6 +23,9 @@ impl fmt::Display for OtherIntegrators<'_> {
 
 /// With three significant digits.
 pub fn digits(x: f64) -> String {
+    if x == 0.0 {
+        return "0".into();
+    }
     let decimals = (2.0 - x.abs().log10().floor()).clamp(0.0, 12.0) as usize;
     format!("{x:.decimals$}")
 }

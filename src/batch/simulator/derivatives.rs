@@ -7,8 +7,8 @@ use super::coordinates::{Argument, Coordinates, Product};
 use super::gradients::Gradients;
 use crate::batch::options::Precision;
 use crate::batch::stepping::blocks::Blocks;
-use crate::batch::stepping::chunk::StepSettings;
 use crate::batch::stepping::derivative::Duals;
+use crate::batch::stepping::parameters::StepSettings;
 use crate::batch::storage::inputs::{CheckedInputs, Inputs};
 use crate::error::SimulatorError;
 use crate::integrate::{Integrator, Kind};
@@ -128,8 +128,7 @@ impl Simulator {
         let Self { storage, scene, allocation, own, options, .. } = self;
         let inputs = CheckedInputs::new(inputs, scene, allocation, own.as_ref(), options)?;
         let (active, h, before, total, limits) = (inputs.active_loads(), options.dt, 0, substeps, None);
-        let halves = false;
-        let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
+        let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
         let coordinates =
             Coordinates { inputs: &inputs, fixed: scene.vehicle.fixed, parameters, arguments, size, product };
         // Results, and their copies by arguments.

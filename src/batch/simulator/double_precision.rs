@@ -18,7 +18,7 @@ impl Simulator {
                 let options = SimulatorOptions {
                     precision: Precision::Double,
                     threads: Some(self.threads),
-                    error_estimate: false,
+                    error_estimate: Some(false),
                     ..self.options.clone()
                 };
                 let scenes = self.scenes().map(<[_]>::to_vec);

@@ -14,7 +14,9 @@ pub mod states;
 use crate::batch::monitoring::step_monitor::StepMonitor;
 use crate::batch::options::{Precision, SimulatorOptions};
 use crate::batch::stepping::blocks::{Blocks, Storage};
-use crate::batch::stepping::chunk::{PhysicsChunk, StepSettings};
+use crate::batch::stepping::chunk::PhysicsChunk;
+use crate::batch::stepping::companion::Follow;
+use crate::batch::stepping::parameters::StepSettings;
 use crate::batch::storage::active_loads::ActiveLoads;
 use crate::batch::storage::inputs::{CheckedInputs, Inputs, check};
 use crate::batch::storage::own_scenes::OwnScenes;
@@ -52,8 +54,6 @@ pub struct Simulator {
     /// Greatest `h |lambda|` at which the integrator is accurate: [`Integrator::range`].
     pub(super) range: f64,
     pub(super) monitor: StepMonitor,
-    /// True where companions take half steps, since twice the step is unstable.
-    pub(super) companion_halves: bool,
 }
 
 impl Clone for Simulator {
@@ -146,13 +146,13 @@ impl Simulator {
         let count = own.as_ref().map_or(samples.len(), |own| own.scenes().len());
         let of_each: Option<(usize, &dyn Fn(usize) -> Compiled)> = (count > 0).then_some((count, &compile_own));
         let of_all = samples.first().unwrap_or(&compiled);
-        let (start, estimate) = ((&state, &flow), options.error_estimate);
+        let (start, follow) = ((&state, &flow), Follow::of(options.error_estimate, options.instances));
         let storage: Box<dyn Storage> = match options.precision {
             Precision::Double => {
-                Box::new(Blocks::<f64>::new(of_all, of_each, options.instances, &integrator, isa, start, estimate)?)
+                Box::new(Blocks::<f64>::new(of_all, of_each, options.instances, &integrator, isa, start, follow)?)
             }
             Precision::Single => {
-                Box::new(Blocks::<f32>::new(of_all, of_each, options.instances, &integrator, isa, start, estimate)?)
+                Box::new(Blocks::<f32>::new(of_all, of_each, options.instances, &integrator, isa, start, follow)?)
             }
         };
         let cores = || std::thread::available_parallelism().map_or(1, usize::from);
@@ -171,7 +171,6 @@ impl Simulator {
             in_double: None,
             range: integrator.range(),
             monitor: StepMonitor::default(),
-            companion_halves: false,
         };
         if simulator.own.is_some() {
             simulator.reset();
@@ -294,19 +293,18 @@ impl Simulator {
         substeps: usize,
         go_on: &mut dyn FnMut() -> bool,
     ) -> Result<bool, SimulatorError> {
-        let (integrator, h, threads, halves) = (self.integrator, self.options.dt, self.threads, self.companion_halves);
-        let limits = self.monitor.limits(self.range, self.options.error_estimate);
+        let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
+        let limits = self.monitor.limits(self.range, self.storage.follows_all());
         let inputs = CheckedInputs::new(inputs, &self.scene, &self.allocation, self.own.as_ref(), &self.options)?;
         let active = inputs.active_loads();
         let portion = (PORTION / self.options.instances).max(1);
         let mut before = 0;
         while before < substeps {
             if before > 0 && !go_on() {
-                self.storage.restart_companions();
                 return Ok(false);
             }
             let (total, substeps) = (substeps, portion.min(substeps - before));
-            let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
+            let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
             let violations = self.storage.step(&settings, (before == 0).then_some(&inputs));
             self.monitor.record(&violations);
             before += substeps;
@@ -349,9 +347,9 @@ impl Simulator {
         work: impl Fn(&mut PhysicsChunk<'_, T>, I) + Sync,
     ) {
         let (integrator, h, threads) = (self.integrator, self.options.dt, self.threads);
-        let limits = self.monitor.limits(self.range, self.options.error_estimate);
-        let (before, total, halves) = (0, substeps, self.companion_halves);
-        let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
+        let limits = self.monitor.limits(self.range, self.storage.follows_all());
+        let (before, total) = (0, substeps);
+        let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
         let violations = self.blocks().for_each_chunk(&settings, items, work);
         self.monitor.record(&violations);
     }

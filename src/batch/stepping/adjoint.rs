@@ -8,8 +8,8 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::blocks::Blocks;
-use super::chunk::StepSettings;
 use super::instance_numbers::LoadNumbers;
+use super::parameters::StepSettings;
 use super::reverse::ReverseMemory;
 use super::scratch_pool::ScratchPool;
 use super::step::Step;

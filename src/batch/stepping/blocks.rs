@@ -4,8 +4,9 @@ use std::any::Any;
 use std::sync::{Mutex, PoisonError};
 
 use super::accelerate::Accelerate;
-use super::chunk::{CHUNK, Parameters, PhysicsChunk, StepSettings};
-use super::scratch_pool::ScratchPool;
+use super::chunk::{CHUNK, PhysicsChunk};
+use super::companion::{ChunkCompanions, CompanionScene, Companions, Follow};
+use super::parameters::{Parameters, StepSettings};
 use super::threads::for_each;
 use crate::batch::monitoring::step_quality::{StepQuality, Violations};
 use crate::batch::storage::aligned::Aligned;
@@ -16,7 +17,7 @@ use crate::batch::storage::table::Table;
 use crate::error::SimulatorError;
 use crate::hydro::Thrusts;
 use crate::integrate::Integrator;
-use crate::lane::{Isa, Real, Shared};
+use crate::lane::{Isa, Real};
 use crate::limits::interrupt;
 use crate::system::{Compiled, Factors, Flow, State};
 
@@ -45,10 +46,10 @@ pub trait Storage: Send + Sync {
     fn losses(&self, i: usize) -> Thrusts;
     /// Sets these factors.
     fn set_factors(&mut self, i: usize, factors: &Factors<f64>);
-    /// State of the companion of instance `i`, and the divisor of its difference, if it has one that follows it.
+    /// State of the companion of instance `i`, if it has one that follows it, and the relative error.
     fn companion(&self, i: usize) -> Option<(State, f64)>;
-    /// Companions begin anew with the next step.
-    fn restart_companions(&mut self);
+    /// True where all instances are followed by companions.
+    fn follows_all(&self) -> bool;
     /// Sets the numbers that instance `i` has of its own: those of a scene of the same structure.
     fn set_own(&mut self, i: usize, compiled: &Compiled);
     /// Every number of instance `i`, for saving.
@@ -81,6 +82,7 @@ pub struct Blocks<T> {
     pub(super) own: Option<OwnNumbers<T>>,
     /// Per chunk, [`Table::scaled`]; none once factors have been set.
     scaled: Vec<Option<[bool; 2]>>,
+    companions: Option<Companions>,
 }
 
 impl<T: Real> Blocks<T> {
@@ -96,32 +98,11 @@ impl<T: Real> Blocks<T> {
         integrator: &Integrator,
         isa: Isa,
         (state, flow): (&State, &Flow),
-        error_estimate: bool,
+        follow: Option<Follow>,
     ) -> Result<Self, SimulatorError> {
-        let number = |Shared(x)| Shared(T::from_f64(x));
-        let unscaled: Vec<_> = compiled.unscaled.iter().map(|parts| parts.map(number)).collect();
-        // Rounded like the terms of instances with factors, so that an instance's factors do not show in its neighbours.
-        let system = compiled.system.map(number).with_factors(&unscaled, &Factors::ONE);
-        let rigid = integrator.lag().map(|filter| (system.with_factors(&unscaled, &Factors::RIGID), filter));
-        let payload_attachment = compiled.payload_attachment.map(|x| Shared(T::from_f64(x)));
-        let scalar_system = system.map(|Shared(x)| x);
-        let scene = Parameters {
-            system,
-            scalar_system,
-            unscaled,
-            payload_attachment,
-            scratch_pool: ScratchPool::default(),
-            system_pool: ScratchPool::default(),
-            dual_scratch_pool: ScratchPool::default(),
-            dual_system_pool: ScratchPool::default(),
-            adjoint_pools: Default::default(),
-            rigid,
-        };
+        let scene = Parameters::new(compiled, integrator);
         let counts = [compiled.links.len(), compiled.system.thrusters.len(), compiled.system.fins.len()];
-        let mut layout = Layout::new::<T>(counts, integrator);
-        if error_estimate {
-            layout = layout.with_companion();
-        }
+        let layout = Layout::new::<T>(counts, integrator);
         let memory = || SimulatorError::Memory { instances };
         let columns = instances.checked_next_multiple_of(T::BLOCK).ok_or_else(memory)?;
         let size = columns.checked_mul(layout.rows).ok_or_else(memory)?;
@@ -138,7 +119,7 @@ impl<T: Real> Blocks<T> {
         let own = own.map_or(Ok(None), |(samples, own)| OwnNumbers::new(instances, samples, own))?;
         let table = Table { layout, links };
         let scaled = vec![None; instances.div_ceil(CHUNK)];
-        let mut blocks = Self { scene, table, isa, instances, rows, own, scaled };
+        let mut blocks = Self { scene, table, isa, instances, rows, own, scaled, companions: None };
         // Columns past the last instance hold a valid state too: lanes that reach past it step them.
         for i in 0..columns {
             blocks.set_state(i, state);
@@ -146,7 +127,24 @@ impl<T: Real> Blocks<T> {
             blocks.table.set_factors(&mut blocks.rows, i, &Factors::ONE);
             blocks.table.set_fins(&mut blocks.rows, i, &compiled.system.deflections());
         }
+        if let Some(follow) = follow {
+            let scene = CompanionScene::new::<T>(follow, compiled, integrator, isa, &blocks.table.layout);
+            let own = blocks.own.as_ref().map(|own| own.layout());
+            let chunks = instances.div_ceil(CHUNK);
+            let of_chunk = |chunk| {
+                let count = CHUNK.min(instances - chunk * CHUNK);
+                ChunkCompanions::new(&scene, [chunk, chunks, count], compiled, (state, flow), own)
+            };
+            let chunks = (0..chunks).map(of_chunk).collect::<Option<_>>().ok_or_else(memory)?;
+            blocks.companions = Some(Companions { scene, chunks });
+        }
         Ok(blocks)
+    }
+
+    /// The companions, and those of the chunk of instance `i`, which is number `k` there.
+    fn companions_of(&mut self, i: usize) -> Option<(&CompanionScene, &mut ChunkCompanions, usize)> {
+        let companions = self.companions.as_mut()?;
+        Some((&companions.scene, companions.chunks.get_mut(i / CHUNK)?, i % CHUNK))
     }
 
     /// Calls `work` on each chunk with its item, on as many threads as the settings allow, and on no more after an interrupt;
@@ -166,16 +164,29 @@ impl<T: Real> Blocks<T> {
         });
         let own = move |rows| (rows, own.as_mut().and_then(|(layout, chunks)| Some((*layout, chunks.next()?))));
         let chunks = self.rows.chunks_mut(CHUNK * table.layout.rows).map(own);
-        let chunks = chunks.zip(&mut self.scaled).zip(items);
-        for_each(chunks.enumerate(), threads, |(k, (((rows, own), scaled), item))| {
+        let mut companions = self.companions.as_mut().map(|all| (&all.scene, all.chunks.iter_mut()));
+        let companions = (0..instances.div_ceil(CHUNK))
+            .map(move |_| companions.as_mut().and_then(|(scene, chunks)| Some((*scene, chunks.next()?))));
+        let chunks = chunks.zip(&mut self.scaled).zip(companions).zip(items);
+        for_each(chunks.enumerate(), threads, |(k, ((((rows, own), scaled), companions), item))| {
             if interrupt::requested() {
                 return;
             }
             let first = k * CHUNK;
             let count = CHUNK.min(instances - first);
-            let found = Violations::default();
-            let mut chunk =
-                PhysicsChunk { scene, settings, count, first, table, isa, own, rows, scaled, violations: found };
+            let mut chunk = PhysicsChunk {
+                scene,
+                settings,
+                count,
+                first,
+                table,
+                isa,
+                own,
+                rows,
+                scaled,
+                companions,
+                violations: Violations::default(),
+            };
             work(&mut chunk, item);
             if !chunk.violations.is_empty() {
                 violations.lock().unwrap_or_else(PoisonError::into_inner).merge(&chunk.violations, first);
@@ -206,6 +217,9 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn set_state(&mut self, i: usize, state: &State) {
         self.table.set_state(&mut self.rows, i, state);
+        if let Some((scene, companions, k)) = self.companions_of(i) {
+            companions.set_state(scene, k, state);
+        }
     }
 
     fn attitude(&self, i: usize) -> Option<[f64; 4]> {
@@ -214,10 +228,14 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn set_attitude(&mut self, i: usize, attitude: &[f64; 4]) {
         self.table.set_attitude(&mut self.rows, i, attitude);
+        if let Some((scene, companions, k)) = self.companions_of(i) {
+            companions.set_attitude(scene, k, attitude);
+        }
     }
 
     fn step_quality(&self, i: usize, h: f64) -> StepQuality {
-        self.table.step_quality(&self.rows, i, h)
+        let accumulated = self.companion(i).map_or(0.0, |(_, relative)| relative);
+        StepQuality { accumulated, ..self.table.step_quality(&self.rows, i, h) }
     }
 
     fn flow(&self, i: usize) -> Flow {
@@ -246,27 +264,42 @@ impl<T: Real> Storage for Blocks<T> {
         if let Some(own) = &mut self.own {
             own.set(i, compiled);
         }
+        if let Some((_, companions, k)) = self.companions_of(i) {
+            companions.own_changed(k);
+        }
     }
 
     fn companion(&self, i: usize) -> Option<(State, f64)> {
-        self.table.companion(&self.rows, i)
+        let companions = self.companions.as_ref()?;
+        companions.chunks[i / CHUNK].of(&companions.scene, i % CHUNK)
     }
 
-    fn restart_companions(&mut self) {
-        (0..self.instances).for_each(|i| self.table.unfollow(&mut self.rows, i));
+    fn follows_all(&self) -> bool {
+        self.companions.as_ref().is_some_and(|companions| companions.scene.follows_all())
     }
 
     fn column(&self, i: usize) -> Vec<f64> {
-        self.table.column(&self.rows, i)
+        let mut column = self.table.column(&self.rows, i);
+        if let Some(Companions { scene, chunks }) = self.companions.as_ref().filter(|all| all.scene.saved() > 0) {
+            column.extend(chunks[i / CHUNK].save(scene, i % CHUNK));
+        }
+        column
     }
 
     fn set_column(&mut self, i: usize, column: &[f64]) {
         self.table.set_column(&mut self.rows, i, column);
         self.scaled[i / CHUNK] = None;
+        let numbers = &column[self.table.layout.rows..];
+        if let Some((scene, companions, k)) = self.companions_of(i) {
+            companions.restart(k);
+            if scene.saved() > 0 {
+                companions.load(scene, k, numbers);
+            }
+        }
     }
 
     fn column_len(&self) -> usize {
-        self.table.layout.rows
+        self.table.layout.rows + self.companions.as_ref().map_or(0, |companions| companions.scene.saved())
     }
 
     fn step(&mut self, settings: &StepSettings, inputs: Option<&CheckedInputs>) -> Violations {
@@ -303,7 +336,8 @@ impl<T: Real> Storage for Blocks<T> {
 
     fn bytes_per_instance(&self) -> usize {
         let own = self.own.as_ref().map_or(0, OwnNumbers::bytes);
-        (self.rows.len() * size_of::<T>() + own) / self.instances
+        let companions = self.companions.iter().flat_map(|all| &all.chunks).map(ChunkCompanions::bytes).sum::<usize>();
+        (self.rows.len() * size_of::<T>() + own + companions) / self.instances
     }
 
     fn boxed_clone(&self) -> Box<dyn Storage> {

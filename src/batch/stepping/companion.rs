@@ -1,185 +1,363 @@
-//! Companions: the same motions integrated at another step, whose differences estimate errors.
+//! Companions: the motions of instances at half the step in double precision, whose differences are the errors.
 //!
-//! In a call of n steps of size h the companion takes m steps of size r h under the same inputs, from its own state. The errors
-//! of a method of order p at the steps h and r h are as 1 to `r^p`: the error of the instance is the difference over
-//! `|r^p - 1|`, to leading order and however the errors of the steps add up `[HNW93 sec. II.4]`. Kinks of the forces leave any
-//! method order 2: the divisor is a geometric mean of that of order p, twice, and that of order 2.
+//! A companion follows an instance from the same state under the same inputs. With a method of order p it has `2^-p` of the
+//! error, to leading order and however the errors of the steps add up `[HNW93 sec. II.4]`: the error of the instance is the
+//! difference over `1 - 2^-p`. Kinks of the forces leave any method order 2: the divisor is a geometric mean of that of order
+//! p, twice, and that of order 2. It is near 1, so that the difference is an error beyond the leading order too, and rounding
+//! in single precision is part of it.
 
-use crate::batch::storage::columns::Columns;
-use crate::batch::storage::layout::{CompanionRows, GIVEN, Layout, SCALES};
+use std::any::Any;
+
+use super::parameters::{Advance, Parameters, StepSettings};
+use super::track::{Stage, Track, divisor};
+use crate::batch::monitoring::step_quality::{Cause, StepQuality, StepViolation, Violations};
+use crate::batch::storage::aligned::Aligned;
+use crate::batch::storage::layout::Layout;
+use crate::batch::storage::own_numbers::OwnLayout;
+use crate::batch::storage::table::Table;
 use crate::integrate::Integrator;
-use crate::lane::{Kernel, Lane, Real};
-use crate::lie::{Matrix3, Vector3};
+use crate::lane::{Isa, Real};
+use crate::system::{Compiled, Factors, Flow, JOINTS, State};
 
-/// Least scale of a motion, m, rad, m/s or rad/s: errors of smaller motions are set against this.
-const LEAST_SCALE: f64 = 1e-3;
-/// Greatest scale of rotation and joint travel, rad or m.
-const GREATEST_ANGLE: f64 = 1.0;
+/// Steps of an instance between two looks at the scales of its motion.
+const SEGMENT: usize = 8;
+/// Number of instances up to which all are followed; of more, as many of a chunk at a time: a group of lanes.
+const FEW: usize = f64::BLOCK;
+/// Time for which instances are followed where they take turns, s.
+const WINDOW: f64 = 10.0;
+/// Share of a chunk's steps that following may take on average.
+const SHARE: f64 = 0.01;
+/// Cost of following a group of instances, in motions of one instance in double and in single precision; and that of a call, in
+/// steps.
+const COST: [f64; 2] = [2.0 * FEW as f64, 4.0 * FEW as f64];
+const CALL: f64 = 3.0;
 
-/// Steps of the companions in a part of a call.
-#[derive(Debug, Clone, Copy)]
-pub struct CompanionSteps {
-    /// Integrator.
-    pub integrator: Integrator,
-    /// Step, s.
-    pub h: f64,
-    /// Number of steps before these.
-    pub before: usize,
-    /// Number of steps.
-    pub substeps: usize,
-    /// Divisor of the differences.
-    pub divisor: f64,
+/// Instances that companions follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Follow {
+    /// All; the companions are part of the saved state.
+    Saved,
+    /// All.
+    All,
+    /// A few of each chunk, in turns.
+    Turns,
 }
 
-impl CompanionSteps {
-    /// Steps of the companions beside steps `before` to `before + substeps` of `total` steps of size `h`: three fifths as many, at
-    /// least half; with `halves`, and of a single step, twice as many.
-    pub fn new<T: Real>(integrator: &Integrator, h: f64, [before, substeps, total]: [usize; 3], halves: bool) -> Self {
-        let count = if halves || total == 1 { 2 * total } else { (3 * total / 5).max(total.div_ceil(2)) };
-        let at = |step: usize| step * count / total.max(1);
-        let ratio = total as f64 / count as f64;
-        let divisor = |order: usize| (ratio.powi(order as i32) - 1.0).abs();
-        let order = integrator.order();
-        let divisor = (divisor(order).powi(2) * divisor(2)).cbrt();
-        // Rounding bounds tolerances from below: those of both motions have to differ.
-        let integrator = integrator.at_ratio(ratio, ratio.powi(order as i32), T::EPSILON).resolving_bounces();
-        let (first, end) = (at(before), at(before + substeps));
-        Self { integrator, h: h * ratio, before: first, substeps: end - first, divisor }
+impl Follow {
+    /// Instances followed in a batch in which errors are estimated, or not, or by default.
+    pub fn of(error_estimate: Option<bool>, instances: usize) -> Option<Self> {
+        match error_estimate {
+            Some(true) => Some(Self::Saved),
+            Some(false) => None,
+            None if instances <= FEW => Some(Self::All),
+            None => Some(Self::Turns),
+        }
     }
 }
 
-/// Kernel at the start of a call: companions of instances whose state has been set begin there.
-pub struct BeginCompanions<'a, T> {
+/// All that the companions of a batch share.
+#[derive(Clone)]
+pub struct CompanionScene {
+    follow: Follow,
     /// Rows of the companions.
-    pub rows: &'a CompanionRows,
-    /// Rows of the instances.
-    pub layout: &'a Layout,
-    /// Divisor of the differences in this call.
-    pub divisor: f64,
-    /// The blocks.
-    pub blocks: &'a mut [T],
+    table: Table,
+    /// Parameters in double precision, where the instances are in single.
+    parameters: Option<Box<Parameters<f64>>>,
+    /// Rows of the loads: of the instance, and of the companion.
+    loads: Vec<[usize; 2]>,
+    /// The same of what the integrator keeps besides the state.
+    memory: Vec<[usize; 2]>,
+    isa: Isa,
+    /// Cost of following a group, in motions of one instance.
+    cost: f64,
 }
 
-impl<T: Real> Kernel<T> for BeginCompanions<'_, T> {
-    #[inline(always)]
-    fn run<L: Lane<Real = T>>(&mut self) {
-        let (rows, layout) = (self.rows, self.layout);
-        let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((layout.rows * T::BLOCK).max(1));
-        let given = rows.state.len().saturating_sub(GIVEN);
-        for block in blocks {
-            for first in (0..T::BLOCK).step_by(L::LANES) {
-                let mut columns = Columns { rows: &mut *block, first };
-                let follows = L::c(0.5).lt(columns.get(rows.follows));
-                for (k, &[from, to]) in rows.state.iter().enumerate() {
-                    let (new, old): (L, L) = (columns.get(from), columns.get(to));
-                    columns.set(to, if k < given { L::select(follows, old, new) } else { new });
+/// Companions of a batch.
+#[derive(Clone)]
+pub struct Companions {
+    /// All that they share.
+    pub scene: CompanionScene,
+    /// Companions of each chunk.
+    pub chunks: Vec<ChunkCompanions>,
+}
+
+/// The instances of a chunk.
+pub struct Leaders<'a, T> {
+    /// Parameters of their scene.
+    pub scene: &'a Parameters<T>,
+    /// Access to single instances.
+    pub table: &'a Table,
+    /// The blocks.
+    pub rows: &'a [T],
+    /// Numbers that instances have of their own.
+    pub own: Option<(&'a OwnLayout, &'a [T])>,
+    /// Number of instances.
+    pub count: usize,
+}
+
+/// Companions of instances of a chunk: the first one follows instance `first`, and so on.
+#[derive(Clone)]
+pub struct ChunkCompanions {
+    first: usize,
+    /// Number of companions; 0 while none is followed.
+    count: usize,
+    rows: Aligned<f64>,
+    /// Numbers of their own.
+    own: Vec<f64>,
+    tracks: Vec<Track>,
+    /// Time for which they still follow, where instances take turns, s.
+    left: f64,
+    /// Motion of the chunk that following has earned, or owes: number of instances times s.
+    credit: f64,
+}
+
+impl CompanionScene {
+    /// Companions of the instances of a compiled scene; `parameters` are those of the instances.
+    pub fn new<T: Real>(
+        follow: Follow,
+        compiled: &Compiled,
+        integrator: &Integrator,
+        isa: Isa,
+        layout: &Layout,
+    ) -> Self {
+        let own = Layout::new::<f64>([layout.joints, layout.thrusters, layout.fins], integrator);
+        let pairs = |there: &[[usize; 2]], here: &[[usize; 2]]| {
+            let both = there.iter().zip(here);
+            both.flat_map(|(&[from, count], &[to, _])| (0..count).map(move |k| [from + k, to + k])).collect()
+        };
+        Self {
+            follow,
+            loads: pairs(&layout.load_rows(), &own.load_rows()),
+            memory: pairs(&layout.memory_rows(), &own.memory_rows()),
+            parameters: T::SINGLE.then(|| Box::new(Parameters::new(compiled, integrator))),
+            table: Table { layout: own, links: Vec::new() },
+            isa,
+            cost: COST[usize::from(T::SINGLE)],
+        }
+    }
+
+    /// True where all instances are followed.
+    pub fn follows_all(&self) -> bool {
+        self.follow != Follow::Turns
+    }
+
+    /// Numbers of a companion that are saved with its instance.
+    pub fn saved(&self) -> usize {
+        let Layout { rows, joints, .. } = self.table.layout;
+        if self.follow == Follow::Saved { rows + joints + 20 } else { 0 }
+    }
+
+    fn parameters<'a, T: Real>(&'a self, leaders: &Leaders<'a, T>) -> Option<&'a Parameters<f64>> {
+        self.parameters.as_deref().or_else(|| (leaders.scene as &dyn Any).downcast_ref())
+    }
+}
+
+impl ChunkCompanions {
+    /// Companions of a chunk of `count` instances, number `chunk` of `chunks`, in a valid state; none where they do not fit into
+    /// memory. `own` is the layout of numbers that instances have of their own.
+    pub fn new(
+        scene: &CompanionScene,
+        [chunk, chunks, count]: [usize; 3],
+        compiled: &Compiled,
+        (state, flow): (&State, &Flow),
+        own: Option<&OwnLayout>,
+    ) -> Option<Self> {
+        let most = if scene.follows_all() { count } else { FEW.min(count) };
+        let columns = most.next_multiple_of(f64::BLOCK);
+        let mut rows = Aligned::filled(columns * scene.table.layout.rows, 0.0).ok()?;
+        let mut own_rows = vec![0.0; own.map_or(0, |layout| layout.width * columns)];
+        for column in 0..columns {
+            scene.table.set_state(&mut rows, column, state);
+            scene.table.set_flow(&mut rows, column, flow);
+            scene.table.set_factors(&mut rows, column, &Factors::ONE);
+            scene.table.set_fins(&mut rows, column, &compiled.system.deflections());
+            if let Some(layout) = own {
+                layout.set(&mut own_rows, column, compiled);
+            }
+        }
+        let tracks = vec![Track::new(Stage::Fresh, state.clone()); most];
+        // The first chunk follows from the start on; the others in turns, as they have earned it.
+        let credit = -(chunk as f64) / chunks as f64 * scene.cost * WINDOW;
+        let count = if scene.follows_all() { most } else { 0 };
+        Some(Self { first: 0, count, rows, own: own_rows, tracks, left: 0.0, credit })
+    }
+
+    /// Column of the companion of instance `i`.
+    fn column(&self, i: usize) -> Option<usize> {
+        i.checked_sub(self.first).filter(|column| *column < self.count)
+    }
+
+    /// The companion of instance `i` begins in this state with the next step.
+    pub fn set_state(&mut self, scene: &CompanionScene, i: usize, state: &State) {
+        let Some(column) = self.column(i) else { return };
+        scene.table.set_state(&mut self.rows, column, state);
+        self.tracks[column].stage = Stage::Given;
+        if self.credit > -2.0 * scene.cost * WINDOW {
+            self.left = WINDOW;
+        }
+    }
+
+    /// The same with these attitude coordinates.
+    pub fn set_attitude(&mut self, scene: &CompanionScene, i: usize, attitude: &[f64; 4]) {
+        if let Some(column) = self.column(i) {
+            scene.table.set_attitude(&mut self.rows, column, attitude);
+        }
+    }
+
+    /// The companion of instance `i` takes its numbers before the next step: all of them, and those of its own.
+    pub fn restart(&mut self, i: usize) {
+        if let Some(column) = self.column(i) {
+            self.tracks[column].stage = Stage::Fresh;
+        }
+    }
+
+    /// The companion of instance `i` takes the numbers of its own before the next step.
+    pub fn own_changed(&mut self, i: usize) {
+        if let Some(column) = self.column(i) {
+            self.tracks[column].own_stale = true;
+        }
+    }
+
+    /// Velocities of the companion of instance `i` change as those of the instance do.
+    pub fn change_velocities(&mut self, scene: &CompanionScene, i: usize, from: &State, to: &State) {
+        let Some(column) = self.column(i) else { return };
+        let mut state = scene.table.state(&self.rows, column);
+        state.twist += to.twist - from.twist;
+        for k in 0..JOINTS {
+            state.qd[k] += to.qd[k] - from.qd[k];
+        }
+        scene.table.set_velocities(&mut self.rows, column, &state);
+    }
+
+    /// State of the companion of instance `i`, if it follows, and its relative error.
+    pub fn of(&self, scene: &CompanionScene, i: usize) -> Option<(State, f64)> {
+        let column = self.column(i).filter(|column| self.tracks[*column].stage == Stage::Follows)?;
+        Some((scene.table.state(&self.rows, column), self.tracks[column].relative))
+    }
+
+    /// Steps the companions at half the step, beside steps that the instances are to take from their present states under their
+    /// present loads. Returns false where none is followed.
+    pub fn step<T: Real>(
+        &mut self,
+        scene: &CompanionScene,
+        leaders: &Leaders<'_, T>,
+        scaled: [bool; 2],
+        settings: &StepSettings,
+    ) -> bool {
+        let &StepSettings { integrator, h, substeps, before, total, active, .. } = settings;
+        if !scene.follows_all() {
+            self.take_turns(scene.cost, leaders.count, h, substeps as f64);
+        }
+        let Some(parameters) = scene.parameters(leaders).filter(|_| self.count > 0) else { return false };
+        let leader = (leaders.table, leaders.rows, self.first);
+        scene.table.copy(&mut self.rows, 0..self.count, leader, &scene.loads);
+        for column in 0..self.count {
+            let (i, rows, track) = (self.first + column, &mut self.rows, &mut self.tracks[column]);
+            if track.stage != Stage::Follows {
+                let state = leaders.table.state(leaders.rows, i);
+                if track.stage == Stage::Fresh {
+                    scene.table.set_state(rows, column, &state);
+                    scene.table.copy(rows, column..column + 1, leader, &scene.memory);
                 }
-                for (row, count, to) in [
-                    (layout.position, 3, rows.start),
-                    (layout.rotation, 9, rows.start + 3),
-                    (layout.q, layout.joints, rows.start + 12),
-                ] {
-                    for k in 0..count {
-                        let (new, old): (L, L) = (columns.get(row + k), columns.get(to + k));
-                        columns.set(to + k, L::select(follows, old, new));
-                    }
-                }
-                // The scales, and behind them the relative error.
-                for row in rows.scales..=rows.relative {
-                    let kept = columns.get(row);
-                    columns.set(row, L::select(follows, kept, L::zero()));
-                }
-                let (divisor, least) = (L::c(self.divisor), columns.get::<L>(rows.divisor));
-                columns.set(rows.divisor, L::select(follows, divisor.min(least), divisor));
-                columns.set(rows.follows, L::c(1.0));
+                *track = Track::new(Stage::Follows, state);
+            }
+            if let (true, Some((layout, own))) = (std::mem::take(&mut track.own_stale), leaders.own) {
+                layout.copy(own, i, &mut self.own, column);
+            }
+        }
+        // Lanes halve a step at half the rotation, and tolerances are as much tighter: both motions would take the same
+        // sub-intervals otherwise. Rounding bounds tolerances from below: those of both have to differ.
+        let order = integrator.order() as i32;
+        let integrator = integrator.at_ratio(0.5, 0.5_f64.powi(order), T::EPSILON).resolving_bounces();
+        let (mut done, end) = (before, before + substeps);
+        while done < end {
+            // On the clock of the call: its division into portions does not show.
+            let next = end.min((done / SEGMENT + 1) * SEGMENT);
+            let steps = [2 * done, 2 * (next - done)];
+            done = next;
+            let own = leaders.own.map(|(layout, _)| layout.columns(&self.own));
+            let (layout, count) = (&scene.table.layout, self.count);
+            Advance { scene: parameters, layout, own, scaled, integrator, h: 0.5 * h, steps, active, count }
+                .run(scene.isa, &mut self.rows);
+            // After the last step of the call the comparison looks.
+            let looks = if next % SEGMENT == 0 && next < total { count } else { 0 };
+            for column in 0..looks {
+                self.tracks[column].widen(&scene.table.state(&self.rows, column), layout.joints);
+            }
+        }
+        true
+    }
+
+    /// Ends the turn of instances that have been followed for long enough, and begins that of the next ones once `count`
+    /// instances have earned it; before a call of some steps.
+    fn take_turns(&mut self, cost: f64, count: usize, h: f64, steps: f64) {
+        if self.count > 0 && self.left <= 0.0 {
+            self.first = (self.first + self.count) % count;
+            self.count = 0;
+        }
+        if self.count == 0 && self.credit >= 0.0 {
+            self.count = self.tracks.len().min(count - self.first);
+            self.left = WINDOW;
+            self.tracks.iter_mut().for_each(|track| track.stage = Stage::Fresh);
+        }
+        self.credit += SHARE * count as f64 * h * steps;
+        if self.count > 0 {
+            self.credit -= cost * h * (steps + CALL);
+            self.left -= h * steps;
+        }
+    }
+
+    /// Compares the instances with their companions after the same steps; adds errors beyond the limit to violations.
+    pub fn compare<T: Real>(
+        &mut self,
+        scene: &CompanionScene,
+        table: &Table,
+        rows: &[T],
+        settings: &StepSettings,
+        found: &mut Violations,
+    ) {
+        let divisor = divisor(settings.integrator.order());
+        for column in 0..self.count {
+            let (i, track) = (self.first + column, &mut self.tracks[column]);
+            let (state, other) = (table.state(rows, i), scene.table.state(&self.rows, column));
+            track.compare(&state, &other, table.layout.joints, divisor);
+            let Some(limits) = settings.limits else { continue };
+            let within = track.relative < limits.accumulated;
+            let beyond = limits.accumulated.is_finite() && !within;
+            if beyond && table.violation(rows, i, limits, settings.h).is_none() {
+                let quality = StepQuality { accumulated: track.relative, ..table.step_quality(rows, i, settings.h) };
+                found.add(Cause::Accumulated, StepViolation { instance: i, count: 1, time: state.time, quality });
             }
         }
     }
-}
 
-/// Kernel at the end of a call: scales of the motions, and errors relative to them.
-pub struct CompareCompanions<'a, T> {
-    /// Rows of the companions.
-    pub rows: &'a CompanionRows,
-    /// Rows of the instances.
-    pub layout: &'a Layout,
-    /// The blocks.
-    pub blocks: &'a mut [T],
-}
-
-impl<T: Real> Kernel<T> for CompareCompanions<'_, T> {
-    #[inline(always)]
-    fn run<L: Lane<Real = T>>(&mut self) {
-        let (rows, layout, own) = (self.rows, self.layout, &self.rows.layout);
-        let blocks = std::mem::take(&mut self.blocks).chunks_exact_mut((layout.rows * T::BLOCK).max(1));
-        for block in blocks {
-            for first in (0..T::BLOCK).step_by(L::LANES) {
-                let mut columns = Columns { rows: &mut *block, first };
-                let place: Vector3<L> = columns.vector(layout.position);
-                let rotation: Matrix3<L> = columns.matrix(layout.rotation);
-                let (twist, other) = (columns.six::<L>(layout.twist), columns.six::<L>(own.twist));
-                let rest: Vector3<L> = columns.vector(own.position + 3) - columns.vector(layout.position + 3);
-                let mut motion = [
-                    norm(place - columns.vector(rows.start)),
-                    turn(rotation, columns.matrix(rows.start + 3)),
-                    L::zero(),
-                    norm(twist.linear),
-                    norm(twist.angular),
-                    L::zero(),
-                ];
-                let mut errors = [
-                    norm(columns.vector(own.position) - place + rest),
-                    turn(rotation, columns.matrix(own.rotation)),
-                    L::zero(),
-                    norm(other.linear - twist.linear),
-                    norm(other.angular - twist.angular),
-                    L::zero(),
-                ];
-                for k in 0..layout.joints {
-                    let (q, qd): (L, L) = (columns.get(layout.q + k), columns.get(layout.qd + k));
-                    let mut apart = columns.get::<L>(own.q + k) - q;
-                    if T::SINGLE {
-                        apart += columns.get::<L>(own.q_rest + k) - columns.get(layout.q_rest + k);
-                    }
-                    errors[2] = apart.abs().max(errors[2]);
-                    errors[5] = (columns.get::<L>(own.qd + k) - qd).abs().max(errors[5]);
-                    motion[2] = (q - columns.get(rows.start + 12 + k)).abs().max(motion[2]);
-                    motion[5] = qd.abs().max(motion[5]);
-                }
-                for k in 0..SCALES {
-                    let mut scale = motion[k].max(columns.get(rows.scales + k));
-                    columns.set(rows.scales + k, scale);
-                    if k == 1 || k == 2 {
-                        scale = scale.min(L::c(GREATEST_ANGLE));
-                    }
-                    errors[k] = errors[k] / scale.max(L::c(LEAST_SCALE));
-                }
-                // NaN where any is not finite.
-                let (mut greatest, mut finite) = (L::zero(), L::zero());
-                for k in 0..errors.len() {
-                    greatest = errors[k].max(greatest);
-                    finite = errors[k].mul_add(L::zero(), finite);
-                }
-                columns.set(rows.relative, (greatest + finite) / columns.get(rows.divisor));
-            }
-        }
+    /// All numbers of the companion of instance `i`, as many as [`CompanionScene::saved`].
+    pub fn save(&self, scene: &CompanionScene, i: usize) -> Vec<f64> {
+        let track = &self.tracks[i];
+        let stage = if track.stage == Stage::Follows { 1.0 } else { 0.0 };
+        let joints = scene.table.layout.joints;
+        let start = track.start.position.iter().chain(track.start.rotation.iter()).chain(&track.start.q[..joints]);
+        let rows = scene.table.column(&self.rows, i);
+        rows.into_iter().chain(start.copied()).chain(track.scales).chain([track.relative, stage]).collect()
     }
-}
 
-#[inline(always)]
-fn norm<L: Lane>(x: Vector3<L>) -> L {
-    x.dot(x).sqrt()
-}
-
-/// Angle between two rotations, for small ones: the norm of their difference over the root of 2, 2 sin of half the angle.
-#[inline(always)]
-fn turn<L: Lane>(a: Matrix3<L>, b: Matrix3<L>) -> L {
-    let mut sum = L::zero();
-    for i in 0..3 {
-        for k in 0..3 {
-            let apart = a.0[i][k] - b.0[i][k];
-            sum = apart.mul_add(apart, sum);
-        }
+    /// Sets these numbers.
+    pub fn load(&mut self, scene: &CompanionScene, i: usize, numbers: &[f64]) {
+        let (rows, rest) = numbers.split_at(scene.table.layout.rows);
+        scene.table.set_column(&mut self.rows, i, rows);
+        let track = &mut self.tracks[i];
+        let joints = scene.table.layout.joints;
+        track.start.position.copy_from_slice(&rest[..3]);
+        track.start.rotation.copy_from_slice(&rest[3..12]);
+        track.start.q[..joints].copy_from_slice(&rest[12..12 + joints]);
+        track.scales.copy_from_slice(&rest[12 + joints..18 + joints]);
+        track.relative = rest[18 + joints];
+        track.own_stale = true;
+        track.stage = if rest[19 + joints] == 0.0 { Stage::Fresh } else { Stage::Follows };
     }
-    (sum * L::c(0.5)).sqrt()
+
+    /// Bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.rows[..]) + size_of_val(&self.own[..]) + size_of_val(&self.tracks[..])
+    }
 }

@@ -7,8 +7,8 @@
 use std::mem::ManuallyDrop;
 
 use super::blocks::Blocks;
-use super::chunk::StepSettings;
 use super::instance_numbers::LoadNumbers;
+use super::parameters::StepSettings;
 use super::step::Step;
 use super::threads::for_each;
 use crate::batch::storage::columns::Columns;

@@ -11,8 +11,10 @@ mod equations_of_motion_adjoint;
 mod instance_numbers;
 mod joint_coordinates;
 mod lagged_added_mass;
+pub mod parameters;
 mod reverse;
 mod scratch_pool;
 #[allow(unsafe_code)]
 pub mod step;
 pub mod threads;
+pub mod track;

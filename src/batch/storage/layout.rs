@@ -72,34 +72,7 @@ pub struct Layout {
     pub station: usize,
     /// Number of rows.
     pub rows: usize,
-    /// Rows of the instance's companion, where errors are estimated.
-    pub companion: Option<Box<CompanionRows>>,
 }
-
-/// Rows of the companion of an instance: a second integration of its motion at another step, under the same inputs.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct CompanionRows {
-    /// Its layout: rows of its own for the state, those of the instance for all else.
-    pub layout: Layout,
-    /// Each row of the state of the instance and that of the companion; time and velocity of the water are the last [`GIVEN`].
-    pub state: Vec<[usize; 2]>,
-    /// 1 where it follows the motion of the instance; 0 where the instance's state has been set since the last step.
-    pub follows: usize,
-    /// Least divisor of the differences since it follows: see [`crate::batch::stepping::companion`].
-    pub divisor: usize,
-    /// Position (3), rotation by rows (9) and joint coordinates of the instance when it began to follow.
-    pub start: usize,
-    /// Scales of the motion since then, [`SCALES`].
-    pub scales: usize,
-    /// Estimated error relative to these scales, 1.
-    pub relative: usize,
-}
-
-/// Rows of the state that are the instance's at the start of every call: time (2), velocity of the water (3).
-pub const GIVEN: usize = 5;
-/// Scales of a motion: greatest distance (m), rotation (rad) and joint travel (rad or m) from the start, and greatest speed
-/// (m/s), spin (rad/s) and joint rate (rad/s or m/s).
-pub const SCALES: usize = 6;
 
 impl Layout {
     /// Layout for numbers of joints, of thrusters with a state and of fins, for an integrator and a precision.
@@ -146,50 +119,31 @@ impl Layout {
             links: take(6 * joints),
             station: take(12),
             rows: take(0),
-            companion: None,
         }
     }
 
-    /// The same with a companion for each instance.
-    pub fn with_companion(mut self) -> Self {
-        let mut rows = self.rows;
-        let mut take = |count: usize| {
-            rows += count;
-            rows - count
-        };
-        let (mut own, mut state) = (self.clone(), Vec::new());
-        for (row, count) in own.state_rows() {
-            let first = take(count);
-            state.extend((0..count).map(|k| [*row + k, first + k]));
-            *row = first;
-        }
-        let (follows, divisor, start) = (take(1), take(1), take(12 + self.joints));
-        let (scales, relative) = (take(SCALES), take(1));
-        (self.rows, own.rows) = (rows, rows);
-        self.companion =
-            Some(Box::new(CompanionRows { layout: own, state, follows, divisor, start, scales, relative }));
-        self
-    }
-
-    /// First row and number of rows of all that a step changes.
-    fn state_rows(&mut self) -> [(&mut usize, usize); 13] {
-        let (joints, rests, thrusters) = (self.joints, self.rests, self.thrusters);
-        let attitude = if self.keeps == Attitude::Matrix { 0 } else { 4 };
-        let lag = if self.lagged { 1 + 12 * (joints + 1) } else { 0 };
+    /// First row and number of rows of all that acts on an instance: flow of the water, loads, factors, thrusters and fins.
+    pub fn load_rows(&self) -> [[usize; 2]; 11] {
+        let &Self { joints, thrusters, .. } = self;
         [
-            (&mut self.rotation, 9),
-            (&mut self.position, 6),
-            (&mut self.twist, 6),
-            (&mut self.q, joints),
-            (&mut self.qd, joints),
-            (&mut self.q_rest, rests),
-            (&mut self.attitude, attitude),
-            (&mut self.estimates, 6),
-            (&mut self.planned, usize::from(self.adaptive)),
-            (&mut self.lag, lag),
-            (&mut self.thrust, thrusters),
-            (&mut self.time, 2),
-            (&mut self.current, 3),
+            [self.current, 3],
+            [self.acceleration, 3],
+            [self.wrench, 6],
+            [self.torque, joints],
+            [self.target, 4 * joints],
+            [self.factors, FACTORS],
+            [self.command, thrusters],
+            [self.loss, thrusters],
+            [self.fin, self.fins],
+            [self.links, 6 * joints],
+            [self.station, 12],
         ]
+    }
+
+    /// The same of what integrators keep besides the state: attitude coordinates, and the acceleration filter.
+    pub fn memory_rows(&self) -> [[usize; 2]; 2] {
+        let attitude = if self.keeps == Attitude::Matrix { 0 } else { 4 };
+        let lag = if self.lagged { 1 + 12 * (self.joints + 1) } else { 0 };
+        [[self.attitude, attitude], [self.lag, lag]]
     }
 }

@@ -44,6 +44,14 @@ impl OwnLayout {
         OwnColumns { run_rows: &self.run_rows, width: self.width, rows }
     }
 
+    /// Copies the numbers of instance `i` of such rows to column `column` of others in double precision.
+    pub fn copy<T: Real>(&self, rows: &[T], i: usize, to: &mut [f64], column: usize) {
+        for row in 0..self.width {
+            let at = (column / f64::BLOCK * self.width + row) * f64::BLOCK + column % f64::BLOCK;
+            to[at] = rows[(i / T::BLOCK * self.width + row) * T::BLOCK + i % T::BLOCK].to_f64();
+        }
+    }
+
     /// Sets the numbers of instance `i` of these rows.
     pub fn set<T: Real>(&self, rows: &mut [T], i: usize, compiled: &Compiled) {
         for ((first, common), run) in self.run_rows.iter().zip(&self.runs).zip(runs_of(compiled)) {
@@ -135,11 +143,8 @@ impl<T: Real> OwnNumbers<T> {
 impl OwnNumbers<f64> {
     /// Sets all numbers to those in single precision, of the same samples.
     pub fn set_all(&mut self, single: &OwnNumbers<f32>) {
-        let width = self.layout.width;
-        for (at, number) in self.rows.iter_mut().enumerate() {
-            let (row, column) = (at / f64::BLOCK % width, at / f64::BLOCK / width * f64::BLOCK + at % f64::BLOCK);
-            let row = column / f32::BLOCK * width + row;
-            *number = single.rows[row * f32::BLOCK + column % f32::BLOCK].into();
+        for i in 0..self.rows.len() / self.layout.width {
+            self.layout.copy(&single.rows, i, &mut self.rows, i);
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Access to single instances in rows of blocks.
 
+use std::ops::Range;
+
 use nalgebra as na;
 
 use super::instance_loads::InstanceLoads;
@@ -42,11 +44,7 @@ impl Table {
 
     /// State.
     pub fn state<T: Real>(&self, rows: &[T], i: usize) -> State {
-        self.state_in(&self.layout, rows, i)
-    }
-
-    /// State in the rows of a layout of the same blocks: that of an instance or of its companion.
-    pub fn state_in<T: Real>(&self, layout: &Layout, rows: &[T], i: usize) -> State {
+        let layout = &self.layout;
         let place = |k| self.get(rows, i, layout.position + k);
         let mut state = State {
             position: [0, 1, 2].map(|k| place(k) + place(3 + k)).into(),
@@ -97,45 +95,34 @@ impl Table {
         if layout.lagged {
             self.set_all(rows, i, layout.lag, [0.0]);
         }
-        self.unfollow(rows, i);
     }
 
-    /// Its companion, if it has one, begins anew with the next step.
-    pub fn unfollow<T: Real>(&self, rows: &mut [T], i: usize) {
-        if let Some(companion) = &self.layout.companion {
-            self.set_all(rows, i, companion.follows, [0.0]);
-        }
-    }
-
-    /// State of the companion, and the divisor of its difference, if it follows the instance.
-    pub fn companion<T: Real>(&self, rows: &[T], i: usize) -> Option<(State, f64)> {
-        let companion = self.layout.companion.as_ref()?;
-        let follows = self.get(rows, i, companion.follows) == 1.0;
-        follows.then(|| (self.state_in(&companion.layout, rows, i), self.get(rows, i, companion.divisor)))
-    }
-
-    /// Sets the velocities alone to those of a state; a companion gains the same change.
+    /// Sets the velocities alone to those of a state.
     pub fn set_velocities<T: Real>(&self, rows: &mut [T], i: usize, state: &State) {
-        if let Some(companion) = &self.layout.companion {
-            let (old, mut own) = (self.state(rows, i), self.state_in(&companion.layout, rows, i));
-            own.twist += state.twist - old.twist;
-            self.set_all(rows, i, companion.layout.twist, own.twist.iter().copied());
-            for k in 0..self.layout.joints {
-                self.set_all(rows, i, companion.layout.qd + k, [own.qd[k] + state.qd[k] - old.qd[k]]);
-            }
-        }
         self.set_all(rows, i, self.layout.twist, state.twist.iter().copied());
         self.set_all(rows, i, self.layout.qd, state.qd[..self.layout.joints].iter().copied());
     }
 
-    /// Quality of the last steps of size `h` (s).
+    /// Copies rows, pairs of the row there and here, to some columns from those of `other` that are `ahead` of them.
+    pub fn copy<T: Real, U: Real>(
+        &self,
+        rows: &mut [T],
+        columns: Range<usize>,
+        (other, from, ahead): (&Self, &[U], usize),
+        pairs: &[[usize; 2]],
+    ) {
+        for &[there, here] in pairs {
+            for i in columns.clone() {
+                rows[self.index::<T>(i, here)] = T::from_f64(other.get(from, ahead + i, there));
+            }
+        }
+    }
+
+    /// Quality of the last steps of size `h` (s), without the accumulated error.
     pub fn step_quality<T: Real>(&self, rows: &[T], i: usize, h: f64) -> StepQuality {
         let [places, speeds, changes, errors @ ..]: [f64; 6] = self.get_all(rows, i, self.layout.estimates);
-        let accumulated = self.layout.companion.as_ref().map_or(0.0, |companion| {
-            if self.get(rows, i, companion.follows) == 1.0 { self.get(rows, i, companion.relative) } else { 0.0 }
-        });
         let stiffness = stiffness([places, speeds, changes], T::EPSILON);
-        StepQuality { stiffness, error: step_error(errors, h), accumulated }
+        StepQuality { stiffness, error: step_error(errors, h), accumulated: 0.0 }
     }
 
     /// Attitude coordinates, where the integrator keeps any besides the rotation matrix.

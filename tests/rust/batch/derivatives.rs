@@ -4,8 +4,8 @@ use crate::double_double::DoubleDouble;
 use crate::random_scene::{Options, Random, random_scene, random_state};
 use nalgebra::Vector3;
 use uvms_gym::batch::stepping::blocks::{Blocks, Storage};
-use uvms_gym::batch::stepping::chunk::StepSettings;
 use uvms_gym::batch::stepping::derivative::{Directions, DualColumn, Duals, Pairs, Slopes, step_pairs};
+use uvms_gym::batch::stepping::parameters::StepSettings;
 use uvms_gym::batch::stepping::step::Step;
 use uvms_gym::batch::storage::inputs::CheckedInputs;
 use uvms_gym::batch::storage::layout::Layout;
@@ -87,7 +87,7 @@ pub fn with_case(
     let inputs = CheckedInputs::new(&inputs, scene, &allocation, None, &options).unwrap();
     let flow = Flow::from(Vector3::new(0.1, -0.2, 0.05));
     let start = (&random_state(0, scene), &flow);
-    let mut blocks = Blocks::<f64>::new(&compiled, None, instances, &integrator, isa, start, false).unwrap();
+    let mut blocks = Blocks::<f64>::new(&compiled, None, instances, &integrator, isa, start, None).unwrap();
     for i in 0..instances {
         let mut state = random_state(i as u64, scene);
         thrust.iter().skip(i * allocation.count()).zip(&mut state.thrust).for_each(|(x, to)| *to = 0.7 * x);
@@ -96,8 +96,8 @@ pub fn with_case(
         blocks.set_factors(i, &Factors::from_array(factors));
     }
     let (active, limits, h) = (inputs.active_loads(), None, 0.01);
-    let (before, total, halves, threads) = (0, substeps, false, 1);
-    let settings = StepSettings { integrator, h, substeps, before, total, halves, active, threads, limits };
+    let (before, total, threads) = (0, substeps, 1);
+    let settings = StepSettings { integrator, h, substeps, before, total, active, threads, limits };
     let (adaptive, counts) = (integrator, [joints, compiled.system.thrusters.len(), scene.vehicle.fins.len()]);
     check(&mut blocks, &settings, &inputs, &Layout::new::<f64>(counts, &adaptive));
 }

@@ -42,47 +42,48 @@ fn estimates(simulator: &Simulator) -> Vec<ErrorEstimate> {
     simulator.error_estimates().unwrap()
 }
 
+/// Errors of single quantities pass through zero: not all are met.
 #[test]
 fn the_estimate_is_the_error() {
-    let options = SimulatorOptions { instances: N, error_estimate: true, ..SimulatorOptions::default() };
-    let mut found: Vec<(&str, Vec<f64>)> = Vec::new();
-    for name in ["petasus-pum", "bluerov2-heavy", "rexrov"] {
-        let scene = Scene::shipped(name).unwrap();
-        let mut exact = simulator(&scene, "mk4", 0.0005, &SimulatorOptions { instances: N, ..Default::default() });
-        drive(&mut exact);
-        for integrator in ["mk4", "mk3", "mk2", "ros2", "ros3"] {
-            // 10 and 5 steps a call: steps of the companion 5/3 times as long.
-            for dt in [0.01, 0.02] {
-                let mut s = simulator(&scene, integrator, dt, &options);
-                drive(&mut s);
-                let mut quotients = Vec::new();
-                for (i, estimate) in estimates(&s).iter().enumerate() {
-                    let (a, b) = (s.state(i), exact.state(i));
-                    for (estimate, error) in [
-                        (estimate.position, (a.position - b.position).norm()),
-                        (estimate.attitude, (a.rotation - b.rotation).norm() / 2f64.sqrt()),
-                    ] {
-                        if (1e-8..0.1).contains(&error) {
-                            quotients.push(estimate / error);
+    for (precision, least) in [(Precision::Double, 0.95), (Precision::Single, 0.9)] {
+        let options = SimulatorOptions { instances: N, precision, error_estimate: Some(true), ..Default::default() };
+        let mut found: Vec<(&str, Vec<f64>)> = Vec::new();
+        for name in ["petasus-pum", "bluerov2-heavy", "rexrov"] {
+            let scene = Scene::shipped(name).unwrap();
+            let mut exact = simulator(&scene, "mk4", 0.0005, &SimulatorOptions { instances: N, ..Default::default() });
+            drive(&mut exact);
+            for integrator in ["mk4", "mk3", "mk2", "ros2", "ros3"] {
+                for dt in [0.01, 0.02] {
+                    let mut s = simulator(&scene, integrator, dt, &options);
+                    drive(&mut s);
+                    let mut quotients = Vec::new();
+                    for (i, estimate) in estimates(&s).iter().enumerate() {
+                        let (a, b) = (s.state(i), exact.state(i));
+                        for (estimate, error) in [
+                            (estimate.position, (a.position - b.position).norm()),
+                            (estimate.attitude, (a.rotation - b.rotation).norm() / 2f64.sqrt()),
+                        ] {
+                            if (1e-8..0.1).contains(&error) {
+                                quotients.push(estimate / error);
+                            }
                         }
                     }
+                    found.push((integrator, quotients));
                 }
-                found.push((integrator, quotients));
             }
         }
-    }
-    // Of single quantities, which pass through zero.
-    let all: Vec<f64> = found.iter().flat_map(|(_, quotients)| quotients.clone()).collect();
-    let within = all.iter().filter(|quotient| (1.0 / 3.0..3.0).contains(*quotient)).count();
-    println!("{within} of {} within a factor 3", all.len());
-    for (integrator, quotients) in &mut found {
-        quotients.sort_by(f64::total_cmp);
-        if let Some(median) = quotients.get(quotients.len() / 2) {
-            println!("{integrator}: median {median:.2}, {:.2?}", [quotients[0], quotients[quotients.len() - 1]]);
-            assert!((1.0 / 3.0..3.0).contains(median), "{integrator}");
+        let all: Vec<f64> = found.iter().flat_map(|(_, quotients)| quotients.clone()).collect();
+        let within = all.iter().filter(|quotient| (1.0 / 3.0..3.0).contains(*quotient)).count();
+        println!("{precision:?}: {within} of {} within a factor 3", all.len());
+        for (integrator, quotients) in &mut found {
+            quotients.sort_by(f64::total_cmp);
+            if let Some(median) = quotients.get(quotients.len() / 2) {
+                println!("{integrator}: median {median:.2}, {:.2?}", [quotients[0], quotients[quotients.len() - 1]]);
+                assert!((0.5..2.0).contains(median), "{integrator}");
+            }
         }
+        assert!(all.len() > 300 && within as f64 > least * all.len() as f64, "{within} of {}", all.len());
     }
-    assert!(all.len() > 300 && within as f64 > 0.9 * all.len() as f64, "{within} of {}", all.len());
 }
 
 #[test]
@@ -90,15 +91,16 @@ fn states_do_not_depend_on_the_estimate_nor_the_estimate_on_other_instances() {
     let scene = Scene::shipped("petasus-pum").unwrap();
     for precision in [Precision::Double, Precision::Single] {
         for integrator in ["mk4", "ros3", "mk54", "quaternion-rk4", "lagged-added-mass"] {
-            let run = |instances: usize, error_estimate: bool| {
+            let run = |instances: usize, error_estimate: Option<bool>| {
                 let options = SimulatorOptions { instances, precision, error_estimate, ..Default::default() };
                 let mut s = simulator(&scene, integrator, 0.01, &options);
                 drive(&mut s);
                 s
             };
-            let [plain, one, many] = [run(1, false), run(1, true), run(N, true)];
-            assert_eq!(plain.state(0), one.state(0), "{integrator}");
-            assert_eq!(plain.state(0), many.state(0), "{integrator}");
+            let [plain, one, many] = [run(1, Some(false)), run(1, Some(true)), run(N, Some(true))];
+            for other in [&one, &many, &run(1, None), &run(N, None)] {
+                assert_eq!(plain.state(0), other.state(0), "{integrator}");
+            }
             assert_eq!(estimates(&one)[0], estimates(&many)[0], "{integrator}");
             assert_eq!(plain.error_estimates(), None);
         }
@@ -108,7 +110,7 @@ fn states_do_not_depend_on_the_estimate_nor_the_estimate_on_other_instances() {
 #[test]
 fn a_set_state_has_no_error_and_a_saved_one_keeps_it() {
     let scene = Scene::shipped("bluerov2-heavy").unwrap();
-    let options = SimulatorOptions { instances: 3, error_estimate: true, ..Default::default() };
+    let options = SimulatorOptions { instances: 3, error_estimate: Some(true), ..Default::default() };
     let mut s = simulator(&scene, "mk2", 0.05, &options);
     drive(&mut s);
     let before = estimates(&s);
@@ -134,7 +136,7 @@ fn accumulated_errors_are_said_once_with_their_number() {
     for (dt, said) in [(0.001, false), (0.05, true)] {
         let options = SimulatorOptions {
             instances: 20,
-            error_estimate: true,
+            error_estimate: Some(true),
             dt,
             integrator: "mk2".into(),
             ..Default::default()
@@ -177,7 +179,7 @@ fn portions_of_a_call_make_no_difference_to_the_estimate() {
     let mut scene = Scene::shipped("free-body").unwrap();
     scene.vehicle.body.inertia = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 2.0, 3.0));
     let run = |instances: usize| {
-        let options = SimulatorOptions { instances, error_estimate: true, dt: 0.001, ..Default::default() };
+        let options = SimulatorOptions { instances, error_estimate: Some(true), dt: 0.001, ..Default::default() };
         let mut s = Simulator::new(scene.clone(), options).unwrap();
         let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.5, 2.0, 0.1);
         s.set_state(0, &State { twist, ..State::default() });
@@ -190,13 +192,17 @@ fn portions_of_a_call_make_no_difference_to_the_estimate() {
 }
 
 /// A body in straight flight that spins by nearly half a revolution within a step: lanes divide it in two. A companion with the same
-/// limit would divide its step of twice the length in four, take the same sub-intervals, and see nothing.
+/// limit would not divide its half steps, take the same sub-intervals, and see nothing.
 #[test]
 fn steps_that_fast_turns_divide_are_told_apart() {
     let scene = Scene::shipped("free-body").unwrap();
     for (integrator, spin) in [("mk4", 31.0), ("mk3", 31.0), ("ros3", 9.0)] {
-        let options =
-            SimulatorOptions { error_estimate: true, dt: 0.1, integrator: integrator.into(), ..Default::default() };
+        let options = SimulatorOptions {
+            error_estimate: Some(true),
+            dt: 0.1,
+            integrator: integrator.into(),
+            ..Default::default()
+        };
         let mut s = Simulator::new(scene.clone(), options).unwrap();
         let velocity = nalgebra::Vector3::new(1.0, 0.5, -0.5);
         let twist = nalgebra::Vector6::new(velocity.x, velocity.y, velocity.z, 0.0, 0.0, spin);
@@ -208,12 +214,12 @@ fn steps_that_fast_turns_divide_are_told_apart() {
     }
 }
 
-/// A slow sideways motion decays at a rate that the step resolves and a step 5/3 times as long amplifies, beside a fast one forwards.
+/// A slow sideways motion decays at a rate that the step resolves and a longer one amplifies, beside a fast one forwards.
 #[test]
-fn a_companion_that_would_be_unstable_takes_half_steps() {
+fn a_companion_is_stable_where_the_step_is() {
     let mut scene = Scene::shipped("free-body").unwrap();
     scene.vehicle.body.damping.linear[(1, 1)] = 18.0;
-    let options = SimulatorOptions { error_estimate: true, dt: 0.1, ..Default::default() };
+    let options = SimulatorOptions { error_estimate: Some(true), dt: 0.1, ..Default::default() };
     let mut s = Simulator::new(scene, options).unwrap();
     let twist = nalgebra::Vector6::new(1.0, 0.02, 0.0, 0.0, 0.0, 0.0);
     s.set_state(0, &State { twist, ..State::default() });
@@ -223,4 +229,93 @@ fn a_companion_that_would_be_unstable_takes_half_steps() {
     }
     let found = estimates(&s)[0];
     assert!(found.known() && s.warn_of_motion().is_none(), "{found:?}");
+}
+
+/// An arm on a fixed base, far too fast for the step: where nothing finite follows the motion, the error is not known.
+#[test]
+fn an_error_that_no_finite_motion_tells_is_not_known_and_is_said() {
+    let mut scene = Scene::shipped("petasus-pum").unwrap();
+    scene.vehicle.fixed = true;
+    let mut s = Simulator::new(scene, SimulatorOptions { error_estimate: Some(true), ..Default::default() }).unwrap();
+    let mut state = State { q: s.scene().home(), ..State::default() };
+    for (k, rate) in [80.0, -80.0, 80.0, -80.0, 80.0].into_iter().enumerate() {
+        state.qd[k] = rate;
+    }
+    s.set_state(0, &state);
+    s.step(&Inputs::default(), 20).unwrap();
+    let found = estimates(&s)[0];
+    assert!(!found.known(), "{found:?}");
+    let warning = s.warn_of_motion().expect("a warning").to_string();
+    assert!(warning.contains("errors have added up") && !warning.contains("NaN %"), "{warning}");
+
+    let lost = ErrorEstimate { relative: f64::NAN, ..ErrorEstimate::ZERO };
+    assert!(!lost.known());
+    let q = std::array::from_fn(|k| if k == 0 { f64::NAN } else { 1.0 });
+    assert!(ErrorEstimate { q, ..lost }.to_string().contains("joints NaN"));
+}
+
+/// Needles that spin, those of `wrong` so fast that the step errs by 0.1 rad within seconds.
+fn needles(options: &SimulatorOptions, wrong: std::ops::Range<usize>) -> Simulator {
+    let mut scene = Scene::shipped("free-body").unwrap();
+    scene.vehicle.body.inertia = nalgebra::Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, 1e-8));
+    let mut s = Simulator::new(scene, options.clone()).unwrap();
+    for i in 0..s.instances() {
+        let spin = if wrong.contains(&i) { 0.6 } else { 0.01 } / options.dt;
+        let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.2, -0.3, spin);
+        s.set_state(i, &State { twist, ..State::default() });
+    }
+    s
+}
+
+/// The first warning within a time, s, by calls of ten steps.
+fn first_warning(s: &mut Simulator, time: f64) -> Option<InaccurateStep> {
+    let calls = (time / (10.0 * s.options().dt)).round() as usize;
+    (0..calls).find_map(|_| {
+        s.step(&Inputs::default(), 10).unwrap();
+        s.warn_of_motion()
+    })
+}
+
+#[test]
+fn errors_that_add_up_are_said_by_default_within_seconds() {
+    for precision in [Precision::Double, Precision::Single] {
+        for instances in [1, 3, 8, 64, 300] {
+            for (error_estimate, wrong) in [(None, true), (None, false), (Some(false), true)] {
+                let options = SimulatorOptions { instances, precision, error_estimate, ..Default::default() };
+                let mut s = needles(&options, if wrong { 0..instances } else { 0..0 });
+                let found = first_warning(&mut s, 10.0);
+                assert_eq!(found.is_some(), error_estimate.is_none() && wrong, "{instances}: {found:?}");
+                assert_eq!(s.error_estimates(), None);
+                let Some(warning) = found else { continue };
+                let expected = format!("instance 0{}: errors have added up", more(instances.min(8), instances));
+                assert!(warning.to_string().contains(&expected) && warning.estimate.is_some(), "{warning}");
+            }
+        }
+    }
+}
+
+fn more(count: usize, instances: usize) -> String {
+    if count > 1 { format!(" and {} more of {instances}", count - 1) } else { String::new() }
+}
+
+/// Some of many instances are followed for ten seconds at a time.
+#[test]
+fn the_next_instances_have_their_turn() {
+    let options = SimulatorOptions { instances: 128, dt: 0.1, ..Default::default() };
+    let warning = first_warning(&mut needles(&options, 8..9), 400.0).expect("a warning");
+    assert_eq!((warning.violation.instance, warning.violation.count), (8, 1), "{warning}");
+    assert!(warning.violation.time > 100.0, "{warning}");
+}
+
+/// Errors from before its state was set do not count.
+#[test]
+fn a_watched_instance_begins_anew_with_its_state() {
+    let options = SimulatorOptions { instances: 64, ..Default::default() };
+    let mut s = needles(&options, 0..64);
+    s.step(&Inputs::default(), 100).unwrap();
+    for i in 0..64 {
+        let twist = nalgebra::Vector6::new(0.0, 0.0, 0.0, 0.2, -0.3, 1.0);
+        s.set_state(i, &State { twist, time: 5.0, ..State::default() });
+    }
+    assert!(first_warning(&mut s, 8.0).is_none());
 }

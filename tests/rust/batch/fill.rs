@@ -30,8 +30,7 @@ fn loads_are_those_of_single_instances<T: Real>(precision: Precision) {
     for (isa, instances) in Isa::available().flat_map(|isa| [1, 5, 8, 16, 17, 35].map(|count| (isa, count))) {
         let options = SimulatorOptions { instances, precision, ..SimulatorOptions::default() };
         let (state, flow) = (State::default(), Flow::from(scene.water.current));
-        let mut blocks =
-            Blocks::<T>::new(&compiled, None, instances, &integrator, isa, (&state, &flow), false).unwrap();
+        let mut blocks = Blocks::<T>::new(&compiled, None, instances, &integrator, isa, (&state, &flow), None).unwrap();
         for i in 0..instances {
             blocks.set_factors(i, &Factors { thrust: 0.9 + 0.01 * i as f64, ..Factors::ONE });
         }

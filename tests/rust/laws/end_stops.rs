@@ -32,7 +32,7 @@ fn start(i: usize) -> State {
 }
 
 fn simulator(scene: &Scene, integrator: &str, options: SimulatorOptions) -> Simulator {
-    let options = SimulatorOptions { integrator: integrator.into(), dt: DT, error_estimate: true, ..options };
+    let options = SimulatorOptions { integrator: integrator.into(), dt: DT, error_estimate: Some(true), ..options };
     let mut simulator = Simulator::new(scene.clone(), options).unwrap();
     (0..simulator.instances()).for_each(|i| simulator.set_state(i, &start(i)));
     simulator

@@ -1,11 +1,11 @@
 """Hard cases: motions in which simulators of this kind fail first, each with an exact or converged reference.
 
 Every run either meets its error bound or emits a `uvms_gym.StepWarning` before or as it fails. `case` defines cases,
-runs and errors; `spinning`, `water`, `arms`, `contact`, `secular` and `oscillations` hold the cases;
-`reference_solutions` has closed forms; `study` runs all, and `plots` draws them.
+runs and errors; `spinning`, `water`, `arms`, `contact`, `secular`, `oscillations`, `accumulation` and
+`rotors` hold the cases; `reference_solutions` has closed forms; `study` runs all, and `plots` draws them.
 """
 
-from uvms_gym.studies.hard_cases import arms, contact, oscillations, secular, spinning, water
+from uvms_gym.studies.hard_cases import accumulation, arms, contact, oscillations, rotors, secular, spinning, water
 from uvms_gym.studies.hard_cases.case import Case
 
 CASES: tuple[Case, ...] = (
@@ -15,6 +15,8 @@ CASES: tuple[Case, ...] = (
     *contact.CASES,
     *secular.CASES,
     *oscillations.CASES,
+    *accumulation.CASES,
+    *rotors.CASES,
 )
 
 __all__ = ["CASES", "Case"]

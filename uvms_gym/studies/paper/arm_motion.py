@@ -43,7 +43,7 @@ def follow(case: str, tick: Callable[[], None] = lambda: None) -> dict[str, Any]
     The joint servos are PD, as in the paper, so the joints sag under the arm's weight in water. A start at q_0 itself
     would superpose that sag, and the swing of the vehicle from it, on the scenario.
     """
-    simulator = Simulator(case_scene(case), dt=STEP)
+    simulator = Simulator(case_scene(case), dt=STEP, error_estimate=False)
     home = simulator.q[0]
     loop: dict[str, Any] = {"pose_target": (np.zeros(3), np.eye(3))} if case == "PD-controlled" else {}
     simulator.step(joint_target=home, substeps=round(SETTLING / STEP), **loop)

@@ -87,7 +87,7 @@ def dry_difference(scene: dict[str, Any], seed: int = 0) -> dict[str, float]:
             # Pinocchio has no friction.
             applied = torque - viscous * state["qd"] if name == "pinocchio" else torque
             off = np.abs(acceleration(model, state, wrench, applied) - ours).max() / np.abs(ours).max()
-            worst[name] = max(worst[name], float(off))
+            worst[name] = float(np.maximum(worst[name], off))
     for name, off in worst.items():
         if not off <= BOUND:
             raise ValueError(f"{scene['name']}: dry accelerations of {name} differ by {off:.1e}: it has another model")

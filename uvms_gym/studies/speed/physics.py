@@ -37,13 +37,22 @@ class Setting(NamedTuple):
 
 
 class Stepping(Case):
-    """A moving batch under held thrusts and joint targets; a unit of work is one step of one instance."""
+    """A moving batch under held thrusts and joint targets, not watched for errors, as peers are not.
+
+    A unit of work is one step of one instance.
+    """
 
     def __init__(self, setting: Setting) -> None:
         n, rng = setting.n, np.random.default_rng(setting.seed)
         self.name, self.work, self.substeps = setting.scene["name"], n * setting.substeps, setting.substeps
         self.simulator = Simulator(
-            setting.scene, n, dt=DT, integrator=setting.integrator, dtype=setting.dtype, threads=setting.threads
+            setting.scene,
+            n,
+            dt=DT,
+            integrator=setting.integrator,
+            dtype=setting.dtype,
+            threads=setting.threads,
+            error_estimate=False,
         )
         if setting.varied:
             vary(self.simulator, rng)

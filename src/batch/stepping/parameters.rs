@@ -1,0 +1,134 @@
+//! Parameters of the kernels that step, settings of a call, and the steps of some blocks.
+
+use super::scratch_pool::ScratchPool;
+use super::step::{Step, StepScaled};
+use crate::batch::monitoring::step_quality::QualityLimits;
+use crate::batch::storage::active_loads::ActiveLoads;
+use crate::batch::storage::layout::Layout;
+use crate::batch::storage::own_numbers::OwnColumns;
+use crate::integrate::Integrator;
+use crate::lane::{Isa, Real, Shared};
+use crate::system::{Compiled, Factors, System, UnscaledBodyTerms};
+
+/// Settings of a call that steps.
+#[derive(Debug, Clone, Copy)]
+pub struct StepSettings {
+    /// Integrator.
+    pub integrator: Integrator,
+    /// Step size, s.
+    pub h: f64,
+    /// Number of steps.
+    pub substeps: usize,
+    /// Number of steps before these in the call, on the clock of the servo targets.
+    pub before: usize,
+    /// Number of steps of the whole call.
+    pub total: usize,
+    /// Optional loads that are active.
+    pub active: ActiveLoads,
+    /// Greatest number of threads.
+    pub threads: usize,
+    /// Limits of the steps' quality; none where they are not monitored.
+    pub limits: Option<QualityLimits>,
+}
+
+/// Parameters of the scene, and pools of memory for its kernels.
+#[derive(Clone)]
+pub struct Parameters<T> {
+    pub system: System<Shared<T>>,
+    /// The same in scalars.
+    pub scalar_system: System<T>,
+    pub unscaled: Vec<UnscaledBodyTerms<Shared<T>>>,
+    /// Attachment point of payloads, m.
+    pub payload_attachment: [Shared<T>; 3],
+    /// Scratch memory of the steps.
+    pub scratch_pool: ScratchPool,
+    /// Memory for systems with parameters per instance.
+    pub system_pool: ScratchPool,
+    /// Both of dual numbers.
+    pub dual_scratch_pool: ScratchPool,
+    /// See `dual_scratch_pool`.
+    pub dual_system_pool: ScratchPool,
+    /// Both of the adjoint, and its own memory.
+    pub adjoint_pools: [ScratchPool; 3],
+    /// The system without added mass, and the filter's weight, where added mass is a lagged force.
+    pub rigid: Option<(System<Shared<T>>, f64)>,
+}
+
+impl<T: Real> Parameters<T> {
+    /// Parameters of a compiled scene for an integrator.
+    pub fn new(compiled: &Compiled, integrator: &Integrator) -> Self {
+        let number = |Shared(x)| Shared(T::from_f64(x));
+        let unscaled: Vec<_> = compiled.unscaled.iter().map(|parts| parts.map(number)).collect();
+        // Rounded like the terms of instances with factors, so that an instance's factors do not show in its neighbours.
+        let system = compiled.system.map(number).with_factors(&unscaled, &Factors::ONE);
+        let rigid = integrator.lag().map(|filter| (system.with_factors(&unscaled, &Factors::RIGID), filter));
+        let payload_attachment = compiled.payload_attachment.map(|x| Shared(T::from_f64(x)));
+        let scalar_system = system.map(|Shared(x)| x);
+        Self {
+            system,
+            scalar_system,
+            unscaled,
+            payload_attachment,
+            scratch_pool: ScratchPool::default(),
+            system_pool: ScratchPool::default(),
+            dual_scratch_pool: ScratchPool::default(),
+            dual_system_pool: ScratchPool::default(),
+            adjoint_pools: Default::default(),
+            rigid,
+        }
+    }
+}
+
+/// Steps of some blocks.
+pub struct Advance<'a, T> {
+    /// Parameters of the scene.
+    pub scene: &'a Parameters<T>,
+    /// Rows of a block.
+    pub layout: &'a Layout,
+    /// Numbers that instances have of their own.
+    pub own: Option<OwnColumns<'a, T>>,
+    /// Any instance has a factor other than 1, any has a payload.
+    pub scaled: [bool; 2],
+    /// Integrator.
+    pub integrator: Integrator,
+    /// Step size, s.
+    pub h: f64,
+    /// Number of steps before these on the clock of the servo targets, and number of steps.
+    pub steps: [usize; 2],
+    /// Optional loads that are active.
+    pub active: ActiveLoads,
+    /// Number of instances.
+    pub count: usize,
+}
+
+impl<T: Real> Advance<'_, T> {
+    /// Steps blocks.
+    pub fn run(&self, isa: Isa, blocks: &mut [T]) {
+        let (scene, integrator, [scaled, with_payload]) = (self.scene, self.integrator, self.scaled);
+        let scaled = scaled || self.own.is_some();
+        let mut step = Step {
+            system: scene.rigid.as_ref().map_or(&scene.system, |(rigid, _)| rigid),
+            scalar_system: scene.rigid.is_none().then_some(&scene.scalar_system),
+            unscaled: &scene.unscaled,
+            scaled,
+            own: self.own,
+            payload_attachment: with_payload.then_some(scene.payload_attachment),
+            scratch_pool: &scene.scratch_pool,
+            system_pool: &scene.system_pool,
+            lag_filter: scene.rigid.as_ref().map(|&(_, filter)| filter),
+            layout: self.layout,
+            integrator,
+            h: T::from_f64(self.h),
+            substeps: self.steps[1],
+            before: self.steps[0],
+            active: self.active,
+            count: self.count,
+            blocks,
+        };
+        if (scaled || integrator.needs_baseline_terms()) && isa.is_wide() {
+            T::dispatch(isa, &mut StepScaled(&mut step));
+        } else {
+            T::dispatch(isa, &mut step);
+        }
+    }
+}
