@@ -5,6 +5,9 @@ pip install 'uvms-gym[rllib]'  # in an environment of its own: Ray pins Gymnasiu
 python training/ray_train.py --frames 3000000 --runners 4
 ```
 
+The same command goes on where it was stopped, by Ctrl-C, SIGTERM or a kill; runners that die are replaced. The state
+lies in a folder beside the policy until the end.
+
 Each environment runner steps one vector environment on one thread. The policy is a `uvms_gym.MLP`,
 which runs without torch and Ray. RLlib keeps steps as Python objects, so RLlib, not the
 environment, limits the speed.
@@ -12,6 +15,8 @@ environment, limits the speed.
 
 import argparse
 import importlib
+import shutil
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -24,6 +29,7 @@ from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 from ray.tune.registry import register_env
 
 import uvms_gym
+from uvms_gym.training.run import interrupt_event
 
 ENV = "UVMS-StationKeep-Storm-v0"
 
@@ -63,6 +69,7 @@ def configure(frames: int, runners: int, instances: int) -> PPOConfig:
             gym_env_vectorize_mode="vector_entry_point",
             rollout_fragment_length=32,
         )
+        .fault_tolerance(restart_failed_env_runners=True)
         .rl_module(model_config=network)
         .training(
             lr=[[0, 1e-3], [frames, 5e-5]],
@@ -90,6 +97,22 @@ def export(algorithm: Algorithm) -> uvms_gym.MLP:
     return uvms_gym.MLP(env, weights=layers, biases=biases, activation="tanh", output="clip")
 
 
+def save(algorithm: Algorithm, folder: Path, frames: int) -> None:
+    """Write the state after a number of frames, whole or not at all, and remove those before it."""
+    part, old = folder / ".part", states(folder)
+    shutil.rmtree(part, ignore_errors=True)
+    algorithm.save_to_path(part.absolute())
+    if frames not in old:
+        part.rename(folder / str(frames))
+    for earlier in old.keys() - {frames}:
+        shutil.rmtree(old[earlier])
+
+
+def states(folder: Path) -> dict[int, Path]:
+    """States of an unfinished run, by their frames."""
+    return {int(path.name): path for path in folder.glob("[0-9]*")}
+
+
 def main() -> None:
     """Train, and write the policy."""
     raw = argparse.RawDescriptionHelpFormatter
@@ -98,18 +121,31 @@ def main() -> None:
     parser.add_argument("--runners", type=int, default=0, help="runners; 0: this process")
     parser.add_argument("--instances", type=int, default=512, help="instances of each runner")
     parser.add_argument("--address", help="cluster, such as auto; default: this machine")
-    parser.add_argument("--out", default="ray.safetensors")
+    parser.add_argument("--out", type=Path, default=Path("ray.safetensors"))
+    parser.add_argument("--save-every", type=int, default=10, help="iterations between states to go on from")
     options = parser.parse_args()
     ray.init(address=options.address)
     register_env(ENV, make)
     algorithm = configure(options.frames, options.runners, options.instances).build_algo()
-    frames = 0
-    while frames < options.frames:
-        result = algorithm.train()
-        frames = int(result["num_env_steps_sampled_lifetime"])
-        found = result["env_runners"].get("episode_return_mean", float("nan"))
-        print(f"{frames} frames: return {found:.2f}")
-    export(algorithm).save(options.out)
+    folder, frames, iteration = options.out.with_name(f"{options.out.stem}-state"), 0, 0
+    if found := states(folder):
+        frames = max(found)
+        algorithm.restore_from_path(found[frames].absolute())
+        print(f"going on after {frames} frames", flush=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    with interrupt_event() as stopped:
+        while frames < options.frames and not stopped.is_set():
+            result = algorithm.train()
+            frames, iteration = int(result["num_env_steps_sampled_lifetime"]), iteration + 1
+            episodes = result["env_runners"].get("episode_return_mean", float("nan"))
+            print(f"{frames} frames: return {episodes:.2f}", flush=True)
+            if stopped.is_set() or iteration % options.save_every == 0:
+                save(algorithm, folder, frames)
+    if frames < options.frames:
+        print(f"stopped after {frames} frames; the same command goes on")
+    else:
+        export(algorithm).save(options.out)
+        shutil.rmtree(folder)
     ray.shutdown()
 
 

@@ -316,6 +316,10 @@ def main(
             raise fail(f"{name} has no gains to tune")
     prepare(policies / place, work / place / "any.json")
     file, base = policies / place / "gains.json", BASELINE[task]
+    if file.exists():
+        # Before the search, which would end without a place for its gains.
+        with user_errors(f"{file}: "):
+            json.loads(file.read_text())
     where = circumstances("tune", {})
     for name in controller:
         ours = Tuner(arena, name, known[name])

@@ -147,6 +147,16 @@ def test_the_command_tunes_and_goes_on_where_it_was(tmp_path):
     assert again["pd"] == first["pd"]
 
 
+def test_gains_that_cannot_be_read_are_refused_before_the_search(tmp_path, capsys):
+    file = tmp_path / "p" / "UVMS-StationKeep" / "petasus-pum" / "0.05s" / "gains.json"
+    file.parent.mkdir(parents=True)
+    file.write_text('{"pid": {')
+    assert command(tmp_path, "--controller", "pd") == 2
+    told = capsys.readouterr().err
+    assert str(file) in told and told.count("\n") == 1
+    assert file.read_text() == '{"pid": {' and not list(tmp_path.glob("w/*/*/*/pd.json"))
+
+
 def test_an_interrupt_is_told_and_loses_nothing(tmp_path, capsys, monkeypatch):
     score, calls = Arena.score, iter(range(6))
 
