@@ -55,7 +55,7 @@ def served(*arguments: str) -> Iterator[tuple[str, "subprocess.Popen[str]"]]:
         assert running.stdout is not None
         assert running.stdout.readline().startswith(f"http://127.0.0.1:{port} ")
         yield f"http://127.0.0.1:{port}", running
-        assert running.poll() is None
+        assert running.poll() is None, running.communicate()[0]
         running.send_signal(signal.SIGINT)
         rest = running.communicate(timeout=30.0)[0]
         assert running.returncode == 0 and rest.endswith("ended\n") and "Traceback" not in rest, rest

@@ -73,10 +73,10 @@ def test_a_lost_vehicle_is_followed_and_found(guest: Guest) -> None:
     assert not world._world.position.any()
     guest.set("Follow vehicle", True)
     guest.until(lambda: np.allclose(world._world.position, -place, atol=1e-6))
-    guest.set("View", "Home")
-    guest.until(lambda: np.linalg.norm(camera.look_at) < 1.5)
+    assert np.linalg.norm(camera.look_at) < 1.5
     guest.set("Follow vehicle", False)
     guest.until(lambda: not world._world.position.any())
+    assert np.linalg.norm(camera.look_at - place) < 1.5
     guest.set("Target handles", False)
     guest.until(lambda: not world.gizmo.visible)
 

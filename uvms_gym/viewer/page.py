@@ -197,7 +197,11 @@ class Page:
         self._gizmo.position, self._gizmo.wxyz = episode.target
 
     def _set_view(self) -> None:
-        self._world.follow, self._gizmo.visible = self.follow.value, self.handles.value
+        self._gizmo.visible = self.handles.value
+        if self.follow.value != self._world.follow:
+            self._world.follow = self.follow.value
+            for number in self._server.get_clients():
+                self._home(number)
 
     def _set_speed(self) -> None:
         self.speed = SPEEDS[self.pace.value]
