@@ -19,12 +19,15 @@ from functools import partial
 from threading import Lock
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from uvms_gym import _step
 from uvms_gym._core import Simulator
+from uvms_gym._extras import extra
+
+with extra("jax"):
+    import jax
+    import jax.numpy as jnp
 
 #: JAX may call from several threads.
 _LOCK = Lock()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from uvms_gym import _core
@@ -58,4 +59,7 @@ def import_with_notes(
     """Scene, and notes on merged, estimated and missing parts; `chain` is `base` and `tip`."""
     if len(mount) != 6:
         raise _core.SceneError(f"mount must be 6 numbers (x, y, z, roll, pitch, yaw), but has {len(mount)}")
+    file = Path(path)
+    if file.suffix == ".toml":
+        raise _core.SceneError(f"{file}: is a TOML file, but must be a URDF file")
     return _core.import_urdf(path, vehicle=vehicle, position=mount[:3], rpy=mount[3:], **chain)

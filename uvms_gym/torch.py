@@ -17,11 +17,13 @@ x[:, :3].square().sum().backward()
 from collections.abc import Mapping
 from typing import Any
 
-import torch
-from torch.autograd.function import once_differentiable
-
 from uvms_gym import _step
 from uvms_gym._core import Simulator
+from uvms_gym._extras import extra
+
+with extra("torch"):
+    import torch
+    from torch.autograd.function import once_differentiable
 
 
 def state(simulator: Simulator) -> torch.Tensor:

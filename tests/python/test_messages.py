@@ -1,14 +1,19 @@
 """Messages and tables that say a thing once, plainly, and blame the right one."""
 
+import importlib
 import re
+import sys
 from collections import Counter
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import gymnasium
 import pytest
 
 import uvms_gym
-from uvms_gym.cli import main
+from uvms_gym.cli import fit as fit_command
+from uvms_gym.cli import main, play
 from uvms_gym.controllers import registry
 from uvms_gym.envs import StationKeepEnv
 
@@ -61,3 +66,102 @@ def test_a_body_with_a_buoyancy_has_a_volume(capsys: pytest.CaptureFixture[str])
 def test_a_positive_rate_is_explained(scene: str, unstable: bool, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenes", "show", scene]) == 0
     assert ("unstable" in capsys.readouterr().out.split("Provenance")[0]) == unstable
+
+
+#: Arguments of commands, and what their one line says.
+WRONG: dict[str, tuple[list[str], str]] = {
+    "shape": (
+        ["scenes", "estimate", "--box", "1,2,3", "--box", "-1,2,3"],
+        "--box -1,2,3: is -1.0, but must be between",
+    ),
+    "urdf": (["scenes", "import", "own.toml"], "own.toml: is a TOML file, but must be a URDF file"),
+    "file": (["scenes", "show", "none.toml"], "none.toml: No such file or directory"),
+    "seed": (["play", "--seed", "-1"], "--seed is -1, but must be at least 0"),
+    "environment": (["play", "--env", "Foo", "--plot", "x.png"], "unknown environment 'Foo'; known: UVMS-"),
+    "compared": (["compare", "--env", "UVMS-StationKep-v0"], "unknown environment 'UVMS-StationKep-v0'; known: UVMS-"),
+    "both": (["play", "--out", "x.png", "--window"], "--out goes without --window"),
+    "fit": (
+        ["fit", "s.toml", "l", "--map", "m.toml", "--free", "x", "--out", "f.txt"],
+        "--out is 'f.txt', but must end in .toml",
+    ),
+}
+
+
+@pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
+def test_a_wrong_argument_is_named_as_it_was_given(
+    arguments: list[str],
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words in line
+    assert "os error" not in line and "<dict>" not in line and " inf" not in line
+
+
+def test_play_alone_is_the_view_in_a_browser(monkeypatch: pytest.MonkeyPatch) -> None:
+    served: list[Any] = []
+    module = sys.modules[play.__module__] if callable(play) else play
+    monkeypatch.setattr(module, "_need", lambda *names: None)
+    monkeypatch.setattr(module, "serve", lambda *given: served.append(given))
+    assert main(["play"]) == 0
+    ((env, controller, seed, port),) = served
+    assert (env.spec.id, controller, seed, port) == ("UVMS-StationKeep-Storm-v0", None, 0, 8080)
+
+
+@pytest.mark.parametrize(
+    ("module", "package", "extra"),
+    [("sb3", "stable_baselines3", "train"), ("torch", "torch", "torch"), ("jax", "jax", "jax")],
+)
+def test_a_module_without_its_extra_says_how_to_install_it(
+    module: str, package: str, extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name == f"uvms_gym.{module}" or name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+
+    class Absent:
+        @staticmethod
+        def find_spec(name: str, *_: Any) -> None:
+            if name.split(".")[0] == package:
+                raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+
+    monkeypatch.setattr(sys, "meta_path", [Absent, *sys.meta_path])
+    with pytest.raises(
+        ModuleNotFoundError, match=rf"{package} is not installed; run: pip install 'uvms-gym\[{extra}\]'"
+    ):
+        importlib.import_module(f"uvms_gym.{module}")
+
+
+def test_a_negative_lag_is_remarked_on(capsys: pytest.CaptureFixture[str]) -> None:
+    empty = SimpleNamespace(of=lambda trials: SimpleNamespace(channels=(), means={}, trials=()))
+    found: Any = SimpleNamespace(
+        parameters=[],
+        train=(),
+        held_out=(),
+        intervals={},
+        at_bounds=[],
+        undetermined=[],
+        table=empty,
+        uncertainty=SimpleNamespace(shares=[]),
+        solution=SimpleNamespace(converged=True),
+        strongest_correlations=lambda: [],
+        values={"map.joints.time.lag": -0.011, "map.imu.time.lag": 0.011},
+    )
+    sys.modules[fit_command.__module__]._print(found) if callable(fit_command) else fit_command._print(found)
+    out = " ".join(capsys.readouterr().out.split())
+    assert "map.joints.time.lag is negative" in out and "map.imu" not in out
+
+
+@pytest.mark.learning
+def test_train_says_its_result_once_and_the_steps_that_were_asked(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    given = ["--algo", "distill", "--teacher", "pd", "-n", "30", "-params", "n_envs:2", "-params", "n_steps:20"]
+    assert main(["train", *given, "--eval-episodes", "2", "--verbose", "0"]) == 0
+    first, second, _ = capsys.readouterr().out.splitlines()
+    assert re.match(r"40 steps, 30 asked and the last iteration completed, in \d+ s \(\d+ per second\)$", first)
+    assert second.startswith("held-out episodes: pose ") and "steps" not in second

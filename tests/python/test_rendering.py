@@ -261,8 +261,7 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch, capsys:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "--out FILE, --window, --plot FILE or --web is needed"),
-        (["--out", "x.png", "--window"], "not the first two together"),
+        (["--out", "x.png", "--window"], "--out goes without --window"),
         (["--plot", "x.jpg"], "must end in .png"),
         (["--out", "x.avi"], "must end in .mp4, .gif, .png"),
         (["--out", "x.png", "--controller", "joystick"], "unknown controller 'joystick'; known: none, pd"),

@@ -167,7 +167,7 @@ def test_the_commands_estimate_and_import(tmp_path: Path, capsys: pytest.Capture
         (["estimate", "--box", "1,2,z"], "needs 3 dimensions"),
         (["estimate", "--cylinder", "1,two"], "--cylinder"),
         (["estimate", "--cylinder", "1,2@3"], "3 or 6 numbers after the @"),
-        (["estimate", "--box", "1,1,1", "--perforation", "0.9"], r"shapes[0].perforation"),
+        (["estimate", "--box", "1,1,1", "--perforation", "0.9"], "--perforation: is 0.9"),
         (["estimate", "--box", "1,1,1", "--speed", "fast"], '--speed "fast"'),
         (["estimate", "nowhere.toml"], "nowhere.toml"),
         (["import", "nowhere.urdf"], "nowhere.urdf"),

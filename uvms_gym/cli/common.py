@@ -3,7 +3,9 @@
 Lists are given by repeating an option (`--scene a --scene b`); commas separate the entries of one vector (`X,Y,Z`).
 """
 
+import math
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -90,7 +92,8 @@ def user_errors(place: str = "", verb: str = "read", *also: type[Exception]) -> 
     except caught as error:
         # Gymnasium appends all arguments, whole scenes among them.
         reason = str(error).split(" was raised from the environment creator")[0]
-        raise fail(place + " ".join(reason.split())) from None
+        # Rust appends the number of the system's error.
+        raise fail(place + re.sub(r" \(os error \d+\)", "", " ".join(reason.split()))) from None
 
 
 def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[str, Any]:
@@ -121,6 +124,21 @@ def environment_arguments(pairs: Sequence[str] | None, **options: Any) -> dict[s
     if not isinstance(given := arguments.get("scene", []), str | list):
         raise fail(f"scene is {given!r}, but must be the name of a scene or of a TOML file")
     return arguments
+
+
+def check_environment(env: str) -> None:
+    """Refuse an id that Gymnasium does not know.
+
+    Raises
+    ------
+    TyperException
+        The message lists the environments of the package.
+    """
+    known = ", ".join(name for name in gymnasium.registry if name.startswith("UVMS-"))
+    try:
+        gymnasium.spec(env)
+    except (gymnasium.error.Error, ImportError) as error:
+        raise fail(f"unknown environment {env!r}; known: {known} ({' '.join(str(error).split())})") from None
 
 
 def read_scene(scene: str) -> dict[str, Any]:
@@ -157,7 +175,8 @@ def check_range(option: str, value: float, least: float, most: float) -> None:
         The message names option, value and range.
     """
     if not least <= value <= most:
-        raise fail(f"{option} is {value}, but must be {least:g} to {most:.15g}")
+        allowed = f"{least:g} to {most:.15g}" if most < math.inf else f"at least {least:g}"
+        raise fail(f"{option} is {value}, but must be {allowed}")
 
 
 def check_list(option: str, values: Sequence[T] | None, default: Sequence[T]) -> list[T]:

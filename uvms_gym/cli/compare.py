@@ -11,6 +11,7 @@ from uvms_gym._files import replacing
 from uvms_gym.cli import compare_report
 from uvms_gym.cli.common import (
     EnvKwargs,
+    check_environment,
     check_list,
     check_range,
     environment_arguments,
@@ -106,6 +107,8 @@ def compare(
     for name in given["controllers"] or ():
         if name not in registry.NAMES and not name.startswith((registry.MLP_PREFIX, PREFIX)):
             raise fail(f"unknown controller {name!r}; known: {KNOWN}")
+    for name in given["env"]:
+        check_environment(name)
     loaded = {name: read_scene(name) for name in scenes}
     with user_errors():
         conditions = make_conditions(given["env"], loaded, levels, given["condition"], **options, **arguments)

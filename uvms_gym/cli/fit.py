@@ -64,6 +64,8 @@ def fit(
     free, hold_out = check_list("--free", free, []), check_list("--hold-out", hold_out, [])
     channels = check_list("--channel", channel, []) or None
     priors = dict(_prior(text) for text in check_list("--prior", prior, []))
+    if out.suffix != ".toml":
+        raise fail(f"--out is {str(out)!r}, but must end in .toml")
     written = [out, *(out.with_name(f"{out.stem}{end}") for end in ("-map.toml", "-randomize.toml", ".json", ".png"))]
     for file in written:
         if file.exists() and not force:
@@ -94,7 +96,7 @@ def fit(
     given |= {"prior": priors, "channel": channels, "period": period}
     _write(written, found, data, name or out.stem, logs.resolve().name, circumstances("fit", given))
     _print(found)
-    line(f"{out.parent}: {', '.join(file.name for file in written)}")
+    line(", ".join(map(str, written)))
     return INTERRUPTED if found.solution.interrupted else int(not found.solution.converged)
 
 
@@ -123,6 +125,9 @@ def _print(found: Fit) -> None:
     for share, direction in found.undetermined:
         names = ", ".join(f"{entry:+.2f} {key}" for key, entry in direction.items())
         say(f"not determined by the data, {100 * share:.0f} % of the prior's variance: {names}")
+    for key, value in found.values.items():
+        if key.endswith(".lag") and value < 0.0:
+            say(f"{key} is negative, as if stamps came before what they stamp: the clocks of the logs may differ")
     if found.at_bounds:
         say(f"at a bound: {', '.join(found.at_bounds)}")
     print_means("Trials fitted: RMS errors, mean over the trials", found.table.of(found.train))

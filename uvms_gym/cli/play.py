@@ -14,6 +14,7 @@ from typer import Option
 from uvms_gym.cli.common import (
     EnvKwargs,
     Scene,
+    check_environment,
     check_range,
     environment_arguments,
     fail,
@@ -94,9 +95,14 @@ def play(
         Option(metavar="FILE", help="PNG of disturbances, errors and actions over time, with or without a video."),
     ] = None,
 ) -> None:
-    """Show an episode under a controller: in a window, a browser, a file, or a plot over time."""
+    """Show an episode under a controller: in a window, a browser, a file, or a plot over time.
+
+    Without --out, --plot and --window it is shown in a browser. Folders of files are made.
+    """
     check_range("--seconds", seconds, 0.0, MOST_SECONDS)
     check_range("--seed", seed, 0, math.inf)
+    # The browser view needs no further options.
+    web = web or not (window or any(given is not None for given in (out, size, fps, camera, plot)))
     env = env or (STORM if web else DEFAULT)
     arguments = environment_arguments(env_kwargs, scene=scene, disturbance=disturbance)
     if isinstance(given := arguments.get("scene"), str):
@@ -109,8 +115,8 @@ def play(
         _need("viser")
         serve(_make(env, arguments, seconds), controller, seed, port)
         return
-    if (out is not None and window) or (out is None and not window and plot is None):
-        raise fail("--out FILE, --window, --plot FILE or --web is needed, and not the first two together")
+    if out is not None and window:
+        raise fail("--out goes without --window")
     suffix = out.suffix.lower() if out is not None else ""
     if out is not None and suffix not in _SUFFIXES:
         raise fail(f"--out is {str(out)!r}, but must end in {', '.join(_SUFFIXES)}")
@@ -200,6 +206,7 @@ def _need(*modules: str) -> None:
 
 
 def _make(env: str, arguments: dict[str, Any], seconds: float) -> gymnasium.Env[Any, Any]:
+    check_environment(env)
     # A limit beyond the end.
     options = {"max_episode_steps": round(1000.0 * seconds) + 1000, **arguments}
     with user_errors(f"{env}: "):

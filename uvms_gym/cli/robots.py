@@ -1,5 +1,6 @@
 """`uvms scenes template`, `estimate` and `import`: scenes from a template, from shapes, or from a URDF file."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -78,10 +79,23 @@ def estimate(
         given = {"density": density, "speed": _numbers("--speed", speed), "shapes": shapes}
     prepare(None, json_file)
     with user_errors():
-        found = uvms_gym.estimate(given, table=table)
+        try:
+            found = uvms_gym.estimate(given, table=table)
+        except uvms_gym.SceneError as error:
+            raise _of_options(error, box, cylinder, capsule, ellipsoid) from None
     _write(found["toml"], out, force)
     if json_file is not None:
         write_json(json_file, {"table": table, "body": found["body"], "formulas": found["formulas"]})
+
+
+def _of_options(error: Exception, *texts: list[str] | None) -> Exception:
+    """Error of a shape, with the option in place of its place in the data."""
+    given = [text for one in texts for text in one or []]
+    found = re.match(r"<dict>: shapes\[(\d+)\]\.(\w+)(.*)", str(error), re.S)
+    if found is None:
+        return error
+    shape = f" {given[int(found[1])]}" if found[2] in ("box", "cylinder", "capsule", "ellipsoid") else ""
+    return ValueError(f"--{found[2].replace('_', '-')}{shape}{found[3]}")
 
 
 def import_arm(

@@ -7,12 +7,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import gymnasium
 from typer import Option
 
 from uvms_gym._files import write
 from uvms_gym.cli.common import (
     EnvKwargs,
+    check_environment,
     check_range,
     environment_arguments,
     fail,
@@ -168,10 +168,10 @@ def train(
         from uvms_gym.training.hyperparameters import give_way, parse_pairs, read_hyperparameters
         from uvms_gym.training.run import Settings
 
+        check_environment(env)
         arguments = environment_arguments(env_kwargs)
         with user_errors():
             pairs = parse_pairs(hyperparams or ())
-            gymnasium.spec(env)
             variant = "residual" if base is not None else "start" if start is not None else None
             found = give_way(read_hyperparameters(env, conf_file, variant=variant, algo=algo), arguments) | pairs
         if n_envs is not None:
@@ -254,7 +254,10 @@ def _run(
                 tell=tell,
             )
     rate = outcome.steps / outcome.seconds
-    line(f"{outcome.steps} steps in {outcome.seconds:.0f} s ({rate:.0f} per second): {_line(outcome.evaluation)}")
+    # Algorithms end with a whole iteration.
+    more = f", {settings.steps} asked and the last iteration completed" if outcome.steps > settings.steps else ""
+    line(f"{outcome.steps} steps{more}, in {outcome.seconds:.0f} s ({rate:.0f} per second)")
+    line(f"held-out episodes: {_scores(outcome.evaluation)}")
     line(f"{folder}: {outcome.policy.name}, {outcome.checkpoint.name}, README.md")
     if not outcome.finished:
         line(f"stopped; to resume: uvms train -i {folder}" + (f" --export {export}" if export is not None else ""))
@@ -307,7 +310,11 @@ def _new_folder(logs: Path, settings: "Settings") -> Path:
 
 
 def _line(found: dict[str, Any]) -> str:
+    return f"{found['steps']:>9d} steps {found['seconds']:6.1f} s  {_scores(found)}"
+
+
+def _scores(found: dict[str, Any]) -> str:
     return (
-        f"{found['steps']:>9d} steps {found['seconds']:6.1f} s  pose {found['pose']:.4f} m (95 %: "
-        f"{found['pose_95']:.4f} m)  effort {found['effort']:.4f}  variation {found['variation']:.4f}"
+        f"pose {found['pose']:.4f} m (95 %: {found['pose_95']:.4f} m)  effort {found['effort']:.4f}  "
+        f"variation {found['variation']:.4f}"
     )

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uvms_gym._extras import extra
 from uvms_gym.identification.least_squares import Solution
 from uvms_gym.identification.recordings import Floats
 
@@ -74,7 +75,8 @@ def uncertainty(solution: Solution, prior: Floats, share: float) -> Uncertainty:
     share : float
         Weight of a residual that the solution was found with.
     """
-    from scipy.stats import t as student
+    with extra("identification"):
+        from scipy.stats import t as student
 
     precision = np.diag(prior**-2.0)
     H = solution.information.sum(axis=0) + precision
