@@ -34,6 +34,8 @@ CONTROL = """(() => {{
   while (box && !box.querySelector({kind!r})) box = box.parentElement;
   return box && [...box.querySelectorAll({kind!r})].at(-1);
 }})()"""
+#: Time between two changes, s: of those within 50 ms the page sends the last alone.
+PAUSE = 1.0
 #: Times and number of points of the curves.
 CURVES = """Object.values(window.__viserTestpoints?.uplots ?? {}).map(u => [
   u.chart.scales.x.min, u.chart.scales.x.max, u.chart.data[0][0], u.chart.data[0].at(-1), u.chart.data[0].length])"""
@@ -94,6 +96,7 @@ def value(tab: Tab, label: str) -> Any:
 
 def press(tab: Tab, name: str) -> None:
     tab.click(f"[...document.querySelectorAll('button')].find(e => e.innerText.trim() === {name!r})")
+    time.sleep(PAUSE)
 
 
 def test_start_and_controls(chrome: Browser) -> None:
@@ -107,11 +110,13 @@ def test_start_and_controls(chrome: Browser) -> None:
         press(tab, "Step")
         tab.shows("paused, 0.1 s")
         tab.fill(box("Payload (kg)"), "2.5")
+        time.sleep(PAUSE)
         tab.fill(box("Seed"), "12")
         tab.shows("paused, 0.0 s")
         press(tab, "Run")
         tab.shows("running")
         tab.click(box("Follow vehicle"))
+        time.sleep(PAUSE)
         press(tab, "Home")
         # Two pages at once are more than drawing in software does.
         tab.call("Page.setWebLifecycleState", state="frozen")
@@ -119,6 +124,7 @@ def test_start_and_controls(chrome: Browser) -> None:
         assert [value(other, label) for label in ("Seed", "Payload (kg)")] == ["12", "2.5"]
         assert other.run(f"{box('Follow vehicle')}.checked")
         other.fill(box("Payload (kg)"), "1.5")
+        time.sleep(PAUSE)
         other.call("Page.setWebLifecycleState", state="frozen")
         tab.call("Page.setWebLifecycleState", state="active")
         tab.wait(f"{box('Payload (kg)')}.value === '1.5'")
