@@ -4,8 +4,10 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use pyo3::PyClass;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+use pyo3::pyclass::boolean_struct::False;
 
 use uvms_gym::limits::interrupt::watched;
 
@@ -36,6 +38,29 @@ pub fn interruptible<R: Send>(py: Python<'_>, work: impl FnOnce() -> R + Send) -
         Some(error) => Err(error),
         None => Ok(result),
     }
+}
+
+/// Access to an object.
+///
+/// # Errors
+/// `RuntimeError` where another thread changes it.
+pub fn shared<'py, T: PyClass>(object: &Bound<'py, T>) -> PyResult<PyRef<'py, T>> {
+    object.try_borrow().map_err(|_| busy(object))
+}
+
+/// Access to an object for changes.
+///
+/// # Errors
+/// `RuntimeError` where another thread uses it.
+pub fn exclusive<'py, T: PyClass<Frozen = False>>(object: &Bound<'py, T>) -> PyResult<PyRefMut<'py, T>> {
+    object.try_borrow_mut().map_err(|_| busy(object))
+}
+
+fn busy<T>(object: &Bound<'_, T>) -> PyErr {
+    let name = object.as_any().get_type().name().map_or_else(|_| "object".to_owned(), |name| name.to_string());
+    PyRuntimeError::new_err(format!(
+        "this {name} is at work in another thread: wait for that call to end, or give each thread a copy of its own"
+    ))
 }
 
 /// Message of a panic.

@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::matrix;
+use super::computation::interruptible;
 use super::errors::IntoPyErr;
 use super::task::Task;
 use uvms_gym::error::TaskError;
@@ -33,7 +34,7 @@ impl Task {
         }
         let not_begun = || TaskError::NotBegun { instance: i }.into_py_err();
         let step = self.batch.episode(i).ok_or_else(not_begun)?.step();
-        let profile = self.batch.profile(i, steps).ok_or_else(not_begun)?;
+        let profile = interruptible(py, || self.batch.profile(i, steps))?.ok_or_else(not_begun)?;
         let Profile { velocity, acceleration, wrench, gains, payload } = profile;
         let (count, period) = (payload.len(), self.batch.task().options().control_period());
         let result = PyDict::new(py);

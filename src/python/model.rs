@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
 
 use super::arrays::{Array, Given, array, rows};
-use super::computation::interruptible;
+use super::computation::{interruptible, shared};
 use super::errors::OrRaise;
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
@@ -99,9 +99,10 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6 + n, 6 + n)
     ///     Rows and columns of the body twist, about the vehicle's origin, then of the joints; kg, kg m and kg m2.
-    fn mass_matrix<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let width = 6 + self.inner.joints();
-        self.every(py, &[width, width], |form| by_rows(form.mass_matrix()))
+    fn mass_matrix<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let width = 6 + this.inner.joints();
+        this.every(py, &[width, width], |form| by_rows(form.mass_matrix()))
     }
 
     /// The vector C [V; q'] of the absolute velocities: rigid bodies and added mass, current included; no damping, no
@@ -111,8 +112,9 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 6 + n)
     ///     N and N m.
-    fn bias<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.every(py, &[6 + self.inner.joints()], |form| form.bias().as_slice().to_vec())
+    fn bias<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.every(py, &[6 + this.inner.joints()], |form| form.bias().as_slice().to_vec())
     }
 
     /// Influence matrix W of the wrenches on the moving bodies, six columns per body, vehicle first. [HC eq. 13]
@@ -120,9 +122,10 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6 + n, 6 (n + 1))
-    fn wrench_influence<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let n = self.inner.joints();
-        self.every(py, &[6 + n, 6 * (n + 1)], |form| by_rows(&form.wrench_influence()))
+    fn wrench_influence<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let n = this.inner.joints();
+        this.every(py, &[6 + n, 6 * (n + 1)], |form| by_rows(&form.wrench_influence()))
     }
 
     /// Influence matrix L of the joint torques. [HC eq. 13]
@@ -130,9 +133,10 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6 + n, n)
-    fn torque_influence<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let n = self.inner.joints();
-        self.every(py, &[6 + n, n], |form| by_rows(form.torque_influence()))
+    fn torque_influence<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let n = this.inner.joints();
+        this.every(py, &[6 + n, n], |form| by_rows(form.torque_influence()))
     }
 
     /// Wrenches on the moving bodies (vehicle first) in body axes at their frame origins, N and N m. [HC eqs. 21, 26]
@@ -210,9 +214,10 @@ impl Simulator {
     /// dict of numpy.ndarray (N,)
     ///     kinetic_rigid (bodies, by absolute twists, and rotors, by joint rates), kinetic_added (water set in motion, by
     ///     twists relative to it), potential (weight and buoyancy; 0 at the world origin), elastic (end stops), total.
-    fn energy<'py>(&self, py: Python<'py>) -> Arrays<'py> {
+    fn energy<'py>(slf: &Bound<'py, Self>) -> Arrays<'py> {
+        let (this, py) = (shared(slf)?, slf.py());
         let names = ["kinetic_rigid", "kinetic_added", "potential", "elastic", "total"];
-        self.named(py, names, &[], |_, form| {
+        this.named(py, names, &[], |_, form| {
             let e = form.energy();
             Ok([e.kinetic_rigid, e.kinetic_added, e.potential, e.elastic, e.total()].map(|x| vec![x]))
         })
@@ -271,8 +276,9 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6)
-    fn momentum<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.every(py, &[6], |form| form.momentum().total().as_slice().to_vec())
+    fn momentum<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.every(py, &[6], |form| form.momentum().total().as_slice().to_vec())
     }
 
     /// Momentum by its terms, in world axes about the world origin, N s and N m s.
@@ -283,9 +289,10 @@ impl Simulator {
     ///     rigid (N, 6): momentum of the bodies, by absolute twists; added (N, 6): impulse of the water, by twists relative
     ///     to it; total (N, 6): their sum; rigid_scale and total_scale (N, 2): sum over bodies of the magnitudes of their
     ///     linear and angular momentum, the scale for drifts.
-    fn momentum_terms<'py>(&self, py: Python<'py>) -> Arrays<'py> {
+    fn momentum_terms<'py>(slf: &Bound<'py, Self>) -> Arrays<'py> {
+        let (this, py) = (shared(slf)?, slf.py());
         let names = ["rigid", "added", "total", "rigid_scale", "total_scale"];
-        let arrays = self.each(py, [&[6], &[6], &[6], &[2], &[2]], |_, form| {
+        let arrays = this.each(py, [&[6], &[6], &[6], &[2], &[2]], |_, form| {
             let m = form.momentum();
             let [rigid, added, total] = [m.rigid, m.added, m.total()].map(|x| x.as_slice().to_vec());
             Ok([rigid, added, total, m.rigid_scale.to_vec(), m.total_scale.to_vec()])
@@ -299,8 +306,9 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, n + 1, 4, 4)
     ///     Homogeneous matrices, body to world, m.
-    fn body_poses<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.every(py, &[self.inner.joints() + 1, 4, 4], |form| form.body_poses().iter().flat_map(pose_rows).collect())
+    fn body_poses<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.every(py, &[this.inner.joints() + 1, 4, 4], |form| form.body_poses().iter().flat_map(pose_rows).collect())
     }
 
     /// Pose of the end effector in the world; of the vehicle if there is no arm.
@@ -309,8 +317,9 @@ impl Simulator {
     /// -------
     /// numpy.ndarray (N, 4, 4)
     ///     Homogeneous matrices, end effector to world, m.
-    fn end_effector_pose<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.every(py, &[4, 4], |form| pose_rows(&form.end_effector_pose()))
+    fn end_effector_pose<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.every(py, &[4, 4], |form| pose_rows(&form.end_effector_pose()))
     }
 
     /// Body Jacobian of the end effector: its absolute body twist per [V; q']. [MLS94]
@@ -318,8 +327,9 @@ impl Simulator {
     /// Returns
     /// -------
     /// numpy.ndarray (N, 6, 6 + n)
-    fn jacobian<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let width = 6 + self.inner.joints();
-        self.every(py, &[6, width], |form| form.jacobian().transpose().as_slice().to_vec())
+    fn jacobian<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let width = 6 + this.inner.joints();
+        this.every(py, &[6, width], |form| form.jacobian().transpose().as_slice().to_vec())
     }
 }

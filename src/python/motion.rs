@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 
 use super::arrays::{Array, Given, array, count};
-use super::computation::detached;
+use super::computation::{detached, exclusive};
 use super::errors::OrRaise;
 use super::inputs::InputArguments;
 use super::simulator::Simulator;
@@ -66,8 +66,7 @@ impl Simulator {
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step(
-        &mut self,
-        py: Python<'_>,
+        slf: &Bound<'_, Self>,
         thrust: Given,
         wrench: Given,
         joint_torque: Given,
@@ -77,19 +76,21 @@ impl Simulator {
         fin: Given,
         substeps: Given,
     ) -> PyResult<()> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
+        let inner = &mut this.inner;
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let arrays = arguments.read(&self.inner)?;
+        let arrays = arguments.read(inner)?;
         let substeps = substeps.map_or(Ok(1), |n| count("substeps", n))?;
         let servos = Servos { joints: joint_target.is_some(), vehicle: pose_target.is_some() };
-        warn(py, self.inner.warn_of_step(servos))?;
+        warn(py, inner.warn_of_step(servos))?;
         let mut interrupt = Ok(());
         let mut go_on = || {
             interrupt = Python::attach(|py| py.check_signals());
             interrupt.is_ok()
         };
-        detached(py, || self.inner.step_while(&arrays.inputs(), substeps, &mut go_on))?.or_raise()?;
+        detached(py, || inner.step_while(&arrays.inputs(), substeps, &mut go_on))?.or_raise()?;
         interrupt?;
-        while let Some(warning) = self.inner.warn_of_motion() {
+        while let Some(warning) = inner.warn_of_motion() {
             warn(py, Some(warning))?;
         }
         Ok(())

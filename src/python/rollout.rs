@@ -13,6 +13,7 @@ use super::errors::OrRaise;
 use super::task::Task;
 use uvms_gym::batch::{self, RolloutStats};
 use uvms_gym::control;
+use uvms_gym::limits::memory;
 use uvms_gym::task::INFO;
 
 /// Memory of a controller for a batch's instances, and statistics of the steps so far.
@@ -69,6 +70,8 @@ impl Task {
     fn rollout(&self, controller: PyRef<'_, Controller>, trace: Vec<usize>) -> PyResult<Rollout> {
         let controller = controller.inner.clone();
         let metrics = self.batch.task().metric_names().len();
+        let memory = [self.batch.instances(), controller.widths().memory, size_of::<f64>()];
+        memory::check("the controller's memory", &memory).or_raise()?;
         Ok(Rollout {
             rollout: batch::Rollout::new(&*controller, self.batch.instances(), &trace).or_raise()?,
             controller,

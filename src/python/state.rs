@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 use super::arrays::{Array, Given, array, optional_rows};
+use super::computation::{exclusive, shared};
 use super::errors::OrRaise;
 use super::simulator::Simulator;
 use uvms_gym::batch::States;
@@ -30,56 +31,64 @@ impl Simulator {
 impl Simulator {
     /// numpy.ndarray (N, 3): vehicle origin in the world, m.
     #[getter]
-    fn position<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.gather(py, &[3], |state, _| <[f64; 3]>::from(state.position))
+    fn position<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.gather(py, &[3], |state, _| <[f64; 3]>::from(state.position))
     }
 
     /// numpy.ndarray (N, 3, 3): rotation matrix of the vehicle, body to world.
     #[getter]
-    fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.gather(py, &[3, 3], |state, _| state.rotation.transpose().as_slice().to_vec())
+    fn rotation<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.gather(py, &[3, 3], |state, _| state.rotation.transpose().as_slice().to_vec())
     }
 
     /// numpy.ndarray (N, 4): unit quaternion [w, x, y, z] of the vehicle, w >= 0, body to world. The quaternion
     /// integrators return theirs unchanged: of either sign, and only approximately of unit length. [HC eq. 14]
     #[getter]
-    fn quaternion<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let kept = |i| self.inner.kept_quaternion(i);
-        self.gather(py, &[4], |state, i| kept(i).unwrap_or_else(|| quaternion(&state.rotation)))
+    fn quaternion<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let kept = |i| this.inner.kept_quaternion(i);
+        this.gather(py, &[4], |state, i| kept(i).unwrap_or_else(|| quaternion(&state.rotation)))
     }
 
     /// numpy.ndarray (N, 6): absolute body twist [v; omega] of the vehicle, m/s and rad/s.
     #[getter]
-    fn twist<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.gather(py, &[6], |state, _| <[f64; 6]>::from(state.twist))
+    fn twist<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.gather(py, &[6], |state, _| <[f64; 6]>::from(state.twist))
     }
 
     /// numpy.ndarray (N, n): joint coordinates, rad or m.
     #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let n = self.inner.joints();
-        self.gather(py, &[n], |state, _| state.q.into_iter().take(n))
+    fn q<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let n = this.inner.joints();
+        this.gather(py, &[n], |state, _| state.q.into_iter().take(n))
     }
 
     /// numpy.ndarray (N, n): joint rates, rad/s or m/s.
     #[getter]
-    fn qd<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let n = self.inner.joints();
-        self.gather(py, &[n], |state, _| state.qd.into_iter().take(n))
+    fn qd<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let n = this.inner.joints();
+        this.gather(py, &[n], |state, _| state.qd.into_iter().take(n))
     }
 
     /// numpy.ndarray (N, m): thrust of each thruster in still water, N: the state of thrusters with dynamics (`lag`,
     /// `dead_band`, `map` or `ambient_flow` in the scene). 0 in scenes without.
     #[getter]
-    fn thrust<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let m = self.inner.allocation().count();
-        self.gather(py, &[m], |state, _| state.thrust.into_iter().take(m))
+    fn thrust<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let m = this.inner.allocation().count();
+        this.gather(py, &[m], |state, _| state.thrust.into_iter().take(m))
     }
 
     /// numpy.ndarray (N,): time, s.
     #[getter]
-    fn time<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.gather(py, &[], |state, _| [state.time])
+    fn time<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.gather(py, &[], |state, _| [state.time])
     }
 
     /// numpy.ndarray (N,): h*lambda, dt times the fastest rate (1/s) that the motion of each instance excites, estimated from
@@ -87,30 +96,34 @@ impl Simulator {
     /// well below. 0 before the first step after `set_state`, and for the integrators of one stage. For adaptive integrators
     /// dt is the sub-interval that they choose.
     #[getter]
-    fn stiffness<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let instances = self.inner.instances();
-        array(py, &[instances], (0..instances).map(|i| self.inner.stiffness(i)).collect())
+    fn stiffness<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let instances = this.inner.instances();
+        array(py, &[instances], (0..instances).map(|i| this.inner.stiffness(i)).collect())
     }
 
     /// numpy.ndarray (N,): relative velocity error of the last thirty steps or so of each instance: the sum of the errors
     /// estimated from the stages over the greatest speed; or the error of spinning in ten seconds, if that is greater.
     /// Integrators of one stage have the error of spinning alone; "mk54" keeps to its tolerance and has 0.
     #[getter]
-    fn step_error<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let instances = self.inner.instances();
-        array(py, &[instances], (0..instances).map(|i| self.inner.step_error(i)).collect())
+    fn step_error<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        let instances = this.inner.instances();
+        array(py, &[instances], (0..instances).map(|i| this.inner.step_error(i)).collect())
     }
 
     /// numpy.ndarray (N, 3): velocity of the water in the world, m/s.
     #[getter]
-    fn current<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.gather(py, &[3], |_, i| <[f64; 3]>::from(self.inner.flow(i).velocity))
+    fn current<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.gather(py, &[3], |_, i| <[f64; 3]>::from(this.inner.flow(i).velocity))
     }
 
     /// numpy.ndarray (N, 3): acceleration of the water in the world, m/s^2.
     #[getter]
-    fn current_acceleration<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.gather(py, &[3], |_, i| <[f64; 3]>::from(self.inner.flow(i).acceleration))
+    fn current_acceleration<'py>(slf: &Bound<'py, Self>) -> PyResult<Array<'py>> {
+        let (this, py) = (shared(slf)?, slf.py());
+        this.gather(py, &[3], |_, i| <[f64; 3]>::from(this.inner.flow(i).acceleration))
     }
 
     /// Set parts of the state; omitted parts keep their values.
@@ -155,7 +168,7 @@ impl Simulator {
     ))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn set_state(
-        &mut self,
+        slf: &Bound<'_, Self>,
         position: Given,
         rotation: Given,
         quaternion: Given,
@@ -167,10 +180,11 @@ impl Simulator {
         current_acceleration: Given,
         thrust: Given,
     ) -> PyResult<()> {
-        let (instances, n) = (self.inner.instances(), self.inner.joints());
+        let this = &mut *exclusive(slf)?;
+        let (instances, n) = (this.inner.instances(), this.inner.joints());
         let rows = |name: &str, given: Given, row: &[usize]| optional_rows(name, given, instances, row);
-        let thrusters = self.inner.allocation().count();
-        let result = self.inner.set_states(&States {
+        let thrusters = this.inner.allocation().count();
+        let result = this.inner.set_states(&States {
             position: rows("position", position, &[3])?.as_deref(),
             rotation: rows("rotation", rotation, &[3, 3])?.as_deref(),
             quaternion: rows("quaternion", quaternion, &[4])?.as_deref(),
@@ -187,7 +201,8 @@ impl Simulator {
 
     /// Put all instances at the scene's home: level at the world origin, at rest at time 0, joints at home, in the
     /// scene's current.
-    fn reset(&mut self) {
-        self.inner.reset();
+    fn reset(slf: &Bound<'_, Self>) -> PyResult<()> {
+        exclusive(slf)?.inner.reset();
+        Ok(())
     }
 }

@@ -8,7 +8,7 @@ use pyo3::types::{PyDict, PyString, PyTuple};
 
 use super::arrays::{self, Row, Rows, copied, matrix};
 use super::choices::{name_of, one_of};
-use super::computation::{detached, interruptible};
+use super::computation::{detached, exclusive, interruptible};
 use super::error_estimate::error_estimate;
 use super::errors::OrRaise;
 use super::outputs::StepArrays;
@@ -163,27 +163,27 @@ impl Task {
     /// otherwise. Returns observations (N, d) and metrics (k, N).
     #[pyo3(signature = (seeds, mask=None, **given))]
     fn reset<'py>(
-        &mut self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         seeds: Vec<Option<u64>>,
         mask: Option<PyReadonlyArray1<'py, bool>>,
         given: Option<&Bound<'py, PyDict>>,
     ) -> PyResult<(Rows<'py, f32>, Rows<'py, f64>)> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let mask = mask.map(|mask| mask.as_array().to_vec());
-        let starts = starts::read(given, self.batch.instances(), self.batch.task().joint_count())?;
-        let begun = self.batch.reset(&seeds, mask.as_deref(), &starts).or_raise()?;
-        Ok((self.observations(py, begun.observations)?, matrix(py, begun.info, self.info.len())?))
+        let starts = starts::read(given, this.batch.instances(), this.batch.task().joint_count())?;
+        let begun = this.batch.reset(&seeds, mask.as_deref(), &starts).or_raise()?;
+        Ok((this.observations(py, begun.observations)?, matrix(py, begun.info, this.info.len())?))
     }
 
     /// One control period of all instances under `actions` (N, a), written to `out`: observations (N, d), rewards,
     /// terminated and truncated (N,), metrics (k, N). Returns the ends of episodes that were replaced.
     fn step<'py>(
-        &mut self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         actions: &Rows<'py, f32>,
         out: StepArrays<'py>,
     ) -> PyResult<Option<Finals<'py>>> {
-        let expected = [self.batch.instances(), self.batch.task().action_len()];
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
+        let expected = [this.batch.instances(), this.batch.task().action_len()];
         if actions.shape() != expected {
             let message = format!("actions have shape {:?}, expected {expected:?}", actions.shape());
             return Err(PyValueError::new_err(message));
@@ -191,37 +191,41 @@ impl Task {
         let actions = copied(actions)?;
         let mut guards = out.lock()?;
         let outputs = guards.outputs()?;
-        let finals = self.advance(py, 1.0, |batch| batch.step_into(&actions, outputs))?;
+        let finals = this.advance(py, 1.0, |batch| batch.step_into(&actions, outputs))?;
         if finals.is_empty() {
             return Ok(None);
         }
         let instances: Array1<i64> = finals.iter().map(|end| end.instance as i64).collect();
         let last: Vec<f32> = finals.iter().flat_map(|end| end.observation.iter().copied()).collect();
-        let info = Array2::from_shape_fn((self.info.len(), finals.len()), |(k, i)| finals[i].info[k]);
+        let info = Array2::from_shape_fn((this.info.len(), finals.len()), |(k, i)| finals[i].info[k]);
         let truth = matrix(py, finals.iter().flat_map(|end| end.privileged.iter().copied()).collect(), finals.len())?;
-        Ok(Some((instances.into_pyarray(py), self.observations(py, last)?, info.into_pyarray(py), truth)))
+        Ok(Some((instances.into_pyarray(py), this.observations(py, last)?, info.into_pyarray(py), truth)))
     }
 
     /// One control period of a single instance under `action` (a,), float32; TypeError for anything else.
-    fn step_one<'py>(&mut self, py: Python<'py>, action: &Row<'py, f32>) -> PyResult<OneStep<'py>> {
+    fn step_one<'py>(slf: &Bound<'py, Self>, action: &Row<'py, f32>) -> PyResult<OneStep<'py>> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         // Subclasses may have masks.
-        if action.len() != self.batch.task().action_len() || !action.get_type().is(py.get_type::<PyUntypedArray>()) {
+        if action.len() != this.batch.task().action_len() || !action.get_type().is(py.get_type::<PyUntypedArray>()) {
             return Err(PyTypeError::new_err("an action of another length or kind"));
         }
         let action = copied(action)?;
         // Copied afterwards: locking an array for writing takes longer.
-        let mut observation = vec![0.0; self.batch.task().observation_len()];
+        let mut observation = vec![0.0; this.batch.task().observation_len()];
         let (mut reward, mut flags, mut info) = ([0.0], [[false]; 2], [0.0; INFO]);
         let each = flags.each_mut().map(|flag| &mut flag[..]);
-        let outputs = Outputs::new(&mut observation, &mut reward, each, &mut info[..self.info.len()]);
-        self.advance(py, 1.0, |batch| batch.step_into(&action, outputs))?;
+        let outputs = Outputs::new(&mut observation, &mut reward, each, &mut info[..this.info.len()]);
+        this.advance(py, 1.0, |batch| batch.step_into(&action, outputs))?;
         let observation = PyArray1::from_slice(py, &observation);
         let [[terminated], [truncated]] = flags;
-        Ok((observation, reward[0], terminated, truncated, self.info.fill(py, &info)?))
+        Ok((observation, reward[0], terminated, truncated, this.info.fill(py, &info)?))
     }
 
     /// Complete state of the batch: two arrays (N, .).
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<(Rows<'py, f64>, Rows<'py, f64>)> {
+        let simulator = self.batch.simulator();
+        // Physics, and about as many numbers of the episodes.
+        memory::check("the state", &[2, simulator.instances(), simulator.save_len(), size_of::<f64>()]).or_raise()?;
         let Saved { physics, episodes } = self.batch.save();
         let n = self.batch.instances();
         Ok((matrix(py, physics, n)?, matrix(py, episodes, n)?))

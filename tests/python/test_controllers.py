@@ -235,7 +235,12 @@ def test_actions_stay_in_their_range_where_numbers_overflow(activation: Any, out
     network = MLP(weights=large, biases=[np.zeros(2), np.zeros(1)], activation=activation, output=output)
     for row in ([3e38, 3e38, 0.0], [-3e38, 3e38, 3e38], [1.0, 1.0, 3e38]):
         assert abs(network.predict(np.float32(row))[0][0]) <= 1.0
-    gains = {"kp": [1e300] * 6, "kd": [1e300] * 6}
-    for kind, more in ((PD, {}), (PID, {"ki": [1e300] * 6})):
-        action, _ = kind(**gains, **more).predict(np.float32([3e38, -3e38] * 50)[: kind().native.widths[0]])
-        assert np.all(np.abs(action) <= 1.0)
+
+
+@pytest.mark.parametrize("kind", [PD, PID])
+def test_laws_that_overflow_ask_for_nothing(kind: Any) -> None:
+    integral = {"ki": [1e300] * 6} if kind is PID else {}
+    controller = kind(kp=[1e300] * 6, kd=[1e300] * 6, **integral)
+    signs = np.random.default_rng(0).choice([1.0, -1.0], size=(50, controller.native.widths[0]))
+    actions, _ = controller.predict(3e38 * signs)
+    assert np.all(np.abs(actions) <= 1.0) and np.any(actions == 0.0) and np.any(np.abs(actions) == 1.0)

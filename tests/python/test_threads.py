@@ -152,3 +152,20 @@ def test_idle_threads_take_no_time_of_the_processor() -> None:
     before = time.process_time()
     time.sleep(0.5)
     assert time.process_time() - before < 0.1
+
+
+def test_a_simulator_at_work_in_another_thread_says_so() -> None:
+    s, words = simulator(threads=1), "this Simulator is at work in another thread: wait for that call to end"
+    worker = threading.Thread(target=lambda: s.step(substeps=2000))
+    worker.start()
+    calls: list[Callable[[], Any]] = [s.step, s.reset, s.mass_matrix, lambda: s.position, lambda: s.set_state(time=0.0)]
+    refused = 0
+    while worker.is_alive():
+        for call in calls:
+            try:
+                call()
+            except RuntimeError as error:
+                assert words in str(error)
+                refused += 1
+    worker.join()
+    assert refused > 0

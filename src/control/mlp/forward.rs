@@ -137,9 +137,7 @@ impl Kernel<f32> for Forward<'_> {
             for j in 0..rows {
                 let row = &mut self.actions[(first + j) * outputs..][..outputs];
                 for k in 0..outputs {
-                    let x = input[k].0[j];
-                    // Layers overflow under huge observations.
-                    row[k] = if self.output.is_some() && x.is_nan() { 0.0 } else { x };
+                    row[k] = input[k].0[j];
                 }
             }
         }

@@ -7,6 +7,7 @@ use super::kernel::DisturbanceKernel;
 use super::payload::PayloadEvent;
 use crate::lane::Rows;
 use crate::lie::{Pose, Vector6};
+use crate::limits::interrupt;
 use crate::task::EpisodeKey;
 
 /// Forcing to come, one entry per control period.
@@ -40,7 +41,7 @@ impl Profile {
 
 impl DisturbanceKernel<f64> {
     /// Profile of the next `steps` control periods, from number `step` on, for a vehicle at rest in `pose`.
-    /// `numbers` are those of the episode; they are left as they are at the end.
+    /// `numbers` are those of the episode; they are left as they are at the end. It ends early at an interrupt.
     pub fn profile(
         &self,
         numbers: &mut [f64],
@@ -51,7 +52,7 @@ impl DisturbanceKernel<f64> {
         thrusters: usize,
     ) -> Profile {
         let mut profile = Profile::default();
-        for step in (step..).take(steps as usize) {
+        for step in (step..).take(steps as usize).take_while(|_| !interrupt::requested()) {
             let mut column = Column::of_one(numbers);
             self.advance(&mut column, key, step);
             match self.payload_event(&column, step) {

@@ -25,7 +25,7 @@ const LAYERS: [(&str, &[&str]); 19] = [
     ("render", &["lane", "lie", "description", "system"]),
     ("optimize", &["limits"]),
     ("control", &["lane", "limits", "lie", "spatial", "description", "system", "dynamics", "optimize"]),
-    ("task", &["lane", "lie", "spatial", "hydro", "description", "system", "dynamics", "control"]),
+    ("task", &["lane", "limits", "lie", "spatial", "hydro", "description", "system", "dynamics", "control"]),
     (
         "batch",
         &[
