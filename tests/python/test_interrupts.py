@@ -58,7 +58,7 @@ two = Simulator("bluerov2-heavy-alpha5", 2000, threads=2)
 interrupted("threads", lambda: two.step_jacobians(substeps=10**6))
 scene = uvms_gym.load_scene("bluerov2-heavy-alpha5")
 interrupted("scenes", lambda: Simulator(20000 * [scene]))
-interrupted("parameters", lambda: Simulator(scene, parameters={"vehicle.body.mass": np.linspace(11.0, 12.0, 100000)}))
+interrupted("parameters", lambda: Simulator(scene, parameters={"vehicle.body.mass": np.linspace(11.0, 12.0, 20000)}))
 for task in ("StationKeep", "EETrack"):
     envs = gymnasium.make_vec(f"UVMS-{task}-v0", num_envs=64, threads=1)
     observations, _ = envs.reset(seed=0)
