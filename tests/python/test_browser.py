@@ -118,19 +118,15 @@ def test_start_and_controls(chrome: Browser) -> None:
         tab.click(box("Follow vehicle"))
         time.sleep(PAUSE)
         press(tab, "Home")
+        # No message of an honest page is refused.
+        assert "Refused" not in tab.text()
         # Two pages at once are more than drawing in software does.
         tab.call("Page.setWebLifecycleState", state="frozen")
         other = visit(chrome, address)
         assert [value(other, label) for label in ("Seed", "Payload (kg)")] == ["12", "2.5"]
         assert other.run(f"{box('Follow vehicle')}.checked")
-        other.fill(box("Payload (kg)"), "1.5")
-        time.sleep(PAUSE)
-        other.call("Page.setWebLifecycleState", state="frozen")
-        tab.call("Page.setWebLifecycleState", state="active")
-        tab.wait(f"{box('Payload (kg)')}.value === '1.5'")
         assert tab.errors == other.errors == []
-        # No message of an honest page is refused.
-        assert "Refused" not in tab.text()
+        assert "Refused" not in other.text()
 
 
 def test_curves_survive_a_reload_and_reach_a_second_browser(chrome: Browser) -> None:
