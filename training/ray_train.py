@@ -5,8 +5,8 @@ pip install 'uvms-gym[rllib]'  # in an environment of its own: Ray pins Gymnasiu
 python training/ray_train.py --frames 3000000 --runners 4
 ```
 
-The same command goes on where it was stopped, by Ctrl-C, SIGTERM or a kill; runners that die are replaced. The state
-lies in a folder beside the policy until the end.
+The same command goes on where it was stopped, by Ctrl-C, SIGTERM or a kill; runners that die are
+replaced. The state lies in a folder beside the policy until the end.
 
 Each environment runner steps one vector environment on one thread. The policy is a `uvms_gym.MLP`,
 which runs without torch and Ray. RLlib keeps steps as Python objects, so RLlib, not the
@@ -122,7 +122,7 @@ def main() -> None:
     parser.add_argument("--instances", type=int, default=512, help="instances of each runner")
     parser.add_argument("--address", help="cluster, such as auto; default: this machine")
     parser.add_argument("--out", type=Path, default=Path("ray.safetensors"))
-    parser.add_argument("--save-every", type=int, default=10, help="iterations between states to go on from")
+    parser.add_argument("--save-every", type=int, default=10, help="iterations from state to state")
     options = parser.parse_args()
     ray.init(address=options.address)
     register_env(ENV, make)
