@@ -127,6 +127,8 @@ def test_start_and_controls(chrome: Browser) -> None:
         assert other.run(f"{box('Follow vehicle')}.checked")
         assert tab.errors == other.errors == []
         assert "Refused" not in other.text()
+        # A frozen page would hold the server's end up.
+        chrome.close_tabs()
 
 
 def test_curves_survive_a_reload_and_reach_a_second_browser(chrome: Browser) -> None:
@@ -153,7 +155,7 @@ def test_bad_values_are_notices_and_boxes_keep_the_last(chrome: Browser, shared:
     tab = visit(chrome, shared)
     for text in ("-1", "1e20", "100000000000000000000", "", "abc", "3.7"):
         paste(tab, "Seed", text)
-        tab.shows(f"seed is {text!r}, but must be a whole" if len(text) < 21 else f"seed is {text}, but must be 0 to")
+        tab.shows(f"seed is {text!r}, but must be a whole number")
         tab.wait(f"{box('Seed')}.value === '3'")
     for label, kept in (("Strength", "1"), ("Current (m/s)", "0.2"), ("Payload (kg)", "0")):
         for text, shown in (("-1", "-1"), ("1e20", "1e+20"), ("99", "99")):
