@@ -187,15 +187,16 @@ impl Integrator {
         Some(found)
     }
 
-    /// The same for steps that are `ratio` times as long and tolerances that are `looser` in a precision of this epsilon: it divides steps
-    /// into sub-intervals at as much more rotation, so that the errors of both are as their steps.
+    /// The same for steps that are `ratio` times as long and tolerances that are `looser` in a precision of this epsilon. It divides steps
+    /// into sub-intervals at `ratio^3` times the rotation: a motion from rest may turn by that much in the shorter step, and both would
+    /// take the same sub-intervals.
     pub fn at_ratio(mut self, ratio: f64, looser: f64, epsilon: f64) -> Self {
         match &mut self {
             Integrator::Explicit(method) => {
-                method.greatest_turn *= ratio;
+                method.greatest_turn *= ratio.powi(3);
                 method.tolerance = looser * method.tolerance.max(LEAST_TOLERANCE * epsilon);
             }
-            Integrator::LinearlyImplicit(method) => method.greatest_turn *= ratio,
+            Integrator::LinearlyImplicit(method) => method.greatest_turn *= ratio.powi(3),
         }
         self
     }

@@ -216,9 +216,11 @@ impl<T: Real> Storage for Blocks<T> {
     }
 
     fn set_state(&mut self, i: usize, state: &State) {
+        let followed = self.companions_of(i).is_some_and(|(_, companions, k)| companions.follows(k));
+        let before = followed.then(|| self.table.state(&self.rows, i));
         self.table.set_state(&mut self.rows, i, state);
-        if let Some((scene, companions, k)) = self.companions_of(i) {
-            companions.set_state(scene, k, state);
+        if let (Some(before), Some((scene, companions, k))) = (before, self.companions_of(i)) {
+            companions.change_state(scene, k, &before, state);
         }
     }
 

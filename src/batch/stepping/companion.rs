@@ -144,7 +144,7 @@ impl CompanionScene {
     /// Numbers of a companion that are saved with its instance.
     pub fn saved(&self) -> usize {
         let Layout { rows, joints, .. } = self.table.layout;
-        if self.follow == Follow::Saved { rows + joints + 20 } else { 0 }
+        if self.follow == Follow::Saved { rows + joints + 21 } else { 0 }
     }
 
     fn parameters<'a, T: Real>(&'a self, leaders: &Leaders<'a, T>) -> Option<&'a Parameters<f64>> {
@@ -197,7 +197,26 @@ impl ChunkCompanions {
         }
     }
 
-    /// The same with these attitude coordinates.
+    /// Instance `i` changes from one state to another. Its companion takes the parts that differ; it begins anew where it keeps no
+    /// error in another part.
+    pub fn change_state(&mut self, scene: &CompanionScene, i: usize, from: &State, to: &State) {
+        let Some(column) = self.column(i) else { return };
+        let mut state = scene.table.state(&self.rows, column);
+        let track = &mut self.tracks[column];
+        track.change(&mut state, from, to);
+        if track.stage != Stage::Follows || state == *to {
+            self.set_state(scene, i, to);
+        } else {
+            scene.table.set_state(&mut self.rows, column, &state);
+        }
+    }
+
+    /// True where a companion follows instance `i`.
+    pub fn follows(&self, i: usize) -> bool {
+        self.column(i).is_some()
+    }
+
+    /// The companion of instance `i` begins with these attitude coordinates.
     pub fn set_attitude(&mut self, scene: &CompanionScene, i: usize, attitude: &[f64; 4]) {
         if let Some(column) = self.column(i) {
             scene.table.set_attitude(&mut self.rows, column, attitude);
@@ -261,6 +280,7 @@ impl ChunkCompanions {
                 }
                 *track = Track::new(Stage::Follows, state);
             }
+            track.steps += substeps;
             if let (true, Some((layout, own))) = (std::mem::take(&mut track.own_stale), leaders.own) {
                 layout.copy(own, i, &mut self.own, column);
             }
@@ -322,9 +342,7 @@ impl ChunkCompanions {
             let (state, other) = (table.state(rows, i), scene.table.state(&self.rows, column));
             track.compare(&state, &other, table.layout.joints, divisor);
             let Some(limits) = settings.limits else { continue };
-            let within = track.relative < limits.accumulated;
-            let beyond = limits.accumulated.is_finite() && !within;
-            if beyond && table.violation(rows, i, limits, settings.h).is_none() {
+            if track.beyond(limits.accumulated) && table.violation(rows, i, limits, settings.h).is_none() {
                 let quality = StepQuality { accumulated: track.relative, ..table.step_quality(rows, i, settings.h) };
                 found.add(Cause::Accumulated, StepViolation { instance: i, count: 1, time: state.time, quality });
             }
@@ -338,7 +356,11 @@ impl ChunkCompanions {
         let joints = scene.table.layout.joints;
         let start = track.start.position.iter().chain(track.start.rotation.iter()).chain(&track.start.q[..joints]);
         let rows = scene.table.column(&self.rows, i);
-        rows.into_iter().chain(start.copied()).chain(track.scales).chain([track.relative, stage]).collect()
+        rows.into_iter()
+            .chain(start.copied())
+            .chain(track.scales)
+            .chain([track.relative, stage, track.steps as f64])
+            .collect()
     }
 
     /// Sets these numbers.
@@ -354,6 +376,7 @@ impl ChunkCompanions {
         track.relative = rest[18 + joints];
         track.own_stale = true;
         track.stage = if rest[19 + joints] == 0.0 { Stage::Fresh } else { Stage::Follows };
+        track.steps = rest[20 + joints] as usize;
     }
 
     /// Bytes.

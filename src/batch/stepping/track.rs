@@ -1,12 +1,15 @@
 //! The motion along which a companion has followed an instance, and the error relative to it.
 
 use crate::batch::monitoring::step_quality::maximum;
-use crate::system::State;
+use crate::system::{JOINTS, State};
 
 /// Least scale of a motion, m, rad, m/s or rad/s: errors of smaller motions are set against this.
 const LEAST_SCALE: f64 = 1e-3;
 /// Greatest scale of rotation and joint travel, rad or m.
 const GREATEST_ANGLE: f64 = 1.0;
+/// Number of steps before an error is judged: at the start of a motion its scales are small.
+const SETTLED: usize = 20;
+
 /// Divisor of the differences of a method of this order.
 pub fn divisor(order: usize) -> f64 {
     let divisor = |order: usize| 1.0 - 0.5_f64.powi(order as i32);
@@ -27,6 +30,8 @@ pub struct Track {
     pub scales: [f64; 6],
     /// Estimated error relative to these.
     pub relative: f64,
+    /// Number of steps.
+    pub steps: usize,
 }
 
 /// Stage of following.
@@ -43,7 +48,33 @@ pub enum Stage {
 impl Track {
     /// Before the first step from a state.
     pub fn new(stage: Stage, start: State) -> Self {
-        Self { stage, own_stale: true, start, scales: [0.0; 6], relative: 0.0 }
+        Self { stage, own_stale: true, start, scales: [0.0; 6], relative: 0.0, steps: 0 }
+    }
+
+    /// Changes the parts of a companion's state in which two states of its instance differ, and the start along with them: the
+    /// way from there stays as it was.
+    pub fn change(&mut self, companion: &mut State, from: &State, to: &State) {
+        if to.position != from.position {
+            self.start.position += to.position - companion.position;
+            companion.position = to.position;
+        }
+        if to.rotation != from.rotation {
+            self.start.rotation = to.rotation * companion.rotation.transpose() * self.start.rotation;
+            companion.rotation = to.rotation;
+        }
+        if to.twist != from.twist {
+            companion.twist = to.twist;
+        }
+        for k in 0..JOINTS {
+            if to.q[k] != from.q[k] {
+                self.start.q[k] += to.q[k] - companion.q[k];
+                companion.q[k] = to.q[k];
+            }
+            if to.qd[k] != from.qd[k] {
+                companion.qd[k] = to.qd[k];
+            }
+        }
+        (companion.thrust, companion.time) = (to.thrust, to.time);
     }
 
     /// Takes a state into the scales of the motion.
@@ -58,6 +89,12 @@ impl Track {
         for (scale, motion) in self.scales.iter_mut().zip(motion) {
             *scale = scale.max(motion);
         }
+    }
+
+    /// True where the error exceeds a limit. In the first steps, in which the scales are small, it has to be as large as the motion.
+    pub fn beyond(&self, limit: f64) -> bool {
+        let limit = if self.steps < SETTLED { limit.max(1.0) } else { limit };
+        limit.is_finite() && (self.relative >= limit || self.relative.is_nan())
     }
 
     /// Error of a state relative to the scales, from the companion's. NaN where either is not finite.
