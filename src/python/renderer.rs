@@ -5,7 +5,7 @@ use numpy::ndarray::Array3;
 use numpy::{IntoPyArray, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 
 use super::arrays::{Array, Given, array, count, read, rows, wrong_shape};
 use super::computation::detached;
@@ -52,6 +52,12 @@ type Pose = (Vector3<f64>, Matrix3<f64>);
 
 #[pymethods]
 impl Renderer {
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let name = PyString::new(py, &self.scene.name).repr()?;
+        let [width, height] = self.inner.size();
+        Ok(format!("Renderer({name}, width={width}, height={height}, distance={:.3})", self.inner.distance()))
+    }
+
     #[new]
     #[pyo3(
         signature = (scene, *, width=None, height=None, azimuth=None, elevation=None, distance=None, floor=None),

@@ -91,6 +91,8 @@ def test_repr_says_what_a_thing_is() -> None:
     rollout.run(3)
     assert repr(rollout).startswith("Rollout(StationKeepVectorEnv(num_envs=2, ") and "PD(kp=" in repr(rollout)
     assert repr(rollout.pop_stats()) == "RolloutStats(2 instances, 6 control periods, 0 episodes over)"
+    picture = uvms_gym.Renderer("petasus-pum", width=320, height=240, distance=2.5)
+    assert repr(picture) == "Renderer('petasus-pum', width=320, height=240, distance=2.500)"
     assert all(len(repr(thing)) < 600 for thing in (env, envs, learned, rollout))
 
 
