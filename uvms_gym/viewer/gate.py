@@ -103,7 +103,7 @@ class Gate:
 
         def serve(handler: Any, *arguments: Any, process_request: Any, **options: Any) -> Any:
             calls.append(handler)
-            options |= {"create_connection": self._connection(), "max_size": _LONGEST_MESSAGE}
+            options |= {"create_connection": self._connection(), "max_size": _LONGEST_MESSAGE, "close_timeout": 0.5}
             return plain(handler, *arguments, process_request=self._request(process_request), **options)
 
         plain = sockets.serve
