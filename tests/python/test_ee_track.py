@@ -312,7 +312,7 @@ def test_corrections_of_zero_leave_the_classical_controller(make):
 
 
 def test_controllers_are_for_their_tasks():
-    with pytest.raises(ValueError, match="resolved motion"):
+    with pytest.raises(ValueError, match="ResolvedMotion"):
         uvms_gym.PD(EETrackEnv())
     with pytest.raises(ValueError, match="PD"):
         uvms_gym.ResolvedMotion(StationKeepEnv())

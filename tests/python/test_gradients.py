@@ -362,7 +362,10 @@ def test_small_steps_are_the_linearization() -> None:
 
 @pytest.mark.parametrize("terms", [{}, {"lag": 0.2, "ambient_flow": 0.4}])
 def test_saturated_thrusts_have_no_derivative_and_a_thrust_of_zero_has_one(terms: dict[str, float]) -> None:
-    s = Simulator(with_thruster_dynamics(**terms))
+    scene = with_thruster_dynamics(**terms)
+    # Without weight nothing moves within the step: inflow would take all of a thrust of 1e-7 N.
+    scene["water"]["gravity"] = [0.0, 0.0, 0.0]
+    s = Simulator(scene)
     jacobian = s.step_jacobians(thrust=[150.0, 100.0, 0.0, 50.0, -100.0, -200.0])["thrust"][0]
     assert np.array_equal(np.any(jacobian != 0, axis=0), [False, False, True, True, False, False])
     heave = s.step_jacobians(thrust=np.full(6, 1e-7))["thrust"][0]

@@ -11,6 +11,7 @@ import resource, signal, threading, time, warnings
 import gymnasium, numpy as np, uvms_gym
 from uvms_gym import Simulator, controllers
 warnings.simplefilter("ignore")
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a parent may have it ignored
 
 def interrupted(name, call):
     times = []

@@ -99,6 +99,7 @@ PLANNING = {
     r"^(exp|ceil|floor|fma)$": "decays of observers",
     r"^(calloc|malloc|free|realloc|posix_memalign)$|___rust_(alloc|dealloc|no_alloc)": "memory of a call",
     r"5alloc(7raw_vec|3vec)|drop_in_place.*3vec|rotate_right": "memory of a call and of observers",
+    r"6limits9interrupt9requested": "asks whether to go on, once for each group of lanes",
 }
 
 

@@ -213,12 +213,14 @@ def test_elements_with_very_many_attributes_are_refused_by_their_line(tmp_path: 
 
 
 def test_pipes_devices_and_large_files_are_not_read(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "pipe.toml")
-    with open(tmp_path / "large.toml", "wb") as file:
-        file.truncate(10**9)
-    for read in (uvms_gym.load_scene, uvms_gym.estimate, uvms_gym.import_urdf):
-        for name, problem in (("pipe", "not a regular file"), ("large", "1000000000 bytes, but at most 16000000")):
-            with pytest.raises(SceneError, match=rf"{name}.toml: {problem}"):
-                read(tmp_path / f"{name}.toml")
+    for read, suffix in ((uvms_gym.load_scene, "toml"), (uvms_gym.estimate, "toml"), (uvms_gym.import_urdf, "urdf")):
+        pipe, large = tmp_path / f"pipe.{suffix}", tmp_path / f"large.{suffix}"
+        if not pipe.exists():
+            os.mkfifo(pipe)
+        with open(large, "wb") as file:
+            file.truncate(10**9)
+        for path, problem in ((pipe, "not a regular file"), (large, "1000000000 bytes, but at most 16000000")):
+            with pytest.raises(SceneError, match=f"{path.name}: {problem}"):
+                read(path)
     with pytest.raises(SceneError, match=r"^/dev/zero: not a regular file$"):
         uvms_gym.load_scene(Path("/dev/zero"))

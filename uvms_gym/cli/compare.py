@@ -1,6 +1,9 @@
 """`uvms compare`: controllers over the same seeded episodes; `uvms verify`: stored comparisons once more."""
 
 import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -124,7 +127,7 @@ def compare(
         unfinished = Unfinished(out, given | options, comparisons)
     scores: dict[str, Any] = {}
     results = []
-    with progress() as bar, unfinished.told():
+    with progress() as bar, notice_of_kept(unfinished):
         work = sum(comparison.work for comparison in comparisons)
         task = bar.add_task("comparing", total=work)
         for number, comparison in enumerate(comparisons):
@@ -156,6 +159,17 @@ def compare(
             compare_report.print_across(group, members)
     say(compare_report.NOTES)
     name_files(out, files)
+
+
+@contextmanager
+def notice_of_kept(unfinished: Unfinished) -> Iterator[None]:
+    """Say on an interruption that finished controllers are kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if notice := unfinished.notice:
+            print(notice, file=sys.stderr)
+        raise
 
 
 def _names(arguments: dict[str, Any], key: str) -> list[str]:

@@ -3,10 +3,8 @@
 import hashlib
 import json
 import shutil
-import sys
 import zipfile
 from collections.abc import Iterator, MutableMapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -63,18 +61,11 @@ class Unfinished:
         """Scores of the comparison with a number."""
         return Scores({name: self._folder / f"{number}-{i}.npz" for i, name in enumerate(comparison.contenders)})
 
-    @contextmanager
-    def told(self) -> Iterator[None]:
-        """Say on an interruption that finished controllers are kept."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            if count := len(list(self._folder.glob("*.npz"))):
-                print(
-                    f"{count} finished controllers are kept in {self._folder}: the same command goes on",
-                    file=sys.stderr,
-                )
-            raise
+    @property
+    def notice(self) -> str:
+        """Notice for the user that finished controllers are kept; empty where there are none."""
+        count = len(list(self._folder.glob("*.npz")))
+        return f"{count} finished controllers are kept in {self._folder}: the same command goes on" if count else ""
 
     def remove(self) -> None:
         """Remove the folder: the results are written."""
