@@ -4,7 +4,8 @@ use std::fmt;
 
 use super::error_estimate::ErrorEstimate;
 use super::step_quality::{
-    ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality, StepViolation, Violations,
+    ACCUMULATED_LIMIT, Cause, ERROR_LIMIT, FOLLOWED_ERROR_LIMIT, KNOWN_LIMIT, QualityLimits, StepQuality,
+    StepViolation, Violations,
 };
 use super::text::{OtherIntegrators, digits};
 use crate::batch::storage::columns::Columns;
@@ -124,7 +125,7 @@ impl StepMonitor {
         let steps = finite && watched(Cause::Inaccurate) && !self.unstable_step_warned;
         let limits = QualityLimits {
             stiffness: limit(steps, range),
-            error: limit(steps && !estimated, ERROR_LIMIT),
+            error: limit(steps, if estimated { FOLLOWED_ERROR_LIMIT } else { ERROR_LIMIT }),
             accumulated: limit(steps && watched(Cause::Accumulated), ACCUMULATED_LIMIT),
             finite,
         };

@@ -2,6 +2,8 @@
 
 /// Greatest relative velocity error of the last steps that passes without a warning.
 pub const ERROR_LIMIT: f64 = 0.05;
+/// The same where companions follow all instances: their estimate of the error is better, but both may lose a fast motion alike.
+pub const FOLLOWED_ERROR_LIMIT: f64 = 0.2;
 /// Greatest estimate of the accumulated error, relative to the scales of the motion, that passes without a warning.
 pub const ACCUMULATED_LIMIT: f64 = 0.02;
 /// Greatest estimate of it at which the leading order of a method holds.

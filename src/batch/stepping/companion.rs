@@ -24,7 +24,7 @@ const SEGMENT: usize = 8;
 /// Number of instances up to which all are followed; of more, as many of a chunk at a time: a group of lanes.
 const FEW: usize = f64::BLOCK;
 /// Time for which instances are followed where they take turns, s.
-const WINDOW: f64 = 10.0;
+const WINDOW: f64 = 20.0;
 /// Share of a chunk's steps that following may take on average.
 const SHARE: f64 = 0.01;
 /// Cost of following a group of instances, in motions of one instance in double and in single precision; and that of a call, in
@@ -280,7 +280,7 @@ impl ChunkCompanions {
                 }
                 *track = Track::new(Stage::Follows, state);
             }
-            track.steps += substeps;
+            track.time += h * substeps as f64;
             if let (true, Some((layout, own))) = (std::mem::take(&mut track.own_stale), leaders.own) {
                 layout.copy(own, i, &mut self.own, column);
             }
@@ -356,11 +356,7 @@ impl ChunkCompanions {
         let joints = scene.table.layout.joints;
         let start = track.start.position.iter().chain(track.start.rotation.iter()).chain(&track.start.q[..joints]);
         let rows = scene.table.column(&self.rows, i);
-        rows.into_iter()
-            .chain(start.copied())
-            .chain(track.scales)
-            .chain([track.relative, stage, track.steps as f64])
-            .collect()
+        rows.into_iter().chain(start.copied()).chain(track.scales).chain([track.relative, stage, track.time]).collect()
     }
 
     /// Sets these numbers.
@@ -376,7 +372,7 @@ impl ChunkCompanions {
         track.relative = rest[18 + joints];
         track.own_stale = true;
         track.stage = if rest[19 + joints] == 0.0 { Stage::Fresh } else { Stage::Follows };
-        track.steps = rest[20 + joints] as usize;
+        track.time = rest[20 + joints];
     }
 
     /// Bytes.

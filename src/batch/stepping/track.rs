@@ -1,14 +1,14 @@
 //! The motion along which a companion has followed an instance, and the error relative to it.
 
-use crate::batch::monitoring::step_quality::maximum;
+use crate::batch::monitoring::step_quality::{KNOWN_LIMIT, maximum};
 use crate::system::{JOINTS, State};
 
 /// Least scale of a motion, m, rad, m/s or rad/s: errors of smaller motions are set against this.
 const LEAST_SCALE: f64 = 1e-3;
 /// Greatest scale of rotation and joint travel, rad or m.
 const GREATEST_ANGLE: f64 = 1.0;
-/// Number of steps before an error is judged: at the start of a motion its scales are small.
-const SETTLED: usize = 20;
+/// Time, s, in which the scales of a motion are still small: errors have the limit of known ones there.
+const BEGINNING: f64 = 0.3;
 
 /// Divisor of the differences of a method of this order.
 pub fn divisor(order: usize) -> f64 {
@@ -30,8 +30,8 @@ pub struct Track {
     pub scales: [f64; 6],
     /// Estimated error relative to these.
     pub relative: f64,
-    /// Number of steps.
-    pub steps: usize,
+    /// Time, s.
+    pub time: f64,
 }
 
 /// Stage of following.
@@ -48,7 +48,7 @@ pub enum Stage {
 impl Track {
     /// Before the first step from a state.
     pub fn new(stage: Stage, start: State) -> Self {
-        Self { stage, own_stale: true, start, scales: [0.0; 6], relative: 0.0, steps: 0 }
+        Self { stage, own_stale: true, start, scales: [0.0; 6], relative: 0.0, time: 0.0 }
     }
 
     /// Changes the parts of a companion's state in which two states of its instance differ, and the start along with them: the
@@ -91,9 +91,9 @@ impl Track {
         }
     }
 
-    /// True where the error exceeds a limit. In the first steps, in which the scales are small, it has to be as large as the motion.
+    /// True where the error exceeds a limit, which is higher in the beginning.
     pub fn beyond(&self, limit: f64) -> bool {
-        let limit = if self.steps < SETTLED { limit.max(1.0) } else { limit };
+        let limit = if self.time < BEGINNING { limit.max(KNOWN_LIMIT) } else { limit };
         limit.is_finite() && (self.relative >= limit || self.relative.is_nan())
     }
 
