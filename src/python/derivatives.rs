@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Array, Given, array, count, rows};
-use super::computation::interruptible;
+use super::computation::{exclusive, interruptible};
 use super::errors::OrRaise;
 use super::inputs::{InputArguments, InputArrays};
 use super::simulator::Simulator;
@@ -110,8 +110,7 @@ impl Simulator {
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step_jacobians<'py>(
-        &mut self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         thrust: Given,
         wrench: Given,
         joint_torque: Given,
@@ -122,12 +121,13 @@ impl Simulator {
         substeps: Given,
         parameters: Option<Vec<String>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let call = Call::read(self, &inputs, substeps, parameters)?;
-        let inner = &mut self.inner;
+        let call = Call::read(this, &inputs, substeps, parameters)?;
+        let inner = &mut this.inner;
         let run = || inner.step_jacobians(&call.arrays.inputs(), call.substeps, &call.parameters);
         let jacobians = interruptible(py, run)?.or_raise()?;
-        call.dict(py, self, jacobians.size, &jacobians.numbers)
+        call.dict(py, this, jacobians.size, &jacobians.numbers)
     }
 
     /// Product of the Jacobian of the step with a tangent: one column of cost instead of all, whatever the number of arguments.
@@ -157,8 +157,7 @@ impl Simulator {
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step_jvp<'py>(
-        &mut self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         tangents: &Bound<'py, PyDict>,
         thrust: Given,
         wrench: Given,
@@ -170,9 +169,10 @@ impl Simulator {
         substeps: Given,
         parameters: Option<Vec<String>>,
     ) -> PyResult<Array<'py>> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let call = Call::read(self, &inputs, substeps, parameters)?;
-        let arguments = call.arguments(self);
+        let call = Call::read(this, &inputs, substeps, parameters)?;
+        let arguments = call.arguments(this);
         let known = || arguments.iter().map(|(argument, _)| argument.name());
         for key in tangents.keys() {
             let name: String = key.extract()?;
@@ -181,7 +181,7 @@ impl Simulator {
                 return Err(PyValueError::new_err(format!("tangents: no argument '{name}' in this call: {known}")));
             }
         }
-        let instances = self.inner.instances();
+        let instances = this.inner.instances();
         let mut parts = Vec::new();
         for &(argument, width) in &arguments {
             let name = argument.name();
@@ -193,10 +193,10 @@ impl Simulator {
         }
         let row = |i: usize| parts.iter().flat_map(move |(part, width)| &part[i * width..][..*width]);
         let numbers: Vec<f64> = (0..instances).flat_map(row).copied().collect();
-        let inner = &mut self.inner;
+        let inner = &mut this.inner;
         let run = || inner.step_jvp(&call.arrays.inputs(), call.substeps, &call.parameters, &numbers);
         let product = interruptible(py, run)?.or_raise()?;
-        array(py, &[instances, self.inner.state_size()], product)
+        array(py, &[instances, this.inner.state_size()], product)
     }
     /// Product of a cotangent of the next state with the Jacobian of the step: the gradient of a scalar by state, inputs and
     /// parameters from that by the next state. By the adjoint of the step, in a few times its time whatever the number of columns; the
@@ -229,8 +229,7 @@ impl Simulator {
     )]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn step_vjp<'py>(
-        &mut self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         cotangents: &Bound<'py, PyAny>,
         thrust: Given,
         wrench: Given,
@@ -242,12 +241,13 @@ impl Simulator {
         substeps: Given,
         parameters: Option<Vec<String>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let inputs = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let call = Call::read(self, &inputs, substeps, parameters)?;
-        let cotangents = rows("cotangents", cotangents, self.inner.instances(), &[self.inner.state_size()])?;
-        let inner = &mut self.inner;
+        let call = Call::read(this, &inputs, substeps, parameters)?;
+        let cotangents = rows("cotangents", cotangents, this.inner.instances(), &[this.inner.state_size()])?;
+        let inner = &mut this.inner;
         let run = || inner.step_vjp(&call.arrays.inputs(), call.substeps, &call.parameters, &cotangents);
         let product = interruptible(py, run)?.or_raise()?;
-        call.dict(py, self, 0, &product)
+        call.dict(py, this, 0, &product)
     }
 }

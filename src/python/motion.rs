@@ -107,8 +107,7 @@ impl Simulator {
     #[pyo3(signature = (*, thrust=None, wrench=None, joint_torque=None, joint_target=None, external=None, pose_target=None, fin=None))]
     #[expect(clippy::too_many_arguments, reason = "they are keywords in Python")]
     fn forward_dynamics<'py>(
-        &mut self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         thrust: Given,
         wrench: Given,
         joint_torque: Given,
@@ -117,9 +116,10 @@ impl Simulator {
         pose_target: Given,
         fin: Given,
     ) -> PyResult<Array<'py>> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let arguments = InputArguments { thrust, wrench, joint_torque, joint_target, external, pose_target, fin };
-        let arrays = arguments.read(&self.inner)?;
-        let accelerations = detached(py, || self.inner.forward_dynamics(&arrays.inputs()))?.or_raise()?;
-        array(py, &[self.inner.instances(), 6 + self.inner.joints()], accelerations)
+        let arrays = arguments.read(&this.inner)?;
+        let accelerations = detached(py, || this.inner.forward_dynamics(&arrays.inputs()))?.or_raise()?;
+        array(py, &[this.inner.instances(), 6 + this.inner.joints()], accelerations)
     }
 }

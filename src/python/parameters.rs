@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{Given, array, read, wrong_shape};
+use super::computation::exclusive;
 use super::errors::OrRaise;
 use super::simulator::Simulator;
 use uvms_gym::system::Factors;
@@ -58,7 +59,7 @@ impl Simulator {
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments of one Python call")]
     fn scale_parameters(
-        &mut self,
+        slf: &Bound<'_, Self>,
         mass: Given,
         added_mass: Given,
         linear_damping: Given,
@@ -68,8 +69,9 @@ impl Simulator {
         thrust: Given,
         thruster_lag: Given,
     ) -> PyResult<()> {
-        let instances = self.inner.instances();
-        let mut factors: Vec<_> = (0..instances).map(|i| self.inner.factors(i).to_array()).collect();
+        let this = &mut *exclusive(slf)?;
+        let instances = this.inner.instances();
+        let mut factors: Vec<_> = (0..instances).map(|i| this.inner.factors(i).to_array()).collect();
         let given = [mass, added_mass, linear_damping, quadratic_damping, volume, payload, thrust, thruster_lag];
         for (k, (name, given)) in Factors::<f64>::NAMES.into_iter().zip(given).enumerate() {
             let Some(given) = given else { continue };
@@ -82,6 +84,6 @@ impl Simulator {
             }
         }
         let factors: Vec<_> = factors.into_iter().map(Factors::from_array).collect();
-        self.inner.set_factors(&factors).or_raise()
+        this.inner.set_factors(&factors).or_raise()
     }
 }

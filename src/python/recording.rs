@@ -7,6 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::{copied, matrix, wrong_shape};
+use super::computation::exclusive;
 use super::controllers::{Controller, Mlp};
 use super::task::Task;
 use uvms_gym::batch::{Recorder, Recording, Teacher};
@@ -19,21 +20,21 @@ impl Task {
     /// observations, targets (N, T, a), which are taken in place of the actor's if it acts.
     #[pyo3(signature = (actor, noise, teacher=None, *, teacher_acts=false))]
     fn record<'py>(
-        &mut self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         actor: PyRef<'py, Mlp>,
         noise: &Bound<'py, PyArray3<f32>>,
         teacher: Option<PyRef<'py, Controller>>,
         teacher_acts: bool,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let (n, shape) = (self.batch.instances(), noise.shape().to_vec());
-        let (actor, takes) = (actor.mlp().clone(), self.batch.task().action_len());
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
+        let (n, shape) = (this.batch.instances(), noise.shape().to_vec());
+        let (actor, takes) = (actor.mlp().clone(), this.batch.task().action_len());
         if [shape[0], shape[2]] != [n, takes] {
             return Err(wrong_shape("noise", &shape, &format!("({n}, T, {takes})")));
         }
         let noise = copied(noise)?;
         let teacher = teacher.map(|teacher| teacher.inner.clone());
-        let recording = self.advance(py, f64::INFINITY, |batch| {
+        let recording = this.advance(py, f64::INFINITY, |batch| {
             let teacher = teacher.as_deref().map(|controller| Teacher { controller, acts: teacher_acts });
             batch.record(Recorder { actor: &actor, noise: &noise, teacher })
         })?;

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
 use super::arrays::matrix;
+use super::computation::exclusive;
 use super::controllers::Controller;
 use super::errors::OrRaise;
 use super::task::Task;
@@ -81,8 +82,9 @@ impl Task {
 
     /// Runs `steps` control periods of all instances under the rollout's controller from their current states. Instances
     /// whose episode is over wait. Ctrl-C interrupts: see [`Task::advance`].
-    fn run(&mut self, py: Python<'_>, mut rollout: PyRefMut<'_, Rollout>, steps: u32) -> PyResult<()> {
+    fn run(slf: &Bound<'_, Self>, mut rollout: PyRefMut<'_, Rollout>, steps: u32) -> PyResult<()> {
+        let (py, this) = (slf.py(), &mut *exclusive(slf)?);
         let Rollout { rollout, controller, .. } = &mut *rollout;
-        self.advance(py, f64::INFINITY, |batch| batch.run(&**controller, rollout, steps))
+        this.advance(py, f64::INFINITY, |batch| batch.run(&**controller, rollout, steps))
     }
 }

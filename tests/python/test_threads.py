@@ -158,7 +158,8 @@ def test_a_simulator_at_work_in_another_thread_says_so() -> None:
     s, words = simulator(threads=1), "this Simulator is at work in another thread: wait for that call to end"
     worker = threading.Thread(target=lambda: s.step(substeps=2000))
     worker.start()
-    calls: list[Callable[[], Any]] = [s.step, s.reset, s.mass_matrix, lambda: s.position, lambda: s.set_state(time=0.0)]
+    calls: list[Callable[[], Any]] = [s.step, s.reset, s.mass_matrix, s.step_jacobians, s.forward_dynamics]
+    calls += [lambda: s.position, lambda: s.set_state(time=0.0), lambda: s.scale_parameters(mass=1.0)]
     refused = 0
     while worker.is_alive():
         for call in calls:
